@@ -1,0 +1,31 @@
+"""Triangle meshes and per-vertex or per-corner values -> Blender meshes, by ``foreach_set`` only."""
+
+import bpy
+import numpy as np
+
+from pipeline.mesh import TriangleMesh
+
+
+def new_mesh_object(name: str, mesh: TriangleMesh) -> bpy.types.Object:
+    """A mesh object at the world's origin, not linked to any collection; vertex and face order are kept."""
+    data = bpy.data.meshes.new(name)
+    data.vertices.add(len(mesh.vertices))
+    data.vertices.foreach_set("co", mesh.vertices.astype(np.float32).ravel())
+    data.loops.add(mesh.faces.size)
+    data.loops.foreach_set("vertex_index", mesh.faces.ravel())
+    data.polygons.add(len(mesh.faces))
+    data.polygons.foreach_set("loop_start", np.arange(0, mesh.faces.size, 3, dtype=np.int32))
+    data.update(calc_edges=True)
+    return bpy.data.objects.new(name, data)
+
+
+def set_vertex_colors(mesh_object: bpy.types.Object, name: str, rgba: np.ndarray) -> None:
+    """Store ``(V, 4)`` float values as a point colour attribute, as they are (32 bit, no colour space)."""
+    attribute = mesh_object.data.color_attributes.new(name, "FLOAT_COLOR", "POINT")
+    attribute.data.foreach_set("color", np.ascontiguousarray(rgba, dtype=np.float32).ravel())
+
+
+def set_corner_uv(mesh_object: bpy.types.Object, name: str, uv: np.ndarray) -> None:
+    """Store ``(F, 3, 2)`` texture coordinates (origin bottom-left) as a UV map."""
+    layer = mesh_object.data.uv_layers.new(name=name, do_init=False)
+    layer.uv.foreach_set("vector", np.ascontiguousarray(uv, dtype=np.float32).ravel())

@@ -29,3 +29,9 @@ def set_corner_uv(mesh_object: bpy.types.Object, name: str, uv: np.ndarray) -> N
     """Store ``(F, 3, 2)`` texture coordinates (origin bottom-left) as a UV map."""
     layer = mesh_object.data.uv_layers.new(name=name, do_init=False)
     layer.uv.foreach_set("vector", np.ascontiguousarray(uv, dtype=np.float32).ravel())
+
+
+def set_corner_vectors(mesh_object: bpy.types.Object, name: str, vectors: np.ndarray) -> None:
+    """Store ``(F, 3, 3)`` float vectors, one per corner of each triangle, as an attribute."""
+    attribute = mesh_object.data.attributes.new(name, "FLOAT_VECTOR", "CORNER")
+    attribute.data.foreach_set("vector", np.ascontiguousarray(vectors, dtype=np.float32).ravel())

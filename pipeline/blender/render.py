@@ -1,0 +1,131 @@
+"""Render one view of a surface to arrays: colour, depth and observed surface from the same rays.
+
+Cycles' passes are taken from memory while its own render call is still open. Eevee and Workbench are built into
+Blender and give their passes only to a file, so theirs go through an uncompressed EXR in a temporary folder.
+"""
+
+import ctypes
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from pipeline.blender.material import OBSERVED_PASS
+from pipeline.blender.scene import SurfaceScene
+from pipeline.blender.versions import set_multilayer_exr
+from pipeline.exr_file import read_exr
+
+_BACKGROUND_MM = 1e9  # Blender's depth of "nothing" is 1e10
+
+
+@dataclass(frozen=True)
+class RenderedView:
+    """One rendered view.
+
+    Attributes
+    ----------
+    rgb
+        ``(H, W, 3)`` float32 code values 0..1; black where there is no surface.
+    depth_mm
+        ``(H, W)`` float32 distance along the optical axis of the surface at the pixel's centre; 0 for none.
+    observed
+        ``(H, W)`` bool: the source frame saw the surface at the pixel's centre.
+    """
+
+    rgb: np.ndarray
+    depth_mm: np.ndarray
+    observed: np.ndarray
+
+    @property
+    def mask(self) -> np.ndarray:
+        """``(H, W)`` bool: there is surface at the pixel's centre."""
+        return self.depth_mm > 0
+
+
+def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> RenderedView:
+    """Render the surface from a pose (4x4, mm)."""
+    surface_scene.look_from(cam_from_model)
+    if surface_scene.engine == "cycles":
+        passes = _render_cycles(surface_scene.scene)
+    else:
+        passes = _render_to_file(surface_scene.scene)
+    combined, depth = passes["Combined"], passes["Depth"][..., 0]
+    depth = np.where(depth < _BACKGROUND_MM, depth, np.float32(0))
+    observed = passes[OBSERVED_PASS][..., 0] > 0.5 if OBSERVED_PASS in passes else np.zeros(depth.shape, dtype=bool)
+    return RenderedView(combined[..., :3], depth, observed)
+
+
+def _render_cycles(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
+    with _open_result() as results:
+        bpy.ops.render.render(scene=scene.name)
+    if not results:
+        raise RuntimeError("Cycles ended without a result")
+    return results[-1]
+
+
+@contextmanager
+def _open_result() -> Iterator[list[dict[str, np.ndarray]]]:
+    """Collect the passes of Cycles renders inside the block.
+
+    Cycles is a render engine written in Python around a library; Blender looks its ``render`` up at every call, and a
+    render result can be read by its engine alone. So for the length of the block that method reads the result as well.
+    """
+    import cycles
+
+    engine, original = cycles.CyclesRender, cycles.CyclesRender.render
+    results: list[dict[str, np.ndarray]] = []
+
+    def render_and_read(self: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
+        original(self, depsgraph)
+        result = self.get_result()
+        results.append({p.name: _pass_array(p, result.resolution_y) for p in result.layers[0].passes})
+
+    engine.render = render_and_read
+    try:
+        yield results
+    finally:
+        engine.render = original
+
+
+def _pass_array(render_pass: bpy.types.RenderPass, height: int) -> np.ndarray:
+    values = np.empty(len(render_pass.rect) * render_pass.channels, np.float32)
+    render_pass.rect.foreach_get(values)
+    return values.reshape(height, -1, render_pass.channels)[::-1]
+
+
+def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
+    set_multilayer_exr(scene)
+    with tempfile.TemporaryDirectory(prefix="oneframe-") as folder:
+        path = Path(folder) / "view.exr"
+        scene.render.filepath = str(path)
+        bpy.ops.render.render(scene=scene.name, write_still=True)
+        channels = read_exr(path)
+    passes: dict[str, list[np.ndarray]] = {}
+    for suffix in "RXVZGYBZA":
+        for name, plane in channels.items():
+            _, pass_name, channel = name.rsplit(".", 2)
+            if channel == suffix and not (pass_name in passes and any(plane is p for p in passes[pass_name])):
+                passes.setdefault(pass_name, []).append(plane)
+    return {name: np.stack(planes, axis=-1) for name, planes in passes.items()}
+
+
+def keep_freed_memory() -> None:
+    """Let the C library reuse large buffers from frame to frame instead of returning them to the system.
+
+    Otherwise every frame's buffers are mapped, zeroed page by page and unmapped again: a tenth of a 1-sample frame.
+    Only glibc has the switch; elsewhere nothing happens.
+    """
+    if sys.platform != "linux":
+        return
+    m_trim_threshold, m_mmap_threshold = -1, -3
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (OSError, AttributeError):
+        return
+    mallopt(m_mmap_threshold, 1 << 30)
+    mallopt(m_trim_threshold, 1 << 30)

@@ -1,0 +1,151 @@
+"""A Blender scene from data: one surface, one camera, settings under which colours and geometry stay exact."""
+
+from types import TracebackType
+from typing import Literal, get_args
+
+import bpy
+import numpy as np
+
+from pipeline.blender.camera import new_camera, place_camera, set_clip
+from pipeline.blender.material import COLOUR_ATTRIBUTE, OBSERVED_PASS, SurfaceColour, assign_colour
+from pipeline.blender.mesh import new_mesh_object
+from pipeline.blender.versions import ENGINE_IDS
+from pipeline.camera import PinholeCamera
+from pipeline.mesh import TriangleMesh
+
+Engine = Literal["cycles", "eevee", "workbench"]
+ENGINES: tuple[str, ...] = get_args(Engine)
+
+POINT_FILTER_PX = 0.01
+"""Width of the pixel filter with one sample: a point at the pixel's centre (0 is not allowed)."""
+
+
+class SurfaceScene:
+    """A coloured surface before a pinhole camera, in a Blender scene of its own; use as a context manager.
+
+    Attributes
+    ----------
+    scene, camera_object, surface_object
+        The Blender objects; removed with all their data on exit, so that an open file is left as it was.
+    """
+
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        camera: PinholeCamera,
+        colour: SurfaceColour | None,
+        *,
+        engine: Engine = "cycles",
+        samples: int = 1,
+        threads: int = 0,
+    ) -> None:
+        """Build the scene.
+
+        Parameters
+        ----------
+        mesh
+            The surface, model frame.
+        camera
+            Intrinsics of the views.
+        colour
+            Where the surface's colour comes from; ``None`` for geometry alone.
+        engine
+            ``"cycles"`` is exact, the others are rasterisers that need OpenGL.
+        samples
+            Samples a pixel: 1 is a point sample at the pixel's centre, more average over the pixel's square.
+        threads
+            Render threads, 0 for one a core.
+        """
+        existing = _data_blocks()
+        self._mesh = mesh
+        self.scene = bpy.data.scenes.new("oneframe")
+        self.surface_object = new_mesh_object("surface", mesh)
+        self.scene.collection.objects.link(self.surface_object)
+        assign_colour(self.surface_object, mesh, colour)
+        self.camera_object = new_camera(self.scene, camera, clip_mm=(1.0, 1000.0))
+        self.engine: Engine = engine
+        _set_exact_colour(self.scene)
+        _set_passes(self.scene, observed=colour is not None)
+        _set_sampling(self.scene, engine, samples)
+        self.scene.render.threads_mode = "FIXED" if threads else "AUTO"
+        if threads:
+            self.scene.render.threads = threads
+        self._own = [(kind, block) for kind, block in _data_blocks() if (kind, block) not in existing]
+
+    def __enter__(self) -> "SurfaceScene":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Remove the scene and all data that it brought."""
+        own, self._own = self._own, []
+        bpy.data.batch_remove([block for _, block in own])
+
+    def look_from(self, cam_from_model: np.ndarray) -> None:
+        """Put the camera at a pose; clip planes enclose the surface's bounding sphere."""
+        place_camera(self.camera_object, cam_from_model)
+        depth, radius = float(cam_from_model[2, 3]), self._mesh.radius
+        far = max(1.01 * (depth + radius), 1e-3 * radius)
+        # margins far above single precision; a rasteriser's depth buffer wants near as far away as it can be
+        near = max(0.99 * (depth - radius), 1e-4 * far)
+        set_clip(self.camera_object, (near, far))
+
+
+def _data_blocks() -> list[tuple[str, bpy.types.ID]]:
+    kinds = ("scenes", "objects", "meshes", "cameras", "materials", "images")
+    return [(kind, block) for kind in kinds for block in getattr(bpy.data, kind)]
+
+
+def _set_exact_colour(scene: bpy.types.Scene) -> None:
+    """No tone curve, no exposure, no dither, no post-processing, transparent background."""
+    scene.view_settings.view_transform = "Raw"
+    scene.view_settings.look = "None"
+    scene.view_settings.exposure, scene.view_settings.gamma = 0.0, 1.0
+    render = scene.render
+    render.dither_intensity = 0.0
+    render.film_transparent = True
+    render.use_compositing = render.use_sequencer = False
+    render.use_motion_blur = render.use_stamp = False
+    render.use_border = render.use_simplify = False
+    # keeps the ray tracing structure between frames: without it each frame costs several times more
+    render.use_persistent_data = True
+
+
+def _set_passes(scene: bpy.types.Scene, *, observed: bool) -> None:
+    layer = scene.view_layers[0]
+    layer.use_pass_combined = layer.use_pass_z = True
+    if observed:
+        render_pass = layer.aovs.add()
+        render_pass.name, render_pass.type = OBSERVED_PASS, "VALUE"
+
+
+def _set_sampling(scene: bpy.types.Scene, engine: Engine, samples: int) -> None:
+    scene.render.engine = ENGINE_IDS[engine]
+    filter_px = POINT_FILTER_PX if samples == 1 else 1.0
+    if engine == "cycles":
+        cycles = scene.cycles
+        cycles.device = "CPU"
+        cycles.samples = samples
+        cycles.use_adaptive_sampling = cycles.use_denoising = cycles.use_auto_tile = False
+        cycles.pixel_filter_type, cycles.filter_width = "BOX", filter_px
+        cycles.seed, cycles.use_animated_seed = 0, False
+        cycles.max_bounces = cycles.transparent_max_bounces = 0
+        cycles.use_light_tree = cycles.caustics_reflective = cycles.caustics_refractive = False
+        cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
+    elif engine == "eevee":
+        scene.render.filter_size = POINT_FILTER_PX if samples == 1 else 1.0
+        scene.eevee.taa_render_samples = samples
+        scene.eevee.use_raytracing = scene.eevee.use_shadows = False
+    else:
+        shading = scene.display.shading
+        shading.light, shading.color_type = "FLAT", "VERTEX"
+        shading.show_cavity = shading.show_shadows = shading.show_object_outline = False
+        shading.show_backface_culling = shading.show_specular_highlight = False
+        scene.display.render_aa = "OFF"
+
+
+__all__ = ["COLOUR_ATTRIBUTE", "ENGINES", "Engine", "SurfaceScene"]

@@ -1,0 +1,51 @@
+"""Where Blender 4.5 LTS and 5.2 LTS differ: nothing else in the project asks for the version."""
+
+import bpy
+
+IS_5 = bpy.app.version >= (5, 0, 0)
+
+ENGINE_IDS = {
+    "cycles": "CYCLES",
+    "eevee": "BLENDER_EEVEE" if IS_5 else "BLENDER_EEVEE_NEXT",
+    "workbench": "BLENDER_WORKBENCH",
+}
+"""Our name of an engine -> Blender's."""
+
+
+def new_node_material(name: str) -> bpy.types.Material:
+    """A material with an empty node tree (5.x gives every material one, and warns when asked to)."""
+    material = bpy.data.materials.new(name)
+    if not IS_5:
+        material.use_nodes = True
+    material.node_tree.nodes.clear()
+    return material
+
+
+def set_multilayer_exr(scene: bpy.types.Scene) -> None:
+    """Write renders as uncompressed 32-bit multilayer EXR."""
+    settings = scene.render.image_settings
+    if IS_5:
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format = "OPEN_EXR_MULTILAYER"
+    settings.color_depth = "32"
+    settings.exr_codec = "NONE"
+
+
+def set_mp4(scene: bpy.types.Scene) -> None:
+    """Write animations as H.264 in an MP4, visually lossless, every frame seekable within half a second."""
+    settings = scene.render.image_settings
+    if IS_5:
+        settings.media_type = "VIDEO"
+    settings.file_format = "FFMPEG"
+    settings.color_mode = "RGB"
+    video = scene.render.ffmpeg
+    video.format, video.codec = "MPEG4", "H264"
+    video.constant_rate_factor, video.ffmpeg_preset = "HIGH", "GOOD"
+    video.gopsize, video.audio_codec = 12, "NONE"
+
+
+def new_image_strip(scene: bpy.types.Scene, path: str, *, channel: int, frame_start: int) -> bpy.types.Strip:
+    """An image strip in the scene's sequencer; further files are added to its ``elements``."""
+    editor = scene.sequence_editor_create()
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    return strips.new_image("frames", path, channel, frame_start)

@@ -1,0 +1,108 @@
+"""PNG files written for speed, and the check that an image file is whole before anything decodes it.
+
+Zlib at its lowest level with run-length matching and the Average filter makes files of the usual size in half the
+time of the common defaults; compression beyond that costs more than rendering the frame.
+"""
+
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.errors import InputError
+
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_GREY, _RGB = 0, 2
+
+
+def encode_png(image: np.ndarray) -> bytes:
+    """An image array as PNG.
+
+    Parameters
+    ----------
+    image
+        ``(H, W)`` uint8 or uint16, or ``(H, W, 3)`` uint8.
+    """
+    height, width = image.shape[:2]
+    depth = image.dtype.itemsize * 8
+    rows = np.ascontiguousarray(image, dtype=image.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
+    if image.ndim == 3:
+        filtered, strategy = _average_filtered(rows, 3), zlib.Z_RLE
+    elif depth == 16:
+        filtered, strategy = _sub_filtered(rows, 2), zlib.Z_DEFAULT_STRATEGY
+    else:
+        # masks: unfiltered rows are runs already
+        filtered, strategy = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1), zlib.Z_RLE
+    deflate = zlib.compressobj(1, zlib.DEFLATED, 15, 9, strategy)
+    data = deflate.compress(filtered) + deflate.flush()
+    colour_type = _RGB if image.ndim == 3 else _GREY
+    header = struct.pack(">IIBBBBB", width, height, depth, colour_type, 0, 0, 0)
+    return _PNG_SIGNATURE + _chunk(b"IHDR", header) + _chunk(b"IDAT", data) + _chunk(b"IEND", b"")
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(data, zlib.crc32(kind)))
+
+
+def _average_filtered(rows: np.ndarray, pixel_bytes: int) -> np.ndarray:
+    """PNG filter 3: difference from floor((left + above) / 2), computed without leaving 8 bits."""
+    left, above = np.zeros_like(rows), np.zeros_like(rows)
+    left[:, pixel_bytes:] = rows[:, :-pixel_bytes]
+    above[1:] = rows[:-1]
+    filtered = np.empty((rows.shape[0], rows.shape[1] + 1), np.uint8)
+    filtered[:, 0] = 3
+    np.subtract(rows, (left & above) + ((left ^ above) >> 1), out=filtered[:, 1:])
+    return filtered
+
+
+def _sub_filtered(rows: np.ndarray, pixel_bytes: int) -> np.ndarray:
+    """PNG filter 1: difference from the pixel to the left."""
+    filtered = np.empty((rows.shape[0], rows.shape[1] + 1), np.uint8)
+    filtered[:, 0] = 1
+    filtered[:, 1 : 1 + pixel_bytes] = rows[:, :pixel_bytes]
+    np.subtract(rows[:, pixel_bytes:], rows[:, :-pixel_bytes], out=filtered[:, 1 + pixel_bytes :])
+    return filtered
+
+
+def check_image_file(path: Path, where: str) -> None:
+    """Check that an image file is there and not cut off, as far as its format tells.
+
+    Decoders, Blender's among them, fill what is missing with black without a word.
+
+    Raises
+    ------
+    InputError
+        Missing, a folder, empty, not PNG, JPEG, TIFF, BMP or EXR, or (PNG, JPEG) damaged or cut off.
+    """
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{where}: expected an image file, {path} does not exist; correct the path") from None
+    except OSError as error:
+        raise InputError(f"{where}: cannot read {path} ({error.strerror})") from None
+    if data.startswith(_PNG_SIGNATURE):
+        _check_png(data, where)
+    elif data.startswith(b"\xff\xd8"):
+        if b"\xff\xd9" not in data[-64 * 1024 :]:
+            raise InputError(f"{where}: expected the end of a JPEG image, the file is cut off; copy it again")
+    elif not data.startswith((b"II*\0", b"MM\0*", b"BM", b"\x76\x2f\x31\x01")):
+        raise InputError(
+            f"{where}: expected an image (PNG, JPEG, TIFF, BMP or EXR), found "
+            + ("an empty file" if not data else f"a file that starts with {data[:8]!r}")
+        )
+
+
+def _check_png(data: bytes, where: str) -> None:
+    position, kind = len(_PNG_SIGNATURE), b""
+    while kind != b"IEND":
+        if position + 12 > len(data):
+            raise InputError(f"{where}: expected a whole PNG image, the file is cut off; copy it again")
+        (size,) = struct.unpack_from(">I", data, position)
+        kind, body = data[position + 4 : position + 8], data[position + 8 : position + 8 + size]
+        stored = data[position + 8 + size : position + 12 + size]
+        if len(stored) < 4:
+            raise InputError(f"{where}: expected a whole PNG image, the file is cut off; copy it again")
+        if struct.unpack(">I", stored)[0] != zlib.crc32(body, zlib.crc32(kind)):
+            raise InputError(f"{where}: expected an intact PNG image, chunk {kind!r} is damaged; copy it again")
+        position += 12 + size

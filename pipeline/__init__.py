@@ -7,3 +7,5 @@ Modules are the nouns of the field, in the order in which data flows::
 Everything in this package is pure (numpy and the standard library; ``cv2`` and ``skimage`` only in the modules
 that name them in their docstring). Code that needs Blender lives in :mod:`pipeline.blender`.
 """
+
+__version__ = "0.1.0"

@@ -15,11 +15,9 @@ import numpy as np
 from pipeline.atomic_file import write_bytes_atomically
 from pipeline.camera import PinholeCamera
 from pipeline.dataset import OBJECT_ID, FramePaths, read_record
-from pipeline.frames import inverse_rigid, rigid
+from pipeline.frames import CAM_FROM_OPENGL_CAM, inverse_rigid, rigid
 from pipeline.mesh import TriangleMesh, diameter
-
-OPENGL_CAM_FROM_CAM = np.diag([1.0, -1.0, -1.0, 1.0])
-"""NeRF tools look along -z with y up."""
+from pipeline.mesh_export import write_ply
 
 HIDDEN_BELOW = 0.1
 """COCO annotations with a smaller visible fraction are marked ``ignore``, as bop_toolkit does."""
@@ -48,11 +46,11 @@ def mask_statistics(mask: np.ndarray) -> dict[str, object]:
     }
 
 
-def write_models(root: Path, mesh: TriangleMesh, ply: bytes) -> None:
-    """``models/`` with its PLY (as bytes) and ``models_info.json``."""
+def write_models(root: Path, mesh: TriangleMesh, colors: np.ndarray) -> None:
+    """``models/``: the surface in the model frame with ``(V, 3)`` uint8 colours, and ``models_info.json``."""
     folder = root / "models"
     folder.mkdir(exist_ok=True)
-    write_bytes_atomically(folder / f"obj_{OBJECT_ID:06d}.ply", ply)
+    write_ply(folder / f"obj_{OBJECT_ID:06d}.ply", mesh, colors=colors, normals=mesh.vertex_normals)
     low, high = mesh.bounds
     info: dict[str, float] = {"diameter": diameter(mesh.vertices)}
     info |= {f"min_{axis}": float(value) for axis, value in zip("xyz", low, strict=True)}
@@ -140,7 +138,9 @@ def write_poses(root: Path, frames: Iterable[int], camera: PinholeCamera, given_
     lines = io.StringIO(newline="")
     table = csv.writer(lines, lineterminator="\n")
     rotation = [f"r{row}{column}" for row in range(3) for column in range(3)]
-    table.writerow(["index", "image", *rotation, "tx_mm", "ty_mm", "tz_mm", "given_tx_mm", "given_ty_mm", "given_tz_mm"])
+    table.writerow(
+        ["index", "image", *rotation, "tx_mm", "ty_mm", "tz_mm", "given_tx_mm", "given_ty_mm", "given_tz_mm"]
+    )
     nerf_frames = []
     for index in frames:
         paths = FramePaths(root, index)
@@ -148,7 +148,7 @@ def write_poses(root: Path, frames: Iterable[int], camera: PinholeCamera, given_
         cam_from_given = cam_from_model @ model_from_given
         numbers = [*cam_from_model[:3, :3].ravel(), *cam_from_model[:3, 3], *cam_from_given[:3, 3]]
         table.writerow([index, paths.relative("rgb"), *(repr(float(value)) for value in numbers)])
-        model_from_opengl_cam = inverse_rigid(cam_from_model) @ OPENGL_CAM_FROM_CAM
+        model_from_opengl_cam = inverse_rigid(cam_from_model) @ CAM_FROM_OPENGL_CAM
         nerf_frames.append(
             {
                 "file_path": paths.relative("rgb"),

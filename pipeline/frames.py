@@ -14,8 +14,7 @@ Frames
 
 Transforms are named ``b_from_a`` and are 4x4 float64 matrices that act on column vectors, so neighbours cancel when
 they are composed: ``cam_from_given = cam_from_model @ model_from_given``. All frames are right-handed, lengths are
-millimetres, angles are degrees where the name ends in ``_deg`` and radians otherwise. Blender's camera axes (y up,
-z backward) exist only in :mod:`pipeline.blender.camera`.
+millimetres, angles are degrees where the name ends in ``_deg`` and radians otherwise.
 """
 
 import numpy as np
@@ -24,6 +23,9 @@ from pipeline.errors import InputError
 
 ORTHONORMAL_TOLERANCE = 5e-3
 """Largest entry of |R Rt - 1| that is taken as rounding: published ground truth reaches 2e-3 (LM-O)."""
+
+CAM_FROM_OPENGL_CAM = np.diag([1.0, -1.0, -1.0, 1.0])
+"""The one axis flip: Blender's cameras and NeRF files have OpenGL axes, y up and looking along -z. Its own inverse."""
 
 
 def inverse_rigid(b_from_a: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Pinhole camera <-> Blender camera: the intrinsics, exactly, and the one place where Blender's axes are flipped.
+"""Pinhole camera <-> Blender camera: the intrinsics, exactly.
 
 Blender spans ``sensor_width`` over the larger of width and height in *pixel aspect* units (``sensor_fit='AUTO'``), so
 with aspects ax, ay >= 1 and S = max(W ax, H ay)::
@@ -17,10 +17,7 @@ from mathutils import Matrix
 
 from pipeline.camera import PinholeCamera
 from pipeline.errors import InputError
-from pipeline.frames import inverse_rigid
-
-CAM_FROM_BLENDER_CAM = np.diag([1.0, -1.0, -1.0, 1.0])
-"""Blender's camera looks along -z with y up; OpenCV's along +z with y down. Its own inverse."""
+from pipeline.frames import CAM_FROM_OPENGL_CAM, inverse_rigid
 
 SENSOR_MM = 36.0
 MIN_LENS_MM = 1.0
@@ -102,9 +99,9 @@ def set_clip(camera_object: bpy.types.Object, clip_mm: tuple[float, float]) -> N
 
 def place_camera(camera_object: bpy.types.Object, cam_from_model: np.ndarray) -> None:
     """Put a camera object where ``cam_from_model`` (4x4, mm) says."""
-    camera_object.matrix_world = Matrix(inverse_rigid(cam_from_model) @ CAM_FROM_BLENDER_CAM)
+    camera_object.matrix_world = Matrix(inverse_rigid(cam_from_model) @ CAM_FROM_OPENGL_CAM)
 
 
 def cam_from_model_of(camera_object: bpy.types.Object) -> np.ndarray:
     """The pose of a camera object as ``cam_from_model``: the inverse of :func:`place_camera`."""
-    return inverse_rigid(np.array(camera_object.matrix_world, dtype=np.float64) @ CAM_FROM_BLENDER_CAM)
+    return inverse_rigid(np.array(camera_object.matrix_world, dtype=np.float64) @ CAM_FROM_OPENGL_CAM)

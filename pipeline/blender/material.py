@@ -27,29 +27,32 @@ SurfaceColour = VertexColours | TextureAtlas | SourceView
 
 
 def assign_colour(mesh_object: bpy.types.Object, mesh: TriangleMesh, colour: SurfaceColour | None) -> None:
-    """Give the object the material of a colour mode; ``None`` makes it plain neutral (for depth alone)."""
+    """Give the object the material of a colour mode.
+
+    ``None`` makes it plain neutral, for geometry alone; the observed flag then tells front sides from back sides.
+    """
     material = new_node_material("surface")
     nodes = _Nodes(material)
     match colour:
         case None:
-            rgb, flag = None, None
+            rgb, flag = None, 1.0
         case VertexColours():
             rgb, flag = _vertex_colour(nodes, mesh_object, colour)
         case TextureAtlas():
             rgb, flag = _texture(nodes, mesh_object, colour)
         case SourceView():
             rgb, flag = _projection(nodes, mesh_object, mesh, colour)
+    geometry = nodes.add("ShaderNodeNewGeometry")
+    flag = nodes.math("GREATER_THAN", flag, geometry.outputs["Backfacing"])
+    observed_pass = nodes.add("ShaderNodeOutputAOV", aov_name=OBSERVED_PASS)
+    nodes.link(flag, observed_pass.inputs["Value"])
     emission = nodes.add("ShaderNodeEmission", Color=(NEUTRAL, NEUTRAL, NEUTRAL, 1.0))
     if rgb is not None:
-        geometry = nodes.add("ShaderNodeNewGeometry")
-        flag = nodes.math("GREATER_THAN", flag, geometry.outputs["Backfacing"])
         mix = nodes.add("ShaderNodeMix", data_type="RGBA")
         nodes.link(flag, mix.inputs[0])
         mix.inputs[6].default_value = (NEUTRAL, NEUTRAL, NEUTRAL, 1.0)
         nodes.link(rgb, mix.inputs[7])
         nodes.link(mix.outputs[2], emission.inputs["Color"])
-        observed_pass = nodes.add("ShaderNodeOutputAOV", aov_name=OBSERVED_PASS)
-        nodes.link(flag, observed_pass.inputs["Value"])
     output = nodes.add("ShaderNodeOutputMaterial")
     nodes.link(emission.outputs["Emission"], output.inputs["Surface"])
     # else Cycles builds a light distribution over all triangles and samples it

@@ -5,6 +5,7 @@ Blender and give their passes only to a file, so theirs go through an uncompress
 """
 
 import ctypes
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -17,7 +18,8 @@ import numpy as np
 
 from pipeline.blender.material import OBSERVED_PASS
 from pipeline.blender.scene import SurfaceScene
-from pipeline.blender.versions import set_multilayer_exr
+from pipeline.blender.versions import ENGINE_IDS, set_multilayer_exr
+from pipeline.errors import InputError
 from pipeline.exr_file import read_exr
 
 _BACKGROUND_MM = 1e9  # Blender's depth of "nothing" is 1e10
@@ -112,6 +114,34 @@ def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
             if channel == suffix and not (pass_name in passes and any(plane is p for p in passes[pass_name])):
                 passes.setdefault(pass_name, []).append(plane)
     return {name: np.stack(planes, axis=-1) for name, planes in passes.items()}
+
+
+def check_engine(engine: str) -> None:
+    """Check that an engine can render here at all, by a trial in a process of its own.
+
+    Without an OpenGL context Blender does not report an error: the process ends at once.
+
+    Raises
+    ------
+    InputError
+        It cannot.
+    """
+    if engine == "cycles":
+        return
+    trial = (
+        f"import bpy; scene = bpy.context.scene; scene.render.engine = {ENGINE_IDS['workbench']!r}; "
+        "scene.render.resolution_x = scene.render.resolution_y = 8; bpy.ops.render.render()"
+    )
+    command = [sys.executable, "-c", trial]
+    if not bpy.app.module:
+        command = [bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", trial]
+    ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False, timeout=300)
+    output = ended.stdout + ended.stderr
+    if ended.returncode != 0 or b"EGL Error" in output or b"Unable to open" in output:
+        raise InputError(
+            f"--engine {engine}: expected an OpenGL context, this machine gives none to Blender; "
+            "install Mesa's software OpenGL (libegl1, libgl1-mesa-dri) or a graphics driver, or use --engine cycles"
+        )
 
 
 def keep_freed_memory() -> None:

@@ -1,20 +1,16 @@
 """A Blender scene from data: one surface, one camera, settings under which colours and geometry stay exact."""
 
 from types import TracebackType
-from typing import Literal, get_args
 
 import bpy
 import numpy as np
 
 from pipeline.blender.camera import new_camera, place_camera, set_clip
-from pipeline.blender.material import COLOUR_ATTRIBUTE, OBSERVED_PASS, SurfaceColour, assign_colour
+from pipeline.blender.material import OBSERVED_PASS, SurfaceColour, assign_colour
 from pipeline.blender.mesh import new_mesh_object
 from pipeline.blender.versions import ENGINE_IDS
 from pipeline.camera import PinholeCamera
 from pipeline.mesh import TriangleMesh
-
-Engine = Literal["cycles", "eevee", "workbench"]
-ENGINES: tuple[str, ...] = get_args(Engine)
 
 POINT_FILTER_PX = 0.01
 """Width of the pixel filter with one sample: a point at the pixel's centre (0 is not allowed)."""
@@ -35,7 +31,7 @@ class SurfaceScene:
         camera: PinholeCamera,
         colour: SurfaceColour | None,
         *,
-        engine: Engine = "cycles",
+        engine: str = "cycles",
         samples: int = 1,
         threads: int = 0,
     ) -> None:
@@ -63,9 +59,9 @@ class SurfaceScene:
         self.scene.collection.objects.link(self.surface_object)
         assign_colour(self.surface_object, mesh, colour)
         self.camera_object = new_camera(self.scene, camera, clip_mm=(1.0, 1000.0))
-        self.engine: Engine = engine
+        self.engine = engine
         _set_exact_colour(self.scene)
-        _set_passes(self.scene, observed=colour is not None)
+        _set_passes(self.scene)
         _set_sampling(self.scene, engine, samples)
         self.scene.render.threads_mode = "FIXED" if threads else "AUTO"
         if threads:
@@ -115,15 +111,14 @@ def _set_exact_colour(scene: bpy.types.Scene) -> None:
     render.use_persistent_data = True
 
 
-def _set_passes(scene: bpy.types.Scene, *, observed: bool) -> None:
+def _set_passes(scene: bpy.types.Scene) -> None:
     layer = scene.view_layers[0]
     layer.use_pass_combined = layer.use_pass_z = True
-    if observed:
-        render_pass = layer.aovs.add()
-        render_pass.name, render_pass.type = OBSERVED_PASS, "VALUE"
+    observed = layer.aovs.add()
+    observed.name, observed.type = OBSERVED_PASS, "VALUE"
 
 
-def _set_sampling(scene: bpy.types.Scene, engine: Engine, samples: int) -> None:
+def _set_sampling(scene: bpy.types.Scene, engine: str, samples: int) -> None:
     scene.render.engine = ENGINE_IDS[engine]
     filter_px = POINT_FILTER_PX if samples == 1 else 1.0
     if engine == "cycles":
@@ -146,6 +141,3 @@ def _set_sampling(scene: bpy.types.Scene, engine: Engine, samples: int) -> None:
         shading.show_cavity = shading.show_shadows = shading.show_object_outline = False
         shading.show_backface_culling = shading.show_specular_highlight = False
         scene.display.render_aa = "OFF"
-
-
-__all__ = ["COLOUR_ATTRIBUTE", "ENGINES", "Engine", "SurfaceScene"]

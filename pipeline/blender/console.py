@@ -1,0 +1,66 @@
+"""Arguments and output of scripts that run in a Blender, as program or as module."""
+
+import os
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from typing import TextIO
+
+import bpy
+
+from pipeline.errors import InputError, RunError
+
+EXIT_INPUT, EXIT_RUN, EXIT_STOPPED = 2, 3, 130
+
+
+def script_arguments() -> list[str]:
+    """What the user gave to the script: after ``--`` under Blender, everything with the bpy module."""
+    if bpy.app.module:
+        return sys.argv[1:]
+    return sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
+
+
+def script_command(script: str) -> list[str]:
+    """The command that runs a script once more in the same kind of Blender; its arguments are to follow."""
+    if bpy.app.module:
+        return [sys.executable, script]
+    return [bpy.app.binary_path, "-b", "--factory-startup", "-noaudio", "--python-exit-code", "1", "-P", script, "--"]
+
+
+def own_output() -> TextIO:
+    """A stream to the standard output that Blender's own messages no longer reach: those go nowhere from now on."""
+    sys.stdout.flush()
+    stream = os.fdopen(os.dup(1), "w", encoding="utf-8", errors="replace")
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.close(nowhere)
+    return stream
+
+
+def run_script(main: Callable[[Sequence[str]], int]) -> None:
+    """Run a script's main function and end the process with its exit code.
+
+    What the user can mend is one line on the standard error; a defect shows its traceback and ends with 1.
+    """
+    try:
+        code = main(script_arguments())
+    except InputError as error:
+        code = _fail(error, EXIT_INPUT)
+    except RunError as error:
+        code = _fail(error, EXIT_RUN)
+    except KeyboardInterrupt:
+        code = _fail("stopped; the same command goes on from here", EXIT_STOPPED)
+    except SystemExit as stop:  # argparse: --help and mistakes in the arguments
+        code = stop.code if isinstance(stop.code, int) else 1
+    except Exception:
+        traceback.print_exc()
+        code = 1
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # Blender turns sys.exit inside -P into its own clean-up, which takes long after many renders
+    os._exit(code)
+
+
+def _fail(error: object, code: int) -> int:
+    sys.stderr.write("error: " + " ".join(str(error).split()) + "\n")
+    return code

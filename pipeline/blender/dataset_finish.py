@@ -1,0 +1,106 @@
+"""The end of a dataset job: tables, contact sheet and video, once the views that they need are there."""
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.atomic_file import write_bytes_atomically
+from pipeline.blender.dataset_job import OpenJob
+from pipeline.blender.image import read_image
+from pipeline.blender.video import FRAMES_PER_SECOND, write_video
+from pipeline.blender.view_maker import ViewMaker
+from pipeline.colouring import colour_vertices
+from pipeline.contact_sheet import contact_sheet
+from pipeline.dataset import FRAMES_PER_SCENE, FramePaths, finished_frames, read_record
+from pipeline.dataset_tables import write_camera, write_models, write_poses, write_scene
+from pipeline.image_file import encode_png
+from pipeline.progress import Progress
+
+SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
+
+
+def write_model_files(job: OpenJob, maker: ViewMaker) -> None:
+    """``camera.json`` and ``models/``: what is known before the first view."""
+    out, source = job.job.out, maker.source
+    write_camera(out, maker.camera, maker.depth_scale)
+    colours = colour_vertices(source.mesh, source.view)
+    write_models(out, source.mesh, np.rint(colours.rgb * 255).astype(np.uint8))
+
+
+def write_finished_scenes(job: OpenJob, maker: ViewMaker) -> bool:
+    """Write the tables of every scene of which this job's shard has a part and all views are there.
+
+    Returns
+    -------
+    Whether all views of the whole dataset are there.
+    """
+    out, done = job.job.out, finished_frames(job.job.out, range(job.count))
+    touched = sorted({index // FRAMES_PER_SCENE for index in job.frames})
+    for scene in touched:
+        views = range(scene * FRAMES_PER_SCENE, min((scene + 1) * FRAMES_PER_SCENE, job.count))
+        if done.issuperset(views):
+            write_scene(out, views, maker.camera)
+    return len(done) == job.count
+
+
+def write_dataset_tables(job: OpenJob, maker: ViewMaker) -> None:
+    """The files of a complete dataset beside its scenes: scene tables, poses, contact sheet, information."""
+    out = job.job.out
+    for first in range(0, job.count, FRAMES_PER_SCENE):
+        views = range(first, min(first + FRAMES_PER_SCENE, job.count))
+        if not (FramePaths(out, first).scene / "scene_gt_coco.json").exists():
+            write_scene(out, views, maker.camera)
+    write_poses(out, range(job.count), maker.camera, job.loaded.given_from_model)
+    chosen = np.unique(np.linspace(0, job.count - 1, min(SHEET_VIEWS, job.count)).round().astype(int))
+    images = [read_image(FramePaths(out, int(index)).file("rgb"))[0] for index in chosen]
+    columns = min(SHEET_COLUMNS, len(images))
+    sheet = contact_sheet(images, columns=columns, tile_width=SHEET_TILE_PX)
+    write_bytes_atomically(out / "contact_sheet.png", encode_png(np.rint(sheet * 255).astype(np.uint8)))
+
+
+def write_trajectory_video(job: OpenJob, maker: ViewMaker, progress: Progress) -> Path:
+    """``video/trajectory.mp4`` and its poses, frame by frame."""
+    folder = job.job.out / "video"
+    poses = maker.video_poses()
+
+    def images() -> object:
+        for pose in poses:
+            yield maker.render(pose).rgb
+            progress.advance()
+
+    write_video(folder / "trajectory.mp4", images())
+    lines = io.StringIO(newline="")
+    table = csv.writer(lines, lineterminator="\n")
+    rotation = [f"r{row}{column}" for row in range(3) for column in range(3)]
+    table.writerow(["frame", "time_s", *rotation, "tx_mm", "ty_mm", "tz_mm"])
+    for number, pose in enumerate(poses):
+        values = [number / FRAMES_PER_SECOND, *pose[:3, :3].ravel(), *pose[:3, 3]]
+        table.writerow([number, *(repr(float(value)) for value in values)])
+    write_bytes_atomically(folder / "poses.csv", lines.getvalue().encode())
+    return folder / "trajectory.mp4"
+
+
+def summary(job: OpenJob) -> list[str]:
+    """Sentences about a complete dataset: size, what the frame observed, which poses were rejected."""
+    records = [read_record(FramePaths(job.job.out, index)) for index in range(job.count)]
+    visible = sum(record["gt_info"]["px_count_visib"] for record in records)
+    observed = sum(record["px_count_observed"] for record in records)
+    attempts = sum(record["attempts"] for record in records)
+    names = {"surface": "too little surface", "observed": "too little observed surface", "clearance": "too near"}
+    broken = {name: sum(record["rejections"][name] for record in records) for name in names}
+    told = [
+        f"the frame observed {observed / visible:.1%} of the surface in the views"
+        if visible
+        else "no view shows any surface"
+    ]
+    reasons = ", ".join(f"{count} with {names[name]}" for name, count in broken.items() if count)
+    if reasons:
+        drawn = attempts > job.count
+        told.append(
+            f"{attempts} poses drawn, {attempts - job.count} rejected ({reasons})"
+            if drawn
+            else f"poses that break the constraints, kept as they were given: {reasons}"
+        )
+    return told

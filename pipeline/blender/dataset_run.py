@@ -1,0 +1,121 @@
+"""A whole dataset run, start to end: what ``render_dataset.py`` and the add-on's background job call."""
+
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from typing import TextIO
+
+from pipeline.blender import dataset_finish as finish
+from pipeline.blender.dataset_job import Job, OpenJob, available_cores, open_job, render_views, write_error
+from pipeline.blender.render import check_engine, keep_freed_memory
+from pipeline.blender.view_maker import ViewMaker
+from pipeline.blender.workers import WorkerPool, assigned_frames
+from pipeline.dataset import finished_frames
+from pipeline.progress import Progress
+from pipeline.run_folder import RunFolder
+
+Tell = Callable[[str], None]
+
+
+def run(job: Job, *, workers: int, worker_command: Sequence[str], stream: TextIO) -> None:
+    """Render what is missing of a job's views and, when all of the dataset is there, its tables.
+
+    Parameters
+    ----------
+    job
+        What to render.
+    workers
+        Processes, this one included; 0 for one a core.
+    worker_command
+        Starts another process that calls :func:`work` with the same job.
+    stream
+        Where progress and sentences about the run go.
+
+    Raises
+    ------
+    InputError
+        Anything that the user gave and that cannot be used.
+    RunError
+        The folder is in use or holds another dataset, or a file cannot be written. Finished views stay.
+    """
+
+    def tell(sentence: str) -> None:
+        stream.write(sentence + "\n")
+        stream.flush()
+
+    check_engine(job.options.engine)
+    opened = open_job(job)
+    with RunFolder(job.out, opened.identity(), job.shard) as folder:
+        try:
+            complete = _render_missing(opened, workers, worker_command, tell, stream)
+        except OSError as error:
+            raise write_error(error, job.out) from error
+        if complete:
+            folder.finish()
+    if complete:
+        for sentence in (*finish.summary(opened), f"dataset of {opened.count} views: {job.out}"):
+            tell(sentence)
+    else:
+        tell(
+            f"part {job.shard.index}/{job.shard.count}: {len(opened.frames)} views are finished; when all parts lie in "
+            "one folder, the same command without --shard writes the tables"
+        )
+
+
+def _render_missing(opened: OpenJob, workers: int, worker_command: Sequence[str], tell: Tell, stream: TextIO) -> bool:
+    """Render, then write the tables that can be written; whether the whole dataset is there."""
+    out, options = opened.job.out, opened.job.options
+    done = finished_frames(out, opened.frames)
+    missing = [index for index in opened.frames if index not in done]
+    workers = min(workers or available_cores(), max(1, len(missing)))
+    lock = threading.Lock()
+    progress = Progress(len(opened.frames), "views", finished=len(done), stream=stream)
+
+    def finished(_index: int, _size: int) -> None:
+        with lock:
+            progress.advance()
+
+    keep_freed_memory()
+    pool = WorkerPool(missing, finished)
+    try:
+        pool.start(worker_command, workers - 1)
+        with opened.maker(threads=_threads(workers)) as maker:
+            for sentence in (*opened.told, *maker.told):
+                tell(sentence)
+            finish.write_model_files(opened, maker)
+            render_views(maker, out, pool.frames(), finished)
+            progress.close()
+            complete = finish.write_finished_scenes(opened, maker)
+            if complete:
+                finish.write_dataset_tables(opened, maker)
+                tell(f"contact sheet: {out / 'contact_sheet.png'}")
+                if options.video:
+                    tell(f"video: {_video(opened, maker, stream)}")
+    finally:
+        pool.stop()
+    for sentence in pool.told:
+        sys.stderr.write(sentence + "\n")
+    return complete
+
+
+def _video(opened: OpenJob, maker: ViewMaker, stream: TextIO) -> str:
+    progress = Progress(opened.job.options.video_frames, "video frames", stream=stream)
+    path = finish.write_trajectory_video(opened, maker, progress)
+    progress.close()
+    return str(path)
+
+
+def work(job: Job, *, workers: int, stream: TextIO) -> None:
+    """Be one of ``workers`` processes: render the views whose numbers come in through the standard input."""
+
+    def finished(index: int, size: int) -> None:
+        stream.write(f"{index} {size}\n")
+        stream.flush()
+
+    keep_freed_memory()
+    with open_job(job).maker(threads=_threads(workers)) as maker:
+        render_views(maker, job.out, assigned_frames(), finished)
+
+
+def _threads(workers: int) -> int:
+    return max(1, available_cores() // (workers or available_cores()))

@@ -1,0 +1,120 @@
+"""A case file -> everything in memory, checked, in the model frame."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.blender.image import read_image
+from pipeline.case import Case, Structure
+from pipeline.distortion import undistort
+from pipeline.errors import InputError
+from pipeline.frames import rigid, transform_points
+from pipeline.mesh import TriangleMesh
+from pipeline.mesh_file import read_mesh
+
+NEAREST_MM, FARTHEST_MM = 2.0, 30_000.0
+"""Working distances outside of this are taken for a mistake of the units; a factor of 1000 always falls outside."""
+
+
+@dataclass(frozen=True)
+class LoadedCase:
+    """A case in memory.
+
+    Attributes
+    ----------
+    case
+        The case file.
+    image, valid
+        ``(H, W, 3)`` float32 code values 0..1 of the undistorted frame; ``(H, W)`` bool, False where it shows nothing.
+    mesh
+        The surface in the model frame (demeaned), mm.
+    given_from_model
+        4x4, the translation by the mean of the given vertices.
+    cam_from_model
+        4x4, the pose of the frame.
+    structures
+        What overlays show, in the model frame.
+    told
+        Sentences about what was corrected or dropped.
+    """
+
+    case: Case
+    image: np.ndarray
+    valid: np.ndarray
+    mesh: TriangleMesh
+    given_from_model: np.ndarray
+    cam_from_model: np.ndarray
+    structures: tuple[tuple[Structure, TriangleMesh], ...]
+    told: tuple[str, ...]
+
+
+def load_case(case: Case) -> LoadedCase:
+    """Open the files of a case and check that they fit together.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be used, an image of another size than the camera's, a surface that lies behind the camera,
+        outside the frame or at a distance that no microscope has.
+    """
+    name = case.path.name
+    image, valid = read_image(case.image, f"{name}: [frame] image {case.image.name}")
+    height, width = image.shape[:2]
+    if (width, height) != case.camera.size_wh:
+        raise InputError(
+            f"{name}: expected a frame of {case.camera.width}x{case.camera.height} px as [camera] size says, "
+            f"{case.image.name} has {width}x{height}; K belongs to one size: give the K of this image"
+        )
+    if case.distortion is not None:
+        image, inside = undistort(image, case.camera, case.distortion)
+        valid &= inside
+    given, told = read_mesh(case.mesh)
+    given = given.scaled(case.mm_per_unit)
+    centre = given.vertices.mean(axis=0)
+    given_from_model = rigid(translation=centre)
+    mesh = given.moved(-centre)
+    cam_from_model = case.cam_from_given @ given_from_model
+    _check_distance(case, mesh, cam_from_model)
+    structures = []
+    for structure in case.structures:
+        structure_mesh, structure_told = read_mesh(structure.mesh)
+        structures.append((structure, structure_mesh.scaled(case.mm_per_unit).moved(-centre)))
+        told += structure_told
+    return LoadedCase(
+        case, image, valid, mesh, given_from_model, cam_from_model, tuple(structures), (*case.told, *told)
+    )
+
+
+def _check_distance(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> None:
+    name = case.path.name
+    points_cam = transform_points(cam_from_model, mesh.vertices)
+    depth = points_cam[:, 2]
+    in_front = depth > 0
+    if not in_front.any():
+        raise InputError(
+            f"{name}: expected the surface in front of the camera, all of it lies behind (depth {depth.min():.4g} to "
+            f"{depth.max():.4g} mm); cam_from_model maps the mesh to OpenCV axes (z forward): "
+            "invert the matrix if it is model_from_cam, negate its 2nd and 3rd row if its axes are OpenGL's"
+        )
+    distance = float(np.median(depth[in_front]))
+    if not NEAREST_MM <= distance <= FARTHEST_MM:
+        raise InputError(
+            f"{name}: expected a working distance of {NEAREST_MM:g} mm to {FARTHEST_MM / 1000:g} m, the surface is "
+            f"{distance:.4g} mm away: wrong units suspected; units is "
+            f'"{"mm" if case.mm_per_unit == 1 else "m"}", is that what the mesh and the pose are in?'
+        )
+    camera = case.camera
+    extent_px = 2 * mesh.radius / distance * min(camera.fx, camera.fy)
+    ratio = extent_px / max(camera.size_wh)
+    if not 1 / 200 <= ratio <= 200:
+        raise InputError(
+            f"{name}: expected a surface about as large as the frame, it spans {extent_px:.3g} px of "
+            f"{max(camera.size_wh)}: wrong units suspected; are mesh and translation in the same unit?"
+        )
+    pixels = camera.project(points_cam[in_front])
+    u, v = pixels[:, 0], pixels[:, 1]
+    if u.max() < -0.5 or v.max() < -0.5 or u.min() > camera.width - 0.5 or v.min() > camera.height - 0.5:
+        raise InputError(
+            f"{name}: expected the surface in the frame, it projects to u {u.min():.0f} to {u.max():.0f}, "
+            f"v {v.min():.0f} to {v.max():.0f} px of {camera.width}x{camera.height}; align the pose first"
+        )

@@ -1,0 +1,58 @@
+"""Pictures -> MP4, by Blender's sequencer."""
+
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from pipeline.blender.versions import new_image_strip, set_mp4
+from pipeline.image_file import encode_png
+
+FRAMES_PER_SECOND = 24
+
+
+def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
+    """Encode ``(H, W, 3)`` float images (code values 0..1) as H.264; nothing is left behind if that fails.
+
+    H.264 needs even sides: an odd one gets its last row or column twice.
+    """
+    with tempfile.TemporaryDirectory(prefix="oneframe-video-") as folder:
+        files, shape = [], (0, 0)
+        for number, image in enumerate(images):
+            padded = np.pad(image, ((0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)), mode="edge")
+            shape = padded.shape[:2]
+            file = Path(folder) / f"{number:06d}.png"
+            file.write_bytes(encode_png(np.clip(np.rint(padded * 255), 0, 255).astype(np.uint8)))
+            files.append(file)
+        scene = bpy.data.scenes.new("oneframe video")
+        try:
+            _set_up(scene, files, width=shape[1], height=shape[0])
+            # a temporary name beside the target, renamed when whole
+            partial = path.with_name(f".partial-{path.stem}.mp4")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            scene.render.filepath = str(partial)
+            try:
+                bpy.ops.render.render(animation=True, scene=scene.name)
+                partial.replace(path)
+            finally:
+                partial.unlink(missing_ok=True)
+        finally:
+            bpy.data.scenes.remove(scene)
+
+
+def _set_up(scene: bpy.types.Scene, files: list[Path], *, width: int, height: int) -> None:
+    strip = new_image_strip(scene, str(files[0]), channel=1, frame_start=1)
+    for file in files[1:]:
+        strip.elements.append(file.name)
+    strip.frame_final_duration = len(files)
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
+    render.fps, render.fps_base = FRAMES_PER_SECOND, 1.0
+    render.use_sequencer, render.use_compositing = True, False
+    scene.frame_start, scene.frame_end = 1, len(files)
+    # both ends are sRGB code values: nothing to convert
+    scene.view_settings.view_transform = "Standard"
+    scene.sequencer_colorspace_settings.name = "sRGB"
+    set_mp4(scene)

@@ -1,0 +1,64 @@
+"""Progress with an estimate of the time left: a bar on a terminal, a line now and then elsewhere."""
+
+import sys
+import time
+from typing import TextIO
+
+
+class Progress:
+    """Counts finished items; call :meth:`advance` for each and :meth:`close` at the end."""
+
+    def __init__(self, total: int, noun: str, *, finished: int = 0, stream: TextIO | None = None) -> None:
+        """Start at ``finished`` of ``total`` items called ``noun`` (plural)."""
+        self._total, self._noun, self._count, self._first = total, noun, finished, finished
+        self._stream = stream or sys.stdout
+        self._bar = self._stream.isatty()
+        self._start = time.monotonic()
+        self._next_line = self._start
+        self._show()
+
+    def advance(self) -> None:
+        """One more item is finished."""
+        self._count += 1
+        self._show()
+
+    def close(self) -> None:
+        """End the bar's line."""
+        if self._bar:
+            self._stream.write("\n")
+            self._stream.flush()
+
+    @property
+    def seconds_per_item(self) -> float:
+        """Mean time of the items finished since the start, s; 0 before the first."""
+        done = self._count - self._first
+        return (time.monotonic() - self._start) / done if done else 0.0
+
+    def _show(self) -> None:
+        now = time.monotonic()
+        last = self._count == self._total
+        if not last and now < self._next_line:
+            return
+        self._next_line = now + (0.1 if self._bar else 10.0)
+        text = f"{self._count}/{self._total} {self._noun}"
+        if self._count > self._first:
+            left = self.seconds_per_item * (self._total - self._count)
+            text += f", {self.seconds_per_item * 1000:.0f} ms each, " + (
+                f"done in {duration(now - self._start)}" if last else f"{duration(left)} left"
+            )
+        if self._bar:
+            filled = round(30 * self._count / max(self._total, 1))
+            self._stream.write(f"\r[{'#' * filled}{'.' * (30 - filled)}] {text}\x1b[K")
+        else:
+            self._stream.write(text + "\n")
+        self._stream.flush()
+
+
+def duration(seconds: float) -> str:
+    """Seconds as people say them: ``"8 s"``, ``"3 min 20 s"``, ``"2 h 05 min"``."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"

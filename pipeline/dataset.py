@@ -111,14 +111,13 @@ def view_files(
     return files
 
 
-def write_view(paths: FramePaths, files: dict[str, bytes], record: dict) -> int:
-    """Write a view's files, then its record with their hashes; returns the number of bytes."""
+def write_view(paths: FramePaths, files: dict[str, bytes], record: dict) -> None:
+    """Write a view's files, then its record with their hashes."""
     for kind, data in files.items():
         _write(paths.file(kind), data)
     hashes = {paths.relative(kind): hashlib.sha256(data).hexdigest() for kind, data in files.items()}
     text = json.dumps({"index": paths.index, **record, "sha256": hashes}, separators=(",", ":")) + "\n"
     _write(paths.file("frame"), text.encode())
-    return sum(map(len, files.values())) + len(text)
 
 
 def _write(path: Path, data: bytes) -> None:

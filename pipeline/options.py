@@ -1,4 +1,4 @@
-"""The options of a dataset run: one list that the command line, the case file's [dataset] table and the record share."""
+"""The options of a dataset run: one list for the command line, the case file's [dataset] table and the record."""
 
 import argparse
 import dataclasses

@@ -81,7 +81,7 @@ class RunFolder:
             _lock(stream.fileno(), shared=shared)
         except OSError:
             raise RunError(
-                f"{self.path}: another process is rendering into this folder; wait for it, stop it, or take another --out"
+                f"{self.path}: another process renders into this folder; wait for it, stop it, or take another --out"
             ) from None
         return stream.fileno()
 

@@ -113,7 +113,7 @@ def open_job(job: Job) -> OpenJob:
 
 
 def render_views(
-    maker: ViewMaker, out: Path, frames: Iterable[int | None], finished: Callable[[int, int], None]
+    maker: ViewMaker, out: Path, frames: Iterable[int | None], finished: Callable[[int], None]
 ) -> None:
     """Make views and write them; encoding and writing run beside the next render.
 
@@ -126,7 +126,7 @@ def render_views(
     frames
         Numbers of the views; ``None`` for "nothing to do just now".
     finished
-        Called with a view's number and its bytes when it is on disk, from another thread.
+        Called with a view's number when it is on disk, from another thread.
 
     Raises
     ------
@@ -136,7 +136,8 @@ def render_views(
 
     def write(index: int, made: MadeView) -> None:
         files, record = maker.encode(made)
-        finished(index, write_view(FramePaths(out, index), files, record))
+        write_view(FramePaths(out, index), files, record)
+        finished(index)
 
     waiting: deque[Future[None]] = deque()
     try:

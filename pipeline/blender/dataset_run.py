@@ -9,7 +9,7 @@ from pipeline.blender import dataset_finish as finish
 from pipeline.blender.dataset_job import Job, OpenJob, available_cores, open_job, render_views, write_error
 from pipeline.blender.render import check_engine, keep_freed_memory
 from pipeline.blender.view_maker import ViewMaker
-from pipeline.blender.workers import WorkerPool, assigned_frames
+from pipeline.blender.workers import WorkerPool, assigned_frames, tell_finished
 from pipeline.dataset import finished_frames
 from pipeline.progress import Progress
 from pipeline.run_folder import RunFolder
@@ -71,7 +71,7 @@ def _render_missing(opened: OpenJob, workers: int, worker_command: Sequence[str]
     lock = threading.Lock()
     progress = Progress(len(opened.frames), "views", finished=len(done), stream=stream)
 
-    def finished(_index: int, _size: int) -> None:
+    def finished(_index: int) -> None:
         with lock:
             progress.advance()
 
@@ -107,14 +107,9 @@ def _video(opened: OpenJob, maker: ViewMaker, stream: TextIO) -> str:
 
 def work(job: Job, *, workers: int, stream: TextIO) -> None:
     """Be one of ``workers`` processes: render the views whose numbers come in through the standard input."""
-
-    def finished(index: int, size: int) -> None:
-        stream.write(f"{index} {size}\n")
-        stream.flush()
-
     keep_freed_memory()
     with open_job(job).maker(threads=_threads(workers)) as maker:
-        render_views(maker, job.out, assigned_frames(), finished)
+        render_views(maker, job.out, assigned_frames(), lambda index: tell_finished(index, stream))
 
 
 def _threads(workers: int) -> int:

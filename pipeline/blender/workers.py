@@ -1,7 +1,7 @@
 """More processes for one job: each worker is the same script once more, fed with view numbers through its input.
 
-A worker gets a number a line and answers with "number bytes" when that view is on disk. When its input ends, which
-also happens when the parent dies in any way, it ends too.
+A worker gets a number a line and answers with "finished: number" when that view is on disk; other lines of its output
+are Blender's. When its input ends, which also happens when the parent dies in any way, it ends too.
 """
 
 import queue
@@ -15,6 +15,8 @@ from typing import TextIO
 from pipeline.blender.console import EXIT_INPUT, EXIT_RUN
 from pipeline.errors import InputError, RunError
 
+_FINISHED = "finished: "
+
 AHEAD = 2
 """Views a worker has been given and not finished: one in work, one waiting, so that it never idles."""
 
@@ -22,8 +24,8 @@ AHEAD = 2
 class WorkerPool:
     """Workers that take views from a common queue; the parent takes from it as well."""
 
-    def __init__(self, frames: Sequence[int], finished: Callable[[int, int], None]) -> None:
-        """Nothing runs yet; ``finished`` is called with view and bytes from any thread."""
+    def __init__(self, frames: Sequence[int], finished: Callable[[int], None]) -> None:
+        """Nothing runs yet; ``finished`` is called with a view's number, from any thread."""
         self._frames = deque(frames)
         self._finished = finished
         self._threads: list[threading.Thread] = []
@@ -77,10 +79,11 @@ class WorkerPool:
         try:
             self._give(process, given)
             for line in process.stdout or ():
-                index, size = (int(word) for word in line.split())
-                given.discard(index)
-                self._finished(index, size)
-                self._give(process, given)
+                if line.startswith(_FINISHED):
+                    index = int(line.removeprefix(_FINISHED))
+                    given.discard(index)
+                    self._finished(index)
+                    self._give(process, given)
         except BrokenPipeError:
             pass  # it died: its exit code tells more
         code = process.wait()
@@ -110,6 +113,12 @@ class WorkerPool:
             given.add(index)
             stream.write(f"{index}\n")
         stream.flush()
+
+
+def tell_finished(index: int, stream: TextIO) -> None:
+    """A worker's answer: this view is on disk."""
+    stream.write(f"{_FINISHED}{index}\n")
+    stream.flush()
 
 
 def assigned_frames(stream: TextIO = sys.stdin) -> Iterator[int | None]:

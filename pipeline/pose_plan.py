@@ -172,9 +172,9 @@ def read_poses(
 ) -> tuple[np.ndarray, list[str]]:
     """Read explicit poses from a ``.npy`` or ``.json`` file. Pickled objects are refused and never loaded.
 
-    A ``.npy`` file holds a real array ``(N, 4, 4)``, or ``(4, 4)`` for one pose, of ``cam_from_given``. A ``.json``
-    file holds the same as nested lists, or a list of objects, each with one of the keys ``cam_from_given`` and
-    ``cam_from_model`` (the demeaned frame, as in the files of a dataset).
+    A ``.npy`` file holds a real array ``(N, 4, 4)``, or ``(4, 4)`` for one pose; a ``.json`` file the same as nested
+    lists, or a list of objects with the key ``cam_from_model``. As in a case file, they are for the frame of the mesh
+    file that the user gave: ``cam_from_given`` in the words of :mod:`pipeline.frames`.
 
     Parameters
     ----------
@@ -207,25 +207,19 @@ def read_poses(
         raise InputError(f"{path}: expected a readable file, found: {error.strerror}; check the path") from None
     if not entries:
         raise InputError(f"{path.name}: expected poses, found an empty list")
-    cams_from_model, corrected, in_model = np.empty((len(entries), 4, 4)), [], 0
-    for index, (frame, matrix) in enumerate(entries):
+    cams_from_model, corrected = np.empty((len(entries), 4, 4)), []
+    for index, matrix in enumerate(entries):
         pose, told = checked_rigid(matrix, f"{path.name}: pose {index} (counted from 0)")
         pose[:3, 3] *= mm_per_unit
-        cams_from_model[index] = pose if frame == "model" else pose @ given_from_model
+        cams_from_model[index] = pose @ given_from_model
         corrected += [told] if told else []
-        in_model += frame == "model"
     sentences = corrected[:1]
     if len(corrected) > 1:
         sentences.append(f"{path.name}: likewise the rotations of {len(corrected) - 1} other poses")
-    if in_model:
-        sentences.append(
-            f"{path.name}: {in_model} of {len(entries)} poses taken as cam_from_model, from the demeaned frame; "
-            "name the key cam_from_given if they refer to the mesh file's own frame"
-        )
     return cams_from_model, sentences
 
 
-def _read_npy(path: Path) -> list[tuple[str, np.ndarray]]:
+def _read_npy(path: Path) -> list[np.ndarray]:
     try:
         # mapping makes numpy compare the header's shape with the file's size before it takes memory
         array = np.load(path, allow_pickle=False, mmap_mode="r")
@@ -241,10 +235,10 @@ def _read_npy(path: Path) -> list[tuple[str, np.ndarray]]:
         raise InputError(f"{path.name}: expected an array of real numbers, found type {array.dtype}")
     if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3):
         raise InputError(f"{path.name}: expected shape (N, 4, 4) or (4, 4), found {array.shape}")
-    return [("given", matrix) for matrix in np.array(array).reshape(-1, 4, 4)]
+    return list(np.array(array).reshape(-1, 4, 4))
 
 
-def _read_json(path: Path) -> list[tuple[str, object]]:
+def _read_json(path: Path) -> list[object]:
     text = path.read_bytes()
     try:
         # whole numbers as float too: one with 400 digits becomes infinity, which is refused with the pose's index
@@ -258,15 +252,12 @@ def _read_json(path: Path) -> list[tuple[str, object]]:
     return [_json_entry(entry, f"{path.name}: pose {index} (counted from 0)") for index, entry in enumerate(data)]
 
 
-def _json_entry(entry: object, where: str) -> tuple[str, object]:
+def _json_entry(entry: object, where: str) -> object:
     if not isinstance(entry, dict):
-        return "given", entry
-    found = [frame for frame in ("given", "model") if f"cam_from_{frame}" in entry]
-    if len(found) != 1:
-        raise InputError(
-            f"{where}: expected one of the keys cam_from_given and cam_from_model, found {', '.join(entry) or 'none'}"
-        )
-    return found[0], entry[f"cam_from_{found[0]}"]
+        return entry
+    if "cam_from_model" not in entry:
+        raise InputError(f"{where}: expected the key cam_from_model, found {', '.join(entry) or 'none'}")
+    return entry["cam_from_model"]
 
 
 def _is_list(value: object) -> bool:

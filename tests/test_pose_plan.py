@@ -166,8 +166,7 @@ def as_objects(key):
     "stored",
     [
         lambda poses: poses.tolist(),
-        as_objects("cam_from_given"),
-        lambda poses: as_objects("cam_from_model")(poses @ GIVEN_FROM_MODEL),
+        as_objects("cam_from_model"),
     ],
 )
 def test_json_and_npy_give_the_same_poses(tmp_path, stored):
@@ -181,16 +180,6 @@ def test_json_and_npy_give_the_same_poses(tmp_path, stored):
     assert np.allclose(from_json, from_npy, rtol=0, atol=1e-12)
 
 
-def test_frame_of_json_objects_is_told(tmp_path):
-    (tmp_path / "p.json").write_text(json.dumps(as_objects("cam_from_model")(some_poses(3))))
-    poses, told = read_poses(tmp_path / "p.json", given_from_model=GIVEN_FROM_MODEL)
-    assert np.allclose(poses, some_poses(3), rtol=0, atol=1e-12)
-    assert told == [
-        "p.json: 3 of 3 poses taken as cam_from_model, from the demeaned frame; "
-        "name the key cam_from_given if they refer to the mesh file's own frame"
-    ]
-
-
 @pytest.mark.parametrize("dtype", ["<f4", ">f8", "<i4"])
 def test_metres_single_poses_and_other_number_types(tmp_path, dtype):
     pose = np.array([[0, 0, 1, 2], [1, 0, 0, -3], [0, 1, 0, 4], [0, 0, 0, 1]])
@@ -201,7 +190,7 @@ def test_metres_single_poses_and_other_number_types(tmp_path, dtype):
         expected[:3, 3] *= 1000
         assert read.dtype == np.float64
         assert np.array_equal(read, expected[None])
-    for stored in (pose.tolist(), {"cam_from_given": pose.tolist()}):
+    for stored in (pose.tolist(), {"cam_from_model": pose.tolist()}):
         (tmp_path / "one.json").write_text(json.dumps(stored))
         read, _ = read_poses(tmp_path / "one.json", given_from_model=np.eye(4), mm_per_unit=1000)
         assert np.array_equal(read, expected[None])
@@ -282,8 +271,7 @@ def test_arrays_that_are_not_poses_are_refused(tmp_path, array, message):
         ("[[1, 2", "expected JSON"),
         ("[" * 100_000, "expected JSON"),
         ("\x00\xff", "expected JSON"),
-        ('[{"pose": 1}]', "pose 0 .*cam_from_given and cam_from_model, found pose"),
-        ('[{"cam_from_given": 1, "cam_from_model": 1}]', "pose 0 .*expected one of the keys"),
+        ('[{"pose": 1}]', "pose 0 .*expected the key cam_from_model, found pose"),
         ('["a"]', "pose 0 .*expected 4 rows of 4 numbers"),
         ("[null]", r"pose 0 .*shape \(\)"),
         ("[[[1, 2], [3]]]", "pose 0 .*expected 4 rows"),

@@ -22,6 +22,7 @@ from pipeline.blender.versions import ENGINE_IDS, set_multilayer_exr
 from pipeline.errors import InputError
 from pipeline.exr_file import read_exr
 
+_TRIAL_ENDED = "trial render ended"
 _BACKGROUND_MM = 1e9  # Blender's depth of "nothing" is 1e10
 
 
@@ -57,7 +58,8 @@ def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> Rend
     else:
         passes = _render_to_file(surface_scene.scene)
     combined, depth = passes["Combined"], passes["Depth"][..., 0]
-    depth = np.where(depth < _BACKGROUND_MM, depth, np.float32(0))
+    # Eevee 4.5 gives the background the depth of the far clip plane
+    depth = np.where((depth < _BACKGROUND_MM) & (combined[..., 3] > 0), depth, np.float32(0))
     observed = passes[OBSERVED_PASS][..., 0] > 0.5 if OBSERVED_PASS in passes else np.zeros(depth.shape, dtype=bool)
     return RenderedView(combined[..., :3], depth, observed)
 
@@ -130,14 +132,13 @@ def check_engine(engine: str) -> None:
         return
     trial = (
         f"import bpy; scene = bpy.context.scene; scene.render.engine = {ENGINE_IDS['workbench']!r}; "
-        "scene.render.resolution_x = scene.render.resolution_y = 8; bpy.ops.render.render()"
+        f"scene.render.resolution_x = scene.render.resolution_y = 8; bpy.ops.render.render(); print({_TRIAL_ENDED!r})"
     )
     command = [sys.executable, "-c", trial]
     if not bpy.app.module:
         command = [bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", trial]
-    ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False, timeout=300)
-    output = ended.stdout + ended.stderr
-    if ended.returncode != 0 or b"EGL Error" in output or b"Unable to open" in output:
+    ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    if _TRIAL_ENDED not in ended.stdout:
         raise InputError(
             f"--engine {engine}: expected an OpenGL context, this machine gives none to Blender; "
             "install Mesa's software OpenGL (libegl1, libgl1-mesa-dri) or a graphics driver, or use --engine cycles"

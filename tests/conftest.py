@@ -1,0 +1,125 @@
+"""Surfaces, cameras and independent oracles that several tests share."""
+
+import os
+import tempfile
+
+import numpy as np
+import pytest
+
+from pipeline.camera import PinholeCamera
+from pipeline.frames import inverse_rigid, rigid, rotation_from_vector, transform_points
+from pipeline.mesh import TriangleMesh
+
+# before any import of bpy: a user's own Blender configuration must not reach the tests
+os.environ.setdefault("BLENDER_USER_RESOURCES", tempfile.mkdtemp(prefix="oneframe-test-"))
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20)
+
+
+def grid_mesh(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> TriangleMesh:
+    """A triangulated grid of points, front towards +z."""
+    rows, columns = z.shape
+    index = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    return TriangleMesh(np.stack([x, y, z], -1).reshape(-1, 3).astype(float), faces.astype(np.int32))
+
+
+@pytest.fixture
+def bumpy_mesh() -> TriangleMesh:
+    """60 x 50 mm of hills and dales, 6 mm high: hides parts of itself from low angles; demeaned."""
+    x, y = np.meshgrid(np.linspace(-30, 30, 121), np.linspace(-25, 25, 101))
+    z = 3 * np.sin(x / 3.1) * np.cos(y / 2.7) + 2 * np.exp(-((x / 8) ** 2) - (y / 8) ** 2)
+    mesh = grid_mesh(x, y, z)
+    return mesh.moved(-mesh.vertices.mean(axis=0))
+
+
+@pytest.fixture
+def stepped_mesh() -> TriangleMesh:
+    """A 60 x 50 mm plate with a smaller one hovering 6 mm above it, which hides part of it; demeaned."""
+    x, y = np.meshgrid(np.linspace(-30, 30, 61), np.linspace(-25, 25, 51))
+    plate = grid_mesh(x, y, np.zeros_like(x))
+    above = grid_mesh(x / 4 + 3, y / 4, np.full_like(x, 6.0))
+    mesh = TriangleMesh(
+        np.concatenate([plate.vertices, above.vertices]),
+        np.concatenate([plate.faces, above.faces + len(plate.vertices)]).astype(np.int32),
+    )
+    return mesh.moved(-mesh.vertices.mean(axis=0))
+
+
+@pytest.fixture
+def frontal_pose() -> np.ndarray:
+    """300 mm above the surface, looking down on it."""
+    return rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0])
+
+
+@pytest.fixture
+def oblique_pose(frontal_pose: np.ndarray) -> np.ndarray:
+    """The same, tilted by 24 degrees and rolled."""
+    return frontal_pose @ rigid(rotation_from_vector(np.array([0.35, -0.2, 0.15])))
+
+
+def intersect(
+    mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, pixels: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Depth and face of the first hit along each ray, in float64, by rasterising with exact plane equations.
+
+    Independent of Blender: for each triangle the edge functions are evaluated at the ``(N, 2)`` pixels near it.
+
+    Returns
+    -------
+    ``(N,)`` depth in mm (0 for a miss) and ``(N,)`` face index (-1).
+    """
+    corners = transform_points(cam_from_model, mesh.vertices)[mesh.faces]
+    rays = camera.rays_cam(pixels)
+    projected = camera.project(corners.reshape(-1, 3)).reshape(-1, 3, 2)
+    depth, hit = np.full(len(pixels), np.inf), np.full(len(pixels), -1)
+    order = np.lexsort((pixels[:, 0], pixels[:, 1]))
+    rows = pixels[order, 1]
+    low, high = projected.min(axis=1), projected.max(axis=1)
+    starts, ends = np.searchsorted(rows, low[:, 1]), np.searchsorted(rows, high[:, 1], side="right")
+    for face in range(len(corners)):
+        near = order[starts[face] : ends[face]]
+        near = near[(pixels[near, 0] >= low[face, 0]) & (pixels[near, 0] <= high[face, 0])]
+        if len(near) == 0:
+            continue
+        # ray = w0 a + w1 b + w2 c: all weights of one sign inside the triangle
+        determinant = np.linalg.det(corners[face])
+        if determinant == 0:
+            continue
+        weights = rays[near] @ np.linalg.inv(corners[face])
+        total = weights.sum(axis=1)
+        inside = (weights * np.sign(total)[:, None] >= 0).all(axis=1) & (total > 0)
+        z = 1 / total[inside]
+        target = near[inside]
+        closer = z < depth[target]
+        depth[target[closer]], hit[target[closer]] = z[closer], face
+    return np.where(np.isfinite(depth), depth, 0), hit
+
+
+@pytest.fixture
+def ray_cast():
+    """:func:`intersect`, as a fixture."""
+    return intersect
+
+
+@pytest.fixture
+def sharp_image(rng: np.random.Generator):
+    """Makes ``(H, W, 3)`` float32 8-bit code values with detail down to the pixel."""
+
+    def make(camera: PinholeCamera) -> np.ndarray:
+        v, u = np.mgrid[: camera.height, : camera.width]
+        waves = [np.sin(u / 3.7 + k) * np.cos(v / (4.3 + k)) for k in range(3)]
+        image = 0.5 + 0.3 * np.stack(waves, -1) + rng.normal(0, 0.05, (camera.height, camera.width, 3))
+        return (np.rint(np.clip(image, 0, 1) * 255) / 255).astype(np.float32)
+
+    return make
+
+
+@pytest.fixture
+def centre_of():
+    """Centre of projection in the model frame from ``cam_from_model``."""
+    return lambda cam_from_model: inverse_rigid(cam_from_model)[:3, 3]

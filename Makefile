@@ -1,0 +1,41 @@
+# One command a habit. `make demo` and `make test` set everything up by themselves.
+#   PYTHON=...  a Python 3.13 (brings Blender 5.2 LTS) or 3.11 (Blender 4.5 LTS); found by itself if not given
+#   VENV=...    where the environment goes (default .venv)
+#   BLENDER=... a Blender program, for the tests that run inside one
+VENV ?= .venv
+PYTHON ?= $(shell scripts/find_python.sh 3.13 3.11)
+RUN = $(VENV)/bin/python
+
+.PHONY: setup demo test lint bench clean
+.DEFAULT_GOAL := demo
+
+setup: $(VENV)/.ready
+
+$(VENV)/.ready: pyproject.toml
+	@test -n "$(PYTHON)" || { echo "error: expected Python 3.13 (for Blender 5.2 LTS) or 3.11 (for Blender 4.5 LTS), found neither; install one, or name it: make PYTHON=/path/to/python" >&2; exit 1; }
+	@"$(PYTHON)" -c 'import sys; v = "%d.%d" % sys.version_info[:2]; v in ("3.11", "3.13") or sys.exit("error: expected Python 3.13 (for Blender 5.2 LTS) or 3.11 (for Blender 4.5 LTS), found " + v)'
+	@echo "setting up $(VENV) with $$("$(PYTHON)" --version) (Blender as a module: about 400 MB)"
+	@"$(PYTHON)" -m venv --clear $(VENV)
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[test,lint]"
+	@$(RUN) -c 'import bpy; print("Blender", bpy.app.version_string, "is ready")'
+	@touch $@
+
+demo: setup
+	@$(RUN) scripts/make_sample.py --out demo/case
+	@$(RUN) scripts/render_dataset.py demo/case/case.toml --out demo/dataset --count 24 --video --video-frames 72
+	@echo "look at demo/case/frame.png (the one frame), demo/dataset/contact_sheet.png and demo/dataset/video/trajectory.mp4"
+
+test: setup
+	$(RUN) -m pytest
+
+lint: setup
+	$(RUN) -m ruff format --check .
+	$(RUN) -m ruff check .
+	$(RUN) -m mypy
+
+bench: setup
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
+	$(RUN) scripts/benchmark.py
+
+clean:
+	rm -rf $(VENV) demo build .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -10,6 +10,9 @@ import numpy as np
 
 from pipeline.errors import InputError
 
+LARGEST_COORDINATE = 1e9
+"""1000 km in mm: more is a damaged file, and products of such numbers overflow."""
+
 
 @dataclass(frozen=True)
 class TriangleMesh:
@@ -59,9 +62,10 @@ class TriangleMesh:
 
     @cached_property
     def median_edge(self) -> float:
-        """Median edge length, mm: the density that limits vertex colours."""
-        a, b = self.vertices[self.faces[:, 0]], self.vertices[self.faces[:, 1]]
-        return float(np.median(np.linalg.norm(b - a, axis=1)))
+        """Median edge length over the sides of all faces, mm: the density that limits vertex colours."""
+        # all three sides: exporters that split quads start every face at the diagonal
+        sides = self.vertices[self.faces] - self.vertices[np.roll(self.faces, 1, axis=1)]
+        return float(np.median(np.linalg.norm(sides, axis=2)))
 
     def moved(self, offset: np.ndarray) -> "TriangleMesh":
         """The mesh with ``offset`` (3,) in mm added to all vertices."""
@@ -93,7 +97,8 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
     Raises
     ------
     InputError
-        No vertices or faces, vertices that are not finite, indices out of range, or all faces without area.
+        No vertices or faces, coordinates that are not finite or absurdly large, indices out of range, or all faces
+        without area.
     """
     told: list[str] = []
     if len(vertices) == 0 or len(faces) == 0:
@@ -102,11 +107,11 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
             "export the mesh with its faces"
         )
     vertices = np.asarray(vertices, dtype=np.float64)
-    bad = ~np.isfinite(vertices).all(axis=1)
+    bad = ~(np.abs(vertices) < LARGEST_COORDINATE).all(axis=1)
     if bad.any():
         raise InputError(
-            f"{where}: expected finite coordinates, found NaN or infinity in {bad.sum()} of {len(bad)} vertices "
-            f"(first: vertex {int(np.argmax(bad))}); repair the mesh"
+            f"{where}: expected coordinates below {LARGEST_COORDINATE:g}, found NaN, infinity or larger in "
+            f"{bad.sum()} of {len(bad)} vertices (first: vertex {int(np.argmax(bad))}); repair the mesh"
         )
     faces = np.asarray(faces, dtype=np.int64)
     if faces.min() < 0 or faces.max() >= len(vertices):
@@ -152,16 +157,20 @@ def diameter(points: np.ndarray) -> float:
         lower = float(distance[index])
     reach = np.sqrt(((points - centre) ** 2).sum(axis=1))
     candidates = points[reach + reach.max() >= lower]
-    order = np.argsort(-np.sqrt(((candidates - centre) ** 2).sum(axis=1)), kind="stable")
-    candidates = candidates[order]
-    reach = np.sqrt(((candidates - centre) ** 2).sum(axis=1))
-    block = 256
-    for start in range(0, len(candidates), block):
+    offset = candidates - centre
+    squared_reach = (offset**2).sum(axis=1)
+    order = np.argsort(-squared_reach, kind="stable")
+    offset, squared_reach = offset[order], squared_reach[order]
+    reach = np.sqrt(squared_reach)
+    block = 128
+    for start in range(0, len(offset), block):
         if reach[start] * 2 < lower:
             break  # both ends of any remaining pair lie nearer to the centre than half the bound
-        rows = candidates[start : start + block]
-        partners = candidates[start : np.searchsorted(-reach, reach[start] - lower, side="right")]
-        if len(partners):
-            squared = ((rows[:, None] - partners[None]) ** 2).sum(axis=2)
-            lower = max(lower, float(np.sqrt(squared.max())))
+        stop = int(np.searchsorted(-reach, reach[start] - lower, side="right"))
+        rows, partners = offset[start : start + block], offset[start:stop]
+        if len(partners) == 0:
+            continue
+        squared = squared_reach[start : start + block, None] + squared_reach[None, start:stop] - 2 * rows @ partners.T
+        row, partner = np.unravel_index(int(np.argmax(squared)), squared.shape)
+        lower = max(lower, float(np.linalg.norm(rows[row] - partners[partner])))
     return lower

@@ -19,6 +19,7 @@ from pipeline.visibility import SourceView
 
 OBSERVED_PASS = "observed"
 COLOUR_ATTRIBUTE = "frame_colour"
+OBSERVED_ATTRIBUTE = "frame_observed"
 UV_MAP = "frame_uv"
 PROJECTION_ATTRIBUTE = "frame_projection"
 _NOWHERE = (-1.0, -1.0, 1.0)  # projects outside the frame
@@ -63,7 +64,10 @@ def assign_colour(mesh_object: bpy.types.Object, mesh: TriangleMesh, colour: Sur
 
 def _vertex_colour(nodes: "_Nodes", mesh_object: bpy.types.Object, colour: VertexColours) -> tuple:
     rgba = np.concatenate([colour.rgb, colour.observed[:, None]], axis=1)
+    # Workbench draws attributes, not materials, and of these their colour only
+    set_vertex_colors(mesh_object, OBSERVED_ATTRIBUTE, np.repeat(rgba[:, 3:], 4, axis=1))
     set_vertex_colors(mesh_object, COLOUR_ATTRIBUTE, rgba)
+    mesh_object.data.color_attributes.active_color_name = COLOUR_ATTRIBUTE
     attribute = nodes.add("ShaderNodeAttribute", attribute_name=COLOUR_ATTRIBUTE)
     # a point is observed if all three vertices of its triangle are
     return attribute.outputs["Color"], nodes.math("GREATER_THAN", attribute.outputs["Alpha"], 0.9999)

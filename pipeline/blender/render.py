@@ -16,9 +16,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from pipeline.blender.material import OBSERVED_PASS
+from pipeline.blender.material import COLOUR_ATTRIBUTE, OBSERVED_ATTRIBUTE, OBSERVED_PASS
 from pipeline.blender.scene import SurfaceScene
 from pipeline.blender.versions import ENGINE_IDS, set_multilayer_exr
+from pipeline.colouring import NEUTRAL
 from pipeline.errors import InputError
 from pipeline.exr_file import read_exr
 
@@ -55,6 +56,8 @@ def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> Rend
     surface_scene.look_from(cam_from_model)
     if surface_scene.engine == "cycles":
         passes = _render_cycles(surface_scene.scene)
+    elif surface_scene.engine == "workbench":
+        passes = _render_workbench(surface_scene)
     else:
         passes = _render_to_file(surface_scene.scene)
     combined, depth = passes["Combined"], passes["Depth"][..., 0]
@@ -100,6 +103,29 @@ def _pass_array(render_pass: bpy.types.RenderPass, height: int) -> np.ndarray:
     values = np.empty(len(render_pass.rect) * render_pass.channels, np.float32)
     render_pass.rect.foreach_get(values)
     return values.reshape(height, -1, render_pass.channels)[::-1]
+
+
+def _render_workbench(surface_scene: SurfaceScene) -> dict[str, np.ndarray]:
+    """Workbench runs no shaders and has no pass for the observed flag: a second render draws it as the colour.
+
+    That one leaves back sides out, so where its depth differs from the first one's, the first shows a back side.
+    """
+    scene = surface_scene.scene
+    attributes, shading = surface_scene.surface_object.data.color_attributes, scene.display.shading
+    passes = _render_to_file(scene)
+    if OBSERVED_ATTRIBUTE not in attributes:
+        return passes
+    attributes.active_color_name, shading.show_backface_culling = OBSERVED_ATTRIBUTE, True
+    try:
+        flags = _render_to_file(scene)
+    finally:
+        attributes.active_color_name, shading.show_backface_culling = COLOUR_ATTRIBUTE, False
+    # its buffers are half floats: 1 may come out as the value before
+    observed = (flags["Combined"][..., :1] > 0.999) & (flags["Depth"] == passes["Depth"])
+    passes["Combined"][..., :3] = np.where(
+        observed, passes["Combined"][..., :3], np.float32(NEUTRAL) * passes["Combined"][..., 3:]
+    )
+    return passes | {OBSERVED_PASS: observed.astype(np.float32)}
 
 
 def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:

@@ -91,7 +91,7 @@ def read_case(path: Path) -> Case:
     table = _read_toml(path)
     name = path.name
     _check_keys(table, ("units", "frame", "camera", "surface", "pose"), ("structures", "dataset"), name, "")
-    if table["units"] not in MM_PER_UNIT:
+    if not isinstance(table["units"], str) or table["units"] not in MM_PER_UNIT:
         raise InputError(f'{name}: expected units = "mm" or "m", found {table["units"]!r}')
     mm_per_unit = MM_PER_UNIT[table["units"]]
     frame, camera, surface, pose = (_table(table, key, name) for key in ("frame", "camera", "surface", "pose"))
@@ -127,7 +127,7 @@ def _read_toml(path: Path) -> dict:
         raise InputError(f"{path}: expected a case file, it does not exist; correct the path") from None
     except OSError as error:
         raise InputError(f"{path}: cannot read the case file ({error.strerror})") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # tomllib's and the decoder's are ValueErrors
         raise InputError(f"{path.name}: expected TOML, found a mistake: {error}") from None
 
 
@@ -167,7 +167,7 @@ def _dataset(table: object, name: str) -> dict[str, object]:
 
 
 def _path(case_path: Path, value: object, where: str) -> Path:
-    if not isinstance(value, str) or not value:
+    if not isinstance(value, str) or not value or "\0" in value:
         raise InputError(f"{where}: expected a file name, found {value!r}")
     return case_path.parent / value
 

@@ -11,6 +11,9 @@ from pipeline.camera import PinholeCamera
 from pipeline.colouring import sample_bilinear
 from pipeline.errors import InputError
 
+FOLD_GRID = 101
+"""Grid lines along each side of the frame of the test for folds: finer ones are narrower than 1 % of the frame."""
+
 
 @dataclass(frozen=True)
 class Distortion:
@@ -45,8 +48,10 @@ def checked_distortion(values: object, camera: PinholeCamera, where: str) -> Dis
         Not five (or four: k3 = 0) finite numbers, or a model that folds the image over inside the frame.
     """
     try:
+        if isinstance(values, str):
+            raise TypeError
         numbers = [float(value) for value in values]  # type: ignore[attr-defined]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{where}: expected [k1, k2, p1, p2, k3], found {values!r}") from None
     if len(numbers) == 4:
         numbers.append(0.0)
@@ -55,16 +60,25 @@ def checked_distortion(values: object, camera: PinholeCamera, where: str) -> Dis
     distortion = Distortion(*numbers)
     if not any(astuple(distortion)):
         return None
-    corners = np.array([[u, v] for u in (0, camera.width - 1) for v in (0, camera.height - 1)], float)
-    for corner in camera.rays_cam(corners)[:, :2]:
-        along = np.linspace(0, 1, 200)[:, None] * corner
-        radius = np.linalg.norm(distortion.distort(along), axis=1)
-        if (np.diff(radius) <= 0).any():
-            raise InputError(
-                f"{where}: the distortion {values!r} folds the image over inside the frame; "
-                "expected OpenCV's order [k1, k2, p1, p2, k3] (p1, p2 before k3)"
-            )
+    if _folds(distortion, camera):
+        raise InputError(
+            f"{where}: expected a distortion that keeps the frame in one layer, found {values!r}, which folds it over; "
+            "OpenCV's order is [k1, k2, p1, p2, k3] (p1, p2 before k3)"
+        )
     return distortion
+
+
+def _folds(distortion: Distortion, camera: PinholeCamera) -> bool:
+    """Whether some cell of a grid over the frame changes its orientation (Jacobian determinant not positive)."""
+    u, v = np.meshgrid(
+        np.linspace(-0.5, camera.width - 0.5, FOLD_GRID), np.linspace(-0.5, camera.height - 0.5, FOLD_GRID)
+    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        points = distortion.distort(camera.rays_cam(np.stack([u, v], axis=-1))[..., :2])
+        across, down = np.diff(points[:-1], axis=1), np.diff(points[:, :-1], axis=0)
+        orientation = across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]
+    # coefficients that overflow give NaN, which is not positive
+    return not bool((orientation > 0).all())
 
 
 def undistort(image: np.ndarray, camera: PinholeCamera, distortion: Distortion) -> tuple[np.ndarray, np.ndarray]:

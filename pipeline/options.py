@@ -12,6 +12,8 @@ from pipeline.errors import InputError
 
 ENGINES = ("cycles", "eevee", "workbench")
 COLOURS = ("projective", "texture", "vertex")
+LARGEST_NUMBER = 2**53
+"""Whole numbers beyond this have no exact float, and no option needs them."""
 SAMPLERS = ("cone", "gaussian", "shell", "trajectory")
 
 
@@ -23,7 +25,7 @@ def _option(default: object, text: str, **limits: object) -> object:
 class DatasetOptions:
     """What determines the content of a dataset, beside the case itself."""
 
-    count: int = _option(100, "number of views", least=1)
+    count: int = _option(100, "number of views", least=1, most=10_000_000)
     seed: int = _option(0, "seed of the poses; view i depends only on the seed and i", least=0)
     poses: str | None = _option(
         None, "explicit cam_from_model poses, for the frame of the mesh file: .npy (N x 4 x 4) or a JSON list; "
@@ -67,17 +69,30 @@ def checked_options(values: Mapping[str, object], where: str) -> DatasetOptions:
     InputError
         An unknown name, a value of the wrong kind, not finite or out of range, limits in the wrong order.
     """
+    return _checked_together(_checked_values(values, where), where)
+
+
+def _checked_values(values: Mapping[str, object], where: str) -> dict[str, object]:
     fields = {entry.name: entry for entry in dataclasses.fields(DatasetOptions)}
     checked: dict[str, object] = {}
     for name, value in values.items():
         if name not in fields:
             raise InputError(f"{where}: unknown option {name!r}; {nearest_name(name, tuple(fields))}")
         checked[name] = _checked_value(name, value, fields[name], where)
+    return checked
+
+
+def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptions:
     options = DatasetOptions(**checked)  # type: ignore[arg-type]
     if options.distance_min > options.distance_max:
         raise InputError(
             f"{where}: expected distance_min <= distance_max, found {options.distance_min:g} > "
             f"{options.distance_max:g}; swap them"
+        )
+    if options.engine == "workbench" and options.colour != "vertex":
+        raise InputError(
+            f"{where}: expected colour vertex with engine workbench, which runs no shaders, found {options.colour}; "
+            "add --colour vertex, or take --engine cycles"
         )
     return options
 
@@ -96,8 +111,8 @@ def _checked_value(name: str, value: object, entry: dataclasses.Field, where: st
                 f"{where}: {name}: expected {' or '.join(choices or ['a file name'])}, found {value!r}{hint}"
             )
         return value
-    number_ok = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    if not number_ok or (kind is int and value != int(value)):
+    is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
+    if not is_number or (kind is int and value != int(value)):
         raise InputError(f"{where}: {name}: expected a {'whole ' if kind is int else ''}number, found {value!r}")
     least, most = entry.metadata.get("least", -math.inf), entry.metadata.get("most", math.inf)
     if not least <= value <= most:
@@ -137,11 +152,12 @@ _number.__name__ = "number"  # argparse names it in its message
 def merged_options(table: Mapping[str, object], arguments: argparse.Namespace, case_path: Path) -> DatasetOptions:
     """Options of a run: the command line over the case file's [dataset] table over the defaults."""
     names = [entry.name for entry in dataclasses.fields(DatasetOptions)]
-    from_table = checked_options(table, f"{case_path.name}: [dataset]")
+    from_table = _checked_values(table, f"{case_path.name}: [dataset]")
+    if "poses" in from_table:
+        from_table["poses"] = str(case_path.parent / str(from_table["poses"]))
     given = {name: getattr(arguments, name) for name in names if hasattr(arguments, name)}
-    if "poses" in table and "poses" not in given and from_table.poses is not None:
-        given["poses"] = str(case_path.parent / from_table.poses)
-    return checked_options({**table, **given}, "command line")
+    # together only now: what the table leaves unfitting, the command line may mend
+    return _checked_together({**from_table, **_checked_values(given, "command line")}, "options")
 
 
 @dataclass(frozen=True)

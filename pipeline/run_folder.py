@@ -7,16 +7,20 @@ another one stops. Locks and temporary files live in ``.work`` and are gone when
 import json
 import os
 import shutil
+import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 
 from pipeline.atomic_file import write_bytes_atomically
-from pipeline.errors import RunError
+from pipeline.dataset import SPLIT
+from pipeline.errors import InputError, RunError
 from pipeline.options import Shard
 
 RECORD = "dataset.json"
 WORK = ".work"
+LAST_SHARDS_SECONDS = 10.0
+"""Shards that end together wait at most this long for each other before the last one tidies up."""
 
 
 class RunFolder:
@@ -41,16 +45,22 @@ class RunFolder:
         """
         self.path = path
         self._locks = ExitStack()
-        work = path / WORK
+        work, record = path / WORK, path / RECORD
         try:
-            foreign = path.is_dir() and any(path.iterdir()) and not (path / RECORD).exists() and not work.exists()
-            if foreign:
+            self._new_folders = [folder for folder in (path, *path.parents) if not folder.exists()]
+            self._is_new = not record.exists()
+            if not self._is_new:
+                # before anything is touched
+                _check_identity(record, identity)
+            elif path.is_dir() and any(path.iterdir()) and not work.exists():
                 raise RunError(f"{path}: expected a new or empty folder or a dataset to resume, found other files")
             work.mkdir(parents=True, exist_ok=True)
             self._common_lock = self._take(work / "lock", shared=shard.count > 1)
             if shard.count > 1:
                 self._take(work / f"lock-{shard.index}-of-{shard.count}", shared=False)
-            self._identify(identity)
+            if not record.exists():
+                write_bytes_atomically(record, _json(identity))
+            _check_identity(record, identity)
             self._remove_leftovers(shared=shard.count > 1)
         except OSError as error:
             self._locks.close()
@@ -65,42 +75,54 @@ class RunFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if isinstance(error, InputError) and self._is_new:
+            self._discard()
         self._locks.close()
 
     def finish(self) -> None:
-        """Remove locks and temporary files of a complete dataset, unless another shard still works in the folder."""
-        with suppress(OSError):
-            # a shard shares the common lock with others; alone it may have it for itself
-            _lock(self._common_lock, shared=False)
+        """Remove locks and temporary files of a complete dataset, unless another process still works in the folder."""
+        # other shards of a complete dataset are about to end as well, and one of them has to be the last
+        if self._alone(wait_seconds=LAST_SHARDS_SECONDS):
             self._remove_leftovers(shared=False)
+            if os.name == "nt":
+                self._locks.close()  # Windows removes no open files
             shutil.rmtree(self.path / WORK, ignore_errors=True)
+
+    def _discard(self) -> None:
+        """Take back what this run made, if unusable input stopped it before its first view was finished."""
+        if any((self.path / SPLIT).glob("*/frame/*.json")) or not self._alone():
+            return
+        for name in (SPLIT, "models", WORK):
+            shutil.rmtree(self.path / name, ignore_errors=True)
+        for name in ("camera.json", RECORD):
+            (self.path / name).unlink(missing_ok=True)
+        for folder in self._new_folders:
+            with suppress(OSError):  # somebody else has put something there
+                folder.rmdir()
+
+    def _alone(self, *, wait_seconds: float = 0.0) -> bool:
+        """Get the lock that shards share for this process alone; a failed attempt gives it up to the others."""
+        give_up = time.monotonic() + wait_seconds
+        while True:
+            try:
+                _lock(self._common_lock, shared=False)
+                return True
+            except OSError:
+                if time.monotonic() > give_up:
+                    return False
+                time.sleep(0.05)
 
     def _take(self, path: Path, *, shared: bool) -> int:
         stream = self._locks.enter_context(path.open("a+b"))
         try:
             _lock(stream.fileno(), shared=shared)
+            if not os.path.samestat(os.fstat(stream.fileno()), path.stat()):
+                raise FileNotFoundError  # whoever held it has just finished the dataset and removed the file
         except OSError:
             raise RunError(
                 f"{self.path}: another process renders into this folder; wait for it, stop it, or take another --out"
             ) from None
         return stream.fileno()
-
-    def _identify(self, identity: dict) -> None:
-        record = self.path / RECORD
-        data = (json.dumps(identity, indent=2) + "\n").encode()
-        if not record.exists():
-            write_bytes_atomically(record, data)
-        try:
-            existing = json.loads(record.read_bytes())
-        except ValueError:
-            raise RunError(f"{record}: expected the record of a dataset, found no JSON; take another --out") from None
-        different = sorted(_differences(existing, json.loads(data)))
-        if different:
-            shown = "; ".join(different[:4]) + (f" and {len(different) - 4} more" if len(different) > 4 else "")
-            raise RunError(
-                f"{self.path}: the folder holds the dataset of another run ({shown}); "
-                "undo the change to resume it, or take another --out"
-            )
 
     def _remove_leftovers(self, *, shared: bool) -> None:
         """Remove temporary files of a killed run; another shard's live ones are not ours to touch."""
@@ -109,13 +131,38 @@ class RunFolder:
                 leftover.unlink(missing_ok=True)
 
 
+def _json(identity: dict) -> bytes:
+    return (json.dumps(identity, indent=2) + "\n").encode()
+
+
+def _check_identity(record: Path, identity: dict) -> None:
+    try:
+        existing = json.loads(record.read_bytes())
+    except ValueError:
+        raise RunError(f"{record}: expected the record of a dataset, found no JSON; take another --out") from None
+    # the files first: what differs besides may follow from them
+    different = sorted(
+        _differences(existing, json.loads(_json(identity))), key=lambda text: (not text.startswith("the file"), text)
+    )
+    if different:
+        shown = "; ".join(different[:4]) + (f" and {len(different) - 4} more" if len(different) > 4 else "")
+        raise RunError(
+            f"{record.parent}: the folder holds the dataset of another run ({shown}); "
+            "undo the change to resume it, or take another --out"
+        )
+
+
 def _differences(old: object, new: object, name: str = "") -> list[str]:
     if isinstance(old, dict) and isinstance(new, dict):
         keys = old.keys() | new.keys()
         return [
             text for key in keys for text in _differences(old.get(key), new.get(key), f"{name}.{key}" if name else key)
         ]
-    return [] if old == new else [f"{name} was {_short(old)}, is {_short(new)}"]
+    if old == new:
+        return []
+    if name.startswith("inputs_sha256."):
+        return [f"the file of the {name.removeprefix('inputs_sha256.')} has changed"]
+    return [f"{name} was {_short(old)}, is {_short(new)}"]
 
 
 def _short(value: object) -> str:

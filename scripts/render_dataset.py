@@ -13,10 +13,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import argparse
 from collections.abc import Sequence
 
-from pipeline.blender.console import own_output, run_script, script_command
+from pipeline.blender.console import ArgumentParser, own_output, run_script, script_command
 from pipeline.blender.dataset_job import Job
 from pipeline.blender.dataset_run import run, work
 from pipeline.case import read_case
+from pipeline.errors import InputError
 from pipeline.options import add_option_arguments, merged_options, parse_shard
 
 EXAMPLES = """
@@ -33,7 +34,7 @@ content may also stand in the case file, in a table [dataset] (count = 1000, con
 
 
 def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         prog="render_dataset.py",
         description=__doc__.splitlines()[0],
         epilog=EXAMPLES,
@@ -47,7 +48,10 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--workers", metavar="N", type=int, default=0, help="processes (default: one a core)")
     parser.add_argument("--shard", metavar="I/N", default="0/1", help="render part I (from 0) of N parts only")
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
-    return parser.parse_args(argv)
+    arguments = parser.parse(argv)
+    if arguments.workers < 0:
+        raise InputError(f"command line: --workers: expected 0 (one a core) or more, found {arguments.workers}")
+    return arguments
 
 
 def main(argv: Sequence[str]) -> int:

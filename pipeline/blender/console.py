@@ -1,16 +1,44 @@
 """Arguments and output of scripts that run in a Blender, as program or as module."""
 
+import argparse
 import os
 import sys
 import traceback
 from collections.abc import Callable, Sequence
-from typing import TextIO
+from typing import NoReturn, TextIO
 
 import bpy
 
+from pipeline.case import nearest_name
 from pipeline.errors import InputError, RunError
 
 EXIT_INPUT, EXIT_RUN, EXIT_STOPPED = 2, 3, 130
+
+
+class ArgumentParser(argparse.ArgumentParser):
+    """Mistakes in the arguments are told like all others; options are not to be abbreviated."""
+
+    def __init__(self, **settings: object) -> None:
+        super().__init__(allow_abbrev=False, **settings)
+
+    def error(self, message: str) -> NoReturn:
+        """Called by argparse with what is wrong."""
+        raise InputError(f"command line: {message}; --help shows all options")
+
+    def parse(self, argv: Sequence[str]) -> argparse.Namespace:
+        """Parse all arguments.
+
+        Raises
+        ------
+        InputError
+            An unknown option, a missing or an unusable value.
+        """
+        arguments, unknown = self.parse_known_args(argv)
+        if unknown:
+            name = unknown[0].partition("=")[0]
+            hint = nearest_name(name, tuple(option for action in self._actions for option in action.option_strings))
+            raise InputError(f"command line: unknown argument {name!r}; {hint}")
+        return arguments
 
 
 def script_arguments() -> list[str]:
@@ -50,7 +78,7 @@ def run_script(main: Callable[[Sequence[str]], int]) -> None:
         code = _fail(error, EXIT_RUN)
     except KeyboardInterrupt:
         code = _fail("stopped; the same command goes on from here", EXIT_STOPPED)
-    except SystemExit as stop:  # argparse: --help and mistakes in the arguments
+    except SystemExit as stop:  # --help
         code = stop.code if isinstance(stop.code, int) else 1
     except Exception:
         traceback.print_exc()

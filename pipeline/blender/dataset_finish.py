@@ -19,6 +19,16 @@ from pipeline.image_file import encode_png
 from pipeline.progress import Progress
 
 SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
+TABLES = ("camera.json", "models/models_info.json", "poses.csv", "transforms.json", "contact_sheet.png")
+SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "scene_gt_coco.json")
+
+
+def is_complete(job: OpenJob) -> bool:
+    """Whether all views of the whole dataset are there and all tables beside them."""
+    out, views = job.job.out, range(job.count)
+    scenes = [FramePaths(out, first).scene for first in views[::FRAMES_PER_SCENE]]
+    tables = [out / name for name in TABLES] + [scene / name for scene in scenes for name in SCENE_TABLES]
+    return all(path.exists() for path in tables) and len(finished_frames(out, views)) == job.count
 
 
 def write_model_files(job: OpenJob, maker: ViewMaker) -> None:
@@ -50,7 +60,7 @@ def write_dataset_tables(job: OpenJob, maker: ViewMaker) -> None:
     out = job.job.out
     for first in range(0, job.count, FRAMES_PER_SCENE):
         views = range(first, min(first + FRAMES_PER_SCENE, job.count))
-        if not (FramePaths(out, first).scene / "scene_gt_coco.json").exists():
+        if not (FramePaths(out, first).scene / SCENE_TABLES[-1]).exists():
             write_scene(out, views, maker.camera)
     write_poses(out, range(job.count), maker.camera, job.loaded.given_from_model)
     chosen = np.unique(np.linspace(0, job.count - 1, min(SHEET_VIEWS, job.count)).round().astype(int))
@@ -60,9 +70,20 @@ def write_dataset_tables(job: OpenJob, maker: ViewMaker) -> None:
     write_bytes_atomically(out / "contact_sheet.png", encode_png(np.rint(sheet * 255).astype(np.uint8)))
 
 
+def lacks_video(job: OpenJob) -> bool:
+    """Whether the options ask for a video that is not there; its poses, one a frame, are written last."""
+    folder, options = job.job.out / "video", job.job.options
+    if not options.video:
+        return False
+    if not ((folder / "trajectory.mp4").exists() and (folder / "poses.csv").exists()):
+        return True
+    return (folder / "poses.csv").read_bytes().count(b"\n") - 1 != options.video_frames
+
+
 def write_trajectory_video(job: OpenJob, maker: ViewMaker, progress: Progress) -> Path:
     """``video/trajectory.mp4`` and its poses, frame by frame."""
     folder = job.job.out / "video"
+    (folder / "poses.csv").unlink(missing_ok=True)
     poses = maker.video_poses()
 
     def images() -> object:

@@ -23,6 +23,8 @@ from pipeline.options import DatasetOptions, Shard
 from pipeline.pose_plan import read_poses
 
 FORMAT = "oneframe dataset 1"
+NO_CONTENT = ("count", "poses", "video", "video_frames")
+"""Options that no view depends on, or that the identity holds elsewhere; a video may be added later."""
 IN_FLIGHT = 3
 """Rendered views that may wait for their encoding: enough to keep both sides busy, and memory flat."""
 
@@ -85,7 +87,7 @@ class OpenJob:
             "versions": {"oneframe": pipeline.__version__, "blender": bpy.app.version_string},
             "conventions": "mm; OpenCV camera axes; pixel (0, 0): centre of the top-left pixel; b_from_a matrices",
             "count": self.count,
-            "options": {name: value for name, value in asdict(options).items() if name not in ("count", "poses")},
+            "options": {name: value for name, value in asdict(options).items() if name not in NO_CONTENT},
             "camera": {**asdict(camera), "K": camera.k.tolist()},
             "frame": {**asdict(case.camera), "cam_from_model": self.loaded.cam_from_model.tolist()},
             "given_from_model": self.loaded.given_from_model.tolist(),
@@ -112,9 +114,7 @@ def open_job(job: Job) -> OpenJob:
     return OpenJob(job, loaded, given_poses, tuple(told))
 
 
-def render_views(
-    maker: ViewMaker, out: Path, frames: Iterable[int | None], finished: Callable[[int], None]
-) -> None:
+def render_views(maker: ViewMaker, out: Path, frames: Iterable[int | None], finished: Callable[[int], None]) -> None:
     """Make views and write them; encoding and writing run beside the next render.
 
     Parameters

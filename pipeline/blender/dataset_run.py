@@ -3,6 +3,7 @@
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TextIO
 
 from pipeline.blender import dataset_finish as finish
@@ -11,6 +12,7 @@ from pipeline.blender.render import check_engine, keep_freed_memory
 from pipeline.blender.view_maker import ViewMaker
 from pipeline.blender.workers import WorkerPool, assigned_frames, tell_finished
 from pipeline.dataset import finished_frames
+from pipeline.errors import RunError
 from pipeline.progress import Progress
 from pipeline.run_folder import RunFolder
 
@@ -47,7 +49,9 @@ def run(job: Job, *, workers: int, worker_command: Sequence[str], stream: TextIO
     opened = open_job(job)
     with RunFolder(job.out, opened.identity(), job.shard) as folder:
         try:
-            complete = _render_missing(opened, workers, worker_command, tell, stream)
+            complete = finish.is_complete(opened)
+            if not complete or finish.lacks_video(opened):
+                complete = _render_missing(opened, workers, worker_command, tell, stream)
         except OSError as error:
             raise write_error(error, job.out) from error
         if complete:
@@ -55,6 +59,10 @@ def run(job: Job, *, workers: int, worker_command: Sequence[str], stream: TextIO
     if complete:
         for sentence in (*finish.summary(opened), f"dataset of {opened.count} views: {job.out}"):
             tell(sentence)
+    elif job.shard.count == 1:
+        raise RunError(
+            f"{job.out}: finished views have vanished; leave the folder alone and run the same command again"
+        )
     else:
         tell(
             f"part {job.shard.index}/{job.shard.count}: {len(opened.frames)} views are finished; when all parts lie in "
@@ -63,8 +71,8 @@ def run(job: Job, *, workers: int, worker_command: Sequence[str], stream: TextIO
 
 
 def _render_missing(opened: OpenJob, workers: int, worker_command: Sequence[str], tell: Tell, stream: TextIO) -> bool:
-    """Render, then write the tables that can be written; whether the whole dataset is there."""
-    out, options = opened.job.out, opened.job.options
+    """Render, then write the tables that can be written, and the video; whether the whole dataset is there."""
+    out = opened.job.out
     done = finished_frames(out, opened.frames)
     missing = [index for index in opened.frames if index not in done]
     workers = min(workers or available_cores(), max(1, len(missing)))
@@ -82,15 +90,17 @@ def _render_missing(opened: OpenJob, workers: int, worker_command: Sequence[str]
         with opened.maker(threads=_threads(workers)) as maker:
             for sentence in (*opened.told, *maker.told):
                 tell(sentence)
-            finish.write_model_files(opened, maker)
-            render_views(maker, out, pool.frames(), finished)
-            progress.close()
-            complete = finish.write_finished_scenes(opened, maker)
-            if complete:
-                finish.write_dataset_tables(opened, maker)
-                tell(f"contact sheet: {out / 'contact_sheet.png'}")
-                if options.video:
-                    tell(f"video: {_video(opened, maker, stream)}")
+            complete = finish.is_complete(opened)
+            if not complete:
+                finish.write_model_files(opened, maker)
+                render_views(maker, out, pool.frames(), finished)
+                progress.close()
+                complete = finish.write_finished_scenes(opened, maker)
+                if complete:
+                    finish.write_dataset_tables(opened, maker)
+                    tell(f"contact sheet: {out / 'contact_sheet.png'}")
+            if complete and finish.lacks_video(opened):
+                tell(f"video: {_video(opened, maker, stream)}")
     finally:
         pool.stop()
     for sentence in pool.told:
@@ -98,18 +108,20 @@ def _render_missing(opened: OpenJob, workers: int, worker_command: Sequence[str]
     return complete
 
 
-def _video(opened: OpenJob, maker: ViewMaker, stream: TextIO) -> str:
+def _video(opened: OpenJob, maker: ViewMaker, stream: TextIO) -> Path:
     progress = Progress(opened.job.options.video_frames, "video frames", stream=stream)
     path = finish.write_trajectory_video(opened, maker, progress)
     progress.close()
-    return str(path)
+    return path
 
 
 def work(job: Job, *, workers: int, stream: TextIO) -> None:
     """Be one of ``workers`` processes: render the views whose numbers come in through the standard input."""
+    # first of all, so that the input is watched while everything is loaded
+    frames = assigned_frames()
     keep_freed_memory()
     with open_job(job).maker(threads=_threads(workers)) as maker:
-        render_views(maker, job.out, assigned_frames(), lambda index: tell_finished(index, stream))
+        render_views(maker, job.out, frames, lambda index: tell_finished(index, stream))
 
 
 def _threads(workers: int) -> int:

@@ -1,9 +1,10 @@
 """More processes for one job: each worker is the same script once more, fed with view numbers through its input.
 
 A worker gets a number a line and answers with "finished: number" when that view is on disk; other lines of its output
-are Blender's. When its input ends, which also happens when the parent dies in any way, it ends too.
+are Blender's. When its input ends, which also happens when the parent dies in any way, it ends too, wherever it is.
 """
 
+import os
 import queue
 import subprocess
 import sys
@@ -37,7 +38,13 @@ class WorkerPool:
         """Start ``count`` workers with a command."""
         for number in range(count):
             process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, bufsize=1
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                bufsize=1,
+                encoding="utf-8",
+                errors="replace",
             )
             thread = threading.Thread(target=self._feed, args=(process, number + 1), daemon=True)
             self._processes.append(process)
@@ -85,12 +92,14 @@ class WorkerPool:
                     self._finished(index)
                     self._give(process, given)
         except BrokenPipeError:
-            pass  # it died: its exit code tells more
+            # it died: its exit code tells more; if it lives, nobody listens to this process: let it go
+            process.kill()
         code = process.wait()
         reader.join()
         # what it held goes back to the others
         self._frames.extendleft(sorted(given, reverse=True))
-        last = errors[-1].strip().removeprefix("error: ") if errors else ""
+        told = [line for line in errors if line.startswith("error: ")] or [*errors]
+        last = told[-1].strip().removeprefix("error: ") if told else ""
         if code == EXIT_INPUT:
             self._failure = InputError(last)
         elif code == EXIT_RUN:
@@ -122,21 +131,24 @@ def tell_finished(index: int, stream: TextIO) -> None:
 
 
 def assigned_frames(stream: TextIO = sys.stdin) -> Iterator[int | None]:
-    """A worker's views from its input, ``None`` now and then while it waits; ends with the input."""
-    lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+    """A worker's views from its input, ``None`` now and then while it waits; does not end by itself.
+
+    The process ends with its input, at once: the parent ends it when nothing is left to do, or has died.
+    """
+    lines: queue.SimpleQueue[str] = queue.SimpleQueue()
 
     def read() -> None:
         for line in stream:
             lines.put(line)
-        lines.put(None)
+        os._exit(0)
 
     threading.Thread(target=read, daemon=True).start()
-    while True:
-        try:
-            line = lines.get(timeout=0.1)
-        except queue.Empty:
-            yield None
-            continue
-        if line is None:
-            return
-        yield int(line)
+
+    def frames() -> Iterator[int | None]:
+        while True:
+            try:
+                yield int(lines.get(timeout=0.1))
+            except queue.Empty:
+                yield None
+
+    return frames()

@@ -1,0 +1,84 @@
+"""The built-in sample case as a folder of files, such as a user would bring: frame, surface, structures, case file."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.atomic_file import write_bytes_atomically
+from pipeline.blender.sample_photograph import take_photographs
+from pipeline.camera import PinholeCamera
+from pipeline.mesh_export import write_ply
+from pipeline.sample_surface import MICROSCOPE, SampleSurface, frame_pose, held_out_poses
+
+STRUCTURE_COLORS = {"facial_nerve": "#ff00ff", "chorda_tympani": "#00ff00", "ossicles": "#00ffff"}
+
+
+def write_sample_case(folder: Path, surface: SampleSurface, *, camera: PinholeCamera = MICROSCOPE) -> Iterator[Path]:
+    """Write the sample case and photographs of it.
+
+    The files are ``surface.ply``, ``structures/*.ply``, ``frame.png``, ``case.toml``, and, to judge novel views,
+    ``held_out/view_*.png`` with ``held_out.json``: a list of ``image`` (path) and ``cam_from_model`` (4x4, mm, OpenCV
+    axes, in the frame of the mesh file).
+
+    Parameters
+    ----------
+    folder
+        Made if it does not exist; files of these names are replaced.
+    surface
+        From :func:`pipeline.sample_surface.sample_surface`.
+    camera
+        Intrinsics of all photographs.
+
+    Yields
+    ------
+    Each file's path once it is complete; ``case.toml`` is the last.
+    """
+    for part in ("structures", "held_out"):
+        (folder / part).mkdir(parents=True, exist_ok=True)
+    write_ply(folder / "surface.ply", surface.bone)
+    yield folder / "surface.ply"
+    for name, mesh in surface.structures.items():
+        write_ply(folder / f"structures/{name}.ply", mesh)
+        yield folder / f"structures/{name}.ply"
+
+    held_out = {f"held_out/view_{number}.png": pose for number, pose in enumerate(held_out_poses(), start=1)}
+    shots = {"frame.png": frame_pose(), **held_out}
+    yield from take_photographs(surface, camera, [(pose, folder / name) for name, pose in shots.items()])
+    listed = [{"image": name, "cam_from_model": pose.tolist()} for name, pose in held_out.items()]
+    write_bytes_atomically(folder / "held_out.json", (json.dumps(listed, indent=1) + "\n").encode())
+    yield folder / "held_out.json"
+    write_bytes_atomically(folder / "case.toml", _case_toml(camera, shots["frame.png"], surface).encode())
+    yield folder / "case.toml"
+
+
+def _case_toml(camera: PinholeCamera, cam_from_given: np.ndarray, surface: SampleSurface) -> str:
+    lines = [
+        "# A photograph of a drilled temporal bone: generated, not a patient",
+        'units = "mm"',
+        "",
+        "[frame]",
+        'image = "frame.png"',
+        "",
+        "[camera]",
+        f"size = {list(camera.size_wh)}",
+        f"K = {_rows(camera.k)}",
+        'pixel_origin = "center"  # (0, 0) is the centre of the top-left pixel',
+        "",
+        "[surface]",
+        'mesh = "surface.ply"',
+        "",
+        "[pose]",
+        "# OpenCV axes (x right, y down, z forward), frame of the mesh file",
+        f"cam_from_model = {_rows(cam_from_given)}",
+    ]
+    for name in surface.structures:
+        mesh, color = f"structures/{name}.ply", STRUCTURE_COLORS[name]
+        lines += ["", "[[structures]]", f'name = "{name}"', f'mesh = "{mesh}"', f'color = "{color}"']
+    return "\n".join(lines) + "\n"
+
+
+def _rows(matrix: np.ndarray) -> str:
+    # repr of a Python float is the shortest text that reads back to the same number
+    return "[\n" + "".join(f"  {row},\n" for row in matrix.tolist()) + "]"

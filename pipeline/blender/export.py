@@ -1,0 +1,132 @@
+"""The coloured surface as a file for other programs: GLB, OBJ or PLY, with a texture or vertex colours.
+
+PLY and OBJ keep the frame and units of the mesh that the user gave; GLB is in metres with y up, as glTF demands.
+"""
+
+import tempfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from pipeline.atomic_file import write_bytes_atomically
+from pipeline.blender.loading import LoadedCase
+from pipeline.blender.mesh import new_mesh_object, set_corner_uv, set_vertex_colors
+from pipeline.blender.source import colour_of, source_of
+from pipeline.blender.versions import new_node_material
+from pipeline.colouring import VertexColours
+from pipeline.errors import InputError
+from pipeline.image_file import encode_png
+from pipeline.mesh import TriangleMesh
+from pipeline.mesh_export import write_obj, write_ply
+from pipeline.texture_atlas import TextureAtlas
+
+FORMATS = (".glb", ".obj", ".ply")
+
+
+def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: str) -> list[str]:
+    """Write the surface with the frame's colours; an OBJ or a textured PLY gets its picture beside it.
+
+    Parameters
+    ----------
+    loaded
+        The case.
+    path
+        ``.glb``, ``.obj`` or ``.ply``.
+    colour
+        ``"texture"`` or ``"vertex"`` (not for OBJ, which has no colours at vertices).
+
+    Returns
+    -------
+    Sentences to tell: resolution and coverage.
+
+    Raises
+    ------
+    InputError
+        Another extension, or a colour that the format cannot hold.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        raise InputError(f"{path}: expected a file name that ends in {', '.join(FORMATS)}, found {path.suffix!r}")
+    if colour not in ("texture", "vertex") or (suffix == ".obj" and colour == "vertex"):
+        raise InputError(f"{path}: a {suffix} file cannot hold {colour} colours; use texture")
+    source = source_of(loaded)
+    surface_colour, told = colour_of(source, colour)
+    given = source.mesh.moved(loaded.given_from_model[:3, 3])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if suffix == ".glb":
+        _write_glb(path, given.scaled(1e-3), surface_colour)
+        return [*source.told, *told]
+    given = given.scaled(1 / loaded.case.mm_per_unit)
+    if isinstance(surface_colour, TextureAtlas):
+        picture = path.with_suffix(".png")
+        write_bytes_atomically(picture, encode_png(_codes(surface_colour.image)))
+        write = write_ply if suffix == ".ply" else write_obj
+        write(path, given, uv=surface_colour.uv, texture=picture.name)
+    else:
+        write_ply(path, given, colors=_codes(surface_colour.rgb), normals=given.vertex_normals)
+    return [*source.told, *told]
+
+
+def _codes(values: np.ndarray) -> np.ndarray:
+    return np.clip(np.rint(values * 255), 0, 255).astype(np.uint8)
+
+
+def _write_glb(path: Path, mesh: TriangleMesh, colour: VertexColours | TextureAtlas) -> None:
+    """By Blender's own glTF exporter, from a scene of its own; the material is unlit: colours as recorded."""
+    before = set(bpy.data.images), set(bpy.data.materials), set(bpy.data.meshes), set(bpy.data.objects)
+    scene = bpy.data.scenes.new("oneframe export")
+    try:
+        with tempfile.TemporaryDirectory(prefix="oneframe-export-") as folder:
+            surface = new_mesh_object("surface", mesh)
+            scene.collection.objects.link(surface)
+            surface.data.materials.append(_unlit_material(surface, colour, Path(folder)))
+            partial = path.with_name(f".partial-{path.stem}.glb")
+            try:
+                with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
+                    bpy.ops.export_scene.gltf(
+                        filepath=str(partial),
+                        export_format="GLB",
+                        use_active_scene=True,
+                        export_vertex_color="ACTIVE",
+                        export_yup=True,
+                    )
+                partial.replace(path)
+            finally:
+                partial.unlink(missing_ok=True)
+    finally:
+        bpy.data.scenes.remove(scene)
+        blocks = (bpy.data.images, bpy.data.materials, bpy.data.meshes, bpy.data.objects)
+        bpy.data.batch_remove(
+            [block for kind, old in zip(blocks, before, strict=True) for block in kind if block not in old]
+        )
+
+
+def _unlit_material(
+    surface: bpy.types.Object, colour: VertexColours | TextureAtlas, folder: Path
+) -> bpy.types.Material:
+    material = new_node_material("frame")
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    if isinstance(colour, TextureAtlas):
+        set_corner_uv(surface, "UVMap", colour.uv)
+        file = folder / "frame.png"
+        file.write_bytes(encode_png(_codes(colour.image)))
+        node = nodes.new("ShaderNodeTexImage")
+        node.image = bpy.data.images.load(str(file))
+        node.image.pack()
+    else:
+        # glTF holds vertex colours linear, the frame's code values are sRGB
+        rgba = np.concatenate([_linear(colour.rgb), np.ones((len(colour.rgb), 1))], axis=1)
+        set_vertex_colors(surface, "Color", rgba)
+        node = nodes.new("ShaderNodeVertexColor")
+        node.layer_name = "Color"
+    # the exporter takes a background shader for "unlit"
+    unlit, output = nodes.new("ShaderNodeBackground"), nodes.new("ShaderNodeOutputMaterial")
+    links.new(node.outputs["Color"], unlit.inputs["Color"])
+    links.new(unlit.outputs["Background"], output.inputs["Surface"])
+    return material
+
+
+def _linear(codes: np.ndarray) -> np.ndarray:
+    """sRGB code values 0..1 -> linear light (IEC 61966-2-1)."""
+    return np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)

@@ -1,7 +1,9 @@
 """Arguments and output of scripts that run in a Blender, as program or as module."""
 
 import argparse
+import io
 import os
+import signal
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -58,7 +60,9 @@ def script_command(script: str) -> list[str]:
 def own_output() -> TextIO:
     """A stream to the standard output that Blender's own messages no longer reach: those go nowhere from now on."""
     sys.stdout.flush()
-    stream = os.fdopen(os.dup(1), "w", encoding="utf-8", errors="replace")
+    # without a buffer, which would complain once more at the end if nobody listens any longer
+    raw = os.fdopen(os.dup(1), "wb", buffering=0)
+    stream = io.TextIOWrapper(raw, encoding="utf-8", errors="replace", write_through=True)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.close(nowhere)
@@ -70,6 +74,8 @@ def run_script(main: Callable[[Sequence[str]], int]) -> None:
 
     What the user can mend is one line on the standard error; a defect shows its traceback and ends with 1.
     """
+    # Blender's program has a handler of its own, which breaks off renders only
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         code = main(script_arguments())
     except InputError as error:

@@ -159,6 +159,10 @@ def write_error(error: OSError, out: Path) -> RunError:
         return RunError(
             f"{out}: the disk is full; the views finished so far are safe: free space and run the same command again"
         )
+    if isinstance(error, BrokenPipeError):
+        return RunError(
+            "the standard output was closed; the views finished so far are safe: run the same command again"
+        )
     return RunError(
         f"{out}: cannot write {error.filename or 'a file'} ({error.strerror}); "
         "the views finished so far are safe: mend it and run the same command again"

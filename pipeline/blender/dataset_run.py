@@ -1,5 +1,6 @@
 """A whole dataset run, start to end: what ``render_dataset.py`` and the add-on's background job call."""
 
+import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
@@ -119,6 +120,8 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     """Be one of ``workers`` processes: render the views whose numbers come in through the standard input."""
     # first of all, so that the input is watched while everything is loaded
     frames = assigned_frames()
+    # Ctrl-C reaches all processes of a terminal: the parent decides
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     keep_freed_memory()
     with open_job(job).maker(threads=_threads(workers)) as maker:
         render_views(maker, job.out, frames, lambda index: tell_finished(index, stream))

@@ -5,9 +5,11 @@ Blender and give their passes only to a file, so theirs go through an uncompress
 """
 
 import ctypes
+import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -68,7 +70,7 @@ def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> Rend
 
 
 def _render_cycles(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
-    with _open_result() as results:
+    with _open_result() as results, interrupts_held_back():
         bpy.ops.render.render(scene=scene.name)
     if not results:
         raise RuntimeError("Cycles ended without a result")
@@ -133,7 +135,8 @@ def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
     with tempfile.TemporaryDirectory(prefix="oneframe-") as folder:
         path = Path(folder) / "view.exr"
         scene.render.filepath = str(path)
-        bpy.ops.render.render(scene=scene.name, write_still=True)
+        with interrupts_held_back():
+            bpy.ops.render.render(scene=scene.name, write_still=True)
         channels = read_exr(path)
     passes: dict[str, list[np.ndarray]] = {}
     for suffix in "RXVZGYBZA":
@@ -142,6 +145,27 @@ def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
             if channel == suffix and not (pass_name in passes and any(plane is p for p in passes[pass_name])):
                 passes.setdefault(pass_name, []).append(plane)
     return {name: np.stack(planes, axis=-1) for name, planes in passes.items()}
+
+
+@contextmanager
+def interrupts_held_back() -> Iterator[None]:
+    """Hold Ctrl-C back until a render has ended, then raise KeyboardInterrupt.
+
+    Otherwise Python would raise it inside of Cycles' own code, where Blender swallows it; and Blender's own handler
+    breaks the render off and hands over half a picture as if it were whole.
+    """
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    if not in_main_thread or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield  # somebody else's handler, or none
+        return
+    received: list[int] = []
+    previous = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, previous)
+    if received:
+        raise KeyboardInterrupt
 
 
 def check_engine(engine: str) -> None:

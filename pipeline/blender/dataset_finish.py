@@ -9,6 +9,8 @@ import numpy as np
 from pipeline.atomic_file import write_bytes_atomically
 from pipeline.blender.dataset_job import OpenJob
 from pipeline.blender.image import read_image
+from pipeline.blender.render import render_view
+from pipeline.blender.scene import SurfaceScene
 from pipeline.blender.video import FRAMES_PER_SECOND, write_video
 from pipeline.blender.view_maker import ViewMaker
 from pipeline.colouring import colour_vertices
@@ -16,6 +18,7 @@ from pipeline.contact_sheet import contact_sheet
 from pipeline.dataset import FRAMES_PER_SCENE, FramePaths, finished_frames, read_record
 from pipeline.dataset_tables import write_camera, write_models, write_poses, write_scene
 from pipeline.image_file import encode_png
+from pipeline.overlay import Layer, overlaid
 from pipeline.progress import Progress
 
 SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
@@ -37,6 +40,19 @@ def write_model_files(job: OpenJob, maker: ViewMaker) -> None:
     write_camera(out, maker.camera, maker.depth_scale)
     colours = colour_vertices(source.mesh, source.view)
     write_models(out, source.mesh, np.rint(colours.rgb * 255).astype(np.uint8))
+
+
+def write_overlay(job: OpenJob, maker: ViewMaker) -> None:
+    """``overlay.png``: the frame with the surface's outline and the structures, to judge the alignment by."""
+    loaded, camera = job.loaded, job.loaded.case.camera
+    layers = []
+    for structure, mesh in loaded.structures:
+        with SurfaceScene(mesh, camera, None) as scene:
+            layers.append(Layer(render_view(scene, loaded.cam_from_model).depth_mm, structure.color))
+    inverse = maker.source.view.inverse_depth
+    depth = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0)
+    picture = overlaid(loaded.image, depth, layers)
+    write_bytes_atomically(job.job.out / "overlay.png", encode_png(np.rint(picture * 255).astype(np.uint8)))
 
 
 def write_finished_scenes(job: OpenJob, maker: ViewMaker) -> bool:
@@ -66,6 +82,7 @@ def write_dataset_tables(job: OpenJob, maker: ViewMaker) -> None:
     chosen = np.unique(np.linspace(0, job.count - 1, min(SHEET_VIEWS, job.count)).round().astype(int))
     images = [read_image(FramePaths(out, int(index)).file("rgb"))[0] for index in chosen]
     columns = min(SHEET_COLUMNS, len(images))
+    write_overlay(job, maker)
     sheet = contact_sheet(images, columns=columns, tile_width=SHEET_TILE_PX)
     write_bytes_atomically(out / "contact_sheet.png", encode_png(np.rint(sheet * 255).astype(np.uint8)))
 

@@ -1,0 +1,171 @@
+"""The case file: what it gives, and one clear sentence for everything that cannot be used."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.case import Structure, nearest_name, read_case
+from pipeline.distortion import Distortion
+from pipeline.errors import InputError
+
+PARTS = {
+    "units": 'units = "mm"',
+    "image": 'image = "frame.png"',
+    "size": "size = [64, 48]",
+    "K": "K = [[320.0, 0, 31.5], [0, 330.0, 23.5], [0, 0, 1]]",
+    "mesh": 'mesh = "../surface.ply"',
+    "pose": "cam_from_model = [[1, 0, 0, 2], [0, -1, 0, 3], [0, 0, -1, 300], [0, 0, 0, 1]]",
+}
+
+
+def case_file(folder: Path, more: str = "", **parts: str) -> Path:
+    """A case file in a folder, with some lines replaced and more at the end."""
+    lines = PARTS | parts
+    path = folder / "case.toml"
+    path.write_text(
+        f"{lines['units']}\n[frame]\n{lines['image']}\n[camera]\n{lines['size']}\n{lines['K']}\n"
+        f"[surface]\n{lines['mesh']}\n[pose]\n{lines['pose']}\n{more}\n",
+        encoding="utf-8",
+    )
+    return path
+
+
+def test_a_case_is_read_as_written(tmp_path):
+    structures = '[[structures]]\nname = "nerve"\nmesh = "nerve.ply"\ncolor = "#ff8000"\n'
+    case = read_case(case_file(tmp_path, structures + "[dataset]\ncount = 3"))
+    assert (case.camera.fx, case.camera.fy, case.camera.cx, case.camera.cy) == (320.0, 330.0, 31.5, 23.5)
+    assert case.camera.size_wh == (64, 48)
+    assert case.image == tmp_path / "frame.png"
+    assert case.mesh == tmp_path / "../surface.ply"
+    assert case.cam_from_given[:3, 3].tolist() == [2, 3, 300]
+    assert case.structures == (Structure("nerve", tmp_path / "nerve.ply", (1.0, 128 / 255, 0.0)),)
+    assert case.dataset == {"count": 3}
+    assert case.distortion is None
+    assert case.told == ()
+    assert list(case.input_files()) == ["case", "frame", "surface", "structure nerve"]
+
+
+def test_metres_become_millimetres(tmp_path):
+    case = read_case(case_file(tmp_path, units='units = "m"'))
+    assert case.mm_per_unit == 1000
+    assert case.cam_from_given[:3, 3].tolist() == [2000, 3000, 300_000]
+
+
+def test_corner_origin_is_shifted_by_half_a_pixel(tmp_path):
+    case = read_case(case_file(tmp_path, K=PARTS["K"] + '\npixel_origin = "corner"'))
+    assert (case.camera.cx, case.camera.cy) == (31.0, 23.0)
+
+
+def test_distortion_is_read_in_opencvs_order(tmp_path):
+    case = read_case(case_file(tmp_path, K=PARTS["K"] + "\ndistortion = [0.1, 0.02, 0.003, 0.004, 0.05]"))
+    assert case.distortion == Distortion(k1=0.1, k2=0.02, p1=0.003, p2=0.004, k3=0.05)
+
+
+def test_a_slightly_rounded_rotation_is_made_orthonormal_and_told(tmp_path):
+    rounded = "cam_from_model = [[0.801, -0.6, 0, 0], [-0.6, -0.8, 0, 0], [0, 0, -1, 300], [0, 0, 0, 1]]"
+    case = read_case(case_file(tmp_path, pose=rounded))
+    rotation = case.cam_from_given[:3, :3]
+    assert np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-14
+    assert case.told == ("case.toml: [pose] cam_from_model: rotation made orthonormal (it was off by 1.6e-03)",)
+
+
+def pose(rows: str) -> dict[str, str]:
+    return {"pose": f"cam_from_model = {rows}"}
+
+
+def intrinsics(rows: str) -> dict[str, str]:
+    return {"K": f"K = {rows}"}
+
+
+BAD = {
+    "units unknown": ({"units": 'units = "cm"'}, 'expected units = "mm" or "m", found \'cm\''),
+    "units of another kind": ({"units": "units = [1]"}, 'expected units = "mm" or "m", found \\[1\\]'),
+    "units missing": ({"units": ""}, "expected a key 'units', it is missing"),
+    "unknown key": ({"image": 'imaeg = "frame.png"'}, "\\[frame\\] unknown key 'imaeg'; did you mean 'image'\\?"),
+    "unknown key, nothing near": ({"size": "size = [64, 48]\nq = 1"}, "\\[camera\\] unknown key 'q'; known are 'size'"),
+    "key missing": ({"mesh": ""}, "\\[surface\\] expected a key 'mesh', it is missing"),
+    "no file name": ({"image": "image = 3"}, "\\[frame\\] image: expected a file name, found 3"),
+    "file name with a zero": ({"image": 'image = "a\\u0000b"'}, "expected a file name"),
+    "size of one": ({"size": "size = [64]"}, "expected size = \\[width, height\\] in pixels, found \\[64\\]"),
+    "size of zero": ({"size": "size = [0, 48]"}, "whole pixels from 1 to 65536, found \\[0, 48\\]"),
+    "size with half a pixel": ({"size": "size = [64.5, 48]"}, "whole pixels"),
+    "size as text": ({"size": 'size = "64x48"'}, "expected size = \\[width, height\\]"),
+    "negative focal length": (
+        intrinsics("[[-320, 0, 31.5], [0, 330, 23.5], [0, 0, 1]]"),
+        "K: expected positive focal lengths in pixels, found fx = -320, fy = 330",
+    ),
+    "skew": (intrinsics("[[320, 0.5, 31.5], [0, 330, 23.5], [0, 0, 1]]"), "K: expected no skew, found 0.5; .*rectify"),
+    "K with NaN": (intrinsics("[[320, 0, nan], [0, 330, 23.5], [0, 0, 1]]"), "K: expected finite numbers"),
+    "K with infinity": (intrinsics("[[inf, 0, 31.5], [0, 330, 23.5], [0, 0, 1]]"), "K: expected finite numbers"),
+    "K of 2 rows": (intrinsics("[[320, 0, 31.5], [0, 330, 23.5]]"), "K: expected a 3x3 matrix, found shape \\(2, 3\\)"),
+    "K ragged": (intrinsics("[[320, 0], [0, 330, 23.5], [0, 0, 1]]"), "K: expected 3 rows of 3 numbers"),
+    "K as text": (intrinsics('"320 330"'), "K: expected 3 rows of 3 numbers"),
+    "K transposed": (intrinsics("[[320, 0, 0], [0, 330, 0], [31.5, 23.5, 1]]"), "K: expected \\[\\[fx, 0, cx\\]"),
+    "K far away": (intrinsics("[[320, 0, 3e5], [0, 330, 23.5], [0, 0, 1]]"), "principal point near the 64x48 image"),
+    "distortion": ({"K": PARTS["K"] + "\ndistortion = [1, 2]"}, "distortion: expected five finite numbers"),
+    "pixel origin": ({"K": PARTS["K"] + '\npixel_origin = "centre"'}, 'expected pixel_origin "center" or "corner"'),
+    "3x4 pose": (pose("[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 300]]"), "expected a 4x4 matrix, found shape \\(3, 4\\)"),
+    "flat pose": (pose("[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 300, 0, 0, 0, 1]"), "expected a 4x4 matrix, found shape"),
+    "reflection": (
+        pose("[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 300], [0, 0, 0, 1]]"),
+        "expected a rotation, found a reflection \\(determinant -1.000\\)",
+    ),
+    "scaled rotation": (
+        pose("[[1.01, 0, 0, 0], [0, -1.01, 0, 0], [0, 0, -1.01, 300], [0, 0, 0, 1]]"),
+        "deviates from orthonormal by 0.02 \\(allowed 0.005\\); take scale or shear out",
+    ),
+    "transposed pose": (
+        pose("[[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0], [2, 3, 300, 1]]"),
+        "expected the last row 0 0 0 1, .*transpose the matrix",
+    ),
+    "pose with NaN": (
+        pose("[[1, 0, 0, nan], [0, -1, 0, 0], [0, 0, -1, 300], [0, 0, 0, 1]]"),
+        "expected finite numbers",
+    ),
+    "pose of texts": (pose('[["a", 0, 0, 0]]'), "expected 4 rows of 4 numbers"),
+    "structure without a mesh": ({"more": '[[structures]]\nname = "nerve"'}, "number 1: expected a key 'mesh'"),
+    "structure's colour": (
+        {"more": '[[structures]]\nname = "nerve"\nmesh = "n.ply"\ncolor = "red"'},
+        "number 1: expected color = \"#rrggbb\", found 'red'",
+    ),
+    "two structures of a name": (
+        {"more": '[[structures]]\nname = "n"\nmesh = "n.ply"\n[[structures]]\nname = "n"\nmesh = "m.ply"'},
+        "expected a different name for each",
+    ),
+    "structures as one table": ({"more": '[structures]\nname = "n"'}, "expected a list of tables"),
+    "unknown table": ({"more": "[datasets]"}, "unknown key 'datasets'; did you mean 'dataset'\\?"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_values_are_refused_and_named(tmp_path, name):
+    parts, message = BAD[name]
+    with pytest.raises(InputError, match=f"^case.toml: .*{message}"):
+        read_case(case_file(tmp_path, **parts))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"units = ", b"\x89PNG\r\n\x1a\n", b"\xff\xfe", b"a = " + b"[" * 100_000, b'units = "mm"\nunits = "m"'],
+    ids=["unfinished", "a picture", "not UTF-8", "nested without end", "a key twice"],
+)
+def test_what_is_not_toml_is_refused(tmp_path, content):
+    path = tmp_path / "case.toml"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"^case.toml: expected TOML, found a mistake: ."):
+        read_case(path)
+
+
+def test_a_missing_case_and_a_folder_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"none\.toml: expected a case file, it does not exist; correct the path"):
+        read_case(tmp_path / "none.toml")
+    with pytest.raises(InputError, match="cannot read the case file"):
+        read_case(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"), [("Image", "did you mean 'image'?"), ("meshes", "did you mean 'mesh'?"), ("zz", "known are")]
+)
+def test_nearest_name(name, hint):
+    assert nearest_name(name, ("image", "mesh")).startswith(hint)

@@ -135,8 +135,8 @@ class PinholeCamera:
 
 def _checked_size(size: object, where: str) -> tuple[int, int]:
     try:
-        width, height = size  # type: ignore[misc]
-        whole = int(width) == width and int(height) == height
+        width, height = (float(side) for side in size)  # type: ignore[attr-defined]
+        whole = width.is_integer() and height.is_integer()
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{where}: expected size = [width, height] in pixels, found {size!r}") from None
     if not whole or not (1 <= width <= 65536 and 1 <= height <= 65536):

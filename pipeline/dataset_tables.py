@@ -7,7 +7,7 @@ BOP: thodan/bop_toolkit, docs/bop_datasets_format.md. Rotations are row-major, t
 import csv
 import io
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -177,7 +177,7 @@ def _write_json(path: Path, content: object, indent: int | None = 2) -> None:
     write_bytes_atomically(path, (json.dumps(content, indent=indent) + "\n").encode())
 
 
-def _write_rows(path: Path, content: dict[str, object]) -> None:
+def _write_rows(path: Path, content: Mapping[str, object]) -> None:
     """A dictionary with one entry a line, as BOP's own files are written."""
     rows = ",\n".join(f"  {json.dumps(key)}: {json.dumps(value)}" for key, value in content.items())
     write_bytes_atomically(path, f"{{\n{rows}\n}}\n".encode())

@@ -13,7 +13,7 @@ import numpy as np
 
 _MAGIC = 20000630
 _MULTIPART, _UNSUPPORTED = 0x1000, 0x0200 | 0x0800
-_DTYPES = {0: np.dtype("<u4"), 1: np.dtype("<f2"), 2: np.dtype("<f4")}
+_DTYPES: dict[int, np.dtype] = {0: np.dtype("<u4"), 1: np.dtype("<f2"), 2: np.dtype("<f4")}
 
 
 class ExrError(ValueError):
@@ -93,7 +93,8 @@ def _read_header(data: bytes, position: int) -> tuple[_Part, int]:
     left, top, right, bottom = struct.unpack("<4i", attributes["dataWindow"])
     # in a multi-part file the part's name is the prefix that a single-part file spells out in the channel's name
     prefix = attributes["name"].decode() + "." if "name" in attributes else ""
-    channels, block, at = [], attributes["channels"], 0
+    channels: list[tuple[str, np.dtype]] = []
+    block, at = attributes["channels"], 0
     while block[at] != 0:
         name, at = _read_name(block, at)
         kind, _, x_sampling, y_sampling = struct.unpack_from("<iIii", block, at)

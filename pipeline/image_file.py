@@ -35,7 +35,7 @@ def encode_png(image: np.ndarray) -> bytes:
         # masks: unfiltered rows are runs already
         filtered, strategy = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1), zlib.Z_RLE
     deflate = zlib.compressobj(1, zlib.DEFLATED, 15, 9, strategy)
-    data = deflate.compress(filtered) + deflate.flush()
+    data = deflate.compress(filtered.data) + deflate.flush()
     colour_type = _RGB if image.ndim == 3 else _GREY
     header = struct.pack(">IIBBBBB", width, height, depth, colour_type, 0, 0, 0)
     return _PNG_SIGNATURE + _chunk(b"IHDR", header) + _chunk(b"IDAT", data) + _chunk(b"IEND", b"")

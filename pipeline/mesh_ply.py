@@ -154,11 +154,11 @@ def _columns(data: bytes, start: int, element: _Element, where: str, size: str) 
     if uniform:  # views with the row layout of the first row, right if all lists are as long as there
         for prop, (offset,), (length,) in zip(element.properties, offsets, lengths, strict=True):
             shape, strides = (element.count, length), (stride, prop.item.itemsize)
-            values = np.ndarray(shape, prop.item, data, offset, strides)
+            values: np.ndarray = np.ndarray(shape, prop.item, data, offset, strides)
             if prop.length is None:
                 columns.setdefault(prop.name, _Column(values[:, 0]))
                 continue
-            counts = np.ndarray(element.count, prop.length, data, offset - prop.length.itemsize, stride)
+            counts: np.ndarray = np.ndarray(element.count, prop.length, data, offset - prop.length.itemsize, stride)
             uniform = uniform and bool((counts == length).all())
             columns.setdefault(prop.name, _Column(values.ravel(), np.full(element.count, length)))
     if uniform:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from pipeline.case import nearest_name
 from pipeline.errors import InputError
@@ -17,7 +18,7 @@ LARGEST_NUMBER = 2**53
 SAMPLERS = ("cone", "gaussian", "shell", "trajectory")
 
 
-def _option(default: object, text: str, **limits: object) -> object:
+def _option(default: Any, text: str, **limits: Any) -> Any:
     return field(default=default, metadata={"help": text, **limits})
 
 
@@ -97,8 +98,8 @@ def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptio
     return options
 
 
-def _checked_value(name: str, value: object, entry: dataclasses.Field, where: str) -> object:
-    kind = entry.type
+def _checked_value(name: str, value: Any, entry: dataclasses.Field, where: str) -> object:
+    kind: Any = entry.type
     if kind is bool:
         if not isinstance(value, bool):
             raise InputError(f"{where}: {name}: expected true or false, found {value!r}")
@@ -131,11 +132,15 @@ def add_option_arguments(parser: argparse.ArgumentParser) -> None:
             )
             continue
         default = "" if entry.default is None else f" (default {entry.default})"
-        kind = {int: _number, float: _number}.get(entry.type, str)
+        numeric = entry.type in (int, float)
         choices = entry.metadata.get("choices")
-        metavar = "|".join(choices) if choices else {int: "N", float: "X"}.get(entry.type, "FILE")
+        metavar = "|".join(choices) if choices else ("X" if entry.type is float else "N") if numeric else "FILE"
         parser.add_argument(
-            flag, type=kind, default=argparse.SUPPRESS, metavar=metavar, help=entry.metadata["help"] + default
+            flag,
+            type=_number if numeric else str,
+            default=argparse.SUPPRESS,
+            metavar=metavar,
+            help=entry.metadata["help"] + default,
         )
 
 

@@ -7,7 +7,7 @@ from a list are the user's own choice, so they are never rejected; those that br
 
 import json
 import tokenize
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -198,7 +198,8 @@ def read_poses(
     path = Path(path)
     if not (mm_per_unit > 0 and np.isfinite(mm_per_unit)):
         raise InputError(f"{path.name}: expected a positive number of mm per unit of the poses, found {mm_per_unit:g}")
-    reader = {".npy": _read_npy, ".json": _read_json}.get(path.suffix.lower())
+    readers: dict[str, Callable[[Path], Sequence[object]]] = {".npy": _read_npy, ".json": _read_json}
+    reader = readers.get(path.suffix.lower())
     if reader is None:
         raise InputError(f"{path}: expected poses in a .npy or .json file, found extension {path.suffix!r}")
     try:
@@ -207,7 +208,8 @@ def read_poses(
         raise InputError(f"{path}: expected a readable file, found: {error.strerror}; check the path") from None
     if not entries:
         raise InputError(f"{path.name}: expected poses, found an empty list")
-    cams_from_model, corrected = np.empty((len(entries), 4, 4)), []
+    cams_from_model = np.empty((len(entries), 4, 4))
+    corrected: list[str] = []
     for index, matrix in enumerate(entries):
         pose, told = checked_rigid(matrix, f"{path.name}: pose {index} (counted from 0)")
         pose[:3, 3] *= mm_per_unit

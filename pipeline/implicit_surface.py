@@ -5,7 +5,7 @@ positive in it (distances are about right near surfaces, which is where they cou
 ``skimage.measure.marching_cubes`` (Lewiner et al. 2003, topologically consistent).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from skimage.measure import marching_cubes
@@ -97,11 +97,11 @@ def ball(x: np.ndarray, y: np.ndarray, z: np.ndarray, centre: tuple, radii: tupl
 
 
 def polyline(
-    x: np.ndarray, y: np.ndarray, z: np.ndarray, points: np.ndarray, radii: tuple[float, ...] | None = None
+    x: np.ndarray, y: np.ndarray, z: np.ndarray, points: np.ndarray, radii: Sequence[float] | None = None
 ) -> np.ndarray:
     """Distance to a polyline ``(N, 3)``, less a radius that runs linearly between its points."""
     radii = (0.0,) * len(points) if radii is None else radii
-    nearest = None
+    nearest = np.full(np.broadcast_shapes(np.shape(x), np.shape(y), np.shape(z)), np.inf, np.float32)
     for a, b, radius_a, radius_b in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True):
         direction = (b - a).astype(np.float32)
         px, py, pz = (p - np.float32(c) for p, c in zip((x, y, z), a, strict=True))
@@ -109,7 +109,7 @@ def polyline(
         along = np.clip(along, 0, 1)
         dx, dy, dz = px - along * direction[0], py - along * direction[1], pz - along * direction[2]
         distance = np.sqrt(dx * dx + dy * dy + dz * dz) - (radius_a + along * (radius_b - radius_a))
-        nearest = distance if nearest is None else np.minimum(nearest, distance)
+        nearest = np.minimum(nearest, distance)
     return nearest
 
 

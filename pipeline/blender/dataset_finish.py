@@ -22,7 +22,7 @@ from pipeline.overlay import Layer, overlaid
 from pipeline.progress import Progress
 
 SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
-TABLES = ("camera.json", "models/models_info.json", "poses.csv", "transforms.json", "contact_sheet.png")
+TABLES = ("camera.json", "models/models_info.json", "poses.csv", "transforms.json", "overlay.png", "contact_sheet.png")
 SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "scene_gt_coco.json")
 
 

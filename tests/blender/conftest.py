@@ -1,0 +1,74 @@
+"""A case small enough to be rendered many times, and the script as a user starts it."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.image_file import encode_png
+from pipeline.mesh import TriangleMesh
+from pipeline.mesh_export import write_ply
+
+SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "render_dataset.py"
+WIDTH, HEIGHT = 64, 48
+OFFSET = np.array([12.0, -7.0, 40.0])
+CASE = """
+units = "mm"
+[frame]
+image = "frame.png"
+[camera]
+size = [64, 48]
+K = [[320.0, 0, 30.0], [0, 318.0, 25.5], [0, 0, 1]]
+[surface]
+mesh = "surface.ply"
+[pose]
+cam_from_model = [[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]]
+"""
+
+
+def tiny_surface() -> TriangleMesh:
+    """60 x 50 mm of hills around :data:`OFFSET`, so that the mesh's own frame is not the demeaned one."""
+    x, y = np.meshgrid(np.linspace(-30, 30, 31), np.linspace(-25, 25, 26))
+    vertices = np.stack([x, y, 3 * np.sin(x / 6) * np.cos(y / 5)], -1).reshape(-1, 3) + OFFSET
+    index = np.arange(len(vertices)).reshape(x.shape)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    return TriangleMesh(vertices, faces.astype(np.int32))
+
+
+@pytest.fixture(scope="session")
+def write_tiny_case() -> Callable[[Path], Path]:
+    """Writes frame, surface and case file into a folder and gives the case file's path."""
+
+    def write(folder: Path) -> Path:
+        folder.mkdir(parents=True, exist_ok=True)
+        v, u = np.mgrid[:HEIGHT, :WIDTH]
+        image = np.stack([120 + 90 * np.sin(u / 9), 120 + 90 * np.cos(v / 7), 2.0 * u + v], -1)
+        (folder / "frame.png").write_bytes(encode_png(image.astype(np.uint8)))
+        write_ply(folder / "surface.ply", tiny_surface())
+        (folder / "case.toml").write_text(CASE)
+        return folder / "case.toml"
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def render_command() -> Callable[..., list[str]]:
+    """The command line of ``render_dataset.py`` by this Python, from any arguments."""
+    return lambda *arguments: [sys.executable, str(SCRIPT), *map(str, arguments)]
+
+
+@pytest.fixture(scope="session")
+def run_command() -> Callable[..., subprocess.CompletedProcess]:
+    """Runs a command to its end; more environment variables by keyword."""
+
+    def run(command: list[str], **environment: str) -> subprocess.CompletedProcess:
+        return subprocess.run(
+            command, capture_output=True, text=True, timeout=600, check=False, env=os.environ | environment
+        )
+
+    return run

@@ -382,14 +382,14 @@ def test_a_video_is_added_later_and_once(case, reference, tmp_path):
     assert all(after[name] == before[name] for name in before)
     check_video(case, out / "video", options)
 
-    assert "video" not in run_here(case, out, options)
+    assert "video: " not in run_here(case, out, options)
     assert times(out) == after
     # one of another length replaces it
     options = dataclasses.replace(options, video_frames=4)
     assert "video: " in run_here(case, out, options)
     check_video(case, out / "video", options)
     # the dataset without a video is the same one
-    assert "video" not in run_here(case, out)
+    assert "video: " not in run_here(case, out)
 
 
 def check_video(case: Path, folder: Path, options: DatasetOptions) -> None:

@@ -16,6 +16,9 @@ from pipeline.atomic_file import write_bytes_atomically
 from pipeline.errors import InputError
 from pipeline.image_file import encode_png
 
+FORMAT = "oneframe dataset 1"
+"""Name and version of the layout, in ``dataset.json``."""
+
 SPLIT = "train_pbr"
 FRAMES_PER_SCENE = 1000
 OBJECT_ID = 1

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.camera import PinholeCamera
-from pipeline.dataset import FramePaths
+from pipeline.dataset import FORMAT, FramePaths
 from pipeline.errors import InputError
 from pipeline.run_folder import RECORD
 
-FORMAT = "oneframe dataset 1"
 ROTATION_TOLERANCE = 1e-9
 GT_INFO_COUNTS = ("px_count_all", "px_count_valid", "px_count_visib")
 

@@ -17,12 +17,11 @@ from pipeline.blender.loading import LoadedCase, load_case
 from pipeline.blender.source import source_of
 from pipeline.blender.view_maker import MadeView, ViewMaker, view_camera
 from pipeline.case import Case, read_case
-from pipeline.dataset import FRAMES_PER_SCENE, FramePaths, write_view
+from pipeline.dataset import FORMAT, FRAMES_PER_SCENE, FramePaths, write_view
 from pipeline.errors import InputError, RunError
 from pipeline.options import DatasetOptions, Shard
 from pipeline.pose_plan import read_poses
 
-FORMAT = "oneframe dataset 1"
 NO_CONTENT = ("count", "poses", "video", "video_frames")
 """Options that no view depends on, or that the identity holds elsewhere; a video may be added later."""
 IN_FLIGHT = 3

@@ -65,7 +65,8 @@ def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> Rend
     combined, depth = passes["Combined"], passes["Depth"][..., 0]
     # Eevee 4.5 gives the background the depth of the far clip plane
     depth = np.where((depth < _BACKGROUND_MM) & (combined[..., 3] > 0), depth, np.float32(0))
-    observed = passes[OBSERVED_PASS][..., 0] > 0.5 if OBSERVED_PASS in passes else np.zeros(depth.shape, dtype=bool)
+    # with several samples the flag is their mean, also of those beside the pixel's centre
+    observed = (passes[OBSERVED_PASS][..., 0] > 0.5) & (depth > 0)
     return RenderedView(combined[..., :3], depth, observed)
 
 

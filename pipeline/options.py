@@ -95,6 +95,11 @@ def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptio
             f"{where}: expected colour vertex with engine workbench, which runs no shaders, found {options.colour}; "
             "add --colour vertex, or take --engine cycles"
         )
+    if options.engine == "workbench" and options.samples > 1:
+        raise InputError(
+            f"{where}: expected samples 1 with engine workbench, found {options.samples}; "
+            "take --engine cycles for anti-aliased views"
+        )
     return options
 
 

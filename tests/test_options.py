@@ -84,7 +84,10 @@ def test_the_command_line_may_mend_what_does_not_fit_together_in_the_table():
         ({"colour": ["vertex"]}, "colour: expected projective or texture or vertex, found \\['vertex'\\]"),
         ({"sampler": "cones"}, "did you mean 'cone'"),
         ({"distance_min": 1.2}, "expected distance_min <= distance_max, found 1.2 > 1.1; swap them"),
-        ({"engine": "workbench", "colour": "vertex", "samples": 4}, "expected samples 1 with engine workbench, found 4"),
+        (
+            {"engine": "workbench", "colour": "vertex", "samples": 4},
+            "expected samples 1 with engine workbench, found 4",
+        ),
         ({"engine": "workbench"}, "expected colour vertex with engine workbench, which runs no shaders, found proj"),
     ],
     ids=str,

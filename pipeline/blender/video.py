@@ -1,5 +1,7 @@
 """Pictures -> MP4, by Blender's sequencer."""
 
+import errno
+import struct
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
@@ -7,6 +9,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from pipeline.atomic_file import write_bytes_atomically
 from pipeline.blender.versions import new_image_strip, set_mp4
 from pipeline.image_file import encode_png
 
@@ -17,6 +20,11 @@ def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
     """Encode ``(H, W, 3)`` float images (code values 0..1) as H.264; nothing is left behind if that fails.
 
     H.264 needs even sides: an odd one gets its last row or column twice.
+
+    Raises
+    ------
+    OSError
+        A file cannot be written.
     """
     with tempfile.TemporaryDirectory(prefix="oneframe-video-") as folder:
         files, shape = [], (0, 0)
@@ -29,17 +37,27 @@ def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
         scene = bpy.data.scenes.new("oneframe video")
         try:
             _set_up(scene, files, width=shape[1], height=shape[0])
-            # a temporary name beside the target, renamed when whole
-            partial = path.with_name(f".partial-{path.stem}.mp4")
-            path.parent.mkdir(parents=True, exist_ok=True)
-            scene.render.filepath = str(partial)
-            try:
-                bpy.ops.render.render(animation=True, scene=scene.name)
-                partial.replace(path)
-            finally:
-                partial.unlink(missing_ok=True)
+            written = Path(folder) / "video.mp4"
+            scene.render.filepath = str(written)
+            bpy.ops.render.render(animation=True, scene=scene.name)
+            data = written.read_bytes()
         finally:
             bpy.data.scenes.remove(scene)
+    # Blender does not tell when the disk is full
+    if not _is_whole(data):
+        raise OSError(errno.EIO, "Blender wrote a damaged video; is the disk of temporary files full?", str(written))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes_atomically(path, data)
+
+
+def _is_whole(mp4: bytes) -> bool:
+    """Whether the boxes of an MP4 end where the file ends, and the index is among them."""
+    position, kinds = 0, set()
+    while position + 16 <= len(mp4):
+        size, kind, long_size = struct.unpack_from(">I4sQ", mp4, position)
+        kinds.add(kind)
+        position += max(long_size if size == 1 else size, 8)
+    return position == len(mp4) and b"moov" in kinds
 
 
 def _set_up(scene: bpy.types.Scene, files: list[Path], *, width: int, height: int) -> None:

@@ -20,7 +20,7 @@ from pipeline import dataset
 from pipeline.blender import dataset_finish, dataset_job, dataset_run
 from pipeline.blender.dataset_job import Job, OpenJob, open_job
 from pipeline.blender.render import check_engine
-from pipeline.blender.video import write_video
+from pipeline.blender.video import _is_whole, write_video
 from pipeline.case import read_case
 from pipeline.dataset import FramePaths, read_record
 from pipeline.dataset_tables import record_pose
@@ -426,6 +426,10 @@ def test_videos_of_odd_size_get_even_sides(tmp_path):
     assert frame.shape == (50, 66, 3)
     assert np.abs(as_tagged(frame) - np.array([51, 127.5, 204])).max() < 2
     assert sorted(path.name for path in tmp_path.iterdir()) == ["v.mp4"]
+    # what a full disk leaves of a video is recognised
+    data = (tmp_path / "v.mp4").read_bytes()
+    assert _is_whole(data)
+    assert not any(_is_whole(data[:cut]) for cut in (0, 100, len(data) // 2, len(data) - 1))
 
 
 # --- options --------------------------------------------------------------------------------------------------------

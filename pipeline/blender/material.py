@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.blender.image import new_float_image
 from pipeline.blender.mesh import set_corner_uv, set_corner_vectors, set_vertex_colors
+from pipeline.blender.nodes import Nodes
 from pipeline.blender.versions import new_node_material
 from pipeline.colouring import NEUTRAL, VertexColours
 from pipeline.frames import transform_points
@@ -22,38 +23,49 @@ COLOUR_ATTRIBUTE = "frame_colour"
 OBSERVED_ATTRIBUTE = "frame_observed"
 UV_MAP = "frame_uv"
 PROJECTION_ATTRIBUTE = "frame_projection"
+FRAME_IMAGE, FILTERED_IMAGE = "frame image", "filtered image"
+"""Names of the shader's image nodes, see :func:`assign_colour`."""
+OBSERVED_LEAST = 0.9999
+"""An interpolated flag of at least this much says that all it was interpolated from is observed."""
+NEUTRAL_RGBA = (NEUTRAL, NEUTRAL, NEUTRAL, 1.0)
 _NOWHERE = (-1.0, -1.0, 1.0)  # projects outside the frame
 
 SurfaceColour = VertexColours | TextureAtlas | SourceView
 
 
-def assign_colour(mesh_object: bpy.types.Object, mesh: TriangleMesh, colour: SurfaceColour | None) -> None:
+def assign_colour(
+    mesh_object: bpy.types.Object, mesh: TriangleMesh, colour: SurfaceColour | None, *, filtered: bool = False
+) -> None:
     """Give the object the material of a colour mode.
 
-    ``None`` makes it plain neutral, for geometry alone; the observed flag then tells front sides from back sides.
+    Parameters
+    ----------
+    mesh_object, mesh
+        The surface in Blender and as it came.
+    colour
+        ``None`` makes it plain neutral, for geometry alone; the observed flag then tells front sides from back sides.
+    filtered
+        Take colours (not the observed flag) by cubic B-spline from the image of the node :data:`FILTERED_IMAGE`, which
+        is for the caller to replace, see :mod:`pipeline.texture_filter`. Vertex colours have no image.
     """
     material = new_node_material("surface")
-    nodes = _Nodes(material)
+    nodes = Nodes(material.node_tree)
     match colour:
         case None:
             rgb, flag = None, 1.0
         case VertexColours():
             rgb, flag = _vertex_colour(nodes, mesh_object, colour)
         case TextureAtlas():
-            rgb, flag = _texture(nodes, mesh_object, colour)
+            rgb, flag = _texture(nodes, mesh_object, colour, filtered)
         case SourceView():
-            rgb, flag = _projection(nodes, mesh_object, mesh, colour)
+            rgb, flag = _projection(nodes, mesh_object, mesh, colour, filtered)
     geometry = nodes.add("ShaderNodeNewGeometry")
     flag = nodes.math("GREATER_THAN", flag, geometry.outputs["Backfacing"])
     observed_pass = nodes.add("ShaderNodeOutputAOV", aov_name=OBSERVED_PASS)
     nodes.link(flag, observed_pass.inputs["Value"])
-    emission = nodes.add("ShaderNodeEmission", Color=(NEUTRAL, NEUTRAL, NEUTRAL, 1.0))
+    emission = nodes.add("ShaderNodeEmission", Color=NEUTRAL_RGBA)
     if rgb is not None:
-        mix = nodes.add("ShaderNodeMix", data_type="RGBA")
-        nodes.link(flag, mix.inputs[0])
-        mix.inputs[6].default_value = (NEUTRAL, NEUTRAL, NEUTRAL, 1.0)
-        nodes.link(rgb, mix.inputs[7])
-        nodes.link(mix.outputs[2], emission.inputs["Color"])
+        nodes.link(nodes.mixed(flag, NEUTRAL_RGBA, rgb), emission.inputs["Color"])
     output = nodes.add("ShaderNodeOutputMaterial")
     nodes.link(emission.outputs["Emission"], output.inputs["Surface"])
     # else Cycles builds a light distribution over all triangles and samples it
@@ -62,7 +74,7 @@ def assign_colour(mesh_object: bpy.types.Object, mesh: TriangleMesh, colour: Sur
     mesh_object.data.materials.append(material)
 
 
-def _vertex_colour(nodes: "_Nodes", mesh_object: bpy.types.Object, colour: VertexColours) -> tuple:
+def _vertex_colour(nodes: Nodes, mesh_object: bpy.types.Object, colour: VertexColours) -> tuple:
     rgba = np.concatenate([colour.rgb, colour.observed[:, None]], axis=1)
     # Workbench draws attributes, not materials, and of these their colour only
     set_vertex_colors(mesh_object, OBSERVED_ATTRIBUTE, np.repeat(rgba[:, 3:], 4, axis=1))
@@ -70,19 +82,21 @@ def _vertex_colour(nodes: "_Nodes", mesh_object: bpy.types.Object, colour: Verte
     mesh_object.data.color_attributes.active_color_name = COLOUR_ATTRIBUTE
     attribute = nodes.add("ShaderNodeAttribute", attribute_name=COLOUR_ATTRIBUTE)
     # a point is observed if all three vertices of its triangle are
-    return attribute.outputs["Color"], nodes.math("GREATER_THAN", attribute.outputs["Alpha"], 0.9999)
+    return attribute.outputs["Color"], nodes.math("GREATER_THAN", attribute.outputs["Alpha"], OBSERVED_LEAST)
 
 
-def _texture(nodes: "_Nodes", mesh_object: bpy.types.Object, atlas: TextureAtlas) -> tuple:
+def _texture(nodes: Nodes, mesh_object: bpy.types.Object, atlas: TextureAtlas, filtered: bool) -> tuple:
     set_corner_uv(mesh_object, UV_MAP, atlas.uv)
     rgba = np.concatenate([atlas.image, atlas.observed[..., None]], axis=2)
     uv = nodes.add("ShaderNodeUVMap", uv_map=UV_MAP)
-    image = nodes.image(new_float_image("frame_atlas", rgba), uv.outputs["UV"])
+    rgb, flag = _looked_up(nodes, new_float_image("frame_atlas", rgba), uv.outputs["UV"], filtered)
     # a point is observed if all texels of non-zero weight are
-    return image.outputs["Color"], nodes.math("GREATER_THAN", image.outputs["Alpha"], 0.9999)
+    return rgb, nodes.math("GREATER_THAN", flag, OBSERVED_LEAST)
 
 
-def _projection(nodes: "_Nodes", mesh_object: bpy.types.Object, mesh: TriangleMesh, source: SourceView) -> tuple:
+def _projection(
+    nodes: Nodes, mesh_object: bpy.types.Object, mesh: TriangleMesh, source: SourceView, filtered: bool
+) -> tuple:
     """The pinhole projection per shaded point, and the rule of :mod:`pipeline.visibility`.
 
     The homogeneous pixel (s z, t z, z), with (s, t) in Blender's texture coordinates, is an affine function of the
@@ -102,42 +116,22 @@ def _projection(nodes: "_Nodes", mesh_object: bpy.types.Object, mesh: TriangleMe
     separate = nodes.add("ShaderNodeSeparateXYZ")
     nodes.link(homogeneous, separate.inputs[0])
     depth = separate.outputs["Z"]
-    pixel = nodes.add("ShaderNodeVectorMath", operation="SCALE")
-    nodes.link(homogeneous, pixel.inputs[0])
-    nodes.link(nodes.math("DIVIDE", 1.0, depth), pixel.inputs["Scale"])
-    image = nodes.image(new_float_image("frame", rgba), pixel.outputs[0])
-    ratio = nodes.math("MULTIPLY", depth, image.outputs["Alpha"])
-    return image.outputs["Color"], nodes.math("COMPARE", ratio, 1.0, source.depth_tolerance)
+    pixel = nodes.scaled(homogeneous, nodes.math("DIVIDE", 1.0, depth))
+    rgb, inverse_depth = _looked_up(nodes, new_float_image("frame", rgba), pixel, filtered)
+    ratio = nodes.math("MULTIPLY", depth, inverse_depth)
+    return rgb, nodes.math("COMPARE", ratio, 1.0, source.depth_tolerance)
 
 
-class _Nodes:
-    """A node tree written down tersely."""
-
-    def __init__(self, material: bpy.types.Material) -> None:
-        self._tree = material.node_tree
-
-    def add(self, kind: str, **settings: object) -> bpy.types.Node:
-        node = self._tree.nodes.new(kind)
-        for name, value in settings.items():
-            if name in node.inputs:
-                node.inputs[name].default_value = value
-            else:
-                setattr(node, name, value)
-        return node
-
-    def link(self, output: bpy.types.NodeSocket, to: bpy.types.NodeSocket) -> None:
-        self._tree.links.new(output, to)
-
-    def math(self, operation: str, *values: object) -> bpy.types.NodeSocket:
-        node = self.add("ShaderNodeMath", operation=operation)
-        for socket, value in zip(node.inputs, values, strict=False):
-            if isinstance(value, int | float):
-                socket.default_value = value
-            else:
-                self.link(value, socket)
-        return node.outputs[0]
-
-    def image(self, image: bpy.types.Image, coordinates: bpy.types.NodeSocket) -> bpy.types.Node:
-        node = self.add("ShaderNodeTexImage", image=image, interpolation="Linear", extension="CLIP")
-        self.link(coordinates, node.inputs["Vector"])
-        return node
+def _looked_up(
+    nodes: Nodes, image: bpy.types.Image, coordinates: bpy.types.NodeSocket, filtered: bool
+) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
+    """Colour and alpha of an image; outside of it alpha is 0."""
+    exact = nodes.add("ShaderNodeTexImage", name=FRAME_IMAGE, image=image, interpolation="Linear", extension="CLIP")
+    nodes.link(coordinates, exact.inputs["Vector"])
+    if not filtered:
+        return exact.outputs["Color"], exact.outputs["Alpha"]
+    smooth = nodes.add(
+        "ShaderNodeTexImage", name=FILTERED_IMAGE, image=image, interpolation="Cubic", extension="EXTEND"
+    )
+    nodes.link(coordinates, smooth.inputs["Vector"])
+    return smooth.outputs["Color"], exact.outputs["Alpha"]

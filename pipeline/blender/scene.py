@@ -1,5 +1,7 @@
 """A Blender scene from data: one surface, one camera, settings under which colours and geometry stay exact."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import TracebackType
 
 import bpy
@@ -33,6 +35,7 @@ class SurfaceScene:
         *,
         engine: str = "cycles",
         samples: int = 1,
+        filtered: bool = False,
         threads: int = 0,
     ) -> None:
         """Build the scene.
@@ -49,24 +52,26 @@ class SurfaceScene:
             ``"cycles"`` is exact, the others are rasterisers that need OpenGL.
         samples
             Samples a pixel: 1 is a point sample at the pixel's centre, more average over the pixel's square.
+        filtered
+            Take colours from an image to be set, see :func:`pipeline.blender.material.assign_colour`.
         threads
             Render threads, 0 for one a core.
         """
-        existing = _data_blocks()
-        self._mesh = mesh
-        self.scene = bpy.data.scenes.new("oneframe")
-        self.surface_object = new_mesh_object("surface", mesh)
-        self.scene.collection.objects.link(self.surface_object)
-        assign_colour(self.surface_object, mesh, colour)
-        self.camera_object = new_camera(self.scene, camera, clip_mm=(1.0, 1000.0))
-        self.engine = engine
-        _set_exact_colour(self.scene)
-        _set_passes(self.scene)
-        _set_sampling(self.scene, engine, samples)
-        self.scene.render.threads_mode = "FIXED" if threads else "AUTO"
-        if threads:
-            self.scene.render.threads = threads
-        self._own = [(kind, block) for kind, block in _data_blocks() if (kind, block) not in existing]
+        self._own: list[bpy.types.ID] = []
+        with self.owning():
+            self._mesh = mesh
+            self.scene = bpy.data.scenes.new("oneframe")
+            self.surface_object = new_mesh_object("surface", mesh)
+            self.scene.collection.objects.link(self.surface_object)
+            assign_colour(self.surface_object, mesh, colour, filtered=filtered)
+            self.camera_object = new_camera(self.scene, camera, clip_mm=(1.0, 1000.0))
+            self.engine = engine
+            _set_exact_colour(self.scene)
+            _set_passes(self.scene)
+            _set_sampling(self.scene, engine, samples)
+            self.scene.render.threads_mode = "FIXED" if threads else "AUTO"
+            if threads:
+                self.scene.render.threads = threads
 
     def __enter__(self) -> "SurfaceScene":
         return self
@@ -79,7 +84,16 @@ class SurfaceScene:
     def close(self) -> None:
         """Remove the scene and all data that it brought."""
         own, self._own = self._own, []
-        bpy.data.batch_remove([block for _, block in own])
+        bpy.data.batch_remove(own)
+
+    @contextmanager
+    def owning(self) -> Iterator[None]:
+        """Data made inside the block is removed with the scene."""
+        existing = _data_blocks()
+        try:
+            yield
+        finally:
+            self._own += [block for block in _data_blocks() if block not in existing]
 
     def look_from(self, cam_from_model: np.ndarray) -> None:
         """Put the camera at a pose; clip planes enclose the surface's bounding sphere."""
@@ -91,9 +105,9 @@ class SurfaceScene:
         set_clip(self.camera_object, (near, far))
 
 
-def _data_blocks() -> list[tuple[str, bpy.types.ID]]:
-    kinds = ("scenes", "objects", "meshes", "cameras", "materials", "images")
-    return [(kind, block) for kind in kinds for block in getattr(bpy.data, kind)]
+def _data_blocks() -> list[bpy.types.ID]:
+    kinds = ("scenes", "objects", "meshes", "cameras", "materials", "images", "node_groups")
+    return [block for kind in kinds for block in getattr(bpy.data, kind)]
 
 
 def _set_exact_colour(scene: bpy.types.Scene) -> None:

@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from pipeline.blender.antialias import EdgeSampler
 from pipeline.blender.loading import LoadedCase
 from pipeline.blender.probe import ViewProbe
 from pipeline.blender.render import RenderedView, render_view
@@ -57,9 +58,18 @@ class ViewMaker:
         self.source = source
         colour, told = colour_of(source, options.colour)
         self.told = (*loaded.told, *source.told, *told)
+        # rasterisers average many samples at little cost
+        at_edges = options.samples > 1 and options.engine == "cycles"
         self._scene = SurfaceScene(
-            source.mesh, self.camera, colour, engine=options.engine, samples=options.samples, threads=threads
+            source.mesh,
+            self.camera,
+            colour,
+            engine=options.engine,
+            samples=1 if at_edges else options.samples,
+            filtered=at_edges,
+            threads=threads,
         )
+        self._sampler = EdgeSampler(self._scene, source, colour, self.camera, options.samples) if at_edges else None
         self._probe = ViewProbe(self._scene, source, self.camera)
         self._edges = SilhouetteEdges.of(source.mesh)
         self._given = given_poses
@@ -108,6 +118,8 @@ class ViewMaker:
 
     def render(self, cam_from_model: np.ndarray) -> RenderedView:
         """Render any pose."""
+        if self._sampler is not None:
+            return self._sampler.render(cam_from_model)
         return render_view(self._scene, cam_from_model)
 
     def video_poses(self) -> np.ndarray:

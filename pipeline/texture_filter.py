@@ -1,0 +1,107 @@
+"""Texture filtering before rendering: an image of which one lookup gives the mean over a pixel's footprint.
+
+A view's pixel at scale s of the frame covers a square of 1/s frame pixels. Its mean over the bilinear interpolant of
+the frame is a weighted sum of texels that depends on where the square lies between them. Cubic B-spline interpolation
+of a suitably convolved frame gives nearly the same weights at every position, so that the average over a whole pixel
+costs one lookup. (Plain bilinear lookups of a blurred frame blur again by an amount that varies with the position.)
+
+References: Unser, "Splines: a perfect fit for signal and image processing", IEEE Signal Processing Magazine 16(6),
+1999 (interpolation by B-splines needs such a convolution first); Heckbert, "Survey of texture mapping", 1986.
+"""
+
+import numpy as np
+
+TEXEL_CORRELATION = 0.97
+"""Correlation of neighbouring texels for which the kernel is best; photographs have 0.9 to 0.99."""
+
+_POSITIONS = (np.arange(8) + 0.5) / 8
+_EXTRA_TEXELS = 2
+
+
+def footprint_kernel(footprint: float) -> np.ndarray:
+    """The convolution to apply before cubic B-spline lookups.
+
+    Parameters
+    ----------
+    footprint
+        Side of the square that is averaged, in texels; above 0.
+
+    Returns
+    -------
+    ``(2 r + 1,)`` symmetric kernel with sum 1, for both axes. The sum of k(n) beta3(x - m - n) over n is the best
+    approximation, over all positions x, of the weight that texel m has in the mean of the linear interpolant over
+    x - footprint/2 .. x + footprint/2.
+    """
+    reach = max(2, int(np.ceil(footprint / 2 + 0.5)))
+    taps, texels = np.arange(-reach, reach + 1), np.arange(-reach - 3, reach + 4)
+    # errors of neighbouring weights cancel as far as neighbouring texels are alike
+    whitening = np.linalg.cholesky(TEXEL_CORRELATION ** np.abs(texels[:, None] - texels)).T
+    halves = np.eye(reach + 1)[np.abs(taps)]
+    rows, wanted = [], []
+    for position in _POSITIONS:
+        upper, lower = (_linear_integral(position + side * footprint / 2 - texels) for side in (1, -1))
+        rows.append(whitening @ _cubic_spline(position - texels[:, None] - taps) @ halves)
+        wanted.append(whitening @ (upper - lower) / footprint)
+    # the sum of 1 as a constraint: the middle tap is what the others leave
+    system, target = np.concatenate(rows), np.concatenate(wanted)
+    others = system[:, 1:] - 2 * system[:, :1]
+    half, *_ = np.linalg.lstsq(others, target - system[:, 0], rcond=None)
+    return np.concatenate([half[::-1], [1 - 2 * half.sum()], half])
+
+
+def _cubic_spline(x: np.ndarray) -> np.ndarray:
+    x = np.abs(x)
+    return np.where(x < 1, 2 / 3 - x**2 + x**3 / 2, np.maximum(2 - x, 0) ** 3 / 6)
+
+
+def _linear_integral(x: np.ndarray) -> np.ndarray:
+    """Integral of the hat function 1 - |t| up to x."""
+    x = np.clip(x, -1, 1)
+    return 0.5 + x - np.sign(x) * x**2 / 2
+
+
+def prefiltered(image: np.ndarray, known: np.ndarray, footprint: float) -> np.ndarray:
+    """Convolve an image for cubic B-spline lookups that stand for means over ``footprint`` texels.
+
+    Parameters
+    ----------
+    image
+        ``(H, W, C)`` float32.
+    known
+        ``(H, W)`` bool; colours of other texels are not used: those near known ones are continued from there.
+    footprint
+        Side of the averaged square in texels.
+
+    Returns
+    -------
+    ``(H, W, C)`` float32.
+    """
+    kernel = footprint_kernel(footprint).astype(np.float32)
+    filled = _continued(image.astype(np.float32), known, steps=len(kernel) // 2 + _EXTRA_TEXELS)
+    return _convolved(_convolved(filled, kernel, axis=0), kernel, axis=1)
+
+
+def _convolved(image: np.ndarray, kernel: np.ndarray, *, axis: int) -> np.ndarray:
+    reach, size = len(kernel) // 2, image.shape[axis]
+    margin = [(0, 0)] * image.ndim
+    margin[axis] = (reach, reach)
+    padded = np.pad(image, margin, mode="edge")
+    result = np.zeros_like(image)
+    for tap, weight in enumerate(kernel):
+        result += weight * padded[(slice(None),) * axis + (slice(tap, tap + size),)]
+    return result
+
+
+def _continued(image: np.ndarray, known: np.ndarray, *, steps: int) -> np.ndarray:
+    """Grow the known region texel by texel, each new one the mean of its known neighbours."""
+    box = np.ones(3, np.float32)
+    known, image = known.copy(), np.where(known[..., None], image, 0)
+    for _ in range(steps):
+        if known.all():
+            break
+        count = _convolved(_convolved(known.astype(np.float32), box, axis=0), box, axis=1)
+        total = _convolved(_convolved(image, box, axis=0), box, axis=1)
+        new = ~known & (count > 0)
+        image[new] = total[new] / count[new][:, None]
+        known |= new
+    return image

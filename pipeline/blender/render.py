@@ -22,8 +22,8 @@ from pipeline.blender.material import COLOUR_ATTRIBUTE, OBSERVED_ATTRIBUTE, OBSE
 from pipeline.blender.scene import SurfaceScene
 from pipeline.blender.versions import ENGINE_IDS, set_multilayer_exr
 from pipeline.colouring import NEUTRAL
-from pipeline.errors import InputError
-from pipeline.exr_file import read_exr
+from pipeline.errors import InputError, RunError
+from pipeline.exr_file import ExrError, read_exr
 
 _TRIAL_ENDED = "trial render ended"
 _BACKGROUND_MM = 1e9  # Blender's depth of "nothing" is 1e10
@@ -136,9 +136,15 @@ def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
     with tempfile.TemporaryDirectory(prefix="oneframe-") as folder:
         path = Path(folder) / "view.exr"
         scene.render.filepath = str(path)
-        with interrupts_held_back():
-            bpy.ops.render.render(scene=scene.name, write_still=True)
-        channels = read_exr(path)
+        try:
+            with interrupts_held_back():
+                bpy.ops.render.render(scene=scene.name, write_still=True)
+            channels = read_exr(path)
+        except (RuntimeError, OSError, ExrError) as error:
+            reason = " ".join(str(error).split())
+            raise RunError(
+                f"{folder}: cannot hold a render ({reason}); is the disk of temporary files full?"
+            ) from error
     passes: dict[str, list[np.ndarray]] = {}
     for suffix in "RXVZGYBZA":
         for name, plane in channels.items():

@@ -97,7 +97,8 @@ def view_files(
     observed
         ``(H, W)`` bool: surface that the source frame saw.
     """
-    codes = np.clip(np.rint(rgb * np.float32(255)), 0, 255).astype(np.uint8)
+    # rounded by adding a half and cutting: values are not negative
+    codes = (np.clip(rgb, 0, 1) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
     mask = encode_png(np.where(depth_mm > 0, np.uint8(255), np.uint8(0)))
     files = {
         "rgb": encode_png(codes),

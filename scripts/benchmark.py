@@ -6,9 +6,12 @@ All figures are of the same surface (200 000 triangles), poses, K and 640x480 si
 of runs that alternate, since machines are noisy. PyVista is measured as a user meets it: off screen, RGB, in memory.
 """
 
+import os
 import sys
 from pathlib import Path
 
+# as render_dataset.py does, and before numpy is imported
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # the repository's root: scripts are run from a checkout
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

@@ -4,9 +4,12 @@ python scripts/render_dataset.py CASE.toml --out DIR [options]
 blender -b -P scripts/render_dataset.py -- CASE.toml --out DIR [options]
 """
 
+import os
 import sys
 from pathlib import Path
 
+# the matrices are small: threads of numpy's BLAS only wait, and busily, on the cores that render
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Blender puts neither the script's folder nor the current one on the module path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

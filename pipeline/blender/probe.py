@@ -10,7 +10,7 @@ from pipeline.camera import PinholeCamera
 from pipeline.frames import camera_centre, inverse_rigid
 from pipeline.pose_plan import ViewStatistics
 
-GRID = 20
+GRID = 16
 """Rays along the longer side of the image; fractions are known to about 1 / GRID^2."""
 
 

@@ -122,13 +122,24 @@ def read_case(path: Path) -> Case:
 
 def _read_toml(path: Path) -> dict:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        _check_integers(table)
+        return table
     except FileNotFoundError:
         raise InputError(f"{path}: expected a case file, it does not exist; correct the path") from None
     except OSError as error:
         raise InputError(f"{path}: cannot read the case file ({error.strerror})") from None
     except (ValueError, RecursionError) as error:  # tomllib's and the decoder's are ValueErrors
         raise InputError(f"{path.name}: expected TOML, found a mistake: {error}") from None
+
+
+def _check_integers(value: object) -> None:
+    """TOML's integers have 64 bits; Python reads longer ones, which no float can hold."""
+    if isinstance(value, int) and abs(value) >= 2**63:
+        raise ValueError("an integer of more than 64 bits")
+    if isinstance(value, dict | list):
+        for part in value.values() if isinstance(value, dict) else value:
+            _check_integers(part)
 
 
 def _table(table: dict, key: str, name: str) -> dict:

@@ -1,13 +1,17 @@
 """The case file: what it gives, and one clear sentence for everything that cannot be used."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pipeline.case import Structure, nearest_name, read_case
 from pipeline.distortion import Distortion
 from pipeline.errors import InputError
+from pipeline.options import checked_options
 
 PARTS = {
     "units": 'units = "mm"',
@@ -143,6 +147,54 @@ def test_bad_values_are_refused_and_named(tmp_path, name):
     parts, message = BAD[name]
     with pytest.raises(InputError, match=f"^case.toml: .*{message}"):
         read_case(case_file(tmp_path, **parts))
+
+
+numbers = st.one_of(st.integers(-2, 2), st.integers(), st.just(10**400), st.floats(), st.booleans())
+texts = st.text(st.characters(codec="utf-8", categories=["L", "N", "P"], exclude_characters='"\\\\'), max_size=5)
+values = st.recursive(
+    numbers | texts,
+    lambda inner: st.lists(inner, max_size=5) | st.dictionaries(st.sampled_from("ab"), inner, max_size=2),
+    max_leaves=16,
+)
+
+
+def as_toml(value: object) -> str:
+    match value:
+        case bool():
+            return str(value).lower()
+        case str():
+            return f'"{value}"'
+        case list():
+            return f"[{', '.join(map(as_toml, value))}]"
+        case dict():
+            return "{" + ", ".join(f"{key} = {as_toml(part)}" for key, part in value.items()) + "}"
+    return repr(value)
+
+
+def sentence(path: Path) -> str:
+    """What a user is told about a case file; any other exception is a defect."""
+    try:
+        checked_options(read_case(path).dataset, "case.toml: [dataset]")
+    except InputError as error:
+        return str(error)
+    return "case.toml: taken"
+
+
+@given(key=st.sampled_from(sorted(PARTS)), value=values, option=st.sampled_from(["count", "scale", "engine", "video"]))
+def test_any_value_is_taken_or_refused_with_a_sentence(tmp_path_factory, key, value, option):
+    folder = tmp_path_factory.getbasetemp()
+    name = PARTS[key].partition(" = ")[0]
+    assert sentence(case_file(folder, **{key: f"{name} = {as_toml(value)}"})).startswith("case.toml: ")
+    assert sentence(case_file(folder, f"[dataset]\n{option} = {as_toml(value)}")).startswith("case.toml: ")
+
+
+@given(key=st.sampled_from(["K", "pose"]), row=st.integers(0, 3), column=st.integers(0, 3), value=values)
+def test_any_entry_of_a_matrix_is_taken_or_refused_with_a_sentence(tmp_path_factory, key, row, column, value):
+    name, _, text = PARTS[key].partition(" = ")
+    matrix = json.loads(text)
+    matrix[row % len(matrix)][column % len(matrix)] = value
+    path = case_file(tmp_path_factory.getbasetemp(), **{key: f"{name} = {as_toml(matrix)}"})
+    assert sentence(path).startswith("case.toml: ")
 
 
 @pytest.mark.parametrize(

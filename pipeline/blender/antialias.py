@@ -5,7 +5,8 @@ neighbouring rays agree. Here the exact one-ray view is kept and its colour is r
 
 * inside the surface a colour is one lookup of a filtered frame that stands for the mean over the pixel
   (:mod:`pipeline.texture_filter`);
-* in pixels at an edge (:mod:`pipeline.edge_pixels`) it is the mean of N rays (:mod:`pipeline.blender.surface_rays`).
+* in pixels at an edge (:mod:`pipeline.edge_pixels`), or where the frame itself has one, it is the mean of N rays
+  (:mod:`pipeline.blender.surface_rays`).
 
 Every view is a function of its pose alone: nothing is drawn at random or depends on the views before.
 """
@@ -26,7 +27,8 @@ from pipeline.colouring import VertexColours
 from pipeline.edge_pixels import edge_pixels, pixel_pattern
 from pipeline.frames import camera_centre, transform_points
 from pipeline.texture_atlas import TextureAtlas
-from pipeline.texture_filter import prefiltered
+from pipeline.texture_filter import mean_over_pixels, prefiltered
+from pipeline.visibility import inverse_depth_map
 
 FOOTPRINT_STEP = 1.25
 """Ratio of neighbouring distances for which the frame is filtered. A filter for a footprint wrong by half a step costs
@@ -69,8 +71,9 @@ class EdgeSampler:
         if not isinstance(self._colour, VertexColours):
             self._fit_filter(cam_from_model)
         exact = render_view(self._surface_scene, cam_from_model)
-        edges = edge_pixels(exact.depth_mm, exact.observed, self._camera)
-        rgb = np.array(exact.rgb)
+        edges = edge_pixels(exact.depth_mm, exact.observed, self._camera) | exact.beside_unseen
+        # vertex colours have no image to be filtered, but are smooth
+        rgb = mean_over_pixels(exact.rgb) if isinstance(self._colour, VertexColours) else np.array(exact.rgb)
         rgb[edges] = self._mean_colours(edges, cam_from_model)
         return replace(exact, rgb=rgb)
 
@@ -108,8 +111,14 @@ class EdgeSampler:
         return float(np.sqrt(frame.fx * frame.fy / (view.fx * view.fy)))
 
     def _filtered_image(self, footprint: float) -> bpy.types.Image:
+        """The frame or atlas for this footprint; alpha marks the texels beside those that hold no surface."""
         colour = self._colour
-        known = colour.observed if isinstance(colour, TextureAtlas) else colour.inverse_depth > 0
+        if isinstance(colour, TextureAtlas):
+            known = colour.observed
+            beside = edge_pixels(known.astype(np.float32), known, self._source.view.camera)
+        else:
+            known = colour.inverse_depth > 0
+            beside = edge_pixels(inverse_depth_map(colour.inverse_depth), known, colour.camera)
         rgb = prefiltered(colour.image, known, footprint)
         with self._surface_scene.owning():
-            return new_float_image("filtered frame", np.concatenate([rgb, np.ones_like(rgb[..., :1])], axis=2))
+            return new_float_image("filtered frame", np.concatenate([rgb, beside[..., None]], axis=2))

@@ -46,23 +46,25 @@ def assign_colour(
         ``None`` makes it plain neutral, for geometry alone; the observed flag then tells front sides from back sides.
     filtered
         Take colours (not the observed flag) by cubic B-spline from the image of the node :data:`FILTERED_IMAGE`, which
-        is for the caller to replace, see :mod:`pipeline.texture_filter`. Vertex colours have no image.
+        is for the caller to replace, see :mod:`pipeline.texture_filter`; its alpha is added to the flag of observed
+        points. Vertex colours have no image.
     """
     material = new_node_material("surface")
     nodes = Nodes(material.node_tree)
     match colour:
         case None:
-            rgb, flag = None, 1.0
+            rgb, flag, addition = None, 1.0, None
         case VertexColours():
-            rgb, flag = _vertex_colour(nodes, mesh_object, colour)
+            rgb, flag, addition = _vertex_colour(nodes, mesh_object, colour)
         case TextureAtlas():
-            rgb, flag = _texture(nodes, mesh_object, colour, filtered)
+            rgb, flag, addition = _texture(nodes, mesh_object, colour, filtered)
         case SourceView():
-            rgb, flag = _projection(nodes, mesh_object, mesh, colour, filtered)
+            rgb, flag, addition = _projection(nodes, mesh_object, mesh, colour, filtered)
     geometry = nodes.add("ShaderNodeNewGeometry")
     flag = nodes.math("GREATER_THAN", flag, geometry.outputs["Backfacing"])
     observed_pass = nodes.add("ShaderNodeOutputAOV", aov_name=OBSERVED_PASS)
-    nodes.link(flag, observed_pass.inputs["Value"])
+    passed = flag if addition is None else nodes.math("MULTIPLY_ADD", flag, addition, flag)
+    nodes.link(passed, observed_pass.inputs["Value"])
     emission = nodes.add("ShaderNodeEmission", Color=NEUTRAL_RGBA)
     if rgb is not None:
         nodes.link(nodes.mixed(flag, NEUTRAL_RGBA, rgb), emission.inputs["Color"])
@@ -82,16 +84,16 @@ def _vertex_colour(nodes: Nodes, mesh_object: bpy.types.Object, colour: VertexCo
     mesh_object.data.color_attributes.active_color_name = COLOUR_ATTRIBUTE
     attribute = nodes.add("ShaderNodeAttribute", attribute_name=COLOUR_ATTRIBUTE)
     # a point is observed if all three vertices of its triangle are
-    return attribute.outputs["Color"], nodes.math("GREATER_THAN", attribute.outputs["Alpha"], OBSERVED_LEAST)
+    return attribute.outputs["Color"], nodes.math("GREATER_THAN", attribute.outputs["Alpha"], OBSERVED_LEAST), None
 
 
 def _texture(nodes: Nodes, mesh_object: bpy.types.Object, atlas: TextureAtlas, filtered: bool) -> tuple:
     set_corner_uv(mesh_object, UV_MAP, atlas.uv)
     rgba = np.concatenate([atlas.image, atlas.observed[..., None]], axis=2)
     uv = nodes.add("ShaderNodeUVMap", uv_map=UV_MAP)
-    rgb, flag = _looked_up(nodes, new_float_image("frame_atlas", rgba), uv.outputs["UV"], filtered)
+    rgb, flag, addition = _looked_up(nodes, new_float_image("frame_atlas", rgba), uv.outputs["UV"], filtered)
     # a point is observed if all texels of non-zero weight are
-    return rgb, nodes.math("GREATER_THAN", flag, OBSERVED_LEAST)
+    return rgb, nodes.math("GREATER_THAN", flag, OBSERVED_LEAST), addition
 
 
 def _projection(
@@ -117,21 +119,19 @@ def _projection(
     nodes.link(homogeneous, separate.inputs[0])
     depth = separate.outputs["Z"]
     pixel = nodes.scaled(homogeneous, nodes.math("DIVIDE", 1.0, depth))
-    rgb, inverse_depth = _looked_up(nodes, new_float_image("frame", rgba), pixel, filtered)
+    rgb, inverse_depth, addition = _looked_up(nodes, new_float_image("frame", rgba), pixel, filtered)
     ratio = nodes.math("MULTIPLY", depth, inverse_depth)
-    return rgb, nodes.math("COMPARE", ratio, 1.0, source.depth_tolerance)
+    return rgb, nodes.math("COMPARE", ratio, 1.0, source.depth_tolerance), addition
 
 
-def _looked_up(
-    nodes: Nodes, image: bpy.types.Image, coordinates: bpy.types.NodeSocket, filtered: bool
-) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
-    """Colour and alpha of an image; outside of it alpha is 0."""
+def _looked_up(nodes: Nodes, image: bpy.types.Image, coordinates: bpy.types.NodeSocket, filtered: bool) -> tuple:
+    """Colour and alpha of an image (outside of it alpha is 0), and the alpha of the filtered image or ``None``."""
     exact = nodes.add("ShaderNodeTexImage", name=FRAME_IMAGE, image=image, interpolation="Linear", extension="CLIP")
     nodes.link(coordinates, exact.inputs["Vector"])
     if not filtered:
-        return exact.outputs["Color"], exact.outputs["Alpha"]
+        return exact.outputs["Color"], exact.outputs["Alpha"], None
     smooth = nodes.add(
         "ShaderNodeTexImage", name=FILTERED_IMAGE, image=image, interpolation="Cubic", extension="EXTEND"
     )
     nodes.link(coordinates, smooth.inputs["Vector"])
-    return smooth.outputs["Color"], exact.outputs["Alpha"]
+    return smooth.outputs["Color"], exact.outputs["Alpha"], smooth.outputs["Alpha"]

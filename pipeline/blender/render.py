@@ -41,11 +41,15 @@ class RenderedView:
         ``(H, W)`` float32 distance along the optical axis of the surface at the pixel's centre; 0 for none.
     observed
         ``(H, W)`` bool: the source frame saw the surface at the pixel's centre.
+    beside_unseen
+        ``(H, W)`` bool: observed, but about a frame pixel away from where the frame's view of the surface breaks off;
+        only told by scenes for anti-aliasing.
     """
 
     rgb: np.ndarray
     depth_mm: np.ndarray
     observed: np.ndarray
+    beside_unseen: np.ndarray
 
     @property
     def mask(self) -> np.ndarray:
@@ -66,8 +70,8 @@ def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> Rend
     # Eevee 4.5 gives the background the depth of the far clip plane
     depth = np.where((depth < _BACKGROUND_MM) & (combined[..., 3] > 0), depth, np.float32(0))
     # with several samples the flag is their mean, also of those beside the pixel's centre
-    observed = (passes[OBSERVED_PASS][..., 0] > 0.5) & (depth > 0)
-    return RenderedView(combined[..., :3], depth, observed)
+    flag = np.where(depth > 0, passes[OBSERVED_PASS][..., 0], np.float32(0))
+    return RenderedView(combined[..., :3], depth, flag > 0.5, flag > 1.5)
 
 
 def _render_cycles(scene: bpy.types.Scene) -> dict[str, np.ndarray]:

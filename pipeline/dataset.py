@@ -138,5 +138,12 @@ def read_record(paths: FramePaths) -> dict:
 
 
 def finished_frames(root: Path, frames: range) -> set[int]:
-    """Which of these views have a record."""
-    return {index for index in frames if FramePaths(root, index).file("frame").exists()}
+    """Which of these views have a record (an empty one, as a loss of power leaves it, is none)."""
+    return {index for index in frames if _has_content(FramePaths(root, index).file("frame"))}
+
+
+def _has_content(path: Path) -> bool:
+    try:
+        return path.stat().st_size > 0
+    except FileNotFoundError:
+        return False

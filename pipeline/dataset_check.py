@@ -48,7 +48,7 @@ from pipeline.silhouette import SilhouetteEdges
 DEFAULT_VIEWS = 200
 DESKTOP_FILES = {".DS_Store", "Thumbs.db", "desktop.ini"}
 MODEL, MODELS_INFO = f"models/obj_{OBJECT_ID:06d}.ply", "models/models_info.json"
-VIDEO = "video/trajectory.mp4"
+VIDEO, VIDEO_POSES = "video/trajectory.mp4", "video/poses.csv"
 AGAIN = "run the same command of render_dataset.py again"
 
 
@@ -161,7 +161,7 @@ def _chosen(count: int, views: int) -> set[int]:
 
 def _check_files(root: Path, identity: Identity, findings: Findings) -> set[str]:
     """Compare what is in the folder with what should be; the files that are missing, relative to the folder."""
-    present, views, tables = set(_files(root)), set(), set(_tables_beside_scenes(identity))
+    present, views, tables = set(_files(root)), set(), set(_tables_beside_scenes(root))
     for index in range(identity.count):
         paths = FramePaths(root, index)
         views |= {paths.relative(kind) for kind in (*identity.kinds, "frame")}
@@ -188,11 +188,11 @@ def _check_files(root: Path, identity: Identity, findings: Findings) -> set[str]
     return missing
 
 
-def _tables_beside_scenes(identity: Identity) -> Iterator[str]:
-    yield from ("camera.json", "poses.csv", "transforms.json", "contact_sheet.png")
+def _tables_beside_scenes(root: Path) -> Iterator[str]:
+    yield from ("camera.json", "poses.csv", "transforms.json", "contact_sheet.png", "overlay.png")
     yield from (MODEL, MODELS_INFO)
-    if identity.video_frames:
-        yield from (VIDEO, "video/poses.csv")
+    if (root / "video").is_dir():
+        yield from (VIDEO, VIDEO_POSES)
 
 
 def _files(root: Path) -> Iterator[str]:
@@ -279,18 +279,16 @@ def _check_whole(
         check_pose_table(root, records, identity, findings)
     if "transforms.json" not in missing:
         check_nerf_file(root, records, identity, findings)
-    if "contact_sheet.png" not in missing:
+    for picture in {"contact_sheet.png", "overlay.png"} - missing:
         try:
-            check_image_file(root / "contact_sheet.png", "contact_sheet.png")
+            check_image_file(root / picture, picture)
         except InputError as error:
             findings.add("damaged files", error)
-    if identity.video_frames and VIDEO not in missing:
-        _check_video(root, identity, findings)
-    if identity.video_frames and "video/poses.csv" not in missing:
-        check_video_poses(root, identity.video_frames, findings)
+    if (root / "video").is_dir() and not {VIDEO, VIDEO_POSES} & missing:
+        _check_video(root, identity, check_video_poses(root, findings), findings)
 
 
-def _check_video(root: Path, identity: Identity, findings: Findings) -> None:
+def _check_video(root: Path, identity: Identity, frames: int, findings: Findings) -> None:
     video = cv2.VideoCapture(str(root / VIDEO))
     found = tuple(
         round(video.get(what))
@@ -299,9 +297,9 @@ def _check_video(root: Path, identity: Identity, findings: Findings) -> None:
     video.release()
     # H.264 has even sides
     width, height = (side + side % 2 for side in identity.camera.size_wh)
-    if found != (identity.video_frames, width, height):
+    if frames and found != (frames, width, height):
         findings.add(
             "damaged files",
-            f"{VIDEO}: expected {identity.video_frames} frames of {width}x{height} px, found {found[0]} of "
+            f"{VIDEO}: expected {frames} frames, as {VIDEO_POSES} has, of {width}x{height} px, found {found[0]} of "
             f"{found[1]}x{found[2]}",
         )

@@ -39,8 +39,6 @@ class Identity:
         Kinds of the files of a view, without its record.
     anti_aliased
         The colour image has soft edges.
-    video_frames
-        Length of the video, 0 for none.
     """
 
     count: int
@@ -48,7 +46,6 @@ class Identity:
     given_from_model: np.ndarray
     kinds: tuple[str, ...]
     anti_aliased: bool
-    video_frames: int
 
 
 @dataclass(frozen=True)
@@ -124,7 +121,6 @@ def read_identity(root: Path) -> Identity:
         given_from_model=given_from_model,
         kinds=("rgb", "depth", "mask", "mask_visib", "mask_observed", *float_depth),
         anti_aliased=whole_number(options, "samples", f"{RECORD}: options", least=1) > 1,
-        video_frames=whole_number(options, "video_frames", f"{RECORD}: options") if options.get("video") else 0,
     )
 
 

@@ -72,7 +72,7 @@ def pose_of(index: int) -> np.ndarray:
 def make_dataset(root: Path) -> None:
     """What render_dataset.py would have written."""
     root.mkdir()
-    options = {"samples": 1, "float_depth": True, "video": True, "video_frames": VIDEO_FRAMES}
+    options = {"samples": 1, "float_depth": True}
     identity = {
         "format": "oneframe dataset 1",
         "count": COUNT,
@@ -86,7 +86,8 @@ def make_dataset(root: Path) -> None:
     for index in range(COUNT):
         write_one(root, index)
     write_tables(root, CAMERA)
-    (root / "contact_sheet.png").write_bytes(encode_png(np.zeros((8, 8, 3), np.uint8)))
+    for picture in ("contact_sheet.png", "overlay.png"):
+        (root / picture).write_bytes(encode_png(np.zeros((8, 8, 3), np.uint8)))
     (root / "video").mkdir()
     video = cv2.VideoWriter(str(root / "video/trajectory.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 24, CAMERA.size_wh)
     for _ in range(VIDEO_FRAMES):

@@ -119,7 +119,8 @@ def test_a_sound_dataset_passes_with_options(sound, run, arguments):
 
 S0, S1 = "train_pbr/000000", "train_pbr/000001"
 BESIDE = [
-    "dataset.json", "camera.json", "poses.csv", "transforms.json", "contact_sheet.png", "models/models_info.json",
+    "dataset.json", "camera.json", "poses.csv", "transforms.json", "contact_sheet.png", "overlay.png",
+    "models/models_info.json",
     "models/obj_000001.ply", "video/trajectory.mp4", "video/poses.csv",
 ]  # fmt: skip
 TABLES = [f"{S1}/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco")]

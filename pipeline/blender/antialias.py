@@ -3,8 +3,8 @@
 Averaging N samples in every pixel costs N times as much as one, and nearly all of it is spent inside the surface, where
 neighbouring rays agree. Here the exact one-ray view is kept and its colour is refined in two ways:
 
-* inside the surface a colour is one lookup of a filtered frame that stands for the mean over the pixel
-  (:mod:`pipeline.texture_filter`);
+* inside the surface a colour is one lookup of a filtered frame that stands for the mean over the pixel, or where
+  colours change slowly from pixel to pixel, a mean of neighbouring pixels (:mod:`pipeline.texture_filter`);
 * in pixels at an edge (:mod:`pipeline.edge_pixels`), or where the frame itself has one, it is the mean of N rays
   (:mod:`pipeline.blender.surface_rays`).
 
@@ -35,8 +35,9 @@ FOOTPRINT_STEP = 1.25
 0.0002 of SSIM; Cycles takes half a frame's time to exchange the image, and at 0.9 to 1.1 of the frame's distance, where
 most views are taken, it need not."""
 
-MIN_FOOTPRINT, MAX_FOOTPRINT = 0.25, 32.0
-"""Texels a pixel: below, filtering does nothing any more; above, a view shows the frame at stamp size."""
+SHARP_FOOTPRINT, LARGEST_FOOTPRINT = 0.75, 32.0
+"""Texels a pixel. Below, views show single texels as they are, with means taken in the view as for vertex colours: a
+spline is too smooth there. Above, views show the frame at stamp size."""
 
 
 class EdgeSampler:
@@ -64,16 +65,14 @@ class EdgeSampler:
         self._camera = camera
         self._rays = SurfaceRays(surface_scene, colour)
         self._offsets_cam = pixel_pattern(samples) / [camera.fx, camera.fy]
-        self._images: dict[int, bpy.types.Image] = {}
+        self._images: dict[float, bpy.types.Image] = {}
 
     def render(self, cam_from_model: np.ndarray) -> RenderedView:
         """Render a pose: colour anti-aliased, depth and observed surface those of the pixels' centres."""
-        if not isinstance(self._colour, VertexColours):
-            self._fit_filter(cam_from_model)
+        filtered = self._fit_filter(cam_from_model)
         exact = render_view(self._surface_scene, cam_from_model)
         edges = edge_pixels(exact.depth_mm, exact.observed, self._camera) | exact.beside_unseen
-        # vertex colours have no image to be filtered, but are smooth
-        rgb = mean_over_pixels(exact.rgb) if isinstance(self._colour, VertexColours) else np.array(exact.rgb)
+        rgb = np.array(exact.rgb) if filtered else mean_over_pixels(exact.rgb)
         rgb[edges] = self._mean_colours(edges, cam_from_model)
         return replace(exact, rgb=rgb)
 
@@ -88,30 +87,26 @@ class EdgeSampler:
         colours = self._rays.colours(camera_centre(cam_from_model), directions.reshape(-1, 3))
         return colours.reshape(directions.shape).mean(axis=1)
 
-    def _fit_filter(self, cam_from_model: np.ndarray) -> None:
-        """Give the surface's material the frame as filtered for the view's distance."""
-        view, pivot = self._source.view, self._source.pivot_model[None]
-        distance, in_frame = (transform_points(pose, pivot)[0, 2] for pose in (cam_from_model, view.cam_from_model))
-        finest, coarsest = (
-            np.log(limit / self._footprint_at_frame) / np.log(FOOTPRINT_STEP)
-            for limit in (MIN_FOOTPRINT, MAX_FOOTPRINT)
-        )
-        step = np.log(max(distance / in_frame, 1e-6)) / np.log(FOOTPRINT_STEP)
-        step = round(float(np.clip(step, finest, coarsest)))
-        if step not in self._images:
-            self._images[step] = self._filtered_image(self._footprint_at_frame * FOOTPRINT_STEP**step)
+    def _fit_filter(self, cam_from_model: np.ndarray) -> bool:
+        """Give the surface's material the frame as filtered for the view's distance; False if it needs no filter."""
+        if isinstance(self._colour, VertexColours):
+            return False
+        frame, pivot = self._source.view, self._source.pivot_model[None]
+        view_mm, frame_mm = (transform_points(pose, pivot)[0, 2] for pose in (cam_from_model, frame.cam_from_model))
+        step = round(np.log(max(view_mm / frame_mm, 1e-6)) / np.log(FOOTPRINT_STEP))
+        at_frame = np.sqrt(frame.camera.fx * frame.camera.fy / (self._camera.fx * self._camera.fy))
+        footprint = float(np.clip(at_frame * FOOTPRINT_STEP**step, SHARP_FOOTPRINT, LARGEST_FOOTPRINT))
+        filtered = footprint > SHARP_FOOTPRINT
+        if footprint not in self._images:
+            self._images[footprint] = self._new_image(footprint if filtered else None)
         node = self._surface_scene.surface_object.data.materials[0].node_tree.nodes[FILTERED_IMAGE]
-        if node.image != self._images[step]:
-            node.image = self._images[step]
+        if node.image != self._images[footprint]:
+            node.image = self._images[footprint]
+            node.interpolation = "Cubic" if filtered else "Linear"
+        return filtered
 
-    @property
-    def _footprint_at_frame(self) -> float:
-        """Frame pixels to a view's pixel at the frame's own distance."""
-        frame, view = self._source.view.camera, self._camera
-        return float(np.sqrt(frame.fx * frame.fy / (view.fx * view.fy)))
-
-    def _filtered_image(self, footprint: float) -> bpy.types.Image:
-        """The frame or atlas for this footprint; alpha marks the texels beside those that hold no surface."""
+    def _new_image(self, footprint: float | None) -> bpy.types.Image:
+        """The frame or atlas, filtered if a footprint is given; alpha marks where what it saw breaks off."""
         colour = self._colour
         if isinstance(colour, TextureAtlas):
             known = colour.observed
@@ -119,6 +114,6 @@ class EdgeSampler:
         else:
             known = colour.inverse_depth > 0
             beside = edge_pixels(inverse_depth_map(colour.inverse_depth), known, colour.camera)
-        rgb = prefiltered(colour.image, known, footprint)
+        rgb = colour.image if footprint is None else prefiltered(colour.image, known, footprint)
         with self._surface_scene.owning():
             return new_float_image("filtered frame", np.concatenate([rgb, beside[..., None]], axis=2))

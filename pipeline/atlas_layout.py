@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.camera import PinholeCamera
-from pipeline.errors import InputError
-from pipeline.triangle_raster import barycentric, nearest_barycentric, rasterise
-from pipeline.visibility import TOLERANCE_PX
+from .camera import PinholeCamera
+from .errors import InputError
+from .triangle_raster import barycentric, nearest_barycentric, rasterise
+from .visibility import TOLERANCE_PX
 
 GUTTER = 1.02
 """Texels reserved round each face (square half-width): 1 is what bilinear lookups read, the rest is for float32 UV."""

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from pipeline.errors import InputError
+from .errors import InputError
 
 PixelOrigin = Literal["center", "corner"]
 

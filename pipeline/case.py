@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.camera import PinholeCamera
-from pipeline.distortion import Distortion, checked_distortion
-from pipeline.errors import InputError
-from pipeline.frames import checked_rigid
+from .camera import PinholeCamera
+from .distortion import Distortion, checked_distortion
+from .errors import InputError
+from .frames import checked_rigid
 
 MM_PER_UNIT = {"mm": 1.0, "m": 1000.0}
 

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.mesh import TriangleMesh
+from .mesh import TriangleMesh
 
 if TYPE_CHECKING:
-    from pipeline.visibility import SourceView
+    from .visibility import SourceView
 
 NEUTRAL = 0.5
 """Code value (0..1) given to surface that the frame did not see, in all three channels."""

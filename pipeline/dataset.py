@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.atomic_file import write_bytes_atomically
-from pipeline.errors import InputError
-from pipeline.image_file import encode_png
+from .atomic_file import write_bytes_atomically
+from .errors import InputError
+from .image_file import encode_png
 
 FORMAT = "oneframe dataset 1"
 """Name and version of the layout, in ``dataset.json``."""

@@ -15,9 +15,9 @@ from typing import TextIO
 import cv2
 import numpy as np
 
-from pipeline.dataset import FRAMES_PER_SCENE, OBJECT_ID, SPLIT, FramePaths
-from pipeline.dataset_check_depth import Agreement
-from pipeline.dataset_check_records import (
+from .dataset import FRAMES_PER_SCENE, OBJECT_ID, SPLIT, FramePaths
+from .dataset_check_depth import Agreement
+from .dataset_check_records import (
     DamagedFile,
     Identity,
     ViewRecord,
@@ -27,7 +27,7 @@ from pipeline.dataset_check_records import (
     read_object,
     read_view_record,
 )
-from pipeline.dataset_check_tables import (
+from .dataset_check_tables import (
     SCENE_TABLES,
     check_camera_file,
     check_nerf_file,
@@ -35,15 +35,15 @@ from pipeline.dataset_check_tables import (
     check_scene_tables,
     check_video_poses,
 )
-from pipeline.dataset_check_view import check_view
-from pipeline.errors import InputError
-from pipeline.findings import Findings
-from pipeline.image_file import check_image_file
-from pipeline.mesh import diameter
-from pipeline.mesh_file import read_mesh
-from pipeline.progress import Progress
-from pipeline.run_folder import RECORD, WORK
-from pipeline.silhouette import SilhouetteEdges
+from .dataset_check_view import check_view
+from .errors import InputError
+from .findings import Findings
+from .image_file import check_image_file
+from .mesh import diameter
+from .mesh_file import read_mesh
+from .progress import Progress
+from .run_folder import RECORD, WORK
+from .silhouette import SilhouetteEdges
 
 DEFAULT_VIEWS = 200
 DESKTOP_FILES = {".DS_Store", "Thumbs.db", "desktop.ini"}

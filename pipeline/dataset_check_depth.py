@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline.camera import PinholeCamera
-from pipeline.frames import transform_points
-from pipeline.mesh import TriangleMesh
-from pipeline.triangle_raster import rasterise
+from .camera import PinholeCamera
+from .frames import transform_points
+from .mesh import TriangleMesh
+from .triangle_raster import rasterise
 
 GUARD_PX = 64.0
 """Triangles that reach farther out of the image are clipped: bounds what is scan-converted in vain."""

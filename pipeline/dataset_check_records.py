@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.camera import PinholeCamera
-from pipeline.dataset import FORMAT, FramePaths
-from pipeline.errors import InputError
-from pipeline.run_folder import RECORD
+from .camera import PinholeCamera
+from .dataset import FORMAT, FramePaths
+from .errors import InputError
+from .run_folder import RECORD
 
 ROTATION_TOLERANCE = 1e-9
 GT_INFO_COUNTS = ("px_count_all", "px_count_valid", "px_count_visib")

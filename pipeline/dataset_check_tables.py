@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.camera import PinholeCamera
-from pipeline.dataset import OBJECT_ID, FramePaths
-from pipeline.dataset_check_records import (
+from .camera import PinholeCamera
+from .dataset import OBJECT_ID, FramePaths
+from .dataset_check_records import (
     DamagedFile,
     Identity,
     ViewRecord,
@@ -22,7 +22,7 @@ from pipeline.dataset_check_records import (
     read_object,
     shortened,
 )
-from pipeline.findings import Findings
+from .findings import Findings
 
 SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "scene_gt_coco.json")
 KIND = "tables that disagree"

@@ -11,13 +11,13 @@ import cv2
 import numpy as np
 from numpy.typing import DTypeLike
 
-from pipeline.dataset import FramePaths
-from pipeline.dataset_check_depth import PIXELS_OF_ROUNDING, Agreement, agreement, surface_depth
-from pipeline.dataset_check_records import DamagedFile, Identity, ViewRecord
-from pipeline.errors import InputError
-from pipeline.findings import Findings
-from pipeline.image_file import check_image_file
-from pipeline.silhouette import SilhouetteEdges, silhouette_statistics
+from .dataset import FramePaths
+from .dataset_check_depth import PIXELS_OF_ROUNDING, Agreement, agreement, surface_depth
+from .dataset_check_records import DamagedFile, Identity, ViewRecord
+from .errors import InputError
+from .findings import Findings
+from .image_file import check_image_file
+from .silhouette import SilhouetteEdges, silhouette_statistics
 
 IMAGES = "images that disagree"
 POSES = "views whose pose does not fit the pixels"

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.atomic_file import write_bytes_atomically
-from pipeline.camera import PinholeCamera
-from pipeline.dataset import OBJECT_ID, FramePaths, read_record
-from pipeline.frames import CAM_FROM_OPENGL_CAM, inverse_rigid, rigid
-from pipeline.mesh import TriangleMesh, diameter
-from pipeline.mesh_export import write_ply
+from .atomic_file import write_bytes_atomically
+from .camera import PinholeCamera
+from .dataset import OBJECT_ID, FramePaths, read_record
+from .frames import CAM_FROM_OPENGL_CAM, inverse_rigid, rigid
+from .mesh import TriangleMesh, diameter
+from .mesh_export import write_ply
 
 HIDDEN_BELOW = 0.1
 """COCO annotations with a smaller visible fraction are marked ``ignore``, as bop_toolkit does."""

@@ -7,9 +7,9 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
-from pipeline.camera import PinholeCamera
-from pipeline.colouring import sample_bilinear
-from pipeline.errors import InputError
+from .camera import PinholeCamera
+from .colouring import sample_bilinear
+from .errors import InputError
 
 FOLD_GRID = 101
 """Grid lines along each side of the frame of the test for folds: finer ones are narrower than 1 % of the frame."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from pipeline.camera import PinholeCamera
-from pipeline.visibility import inverse_depth_map
+from .camera import PinholeCamera
+from .visibility import inverse_depth_map
 
 STEP_PX = 2.0
 """An edge departs from the plane of its neighbours by this depth at least, in pixel footprints (depth / f).

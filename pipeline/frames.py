@@ -19,7 +19,7 @@ millimetres, angles are degrees where the name ends in ``_deg`` and radians othe
 
 import numpy as np
 
-from pipeline.errors import InputError
+from .errors import InputError
 
 ORTHONORMAL_TOLERANCE = 5e-3
 """Largest entry of |R Rt - 1| that is taken as rounding: published ground truth reaches 2e-3 (LM-O)."""

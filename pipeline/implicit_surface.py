@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from skimage.measure import marching_cubes
 
-from pipeline.mesh import TriangleMesh, checked_mesh
+from .mesh import TriangleMesh, checked_mesh
 
 Shape = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """Signed distance, negative inside, from coordinates x, y, z in mm that broadcast."""

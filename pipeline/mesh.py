@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pipeline.errors import InputError
+from .errors import InputError
 
 LARGEST_COORDINATE = 1e9
 """1000 km in mm: more is a damaged file, and products of such numbers overflow."""

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.atomic_file import write_bytes_atomically
-from pipeline.mesh import TriangleMesh
+from .atomic_file import write_bytes_atomically
+from .mesh import TriangleMesh
 
 
 def write_ply(

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.errors import InputError
-from pipeline.mesh import TriangleMesh, checked_mesh
-from pipeline.mesh_ply import read_ply
-from pipeline.text_numbers import first_wrong_word, parsed_numbers, told_if_unfinished
+from .errors import InputError
+from .mesh import TriangleMesh, checked_mesh
+from .mesh_ply import read_ply
+from .text_numbers import first_wrong_word, parsed_numbers, told_if_unfinished
 
 
 def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:

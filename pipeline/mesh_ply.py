@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.errors import InputError
-from pipeline.text_numbers import first_wrong_word, parsed_numbers, told_if_unfinished
+from .errors import InputError
+from .text_numbers import first_wrong_word, parsed_numbers, told_if_unfinished
 
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pipeline.case import nearest_name
-from pipeline.errors import InputError
+from .case import nearest_name
+from .errors import InputError
 
 ENGINES = ("cycles", "eevee", "workbench")
 COLOURS = ("projective", "texture", "vertex")

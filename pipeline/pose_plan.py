@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.errors import InputError
-from pipeline.frames import checked_rigid
-from pipeline.sampling import PoseDistribution
+from .errors import InputError
+from .frames import checked_rigid
+from .sampling import PoseDistribution
 
 
 @dataclass(frozen=True)

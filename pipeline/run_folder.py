@@ -12,10 +12,10 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 
-from pipeline.atomic_file import write_bytes_atomically
-from pipeline.dataset import SPLIT
-from pipeline.errors import InputError, RunError
-from pipeline.options import Shard
+from .atomic_file import write_bytes_atomically
+from .dataset import SPLIT
+from .errors import InputError, RunError
+from .options import Shard
 
 RECORD = "dataset.json"
 WORK = ".work"

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.camera import PinholeCamera
-from pipeline.frames import inverse_rigid, rigid, rotation_from_vector, transform_points
-from pipeline.implicit_surface import ImplicitGrid, ball, largest_component, polyline, smooth_minimum, tube
-from pipeline.mesh import TriangleMesh
+from .camera import PinholeCamera
+from .frames import inverse_rigid, rigid, rotation_from_vector, transform_points
+from .implicit_surface import ImplicitGrid, ball, largest_component, polyline, smooth_minimum, tube
+from .mesh import TriangleMesh
 
 SPACING_MM = 0.3
 LOWER_MM, UPPER_MM = np.array([-42.0, -31.0, -26.0]), np.array([36.0, 29.9, 3.7])

@@ -20,8 +20,8 @@ from typing import Protocol
 
 import numpy as np
 
-from pipeline.errors import InputError
-from pipeline.frames import inverse_rigid, rigid, rotation_from_vector, se3_exp, transform_points
+from .errors import InputError
+from .frames import inverse_rigid, rigid, rotation_from_vector, se3_exp, transform_points
 
 
 class PoseDistribution(Protocol):

@@ -24,9 +24,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.camera import PinholeCamera
-from pipeline.frames import camera_centre
-from pipeline.mesh import TriangleMesh
+from .camera import PinholeCamera
+from .frames import camera_centre
+from .mesh import TriangleMesh
 
 Window = tuple[int, int, int, int]
 """Pixels x0 <= x < x1, y0 <= y < y1 as (x0, y0, x1, y1); it may reach beyond the image."""

@@ -15,12 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.atlas_layout import GUTTER, affine_charts, frame_layer, pack_rectangles
-from pipeline.camera import PinholeCamera
-from pipeline.colouring import NEUTRAL, sample_bilinear
-from pipeline.frames import camera_centre, transform_points
-from pipeline.mesh import TriangleMesh
-from pipeline.triangle_raster import CHUNK, Samples, barycentric, nearest_barycentric, rasterise
+from .atlas_layout import GUTTER, affine_charts, frame_layer, pack_rectangles
+from .camera import PinholeCamera
+from .colouring import NEUTRAL, sample_bilinear
+from .frames import camera_centre, transform_points
+from .mesh import TriangleMesh
+from .triangle_raster import CHUNK, Samples, barycentric, nearest_barycentric, rasterise
 
 MAX_SIZE = 16384
 """Largest width and height of an atlas, texels: what graphics cards take."""

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.camera import PinholeCamera
-from pipeline.colouring import sample_bilinear
-from pipeline.frames import camera_centre, transform_points
-from pipeline.mesh import TriangleMesh
+from .camera import PinholeCamera
+from .colouring import sample_bilinear
+from .frames import camera_centre, transform_points
+from .mesh import TriangleMesh
 
 TOLERANCE_PX = 1.5
 """Depth tolerance in pixel footprints: a wrongly accepted point is displaced by less than about one pixel."""

@@ -16,19 +16,19 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from pipeline.blender.image import new_float_image
-from pipeline.blender.material import FILTERED_IMAGE, SurfaceColour
-from pipeline.blender.render import RenderedView, render_view
-from pipeline.blender.scene import SurfaceScene
-from pipeline.blender.source import Source
-from pipeline.blender.surface_rays import SurfaceRays
-from pipeline.camera import PinholeCamera
-from pipeline.colouring import VertexColours
-from pipeline.edge_pixels import edge_pixels, pixel_pattern
-from pipeline.frames import camera_centre, transform_points
-from pipeline.texture_atlas import TextureAtlas
-from pipeline.texture_filter import mean_over_pixels, prefiltered
-from pipeline.visibility import inverse_depth_map
+from ..camera import PinholeCamera
+from ..colouring import VertexColours
+from ..edge_pixels import edge_pixels, pixel_pattern
+from ..frames import camera_centre, transform_points
+from ..texture_atlas import TextureAtlas
+from ..texture_filter import mean_over_pixels, prefiltered
+from ..visibility import inverse_depth_map
+from .image import new_float_image
+from .material import FILTERED_IMAGE, SurfaceColour
+from .render import RenderedView, render_view
+from .scene import SurfaceScene
+from .source import Source
+from .surface_rays import SurfaceRays
 
 FOOTPRINT_STEP = 1.25
 """Ratio of neighbouring distances for which the frame is filtered. A filter for a footprint wrong by half a step costs

@@ -15,9 +15,9 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from pipeline.camera import PinholeCamera
-from pipeline.errors import InputError
-from pipeline.frames import CAM_FROM_OPENGL_CAM, inverse_rigid
+from ..camera import PinholeCamera
+from ..errors import InputError
+from ..frames import CAM_FROM_OPENGL_CAM, inverse_rigid
 
 SENSOR_MM = 36.0
 MIN_LENS_MM = 1.0

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.blender.image import read_image
-from pipeline.blender.loading import LoadedCase
-from pipeline.blender.render import RenderedView, render_view
-from pipeline.blender.scene import SurfaceScene
-from pipeline.blender.source import colour_of, source_of
-from pipeline.errors import InputError
-from pipeline.frames import checked_rigid
-from pipeline.metrics import Likeness, likeness
+from ..errors import InputError
+from ..frames import checked_rigid
+from ..metrics import Likeness, likeness
+from .image import read_image
+from .loading import LoadedCase
+from .render import RenderedView, render_view
+from .scene import SurfaceScene
+from .source import colour_of, source_of
 
 
 @dataclass(frozen=True)

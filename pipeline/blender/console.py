@@ -11,8 +11,8 @@ from typing import NoReturn, TextIO
 
 import bpy
 
-from pipeline.case import nearest_name
-from pipeline.errors import InputError, RunError
+from ..case import nearest_name
+from ..errors import InputError, RunError
 
 EXIT_INPUT, EXIT_RUN, EXIT_STOPPED = 2, 3, 130
 

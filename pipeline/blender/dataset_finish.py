@@ -6,20 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.atomic_file import write_bytes_atomically
-from pipeline.blender.dataset_job import OpenJob
-from pipeline.blender.image import read_image
-from pipeline.blender.render import render_view
-from pipeline.blender.scene import SurfaceScene
-from pipeline.blender.video import FRAMES_PER_SECOND, write_video
-from pipeline.blender.view_maker import ViewMaker
-from pipeline.colouring import colour_vertices
-from pipeline.contact_sheet import contact_sheet
-from pipeline.dataset import FRAMES_PER_SCENE, FramePaths, finished_frames, read_record
-from pipeline.dataset_tables import write_camera, write_models, write_poses, write_scene
-from pipeline.image_file import encode_png
-from pipeline.overlay import Layer, overlaid
-from pipeline.progress import Progress
+from ..atomic_file import write_bytes_atomically
+from ..colouring import colour_vertices
+from ..contact_sheet import contact_sheet
+from ..dataset import FRAMES_PER_SCENE, FramePaths, finished_frames, read_record
+from ..dataset_tables import write_camera, write_models, write_poses, write_scene
+from ..image_file import encode_png
+from ..overlay import Layer, overlaid
+from ..progress import Progress
+from .dataset_job import OpenJob
+from .image import read_image
+from .render import render_view
+from .scene import SurfaceScene
+from .video import FRAMES_PER_SECOND, write_video
+from .view_maker import ViewMaker
 
 SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
 TABLES = ("camera.json", "models/models_info.json", "poses.csv", "transforms.json", "overlay.png", "contact_sheet.png")

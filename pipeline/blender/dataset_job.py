@@ -12,15 +12,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-import pipeline
-from pipeline.blender.loading import LoadedCase, load_case
-from pipeline.blender.source import source_of
-from pipeline.blender.view_maker import MadeView, ViewMaker, view_camera
-from pipeline.case import Case, read_case
-from pipeline.dataset import FORMAT, FRAMES_PER_SCENE, FramePaths, write_view
-from pipeline.errors import InputError, RunError
-from pipeline.options import DatasetOptions, Shard
-from pipeline.pose_plan import read_poses
+from .. import __version__
+from ..case import Case, read_case
+from ..dataset import FORMAT, FRAMES_PER_SCENE, FramePaths, write_view
+from ..errors import InputError, RunError
+from ..options import DatasetOptions, Shard
+from ..pose_plan import read_poses
+from .loading import LoadedCase, load_case
+from .source import source_of
+from .view_maker import MadeView, ViewMaker, view_camera
 
 NO_CONTENT = ("count", "poses", "video", "video_frames")
 """Options that no view depends on, or that the identity holds elsewhere; a video may be added later."""
@@ -83,7 +83,7 @@ class OpenJob:
         camera = view_camera(self.loaded, options)
         return {
             "format": FORMAT,
-            "versions": {"oneframe": pipeline.__version__, "blender": bpy.app.version_string},
+            "versions": {"oneframe": __version__, "blender": bpy.app.version_string},
             "conventions": "mm; OpenCV camera axes; pixel (0, 0): centre of the top-left pixel; b_from_a matrices",
             "count": self.count,
             "options": {name: value for name, value in asdict(options).items() if name not in NO_CONTENT},

@@ -7,15 +7,15 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TextIO
 
-from pipeline.blender import dataset_finish as finish
-from pipeline.blender.dataset_job import Job, OpenJob, available_cores, open_job, render_views, write_error
-from pipeline.blender.render import check_engine, keep_freed_memory
-from pipeline.blender.view_maker import ViewMaker
-from pipeline.blender.workers import WorkerPool, assigned_frames, tell_finished
-from pipeline.dataset import finished_frames
-from pipeline.errors import RunError
-from pipeline.progress import Progress
-from pipeline.run_folder import RunFolder
+from ..dataset import finished_frames
+from ..errors import RunError
+from ..progress import Progress
+from ..run_folder import RunFolder
+from . import dataset_finish as finish
+from .dataset_job import Job, OpenJob, available_cores, open_job, render_views, write_error
+from .render import check_engine, keep_freed_memory
+from .view_maker import ViewMaker
+from .workers import WorkerPool, assigned_frames, tell_finished
 
 Tell = Callable[[str], None]
 

@@ -9,17 +9,17 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from pipeline.atomic_file import write_bytes_atomically
-from pipeline.blender.loading import LoadedCase
-from pipeline.blender.mesh import new_mesh_object, set_corner_uv, set_vertex_colors
-from pipeline.blender.source import colour_of, source_of
-from pipeline.blender.versions import new_node_material
-from pipeline.colouring import VertexColours
-from pipeline.errors import InputError
-from pipeline.image_file import encode_png
-from pipeline.mesh import TriangleMesh
-from pipeline.mesh_export import write_obj, write_ply
-from pipeline.texture_atlas import TextureAtlas
+from ..atomic_file import write_bytes_atomically
+from ..colouring import VertexColours
+from ..errors import InputError
+from ..image_file import encode_png
+from ..mesh import TriangleMesh
+from ..mesh_export import write_obj, write_ply
+from ..texture_atlas import TextureAtlas
+from .loading import LoadedCase
+from .mesh import new_mesh_object, set_corner_uv, set_vertex_colors
+from .source import colour_of, source_of
+from .versions import new_node_material
 
 FORMATS = (".glb", ".obj", ".ply")
 

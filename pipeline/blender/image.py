@@ -5,8 +5,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from pipeline.errors import InputError
-from pipeline.image_file import check_image_file
+from ..errors import InputError
+from ..image_file import check_image_file
 
 
 def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:

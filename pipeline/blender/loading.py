@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.blender.image import read_image
-from pipeline.case import Case, Structure
-from pipeline.distortion import undistort
-from pipeline.errors import InputError
-from pipeline.frames import rigid, transform_points
-from pipeline.mesh import TriangleMesh
-from pipeline.mesh_file import read_mesh
+from ..case import Case, Structure
+from ..distortion import undistort
+from ..errors import InputError
+from ..frames import rigid, transform_points
+from ..mesh import TriangleMesh
+from ..mesh_file import read_mesh
+from .image import read_image
 
 NEAREST_MM, FARTHEST_MM = 2.0, 30_000.0
 """Working distances outside of this are taken for a mistake of the units; a factor of 1000 always falls outside."""

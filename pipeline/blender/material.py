@@ -8,15 +8,15 @@ shines with the colour, or with :data:`pipeline.colouring.NEUTRAL` where the fla
 import bpy
 import numpy as np
 
-from pipeline.blender.image import new_float_image
-from pipeline.blender.mesh import set_corner_uv, set_corner_vectors, set_vertex_colors
-from pipeline.blender.nodes import Nodes
-from pipeline.blender.versions import new_node_material
-from pipeline.colouring import NEUTRAL, VertexColours
-from pipeline.frames import transform_points
-from pipeline.mesh import TriangleMesh
-from pipeline.texture_atlas import TextureAtlas
-from pipeline.visibility import SourceView
+from ..colouring import NEUTRAL, VertexColours
+from ..frames import transform_points
+from ..mesh import TriangleMesh
+from ..texture_atlas import TextureAtlas
+from ..visibility import SourceView
+from .image import new_float_image
+from .mesh import set_corner_uv, set_corner_vectors, set_vertex_colors
+from .nodes import Nodes
+from .versions import new_node_material
 
 OBSERVED_PASS = "observed"
 COLOUR_ATTRIBUTE = "frame_colour"

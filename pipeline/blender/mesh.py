@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from pipeline.mesh import TriangleMesh
+from ..mesh import TriangleMesh
 
 
 def new_mesh_object(name: str, mesh: TriangleMesh) -> bpy.types.Object:

@@ -4,11 +4,11 @@ import numpy as np
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
-from pipeline.blender.scene import SurfaceScene
-from pipeline.blender.source import Source
-from pipeline.camera import PinholeCamera
-from pipeline.frames import camera_centre, inverse_rigid
-from pipeline.pose_plan import ViewStatistics
+from ..camera import PinholeCamera
+from ..frames import camera_centre, inverse_rigid
+from ..pose_plan import ViewStatistics
+from .scene import SurfaceScene
+from .source import Source
 
 GRID = 16
 """Rays along the longer side of the image; fractions are known to about 1 / GRID^2."""

@@ -18,12 +18,12 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from pipeline.blender.material import COLOUR_ATTRIBUTE, OBSERVED_ATTRIBUTE, OBSERVED_PASS
-from pipeline.blender.scene import SurfaceScene
-from pipeline.blender.versions import ENGINE_IDS, set_multilayer_exr
-from pipeline.colouring import NEUTRAL
-from pipeline.errors import InputError, RunError
-from pipeline.exr_file import ExrError, read_exr
+from ..colouring import NEUTRAL
+from ..errors import InputError, RunError
+from ..exr_file import ExrError, read_exr
+from .material import COLOUR_ATTRIBUTE, OBSERVED_ATTRIBUTE, OBSERVED_PASS
+from .scene import SurfaceScene
+from .versions import ENGINE_IDS, set_multilayer_exr
 
 _TRIAL_ENDED = "trial render ended"
 _BACKGROUND_MM = 1e9  # Blender's depth of "nothing" is 1e10
@@ -119,19 +119,23 @@ def _render_workbench(surface_scene: SurfaceScene) -> dict[str, np.ndarray]:
     """
     scene = surface_scene.scene
     attributes, shading = surface_scene.surface_object.data.color_attributes, scene.display.shading
+    coloured = OBSERVED_ATTRIBUTE in attributes
     passes = _render_to_file(scene)
-    if OBSERVED_ATTRIBUTE not in attributes:
-        return passes
-    attributes.active_color_name, shading.show_backface_culling = OBSERVED_ATTRIBUTE, True
+    shading.show_backface_culling = True
+    if coloured:
+        attributes.active_color_name = OBSERVED_ATTRIBUTE
     try:
         flags = _render_to_file(scene)
     finally:
-        attributes.active_color_name, shading.show_backface_culling = COLOUR_ATTRIBUTE, False
-    # its buffers are half floats: 1 may come out as the value before
-    observed = (flags["Combined"][..., :1] > 0.999) & (flags["Depth"] == passes["Depth"])
-    passes["Combined"][..., :3] = np.where(
-        observed, passes["Combined"][..., :3], np.float32(NEUTRAL) * passes["Combined"][..., 3:]
-    )
+        shading.show_backface_culling = False
+        if coloured:
+            attributes.active_color_name = COLOUR_ATTRIBUTE
+    observed = flags["Depth"] == passes["Depth"]
+    if coloured:
+        # its buffers are half floats: 1 may come out as the value before
+        observed &= flags["Combined"][..., :1] > 0.999
+        unseen = np.float32(NEUTRAL) * passes["Combined"][..., 3:]
+        passes["Combined"][..., :3] = np.where(observed, passes["Combined"][..., :3], unseen)
     return passes | {OBSERVED_PASS: observed.astype(np.float32)}
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.atomic_file import write_bytes_atomically
-from pipeline.blender.sample_photograph import take_photographs
-from pipeline.camera import PinholeCamera
-from pipeline.mesh_export import write_ply
-from pipeline.sample_surface import MICROSCOPE, SampleSurface, frame_pose, held_out_poses
+from ..atomic_file import write_bytes_atomically
+from ..camera import PinholeCamera
+from ..mesh_export import write_ply
+from ..sample_surface import MICROSCOPE, SampleSurface, frame_pose, held_out_poses
+from .sample_photograph import take_photographs
 
 STRUCTURE_COLORS = {"facial_nerve": "#ff00ff", "chorda_tympani": "#00ff00", "ossicles": "#00ffff"}
 

@@ -13,12 +13,12 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from pipeline.blender.camera import new_camera, place_camera
-from pipeline.blender.mesh import new_mesh_object, set_vertex_colors
-from pipeline.blender.versions import IS_5, new_node_material
-from pipeline.camera import PinholeCamera
-from pipeline.frames import inverse_rigid, rigid
-from pipeline.sample_surface import SampleSurface
+from ..camera import PinholeCamera
+from ..frames import inverse_rigid, rigid
+from ..sample_surface import SampleSurface
+from .camera import new_camera, place_camera
+from .mesh import new_mesh_object, set_vertex_colors
+from .versions import IS_5, new_node_material
 
 LAMP_OFFSET_MM = np.array([-13.0, -16.0, 0.0])
 """Where the light leaves beside the lens, ``cam`` axes: some 20 mm off the optical axis."""

@@ -7,12 +7,12 @@ from types import TracebackType
 import bpy
 import numpy as np
 
-from pipeline.blender.camera import new_camera, place_camera, set_clip
-from pipeline.blender.material import OBSERVED_PASS, SurfaceColour, assign_colour
-from pipeline.blender.mesh import new_mesh_object
-from pipeline.blender.versions import ENGINE_IDS
-from pipeline.camera import PinholeCamera
-from pipeline.mesh import TriangleMesh
+from ..camera import PinholeCamera
+from ..mesh import TriangleMesh
+from .camera import new_camera, place_camera, set_clip
+from .material import OBSERVED_PASS, SurfaceColour, assign_colour
+from .mesh import new_mesh_object
+from .versions import ENGINE_IDS
 
 POINT_FILTER_PX = 0.01
 """Width of the pixel filter with one sample: a point at the pixel's centre (0 is not allowed)."""

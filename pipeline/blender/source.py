@@ -4,16 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.blender.loading import LoadedCase
-from pipeline.blender.material import SurfaceColour
-from pipeline.blender.render import RenderedView, render_view
-from pipeline.blender.scene import SurfaceScene
-from pipeline.colouring import colour_vertices
-from pipeline.errors import InputError
-from pipeline.frames import inverse_rigid, transform_points
-from pipeline.mesh import TriangleMesh
-from pipeline.texture_atlas import bake_atlas, classify_faces
-from pipeline.visibility import SourceView, inverse_depth_map
+from ..colouring import colour_vertices
+from ..errors import InputError
+from ..frames import inverse_rigid, transform_points
+from ..mesh import TriangleMesh
+from ..texture_atlas import bake_atlas, classify_faces
+from ..visibility import SourceView, inverse_depth_map
+from .loading import LoadedCase
+from .material import SurfaceColour
+from .render import RenderedView, render_view
+from .scene import SurfaceScene
 
 
 @dataclass(frozen=True)

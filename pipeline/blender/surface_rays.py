@@ -8,7 +8,10 @@ of them. A ray costs about as much as two of Cycles' samples, but it can be any 
 import bpy
 import numpy as np
 
-from pipeline.blender.material import (
+from ..colouring import VertexColours
+from ..texture_atlas import TextureAtlas
+from ..visibility import SourceView
+from .material import (
     COLOUR_ATTRIBUTE,
     FRAME_IMAGE,
     NEUTRAL_RGBA,
@@ -17,11 +20,8 @@ from pipeline.blender.material import (
     UV_MAP,
     SurfaceColour,
 )
-from pipeline.blender.nodes import Nodes
-from pipeline.blender.scene import SurfaceScene
-from pipeline.colouring import VertexColours
-from pipeline.texture_atlas import TextureAtlas
-from pipeline.visibility import SourceView
+from .nodes import Nodes
+from .scene import SurfaceScene
 
 _FARTHEST_MM = 1e9
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from pipeline.atomic_file import write_bytes_atomically
-from pipeline.blender.versions import new_image_strip, set_mp4
-from pipeline.image_file import encode_png
+from ..atomic_file import write_bytes_atomically
+from ..image_file import encode_png
+from .versions import new_image_strip, set_mp4
 
 FRAMES_PER_SECOND = 24
 

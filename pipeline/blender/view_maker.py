@@ -4,20 +4,20 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from pipeline.blender.antialias import EdgeSampler
-from pipeline.blender.loading import LoadedCase
-from pipeline.blender.probe import ViewProbe
-from pipeline.blender.render import RenderedView, render_view
-from pipeline.blender.scene import SurfaceScene
-from pipeline.blender.source import Source, colour_of
-from pipeline.camera import PinholeCamera
-from pipeline.dataset import depth_scale_for, view_files
-from pipeline.dataset_tables import mask_statistics
-from pipeline.errors import InputError
-from pipeline.options import DatasetOptions
-from pipeline.pose_plan import Constraints, Planned, plan_given_poses, plan_pose
-from pipeline.sampling import Cone, Gaussian, PoseDistribution, Reference, Shell, Trajectory
-from pipeline.silhouette import SilhouetteEdges, silhouette_statistics
+from ..camera import PinholeCamera
+from ..dataset import depth_scale_for, view_files
+from ..dataset_tables import mask_statistics
+from ..errors import InputError
+from ..options import DatasetOptions
+from ..pose_plan import Constraints, Planned, plan_given_poses, plan_pose
+from ..sampling import Cone, Gaussian, PoseDistribution, Reference, Shell, Trajectory
+from ..silhouette import SilhouetteEdges, silhouette_statistics
+from .antialias import EdgeSampler
+from .loading import LoadedCase
+from .probe import ViewProbe
+from .render import RenderedView, render_view
+from .scene import SurfaceScene
+from .source import Source, colour_of
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from typing import TextIO
 
-from pipeline.blender.console import EXIT_INPUT, EXIT_RUN
-from pipeline.errors import InputError, RunError
+from ..errors import InputError, RunError
+from .console import EXIT_INPUT, EXIT_RUN
 
 _FINISHED = "finished: "
 

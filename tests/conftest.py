@@ -1,6 +1,7 @@
 """Surfaces, cameras and independent oracles that several tests share."""
 
 import os
+import sys
 import tempfile
 
 import numpy as np
@@ -12,6 +13,22 @@ from pipeline.mesh import TriangleMesh
 
 # before any import of bpy: a user's own Blender configuration must not reach the tests
 os.environ.setdefault("BLENDER_USER_RESOURCES", tempfile.mkdtemp(prefix="oneframe-test-"))
+
+
+_EXIT_STATUS = pytest.StashKey[int]()
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    session.config.stash[_EXIT_STATUS] = int(exitstatus)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Leave at once: after OpenGL renders the bpy module may wait for its own threads for ever when it is unloaded."""
+    if "bpy" in sys.modules and _EXIT_STATUS in config.stash:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(config.stash[_EXIT_STATUS])
 
 
 @pytest.fixture

@@ -8,7 +8,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PURE = sorted(path.stem for path in (ROOT / "pipeline").glob("*.py") if path.stem != "__init__")
+PURE = sorted(
+    ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    for folder in ("pipeline", "pipeline/alignment")
+    for path in (ROOT / folder).glob("*.py")
+    if path.stem != "__init__"
+)
 
 
 def run(code: str) -> subprocess.CompletedProcess:
@@ -16,7 +21,7 @@ def run(code: str) -> subprocess.CompletedProcess:
 
 
 def test_pure_modules_import_where_there_is_no_blender():
-    names = ", ".join(f"pipeline.{name}" for name in PURE)
+    names = ", ".join(PURE)
     ended = run(f"import sys; sys.modules.update(bpy=None, mathutils=None)\nimport {names}")
     assert ended.returncode == 0, ended.stderr
 

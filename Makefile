@@ -1,12 +1,14 @@
 # One command a habit. `make demo` and `make test` set everything up by themselves.
 #   PYTHON=...  a Python 3.13 (brings Blender 5.2 LTS) or 3.11 (Blender 4.5 LTS); found by itself if not given
 #   VENV=...    where the environment goes (default .venv)
-#   BLENDER=... a Blender program, for the tests that run inside one
+#   BLENDER=... a Blender program, for the tests that run inside one, and for addon-dev
+#   PLATFORM=.. for which computers `make extension` builds: all, current, or names (see its --help)
 VENV ?= .venv
 PYTHON ?= $(shell scripts/find_python.sh 3.13 3.11)
+PLATFORM ?= all
 RUN = $(VENV)/bin/python
 
-.PHONY: setup demo test lint bench clean
+.PHONY: setup demo extension addon-dev test lint bench clean
 .DEFAULT_GOAL := demo
 
 setup: $(VENV)/.ready
@@ -25,6 +27,13 @@ demo: setup
 	@$(RUN) scripts/render_dataset.py demo/case/case.toml --out demo/dataset --count 24 --video --video-frames 72
 	@echo "look at demo/case/frame.png (the one frame), demo/dataset/contact_sheet.png and demo/dataset/video/trajectory.mp4"
 
+extension: setup
+	@$(RUN) scripts/build_extension.py --platform $(PLATFORM)
+
+# the real Blender with this checkout's add-on and the sample case; BLENDER_FLAGS=... for Blender itself
+addon-dev: setup
+	@$(RUN) scripts/addon_dev.py --blender "$(BLENDER)" -- $(BLENDER_FLAGS)
+
 test: setup
 	$(RUN) -m pytest
 
@@ -38,4 +47,4 @@ bench: setup
 	$(RUN) scripts/benchmark.py
 
 clean:
-	rm -rf $(VENV) demo build .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

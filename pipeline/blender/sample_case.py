@@ -15,7 +15,9 @@ from .sample_photograph import take_photographs
 STRUCTURE_COLORS = {"facial_nerve": "#ff00ff", "chorda_tympani": "#00ff00", "ossicles": "#00ffff"}
 
 
-def write_sample_case(folder: Path, surface: SampleSurface, *, camera: PinholeCamera = MICROSCOPE) -> Iterator[Path]:
+def write_sample_case(
+    folder: Path, surface: SampleSurface, *, camera: PinholeCamera = MICROSCOPE, held_out: bool = True
+) -> Iterator[Path]:
     """Write the sample case and photographs of it.
 
     The files are ``surface.ply``, ``structures/*.ply``, ``frame.png``, ``case.toml``, and, to judge novel views,
@@ -30,12 +32,14 @@ def write_sample_case(folder: Path, surface: SampleSurface, *, camera: PinholeCa
         From :func:`pipeline.sample_surface.sample_surface`.
     camera
         Intrinsics of all photographs.
+    held_out
+        Whether to take the photographs to judge novel views as well, which is most of the time.
 
     Yields
     ------
     Each file's path once it is complete; ``case.toml`` is the last.
     """
-    for part in ("structures", "held_out"):
+    for part in ("structures", "held_out") if held_out else ("structures",):
         (folder / part).mkdir(parents=True, exist_ok=True)
     write_ply(folder / "surface.ply", surface.bone)
     yield folder / "surface.ply"
@@ -43,12 +47,14 @@ def write_sample_case(folder: Path, surface: SampleSurface, *, camera: PinholeCa
         write_ply(folder / f"structures/{name}.ply", mesh)
         yield folder / f"structures/{name}.ply"
 
-    held_out = {f"held_out/view_{number}.png": pose for number, pose in enumerate(held_out_poses(), start=1)}
-    shots = {"frame.png": frame_pose(), **held_out}
+    others = held_out_poses() if held_out else []
+    views = {f"held_out/view_{number}.png": pose for number, pose in enumerate(others, start=1)}
+    shots = {"frame.png": frame_pose(), **views}
     yield from take_photographs(surface, camera, [(pose, folder / name) for name, pose in shots.items()])
-    listed = [{"image": name, "cam_from_model": pose.tolist()} for name, pose in held_out.items()]
-    write_bytes_atomically(folder / "held_out.json", (json.dumps(listed, indent=1) + "\n").encode())
-    yield folder / "held_out.json"
+    if held_out:
+        listed = [{"image": name, "cam_from_model": pose.tolist()} for name, pose in views.items()]
+        write_bytes_atomically(folder / "held_out.json", (json.dumps(listed, indent=1) + "\n").encode())
+        yield folder / "held_out.json"
     write_bytes_atomically(folder / "case.toml", _case_toml(camera, shots["frame.png"], surface).encode())
     yield folder / "case.toml"
 

@@ -48,14 +48,45 @@ class LoadedCase:
     told: tuple[str, ...]
 
 
-def load_case(case: Case) -> LoadedCase:
+def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
     """Open the files of a case and check that they fit together.
+
+    Parameters
+    ----------
+    case
+        The case.
+    aligned
+        False for a rough pose that is to be aligned yet: it may be anything.
 
     Raises
     ------
     InputError
-        A file that cannot be used, an image of another size than the camera's, a surface that lies behind the camera,
-        outside the frame or at a distance that no microscope has.
+        A file that cannot be used, an image of another size than the camera's, and, for an aligned case, a surface that
+        lies behind the camera, outside the frame or at a distance that no microscope has.
+    """
+    image, valid = load_frame(case)
+    mesh, given_from_model, told = load_surface(case)
+    cam_from_model = case.cam_from_given @ given_from_model
+    if aligned:
+        check_pose(case, mesh, cam_from_model)
+    structures = []
+    for structure in case.structures:
+        structure_mesh, structure_told = read_mesh(structure.mesh)
+        centre = given_from_model[:3, 3]
+        structures.append((structure, structure_mesh.scaled(case.mm_per_unit).moved(-centre)))
+        told += structure_told
+    return LoadedCase(
+        case, image, valid, mesh, given_from_model, cam_from_model, tuple(structures), (*case.told, *told)
+    )
+
+
+def load_frame(case: Case) -> tuple[np.ndarray, np.ndarray]:
+    """The undistorted frame, ``(H, W, 3)`` float32 code values 0..1, and ``(H, W)`` bool, False where it shows nothing.
+
+    Raises
+    ------
+    InputError
+        No image, or one of another size than the camera's.
     """
     name = case.path.name
     image, valid = read_image(case.image, f"{name}: [frame] image {case.image.name}")
@@ -68,24 +99,31 @@ def load_case(case: Case) -> LoadedCase:
     if case.distortion is not None:
         image, inside = undistort(image, case.camera, case.distortion)
         valid &= inside
+    return image, valid
+
+
+def load_surface(case: Case) -> tuple[TriangleMesh, np.ndarray, list[str]]:
+    """The surface in the model frame, mm; ``given_from_model`` (4x4); and sentences about what was dropped.
+
+    Raises
+    ------
+    InputError
+        No usable mesh.
+    """
     given, told = read_mesh(case.mesh)
     given = given.scaled(case.mm_per_unit)
     centre = given.vertices.mean(axis=0)
-    given_from_model = rigid(translation=centre)
-    mesh = given.moved(-centre)
-    cam_from_model = case.cam_from_given @ given_from_model
-    _check_distance(case, mesh, cam_from_model)
-    structures = []
-    for structure in case.structures:
-        structure_mesh, structure_told = read_mesh(structure.mesh)
-        structures.append((structure, structure_mesh.scaled(case.mm_per_unit).moved(-centre)))
-        told += structure_told
-    return LoadedCase(
-        case, image, valid, mesh, given_from_model, cam_from_model, tuple(structures), (*case.told, *told)
-    )
+    return given.moved(-centre), rigid(translation=centre), told
 
 
-def _check_distance(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> None:
+def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> None:
+    """Check that a pose (4x4, mm) shows the surface (model frame) to the frame's camera, at a plausible distance.
+
+    Raises
+    ------
+    InputError
+        It does not.
+    """
     name = case.path.name
     points_cam = transform_points(cam_from_model, mesh.vertices)
     depth = points_cam[:, 2]

@@ -1,0 +1,35 @@
+"""What all operators of the add-on share: errors become one sentence in Blender's status line, and nothing changes."""
+
+from collections.abc import Iterable
+
+import bpy
+
+from .pipeline.errors import InputError, RunError
+
+
+class Reporting:
+    """Mixin: ``execute`` calls ``run``, tells what it returns, and reports what the user can mend."""
+
+    def run(self, context: bpy.types.Context) -> Iterable[str] | None:
+        """Do the work; the sentences returned are told. Raise InputError before anything has changed."""
+        raise NotImplementedError
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Called by Blender."""
+        try:
+            told = self.run(context)
+        except (InputError, RunError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for sentence in told or ():
+            self.report({"INFO"}, sentence)
+        redraw(context)
+        return {"FINISHED"}
+
+
+def redraw(context: bpy.types.Context) -> None:
+    """Have all 3D views drawn anew."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()

@@ -1,0 +1,62 @@
+"""A case in memory -> the objects of its alignment in a scene; frames as Blender images for the camera's background."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..image_file import encode_png
+from .alignment_scene import (
+    COLLECTION,
+    fit_clip,
+    put_camera,
+    put_structure,
+    put_surface,
+    set_alignment_units,
+    show_frame,
+)
+from .loading import LoadedCase
+
+
+def set_up(scene: bpy.types.Scene, loaded: LoadedCase) -> tuple[bpy.types.Object, bpy.types.Object]:
+    """Put a case into a scene in place of the alignment that is there; returns camera object and surface."""
+    clear(scene)
+    set_alignment_units(scene)
+    camera_object = put_camera(scene, None, loaded.case.camera)
+    show_frame(camera_object, frame_image(loaded.case.image, loaded.image if loaded.case.distortion else None))
+    surface = put_surface(scene, loaded.mesh, loaded.given_from_model, loaded.cam_from_model)
+    for structure, mesh in loaded.structures:
+        put_structure(surface, mesh, structure.name, structure.color)
+    fit_clip(camera_object, loaded.mesh.radius, loaded.cam_from_model)
+    return camera_object, surface
+
+
+def clear(scene: bpy.types.Scene) -> None:
+    """Remove all that an alignment brought to a scene; what else lies in the scene stays."""
+    for collection in list(scene.collection.children):
+        if collection.name.split(".")[0] == COLLECTION:
+            remove_objects(collection.objects)
+            bpy.data.collections.remove(collection)
+
+
+def remove_objects(objects: list[bpy.types.Object]) -> None:
+    """Remove objects and their meshes or cameras, where nothing else uses these."""
+    data = [found.data for found in objects if found.data is not None]
+    bpy.data.batch_remove(list(objects))
+    bpy.data.batch_remove([block for block in data if block.users == 0])
+
+
+def frame_image(path: Path, undistorted: np.ndarray | None) -> bpy.types.Image:
+    """The frame for display: the file itself, or the undistorted ``(H, W, 3)`` values packed into the .blend file."""
+    if undistorted is None:
+        return bpy.data.images.load(str(path.resolve()), check_existing=True)
+    data = encode_png(np.clip(np.rint(undistorted * 255), 0, 255).astype(np.uint8))
+    name = f"{path.name} (undistorted)"
+    existing = bpy.data.images.get(name)
+    if existing is not None:
+        bpy.data.images.remove(existing)
+    height, width = undistorted.shape[:2]
+    image = bpy.data.images.new(name, width, height)
+    image.source = "FILE"
+    image.pack(data=data, data_len=len(data))
+    return image

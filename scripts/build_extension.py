@@ -62,15 +62,19 @@ def platforms(text: str) -> list[str]:
     Raises
     ------
     InputError
-        An unknown name, or this computer's platform has no wheel.
+        An unknown name.
+    RunError
+        OpenCV has no wheel for this computer.
     """
     if text == "all":
         return list(WHEEL_TAGS)
-    names = [this_platform() if name == "current" else name for name in text.split(",")]
+    known, names = ", ".join(WHEEL_TAGS), text.split(",")
     for name in names:
-        if name not in WHEEL_TAGS:
-            raise InputError(f"--platform: expected all, current or some of {', '.join(WHEEL_TAGS)}, found {name!r}")
-    return list(dict.fromkeys(names))
+        if name != "current" and name not in WHEEL_TAGS:
+            raise InputError(f"--platform: expected all, current or some of {known}, found {name!r}")
+    if "current" in names and this_platform() not in WHEEL_TAGS:
+        raise RunError(f"--platform current: OpenCV has no wheel for {this_platform()}; name some of {known}")
+    return list(dict.fromkeys(this_platform() if name == "current" else name for name in names))
 
 
 def this_platform() -> str:
@@ -97,8 +101,10 @@ def build(names: Sequence[str], out: Path, *, blender: str | None = None) -> Ite
 
     Raises
     ------
+    InputError
+        Blender refuses the extension, or there is no Blender to build with.
     RunError
-        A wheel cannot be had, or Blender refuses the extension.
+        A wheel cannot be had.
     """
     tool = _extension_tool(blender)
     wheels = [wheel(name) for name in names]
@@ -223,7 +229,7 @@ def _valid_tags(blender_ext: Path) -> Path:
 def _run(command: Sequence[str | Path]) -> None:
     ended = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
     if ended.returncode != 0:
-        raise RunError(f"Blender refuses the extension: {_last_line(ended.stderr) or _last_line(ended.stdout)}")
+        raise InputError(f"Blender refuses the extension: {_last_line(ended.stderr) or _last_line(ended.stdout)}")
 
 
 def _last_line(text: str) -> str:

@@ -1,8 +1,10 @@
 """Surfaces, cameras and independent oracles that several tests share."""
 
 import os
+import subprocess
 import sys
 import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,6 +31,22 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(config.stash[_EXIT_STATUS])
+
+
+@pytest.fixture(scope="session")
+def extension_zip(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The extension, built for this computer by the command that users have."""
+    out = tmp_path_factory.mktemp("extension")
+    script = Path(__file__).resolve().parents[1] / "scripts" / "build_extension.py"
+    ended = subprocess.run(
+        [sys.executable, script, "--platform", "current", "--out", out], capture_output=True, text=True, check=False
+    )
+    if ended.returncode == 3:
+        pytest.skip(ended.stderr.strip())
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stderr == ""
+    (path,) = out.glob("*.zip")
+    return path
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 Reading stops at paths and numbers; the files they name are opened by :mod:`pipeline.blender.loading`.
 """
 
-import difflib
 import re
 import tomllib
 from dataclasses import dataclass, field
@@ -11,12 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
+from .alignment.landmark_table import landmarks_from_tables
+from .alignment.landmarks import Landmark
+from .alignment.provenance import checked_provenance
 from .camera import PinholeCamera
 from .distortion import Distortion, checked_distortion
 from .errors import InputError
 from .frames import checked_rigid
-
-MM_PER_UNIT = {"mm": 1.0, "m": 1000.0}
+from .length_units import MM_PER_UNIT, WrittenFloat, millimetres
+from .table_keys import check_keys
 
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "frame": (("image",), ()),
@@ -59,6 +61,10 @@ class Case:
         What overlays show beside the surface.
     dataset
         The raw ``[dataset]`` table: options of the run, checked by :mod:`pipeline.options`.
+    landmarks
+        Points of the surface (mm, ``given``) with their pixels in the undistorted frame.
+    alignment
+        Where the pose comes from: see :mod:`pipeline.alignment.provenance`.
     told
         Sentences about what was corrected.
     """
@@ -73,6 +79,8 @@ class Case:
     structures: tuple[Structure, ...] = ()
     dataset: dict[str, object] = field(default_factory=dict)
     told: tuple[str, ...] = ()
+    landmarks: tuple[Landmark, ...] = ()
+    alignment: dict[str, object] = field(default_factory=dict)
 
     def input_files(self) -> dict[str, Path]:
         """All files that the results depend on, by a name that does not depend on where they lie."""
@@ -88,24 +96,40 @@ def read_case(path: Path) -> Case:
     InputError
         Missing or not TOML, an unknown or missing key, a value of the wrong kind.
     """
-    table = _read_toml(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"{path}: expected a case file, it does not exist; correct the path") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot read the case file ({error.strerror})") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path.name}: expected TOML, found a mistake: {error}") from None
+    return case_from_text(text, path)
+
+
+def case_from_text(text: str, path: Path) -> Case:
+    """The case that a file of this text would be, if it lay at ``path``.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_case`.
+    """
     name = path.name
-    _check_keys(table, ("units", "frame", "camera", "surface", "pose"), ("structures", "dataset"), name, "")
+    table = _parsed(text, name)
+    check_keys(
+        table, ("units", "frame", "camera", "surface", "pose"), ("structures", "landmarks", "alignment", "dataset"),
+        f"{name}: ",
+    )  # fmt: skip
     if not isinstance(table["units"], str) or table["units"] not in MM_PER_UNIT:
         raise InputError(f'{name}: expected units = "mm" or "m", found {table["units"]!r}')
     mm_per_unit = MM_PER_UNIT[table["units"]]
     frame, camera, surface, pose = (_table(table, key, name) for key in ("frame", "camera", "surface", "pose"))
-    intrinsics = PinholeCamera.from_matrix(
-        camera["K"],
-        size=camera["size"],
-        pixel_origin=camera.get("pixel_origin", "center"),
-        where=f"{name}: [camera] K",
-    )
-    distortion = None
-    if "distortion" in camera:
-        distortion = checked_distortion(camera["distortion"], intrinsics, f"{name}: [camera] distortion")
+    intrinsics, distortion = checked_camera(camera, f"{name}: [camera]")
     cam_from_given, told = checked_rigid(pose["cam_from_model"], f"{name}: [pose] cam_from_model")
-    cam_from_given[:3, 3] *= mm_per_unit
+    cam_from_given[:3, 3] = [millimetres(row[3], mm_per_unit) for row in pose["cam_from_model"][:3]]
+    if not np.isfinite(cam_from_given).all():
+        raise InputError(f"{name}: [pose] cam_from_model: expected a translation in {table['units']}, it is too long")
     return Case(
         path=path,
         mm_per_unit=mm_per_unit,
@@ -117,20 +141,39 @@ def read_case(path: Path) -> Case:
         structures=_structures(path, table.get("structures", [])),
         dataset=_dataset(table.get("dataset", {}), name),
         told=(told,) if told else (),
+        landmarks=landmarks_from_tables(
+            table.get("landmarks", []),
+            f"{name}: [[landmarks]]",
+            mm_per_unit=mm_per_unit,
+            pixel_origin=camera.get("pixel_origin", "center"),
+        ),
+        alignment=checked_provenance(table.get("alignment", {}), f"{name}: [alignment]"),
     )
 
 
-def _read_toml(path: Path) -> dict:
+def checked_camera(table: dict, where: str) -> tuple[PinholeCamera, Distortion | None]:
+    """The camera of a checked table ``[camera]``, with the pixel origin at the centre of the top-left pixel.
+
+    Raises
+    ------
+    InputError
+        See :meth:`PinholeCamera.from_matrix` and :func:`pipeline.distortion.checked_distortion`.
+    """
+    camera = PinholeCamera.from_matrix(
+        table["K"], size=table["size"], pixel_origin=table.get("pixel_origin", "center"), where=f"{where} K"
+    )
+    if "distortion" not in table:
+        return camera, None
+    return camera, checked_distortion(table["distortion"], camera, f"{where} distortion")
+
+
+def _parsed(text: str, name: str) -> dict:
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(text, parse_float=WrittenFloat)
         _check_integers(table)
         return table
-    except FileNotFoundError:
-        raise InputError(f"{path}: expected a case file, it does not exist; correct the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the case file ({error.strerror})") from None
-    except (ValueError, RecursionError) as error:  # tomllib's and the decoder's are ValueErrors
-        raise InputError(f"{path.name}: expected TOML, found a mistake: {error}") from None
+    except (ValueError, RecursionError) as error:  # tomllib's are ValueErrors
+        raise InputError(f"{name}: expected TOML, found a mistake: {error}") from None
 
 
 def _check_integers(value: object) -> None:
@@ -146,7 +189,7 @@ def _table(table: dict, key: str, name: str) -> dict:
     if not isinstance(table[key], dict):
         raise InputError(f"{name}: expected a table [{key}], found {table[key]!r}")
     required, optional = _TABLES[key]
-    _check_keys(table[key], required, optional, name, f"[{key}] ")
+    check_keys(table[key], required, optional, f"{name}: [{key}] ")
     return table[key]
 
 
@@ -157,7 +200,7 @@ def _structures(path: Path, entries: object) -> tuple[Structure, ...]:
     structures = []
     for index, entry in enumerate(entries):
         where = f"{name}: [[structures]] number {index + 1}: "
-        _check_keys(entry, *_TABLES["structures"], name, f"[[structures]] number {index + 1}: ")
+        check_keys(entry, *_TABLES["structures"], where)
         if not isinstance(entry["name"], str) or not entry["name"]:
             raise InputError(f"{where}expected a name, found {entry['name']!r}")
         color = entry.get("color", "#ffffff")
@@ -174,28 +217,18 @@ def _structures(path: Path, entries: object) -> tuple[Structure, ...]:
 def _dataset(table: object, name: str) -> dict[str, object]:
     if not isinstance(table, dict):
         raise InputError(f"{name}: expected a table [dataset], found {table!r}")
-    return table
+    return {key: _plain(value) for key, value in table.items()}
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _plain(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [_plain(part) for part in value]
+    return float(value) if isinstance(value, float) else value
 
 
 def _path(case_path: Path, value: object, where: str) -> Path:
     if not isinstance(value, str) or not value or "\0" in value:
         raise InputError(f"{where}: expected a file name, found {value!r}")
     return case_path.parent / value
-
-
-def _check_keys(table: dict, required: tuple[str, ...], optional: tuple[str, ...], name: str, where: str) -> None:
-    known = required + optional
-    for key in table:
-        if key not in known:
-            raise InputError(f"{name}: {where}unknown key {key!r}; {nearest_name(key, known)}")
-    for key in required:
-        if key not in table:
-            raise InputError(f"{name}: {where}expected a key {key!r}, it is missing")
-
-
-def nearest_name(name: str, known: tuple[str, ...]) -> str:
-    """A hint for a misspelt name: the nearest known one, or all of them."""
-    near = difflib.get_close_matches(name.lower(), [key.lower() for key in known], n=1, cutoff=0.5)
-    if near:
-        return f"did you mean {next(key for key in known if key.lower() == near[0])!r}?"
-    return "known are " + ", ".join(repr(key) for key in known)

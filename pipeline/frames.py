@@ -24,6 +24,9 @@ from .errors import InputError
 ORTHONORMAL_TOLERANCE = 5e-3
 """Largest entry of |R Rt - 1| that is taken as rounding: published ground truth reaches 2e-3 (LM-O)."""
 
+ORTHONORMAL_TO_ROUNDING = 1e-14
+"""What the last bits of a rotation leave of |R Rt - 1|; a pose that is no worse is kept to the last bit."""
+
 CAM_FROM_OPENGL_CAM = np.diag([1.0, -1.0, -1.0, 1.0])
 """The one axis flip: Blender's cameras and NeRF files have OpenGL axes, y up and looking along -z. Its own inverse."""
 
@@ -105,7 +108,8 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
             f"{where}: expected a rotation, found a matrix that deviates from orthonormal by {deviation:.2g} "
             f"(allowed {ORTHONORMAL_TOLERANCE:g}); take scale or shear out of the pose"
         )
-    b_from_a[:3, :3] = nearest_rotation(rotation)
+    if deviation > ORTHONORMAL_TO_ROUNDING:
+        b_from_a[:3, :3] = nearest_rotation(rotation)
     b_from_a[3] = [0, 0, 0, 1]
     told = f"{where}: rotation made orthonormal (it was off by {deviation:.1e})" if deviation > 1e-6 else None
     return b_from_a, told

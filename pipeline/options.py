@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .case import nearest_name
 from .errors import InputError
+from .table_keys import nearest_name
 
 ENGINES = ("cycles", "eevee", "workbench")
 COLOURS = ("projective", "texture", "vertex")

@@ -8,10 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.case import Structure, nearest_name, read_case
+from pipeline.alignment.landmarks import Landmark
+from pipeline.alignment.provenance import KEYS
+from pipeline.case import Structure, read_case
 from pipeline.distortion import Distortion
 from pipeline.errors import InputError
+from pipeline.length_units import MM_PER_UNIT
 from pipeline.options import checked_options
+from pipeline.table_keys import nearest_name
 
 PARTS = {
     "units": 'units = "mm"',
@@ -21,6 +25,22 @@ PARTS = {
     "mesh": 'mesh = "../surface.ply"',
     "pose": "cam_from_model = [[1, 0, 0, 2], [0, -1, 0, 3], [0, 0, -1, 300], [0, 0, 0, 1]]",
 }
+
+LANDMARKS = """
+[[landmarks]]
+name = "tip"
+surface = [1.005, 2, -3.5]
+pixel = [10.5, 20]
+[[landmarks]]
+name = "ridge"
+pixel = [3, 4]
+enabled = false
+[[landmarks]]
+name = "canal"
+surface = [0, 0, 1]
+[[landmarks]]
+name = "to be placed"
+"""
 
 
 def case_file(folder: Path, more: str = "", **parts: str) -> Path:
@@ -51,14 +71,37 @@ def test_a_case_is_read_as_written(tmp_path):
 
 
 def test_metres_become_millimetres(tmp_path):
-    case = read_case(case_file(tmp_path, units='units = "m"'))
+    case = read_case(case_file(tmp_path, LANDMARKS, units='units = "m"'))
     assert case.mm_per_unit == 1000
     assert case.cam_from_given[:3, 3].tolist() == [2000, 3000, 300_000]
+    # as written, although 1000 times the float next to 1.005 is 1004.9999999999999
+    assert case.landmarks[0].point == (1005, 2000, -3500)
+    assert case.landmarks[0].pixel == (10.5, 20)
 
 
 def test_corner_origin_is_shifted_by_half_a_pixel(tmp_path):
-    case = read_case(case_file(tmp_path, K=PARTS["K"] + '\npixel_origin = "corner"'))
+    case = read_case(case_file(tmp_path, LANDMARKS, K=PARTS["K"] + '\npixel_origin = "corner"'))
     assert (case.camera.cx, case.camera.cy) == (31.0, 23.0)
+    assert case.landmarks[0].pixel == (10.0, 19.5)
+
+
+def test_landmarks_are_read_half_or_whole(tmp_path):
+    assert read_case(case_file(tmp_path, LANDMARKS)).landmarks == (
+        Landmark("tip", (1.005, 2.0, -3.5), (10.5, 20.0)),
+        Landmark("ridge", None, (3.0, 4.0), enabled=False),
+        Landmark("canal", (0.0, 0.0, 1.0), None),
+        Landmark("to be placed", None, None),
+    )
+
+
+def test_provenance_of_the_pose_is_read(tmp_path):
+    table = "[alignment]\ndate = 2026-03-31\nstandard_deviation_deg = [0, 0.1, 1]\nrms_px = 2\nmethod = 'landmarks'"
+    assert read_case(case_file(tmp_path, table)).alignment == {
+        "method": "landmarks",
+        "date": "2026-03-31",
+        "rms_px": 2.0,
+        "standard_deviation_deg": [0.0, 0.1, 1.0],
+    }
 
 
 def test_distortion_is_read_in_opencvs_order(tmp_path):
@@ -80,6 +123,10 @@ def pose(rows: str) -> dict[str, str]:
 
 def intrinsics(rows: str) -> dict[str, str]:
     return {"K": f"K = {rows}"}
+
+
+def landmark(lines: str) -> dict[str, str]:
+    return {"more": f"[[landmarks]]\n{lines}"}
 
 
 BAD = {
@@ -138,6 +185,29 @@ BAD = {
         "expected a different name for each",
     ),
     "structures as one table": ({"more": '[structures]\nname = "n"'}, "expected a list of tables"),
+    "landmark without a name": (landmark("pixel = [1, 2]"), "number 1: expected a key 'name'"),
+    "landmark's key": (landmark('name = "a"\npixle = [1, 2]'), "number 1: unknown key 'pixle'; did you mean 'pixel'"),
+    "landmark's point": (
+        landmark('name = "a"\nsurface = [1, 2]'),
+        "expected surface = \\[x, y, z\\], 3 numbers, found",
+    ),
+    "landmark's text": (landmark('name = "a"\npixel = ["1", 2]'), "number 1: expected pixel = \\[u, v\\], 2 numbers"),
+    "landmark's truth": (landmark('name = "a"\npixel = [true, 2]'), "number 1: expected pixel = \\[u, v\\], 2 numbers"),
+    "landmark at infinity": (landmark('name = "a"\npixel = [inf, 2]'), "pixel = \\[u, v\\], 2 finite numbers"),
+    "landmark perhaps enabled": (landmark('name = "a"\nenabled = 1'), "expected enabled = true or false, found 1"),
+    "landmark of no name": (landmark('name = " "'), "number 1: expected a name, found ' '"),
+    "two landmarks of a name": (landmark('name = "a"\n[[landmarks]]\nname = "a"'), "found 'a' twice; rename one"),
+    "landmarks as one table": ({"more": '[landmarks]\nname = "n"'}, "expected a list of tables"),
+    "provenance's key": ({"more": "[alignment]\nrms = 1"}, "\\[alignment\\] unknown key 'rms'; did you mean 'rms_px'"),
+    "provenance's text": ({"more": "[alignment]\nmethod = 1"}, "\\[alignment\\] method: expected a text, found 1"),
+    "provenance's pixels": ({"more": "[alignment]\nrms_px = -1"}, "rms_px: expected a number of pixels, found -1"),
+    "provenance's pairs": ({"more": "[alignment]\npairs = 1.5"}, "pairs: expected the number of landmarks, found 1.5"),
+    "provenance's axes": (
+        {"more": "[alignment]\nstandard_deviation_mm = [1, 2]"},
+        "standard_deviation_mm: expected three numbers, .*found \\[1, 2\\]",
+    ),
+    "provenance's date": ({"more": '[alignment]\ndate = "today"'}, "date: expected a date such as .*found 'today'"),
+    "provenance as a list": ({"more": "[[alignment]]\nrms_px = 1"}, "\\[alignment\\]: expected a table, found"),
     "unknown table": ({"more": "[datasets]"}, "unknown key 'datasets'; did you mean 'dataset'\\?"),
 }
 
@@ -188,12 +258,31 @@ def test_any_value_is_taken_or_refused_with_a_sentence(tmp_path_factory, key, va
     assert sentence(case_file(folder, f"[dataset]\n{option} = {as_toml(value)}")).startswith("case.toml: ")
 
 
-@given(key=st.sampled_from(["K", "pose"]), row=st.integers(0, 3), column=st.integers(0, 3), value=values)
-def test_any_entry_of_a_matrix_is_taken_or_refused_with_a_sentence(tmp_path_factory, key, row, column, value):
+@given(
+    key=st.sampled_from(["name", "surface", "pixel", "enabled", *KEYS]),
+    value=values | st.lists(numbers, min_size=2, max_size=3),
+    units=st.sampled_from(sorted(MM_PER_UNIT)),
+)
+def test_any_landmark_and_provenance_is_taken_or_refused_with_a_sentence(tmp_path_factory, key, value, units):
+    table = "[alignment]\n" if key in KEYS else "[[landmarks]]\n" + 'name = "a"\n' * (key != "name")
+    more = f"{table}{key} = {as_toml(value)}"
+    path = case_file(tmp_path_factory.getbasetemp(), more, units=f'units = "{units}"')
+    assert sentence(path).startswith("case.toml: ")
+
+
+@given(
+    key=st.sampled_from(["K", "pose"]),
+    row=st.integers(0, 3),
+    column=st.integers(0, 3),
+    value=values,
+    units=st.sampled_from(sorted(MM_PER_UNIT)),
+)
+def test_any_entry_of_a_matrix_is_taken_or_refused_with_a_sentence(tmp_path_factory, key, row, column, value, units):
     name, _, text = PARTS[key].partition(" = ")
     matrix = json.loads(text)
     matrix[row % len(matrix)][column % len(matrix)] = value
-    path = case_file(tmp_path_factory.getbasetemp(), **{key: f"{name} = {as_toml(matrix)}"})
+    parts = {key: f"{name} = {as_toml(matrix)}", "units": f'units = "{units}"'}
+    path = case_file(tmp_path_factory.getbasetemp(), **parts)
     assert sentence(path).startswith("case.toml: ")
 
 

@@ -11,8 +11,8 @@ from typing import NoReturn, TextIO
 
 import bpy
 
-from ..case import nearest_name
 from ..errors import InputError, RunError
+from ..table_keys import nearest_name
 
 EXIT_INPUT, EXIT_RUN, EXIT_STOPPED = 2, 3, 130
 

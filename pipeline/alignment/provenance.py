@@ -3,6 +3,7 @@
 It records how the pose was found and how sure it is; nothing is computed from it.
 """
 
+import math
 from collections.abc import Mapping
 from datetime import date, datetime
 from typing import Any
@@ -82,8 +83,12 @@ def _checked(key: str, value: Any, where: str) -> object:
 
 
 def _is_number(value: Any) -> bool:
-    # no finite float is larger
-    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and bool(abs(value) <= 1e308)
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer that no float holds
+        return False
 
 
 def _checked_date(value: Any, where: str) -> str:

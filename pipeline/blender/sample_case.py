@@ -8,11 +8,18 @@ import numpy as np
 
 from ..atomic_file import write_bytes_atomically
 from ..camera import PinholeCamera
+from ..case import Case, Structure
+from ..case_writer import write_case
 from ..mesh_export import write_ply
 from ..sample_surface import MICROSCOPE, SampleSurface, frame_pose, held_out_poses
 from .sample_photograph import take_photographs
 
-STRUCTURE_COLORS = {"facial_nerve": "#ff00ff", "chorda_tympani": "#00ff00", "ossicles": "#00ffff"}
+STRUCTURE_COLORS = {
+    "facial_nerve": (1.0, 0.0, 1.0),
+    "chorda_tympani": (0.0, 1.0, 0.0),
+    "ossicles": (0.0, 1.0, 1.0),
+}
+COMMENT = "A photograph of a drilled temporal bone: generated, not a patient"
 
 
 def write_sample_case(
@@ -55,36 +62,23 @@ def write_sample_case(
         listed = [{"image": name, "cam_from_model": pose.tolist()} for name, pose in views.items()]
         write_bytes_atomically(folder / "held_out.json", (json.dumps(listed, indent=1) + "\n").encode())
         yield folder / "held_out.json"
-    write_bytes_atomically(folder / "case.toml", _case_toml(camera, shots["frame.png"], surface).encode())
-    yield folder / "case.toml"
+    path = folder / "case.toml"
+    write_case(path, _case(path, camera, shots["frame.png"], surface), comment=COMMENT)
+    yield path
 
 
-def _case_toml(camera: PinholeCamera, cam_from_given: np.ndarray, surface: SampleSurface) -> str:
-    lines = [
-        "# A photograph of a drilled temporal bone: generated, not a patient",
-        'units = "mm"',
-        "",
-        "[frame]",
-        'image = "frame.png"',
-        "",
-        "[camera]",
-        f"size = {list(camera.size_wh)}",
-        f"K = {_rows(camera.k)}",
-        'pixel_origin = "center"  # (0, 0) is the centre of the top-left pixel',
-        "",
-        "[surface]",
-        'mesh = "surface.ply"',
-        "",
-        "[pose]",
-        "# OpenCV axes (x right, y down, z forward), frame of the mesh file",
-        f"cam_from_model = {_rows(cam_from_given)}",
+def _case(path: Path, camera: PinholeCamera, cam_from_given: np.ndarray, surface: SampleSurface) -> Case:
+    folder = path.parent
+    structures = [
+        Structure(name, folder / f"structures/{name}.ply", STRUCTURE_COLORS[name]) for name in surface.structures
     ]
-    for name in surface.structures:
-        mesh, color = f"structures/{name}.ply", STRUCTURE_COLORS[name]
-        lines += ["", "[[structures]]", f'name = "{name}"', f'mesh = "{mesh}"', f'color = "{color}"']
-    return "\n".join(lines) + "\n"
-
-
-def _rows(matrix: np.ndarray) -> str:
-    # repr of a Python float is the shortest text that reads back to the same number
-    return "[\n" + "".join(f"  {row},\n" for row in matrix.tolist()) + "]"
+    return Case(
+        path=path,
+        mm_per_unit=1.0,
+        image=folder / "frame.png",
+        camera=camera,
+        distortion=None,
+        mesh=folder / "surface.ply",
+        cam_from_given=cam_from_given,
+        structures=tuple(structures),
+    )

@@ -1,0 +1,36 @@
+"""The F distribution with an even number of degrees of freedom above: closed forms, no scipy.
+
+With d1 = 2a and x = d1 f / (d1 f + d2) the probability to exceed f is the finite sum
+
+    (1 - x)^b  sum_{j < a} x^j  b (b + 1) ... (b + j - 1) / j!,    b = d2 / 2
+
+(the regularised incomplete beta function at an integer, Abramowitz & Stegun 26.6.4). d2 need not be whole.
+"""
+
+import math
+
+
+def f_exceedance(value: float, above: int, below: float) -> float:
+    """Probability that F(above, below) exceeds a value >= 0; ``above`` is even."""
+    if not math.isfinite(value):
+        return 0.0
+    fraction, half = above * value / (above * value + below), below / 2
+    term = total = 1.0
+    for j in range(1, above // 2):
+        term *= fraction * (half + j - 1) / j
+        total += term
+    return (1 - fraction) ** half * total
+
+
+def f_quantile(level: float, above: int, below: float) -> float:
+    """The value that F(above, below) stays under with probability ``level``, 0 < level < 1; ``above`` is even."""
+    lower, upper = 0.0, 1.0
+    while f_exceedance(upper, above, below) > 1 - level:
+        lower, upper = upper, 2 * upper
+    for _ in range(100):
+        middle = 0.5 * (lower + upper)
+        if f_exceedance(middle, above, below) > 1 - level:
+            lower = middle
+        else:
+            upper = middle
+    return 0.5 * (lower + upper)

@@ -24,17 +24,15 @@ FIRST_POSE = "oneframe_first_pose"
 """Custom property of the surface: the pose that it got for want of a better one; replaced when K comes later."""
 
 
-def remember_case(
-    scene: bpy.types.Scene, loaded: LoadedCase, camera_object: bpy.types.Object, surface: bpy.types.Object
-) -> None:
+def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment_setup.AlignmentObjects) -> None:
     """Fill the scene's settings from an opened case whose objects are in the scene."""
     case, settings = loaded.case, scene.oneframe
     settings.case_path, settings.frame_path = str(case.path.resolve()), str(case.image.resolve())
     settings.units = next(unit for unit, factor in MM_PER_UNIT.items() if factor == case.mm_per_unit)
-    settings.camera_object, settings.surface = camera_object, surface
+    settings.camera_object, settings.surface = objects.camera, objects.surface
     _remember_camera(scene, case.camera, case.distortion)
-    surface.oneframe.role, surface.oneframe.mesh_path = "SURFACE", str(case.mesh.resolve())
-    for structure, child in zip(case.structures, surface.children, strict=True):
+    objects.surface.oneframe.role, objects.surface.oneframe.mesh_path = "SURFACE", str(case.mesh.resolve())
+    for structure, child in zip(case.structures, objects.structures, strict=True):
         child.oneframe.role, child.oneframe.mesh_path = "STRUCTURE", str(structure.mesh.resolve())
     settings.case_dataset_text = json.dumps(case.dataset)
     for entry in settings.dataset.bl_rna.properties:
@@ -47,22 +45,22 @@ def remember_case(
 
 
 def replace_landmarks(scene: bpy.types.Scene, landmarks: tuple[Landmark, ...]) -> None:
-    """Landmarks in the frame of the mesh file, mm, in place of those that are there."""
+    """Landmarks in the frame of the mesh file, mm, in place of those that are there; the pose stays."""
     settings = scene.oneframe
     model_from_given = np.eye(4)
     if settings.surface is not None:
         model_from_given = inverse_rigid(alignment_scene.given_from_model_of(settings.surface))
-    settings.landmarks.clear()
-    for landmark in landmarks:
-        entry = settings.landmarks.add()
-        entry.name, entry.enabled = landmark.name, landmark.enabled
-        entry.has_point, entry.has_pixel = landmark.point is not None, landmark.pixel is not None
-        if landmark.point is not None:
-            entry.point = transform_points(model_from_given, np.array([landmark.point]))[0]
-        if landmark.pixel is not None:
-            entry.pixel = landmark.pixel
-    settings.landmark_index = 0
-    events.landmarks_changed(scene)
+    with events.untold():
+        settings.landmarks.clear()
+        for landmark in landmarks:
+            entry = settings.landmarks.add()
+            entry.name, entry.enabled = landmark.name, landmark.enabled
+            entry.has_point, entry.has_pixel = landmark.point is not None, landmark.pixel is not None
+            if landmark.point is not None:
+                entry.point = transform_points(model_from_given, np.array([landmark.point]))[0]
+            if landmark.pixel is not None:
+                entry.pixel = landmark.pixel
+        settings.landmark_index = 0
 
 
 def frame_size(scene: bpy.types.Scene) -> tuple[int, int] | None:

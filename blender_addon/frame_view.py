@@ -97,7 +97,7 @@ def surface_point(scene: bpy.types.Scene, origin_world: Vector, direction_world:
 
 
 def surface_point_at(scene: bpy.types.Scene, pixel: np.ndarray) -> np.ndarray | None:
-    """``(3,)`` the surface point (model frame, mm) that a frame pixel ``(2,)`` shows in the present pose, or ``None``."""
+    """``(3,)`` surface point (model frame, mm) that a frame pixel ``(2,)`` shows in the present pose, or ``None``."""
     camera_object = gather.camera_object_of(scene)
     world_from_cam = inverse_rigid(cam_from_model_of(camera_object))
     ray = world_from_cam[:3, :3] @ gather.camera(scene).rays_cam(np.asarray(pixel, float)[None])[0]

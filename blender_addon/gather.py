@@ -229,8 +229,8 @@ def _check_unedited(surface: bpy.types.Object, mesh: TriangleMesh) -> None:
     data = surface.data
     if len(data.vertices) != len(mesh.vertices) or len(data.polygons) != len(mesh.faces):
         raise InputError(
-            f"{surface.name}: expected the {len(mesh.vertices)} vertices and {len(mesh.faces)} faces of its file, found "
-            f"{len(data.vertices)} and {len(data.polygons)}: it was edited in Blender; {advice}"
+            f"{surface.name}: expected the {len(mesh.vertices)} vertices and {len(mesh.faces)} faces of its file, "
+            f"found {len(data.vertices)} and {len(data.polygons)}: it was edited in Blender; {advice}"
         )
     vertices = np.empty(mesh.vertices.size, np.float32)
     data.vertices.foreach_get("co", vertices)

@@ -19,6 +19,7 @@ from .pipeline.mesh_export import write_ply
 from .pipeline.mesh_file import read_mesh
 from .pipeline.pose_file import read_pose
 from .pipeline.video_frame import write_video_frame
+from .pose_text import set_pose_given
 from .properties import UNITS
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
@@ -39,8 +40,7 @@ class ONEFRAME_OT_open_case(Reporting, bpy.types.Operator, ImportHelper):
 
     def run(self, context):
         loaded = load_case(read_case(Path(self.filepath)), aligned=False)
-        camera_object, surface = alignment_setup.set_up(context.scene, loaded)
-        case_state.remember_case(context.scene, loaded, camera_object, surface)
+        case_state.remember_case(context.scene, loaded, alignment_setup.set_up(context.scene, loaded))
         case_state.look_through_camera(context)
         width, height = loaded.case.camera.size_wh
         return *loaded.told, f"{self.filepath}: frame {width} x {height} px, {len(loaded.mesh.faces)} triangles"
@@ -182,12 +182,8 @@ class ONEFRAME_OT_load_pose(Reporting, bpy.types.Operator, ImportHelper):
     filter_glob: StringProperty(default=POSES, options={"HIDDEN"})
 
     def run(self, context):
-        scene = context.scene
-        camera_object, surface = gather.camera_object_of(scene), gather.surface_of(scene)
         cam_from_given, told = read_pose(Path(self.filepath))
-        cam_from_given[:3, 3] *= MM_PER_UNIT[scene.oneframe.units]
-        given_from_model = alignment_scene.given_from_model_of(surface)
-        alignment_scene.set_pose(camera_object, surface, cam_from_given @ given_from_model)
+        set_pose_given(context.scene, cam_from_given)
         return told
 
 

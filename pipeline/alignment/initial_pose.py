@@ -13,9 +13,9 @@ FILL = 0.9
 def initial_pose(mesh: TriangleMesh, camera: PinholeCamera) -> np.ndarray:
     """``cam_from_model`` (4x4, mm) for a surface in the model frame.
 
-    The surface's mean front side is turned to the camera, its widest extent lies along the image's longer side, and its
-    bounding sphere spans :data:`FILL` of the shorter side. A closed surface has no mean front side: it is seen along its
-    narrowest extent.
+    The surface's mean front side is turned to the camera, its widest extent lies along the image's longer side, and
+    its bounding sphere spans :data:`FILL` of the shorter side. A closed surface has no mean front side: it is seen
+    along its narrowest extent.
     """
     _, _, axes = np.linalg.svd(mesh.vertices - mesh.vertices.mean(axis=0), full_matrices=False)
     normal = mesh.face_cross.sum(axis=0)

@@ -1,5 +1,6 @@
 """A case in memory -> the objects of its alignment in a scene; frames as Blender images for the camera's background."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
@@ -18,17 +19,25 @@ from .alignment_scene import (
 from .loading import LoadedCase
 
 
-def set_up(scene: bpy.types.Scene, loaded: LoadedCase) -> tuple[bpy.types.Object, bpy.types.Object]:
-    """Put a case into a scene in place of the alignment that is there; returns camera object and surface."""
+@dataclass(frozen=True)
+class AlignmentObjects:
+    """The objects of an alignment: camera, surface, and structures in the order of the case."""
+
+    camera: bpy.types.Object
+    surface: bpy.types.Object
+    structures: tuple[bpy.types.Object, ...]
+
+
+def set_up(scene: bpy.types.Scene, loaded: LoadedCase) -> AlignmentObjects:
+    """Put a case into a scene in place of the alignment that is there."""
     clear(scene)
     set_alignment_units(scene)
     camera_object = put_camera(scene, None, loaded.case.camera)
     show_frame(camera_object, frame_image(loaded.case.image, loaded.image if loaded.case.distortion else None))
     surface = put_surface(scene, loaded.mesh, loaded.given_from_model, loaded.cam_from_model)
-    for structure, mesh in loaded.structures:
-        put_structure(surface, mesh, structure.name, structure.color)
+    structures = [put_structure(surface, mesh, entry.name, entry.color) for entry, mesh in loaded.structures]
     fit_clip(camera_object, loaded.mesh.radius, loaded.cam_from_model)
-    return camera_object, surface
+    return AlignmentObjects(camera_object, surface, tuple(structures))
 
 
 def clear(scene: bpy.types.Scene) -> None:

@@ -1,0 +1,61 @@
+"""What of the surface the camera sees, by a coarse grid of rays: the pivot of edits, and how far around it they reach."""
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from ..camera import PinholeCamera
+from ..frames import camera_centre, inverse_rigid
+
+GRID = 12
+"""Rays along the longer side of the frame."""
+
+
+@dataclass(frozen=True)
+class VisibleSurface:
+    """Points of the surface that the frame shows.
+
+    Attributes
+    ----------
+    points_model
+        ``(N, 3)`` mm, model frame; may be empty.
+    pixels
+        ``(N, 2)`` where they are seen.
+    """
+
+    points_model: np.ndarray
+    pixels: np.ndarray
+
+    @property
+    def pivot_model(self) -> np.ndarray | None:
+        """``(3,)`` the seen point nearest to the middle of what is seen; ``None`` if nothing is."""
+        if len(self.pixels) == 0:
+            return None
+        offset = self.pixels - self.pixels.mean(axis=0)
+        return self.points_model[np.argmin((offset**2).sum(axis=1))]
+
+    def radius_mm(self, pivot_model: np.ndarray) -> float:
+        """Root mean square distance of the seen points from a pivot."""
+        return float(np.sqrt(((self.points_model - pivot_model) ** 2).sum(axis=1).mean()))
+
+
+def visible_surface(surface: bpy.types.Object, camera: PinholeCamera, cam_from_model: np.ndarray) -> VisibleSurface:
+    """Cast a grid of rays from the camera at the surface object (evaluated, in Object mode)."""
+    step = max(camera.size_wh) / GRID
+    columns, rows = (max(2, round(size / step)) for size in camera.size_wh)
+    u, v = np.meshgrid(
+        (np.arange(columns) + 0.5) * camera.width / columns - 0.5,
+        (np.arange(rows) + 0.5) * camera.height / rows - 0.5,
+    )
+    pixels = np.stack([u.ravel(), v.ravel()], axis=1)
+    model_from_cam = inverse_rigid(cam_from_model)
+    centre = Vector(camera_centre(cam_from_model))
+    points, seen = [], []
+    for pixel, direction in zip(pixels, camera.rays_cam(pixels) @ model_from_cam[:3, :3].T, strict=True):
+        hit, point, _, _ = surface.ray_cast(centre, Vector(direction))
+        if hit:
+            points.append(point[:])
+            seen.append(pixel)
+    return VisibleSurface(np.array(points, float).reshape(-1, 3), np.array(seen, float).reshape(-1, 2))

@@ -10,9 +10,23 @@ _HERE = Path(__file__).resolve().parent
 if not (_HERE / "pipeline").is_dir():
     __path__.append(str(_HERE.parent))
 
-from . import panel_setup, properties, setup  # noqa: E402  (after the path is known)
+from . import (  # noqa: E402  (after the path is known)
+    move,
+    panel_pose,
+    panel_setup,
+    pose_gizmo,
+    properties,
+    setup,
+)
 
-_MODULES = (properties, setup, panel_setup)
+_MODULES = (
+    properties,
+    setup,
+    panel_setup,
+    move,
+    panel_pose,
+    pose_gizmo,
+)
 
 
 def register() -> None:

@@ -28,6 +28,7 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
     """Fill the scene's settings from an opened case whose objects are in the scene."""
     case, settings = loaded.case, scene.oneframe
     settings.case_path, settings.frame_path = str(case.path.resolve()), str(case.image.resolve())
+    settings.frame_size = case.camera.size_wh
     settings.units = next(unit for unit, factor in MM_PER_UNIT.items() if factor == case.mm_per_unit)
     settings.camera_object, settings.surface = objects.camera, objects.surface
     _remember_camera(scene, case.camera, case.distortion)
@@ -65,19 +66,15 @@ def replace_landmarks(scene: bpy.types.Scene, landmarks: tuple[Landmark, ...]) -
 
 def frame_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
     """(width, height) of the frame that is loaded, ``None`` without one."""
-    path = scene.oneframe.frame_path
-    if not path:
-        return None
-    image = bpy.data.images.load(str(alignment_scene.absolute_path(path)), check_existing=True)
-    width, height = image.size
-    return (width, height) if width else None
+    size = tuple(scene.oneframe.frame_size)
+    return size if all(size) else None
 
 
 def take_frame(context: bpy.types.Context, path: Path, width: int, height: int) -> tuple[str, ...]:
     """Make an image file the frame; returns warnings where K does not fit it."""
     scene = context.scene
     settings = scene.oneframe
-    settings.frame_path = str(path.resolve())
+    settings.frame_path, settings.frame_size = str(path.resolve()), (width, height)
     typed = settings.camera
     if settings.camera_object is None:
         typed.width, typed.height = width, height
@@ -91,7 +88,8 @@ def take_frame(context: bpy.types.Context, path: Path, width: int, height: int) 
 def frame_warnings(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Sentences about a camera that does not belong to the frame."""
     size = frame_size(scene)
-    if size is None or scene.oneframe.camera_object is None:
+    camera_object = scene.oneframe.camera_object
+    if size is None or camera_object is None or camera_object.name not in scene.objects:
         return ()
     camera = gather.camera(scene)
     if camera.size_wh != size:

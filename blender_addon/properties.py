@@ -10,6 +10,7 @@ from bpy.props import (
     FloatProperty,
     FloatVectorProperty,
     IntProperty,
+    IntVectorProperty,
     PointerProperty,
     StringProperty,
 )
@@ -24,10 +25,22 @@ ORIGINS = [
 ]
 
 
+def _keep_name_unique(landmark: "ONEFRAME_PG_landmark", _context: bpy.types.Context) -> None:
+    """Files tell landmarks apart by their names: a name that is taken or empty gets a number."""
+    taken = {other.name for other in landmark.id_data.oneframe.landmarks if other != landmark}
+    wanted = landmark.name.strip() or "Landmark"
+    name, number = wanted, 1
+    while name in taken:
+        name, number = f"{wanted}.{number:03d}", number + 1
+    # assigning calls this again, which then finds nothing to change
+    if landmark.name != name:
+        landmark.name = name
+
+
 class ONEFRAME_PG_landmark(bpy.types.PropertyGroup):
     """A pair of a surface point and an image point; either half may be missing yet."""
 
-    name: StringProperty(name="Name", description="Name of the landmark", update=events.landmarks_changed)
+    name: StringProperty(name="Name", description="Name of the landmark", update=_keep_name_unique)
     enabled: BoolProperty(
         name="Use", description="Use this pair for the pose", default=True, update=events.landmarks_changed
     )
@@ -92,6 +105,7 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
 
     case_path: StringProperty(name="Case", description="The case file that was opened or saved", subtype="FILE_PATH")
     frame_path: StringProperty(name="Frame", description="The frame's image file", subtype="FILE_PATH")
+    frame_size: IntVectorProperty(name="Frame size", description="Width and height of the frame in pixels", size=2)
     units: EnumProperty(name="Units", description="Unit of the mesh files", items=UNITS, default="mm")
     camera: PointerProperty(type=ONEFRAME_PG_camera)
     distortion_text: StringProperty(description="Distortion in use (JSON), exact")
@@ -106,7 +120,6 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
         default=2.0,
         min=0.05,
         max=50.0,
-        update=events.landmarks_changed,
     )
     live_solve: BoolProperty(
         name="Live",
@@ -114,6 +127,20 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
         default=True,
         update=events.landmarks_changed,
     )
+    show_landmarks: BoolProperty(
+        name="Show landmarks", description="Draw landmarks, residuals and the pose's uncertainty", default=True
+    )
+    step: EnumProperty(
+        name="Step",
+        description="Step of the buttons, in pixels of the frame",
+        items=[
+            ("coarse", "10 px", "Ten pixels (with keys: hold Ctrl)"),
+            ("normal", "1 px", "One pixel"),
+            ("fine", "0.1 px", "A tenth of a pixel (with keys: hold Shift)"),
+        ],
+        default="normal",
+    )
+    show_gizmo: BoolProperty(name="Gizmo", description="Show handles at the pivot of the surface in view", default=True)
     dataset: PointerProperty(type=ONEFRAME_PG_dataset)
     dataset_out: StringProperty(
         name="Folder", description="Folder of the dataset; a run that was stopped goes on there", subtype="DIR_PATH"

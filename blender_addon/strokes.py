@@ -1,0 +1,112 @@
+"""Lines and texts over a 3D view that are readable on any picture: each colour on a dark ground of its own."""
+
+from dataclasses import dataclass, field
+
+import blf
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+
+Colour = tuple[float, float, float, float]
+
+HALO: Colour = (0.0, 0.0, 0.0, 0.65)
+HALO_PX = 1.6
+"""Colour of the dark line under each line, and by how much it is wider on either side."""
+FONT = 0
+TEXT_SIZE = 12
+GROUND: Colour = (0.04, 0.04, 0.04, 0.72)
+
+
+@dataclass
+class Strokes:
+    """Collects what is to be drawn into one region, in region pixels; then :meth:`draw`, from a POST_PIXEL handler.
+
+    Lengths and widths are constant on the screen whatever the zoom; :attr:`unit` is one pixel at interface scale 1.
+    """
+
+    unit: float = field(default_factory=lambda: bpy.context.preferences.system.ui_scale)
+    _lines: dict[float, list[tuple[np.ndarray, Colour]]] = field(default_factory=dict)
+    _texts: list[tuple[np.ndarray, str, Colour]] = field(default_factory=list)
+
+    def line(self, points: np.ndarray, colour: Colour, *, width: float = 2.0, closed: bool = False) -> None:
+        """A polyline ``(N, 2)``; nothing if any point is not finite."""
+        if len(points) < 2 or not np.isfinite(points).all():
+            return
+        ends = np.roll(points, -1, axis=0) if closed else points[1:]
+        starts = points if closed else points[:-1]
+        segments = np.stack([starts, ends], axis=1).reshape(-1, 2)
+        self._lines.setdefault(width, []).append((segments, colour))
+
+    def arrow(self, start: np.ndarray, end: np.ndarray, colour: Colour, *, width: float = 2.0, head: float = 8.0):
+        """A line with a head at its end, which is never longer than half of it."""
+        self.line(np.stack([start, end]), colour, width=width)
+        length = float(np.linalg.norm(end - start))
+        if length < 1e-6 or not np.isfinite(length):
+            return
+        along = (end - start) / length
+        across = np.array([-along[1], along[0]])
+        size = min(head * self.unit, length / 2)
+        wings = [end - size * along + side * 0.5 * size * across for side in (1, -1)]
+        self.line(np.stack([wings[0], end, wings[1]]), colour, width=width)
+
+    def circle(self, centre: np.ndarray, radius: float, colour: Colour, *, width: float = 2.0) -> None:
+        """A circle; the radius in pixels at interface scale 1."""
+        angle = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+        outline = centre + radius * self.unit * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        self.line(outline, colour, width=width, closed=True)
+
+    def cross(self, centre: np.ndarray, inner: float, outer: float, colour: Colour, *, width: float = 2.0) -> None:
+        """Four arms that leave the middle free."""
+        for direction in np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]):
+            arm = centre + self.unit * np.outer([inner, outer], direction)
+            self.line(arm, colour, width=width)
+
+    def text(self, at: np.ndarray, text: str, colour: Colour) -> None:
+        """A line of text whose lower left corner lies at a point."""
+        if np.isfinite(at).all():
+            self._texts.append((np.asarray(at, float), text, colour))
+
+    def draw(self) -> None:
+        """Draw everything: all dark lines first, so that none covers a coloured one."""
+        gpu.state.blend_set("ALPHA")
+        for width, lines in self._lines.items():
+            # a faint line needs a faint ground
+            self._draw_lines([(line, (*HALO[:3], HALO[3] * c[3])) for line, c in lines], width + 2 * HALO_PX)
+        for width, lines in self._lines.items():
+            self._draw_lines(lines, width)
+        self._draw_texts()
+        gpu.state.blend_set("NONE")
+
+    def _draw_lines(self, lines: list[tuple[np.ndarray, Colour]], width: float) -> None:
+        points = np.concatenate([segments for segments, _ in lines])
+        positions = np.zeros((len(points), 3), np.float32)
+        positions[:, :2] = points
+        colours = np.concatenate([np.tile(np.float32(colour), (len(segments), 1)) for segments, colour in lines])
+        shader = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR")
+        batch = batch_for_shader(shader, "LINES", {"pos": positions, "color": colours})
+        shader.bind()
+        shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+        shader.uniform_float("lineWidth", width * self.unit)
+        batch.draw(shader)
+
+    def _draw_texts(self) -> None:
+        if not self._texts:
+            return
+        blf.size(FONT, TEXT_SIZE * self.unit)
+        margin = 3 * self.unit
+        corners = []
+        for at, text, _ in self._texts:
+            width, _ = blf.dimensions(FONT, text)
+            low = at - margin
+            high = at + np.array([width + margin, TEXT_SIZE * self.unit * 0.8 + margin])
+            corners += [low, [high[0], low[1]], high, low, high, [low[0], high[1]]]
+        shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+        batch = batch_for_shader(shader, "TRIS", {"pos": np.float32(corners)})
+        shader.bind()
+        shader.uniform_float("color", GROUND)
+        batch.draw(shader)
+        for at, text, colour in self._texts:
+            blf.position(FONT, float(at[0]), float(at[1]), 0)
+            blf.color(FONT, *colour)
+            blf.draw(FONT, text)

@@ -113,6 +113,12 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
     surface = surface_of(scene)
     if not settings.frame_path:
         raise InputError("expected a frame, none is loaded; load the image first")
+    size, k_size = tuple(settings.frame_size), camera(scene).size_wh
+    if all(size) and size != k_size:
+        raise InputError(
+            f"expected a frame of {k_size[0]}x{k_size[1]} px as K says, the frame has {size[0]}x{size[1]}; "
+            "load the K of this frame, or press Rescale K to Frame if it shows the same picture"
+        )
     if not surface.oneframe.mesh_path:
         raise InputError(f"{surface.name}: expected a surface that was loaded from a file; load it with Load Surface")
     structures = tuple(

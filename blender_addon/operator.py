@@ -21,6 +21,10 @@ class Reporting:
         except (InputError, RunError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        except OSError as error:
+            # a full disk, a folder that does not exist or may not be written to
+            self.report({"ERROR"}, f"{error.filename or self.bl_label}: {error.strerror or error}")
+            return {"CANCELLED"}
         for sentence in told or ():
             self.report({"INFO"}, sentence)
         redraw(context)

@@ -1,7 +1,6 @@
 """The Pose panel: nudges with their keys, and the pose as it stands, in both directions."""
 
 import bpy
-import numpy as np
 
 from . import gather
 from .keymap import binding
@@ -20,6 +19,15 @@ _PAIRS = (
     ("roll", -1, "Roll left", "Roll right", "LOOP_BACK", "LOOP_FORWARDS"),
 )
 """Axis, sign of the first button's step, the two buttons' texts and icons."""
+
+_SHORT = {
+    "Left Arrow": "\N{LEFTWARDS ARROW}",
+    "Right Arrow": "\N{RIGHTWARDS ARROW}",
+    "Up Arrow": "\N{UPWARDS ARROW}",
+    "Down Arrow": "\N{DOWNWARDS ARROW}",
+    "Page Up": "PgUp",
+    "Page Down": "PgDn",
+}
 
 
 class ONEFRAME_PT_pose(bpy.types.Panel):
@@ -51,10 +59,9 @@ class ONEFRAME_PT_pose(bpy.types.Panel):
                 nudge.axis, nudge.step_px = axis, sign * step_px
             keys = row.row(align=True)
             keys.enabled = False
-            keys.label(
-                text="  ".join(binding("oneframe.nudge", axis=axis, step_px=sign * 1.0) for sign in (first, -first))
-            )
-        layout.label(text="with Ctrl 10 px, with Shift 0.1 px; hold to repeat", icon="INFO")
+            bindings = (binding("oneframe.nudge", axis=axis, step_px=sign * 1.0) for sign in (first, -first))
+            keys.label(text="  ".join(_SHORT.get(key, key) for key in bindings))
+        layout.label(text="Ctrl: 10 px, Shift: 0.1 px, hold: repeat", icon="INFO")
         layout.prop(settings, "show_gizmo")
 
 
@@ -76,12 +83,11 @@ class _Matrix:
             return
         if self.inverse:
             pose = inverse_rigid(pose)
-        grid = layout.grid_flow(row_major=True, columns=4, even_columns=True, align=True)
-        for row in pose[:3]:
-            for column, value in enumerate(row):
-                grid.label(text=f"{value:.9f}" if column < 3 else f"{value:.6f}")
-        distance = float(np.linalg.norm(pose[:3, 3]))
-        layout.label(text=f"Translation {distance:.4f} {scene.oneframe.units}, OpenCV axes")
+        rows = layout.column(align=True)
+        rows.scale_y = 0.8
+        for row in pose[:3, :3]:
+            rows.label(text="R  " + "  ".join(f"{value:+.8f}" for value in row))
+        rows.label(text="t  " + "  ".join(f"{value:.5f}" for value in pose[:3, 3]) + f" {scene.oneframe.units}")
         row = layout.row(align=True)
         row.operator("oneframe.copy_pose", icon="COPYDOWN").inverse = self.inverse
         if not self.inverse:

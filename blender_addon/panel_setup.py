@@ -3,6 +3,7 @@
 import bpy
 
 from . import gather
+from .case_state import frame_warnings
 from .pipeline.errors import InputError
 from .sentences import draw_sentence
 
@@ -102,6 +103,9 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     ]
     if missing and len(missing) < 3:
         layout.label(text="Still missing: " + ", ".join(missing), icon="INFO")
+    for sentence in frame_warnings(scene):
+        draw_sentence(layout, sentence, icon="ERROR")
+        layout.operator("oneframe.rescale_camera", icon="FULLSCREEN_ENTER")
     if settings.surface is not None and settings.camera_object is not None:
         try:
             gather.cam_from_model(scene)

@@ -11,7 +11,8 @@ from .operator import Reporting
 from .pipeline.blender import alignment_scene, alignment_setup
 from .pipeline.blender.image import read_image
 from .pipeline.blender.loading import load_case
-from .pipeline.camera_file import fit_of, read_camera
+from .pipeline.camera_file import read_camera
+from .pipeline.camera_fit import fit_of
 from .pipeline.case import MM_PER_UNIT, read_case
 from .pipeline.case_writer import write_case
 from .pipeline.errors import InputError
@@ -114,9 +115,9 @@ class ONEFRAME_OT_load_camera(Reporting, bpy.types.Operator, ImportHelper):
         size = case_state.frame_size(context.scene) or found.size
         if size is None:
             raise InputError(f"{self.filepath}: this file holds no image size; load the frame first")
-        camera = found.camera_for(size)
-        case_state.take_camera(context, camera, found.distortion)
-        return *found.told, *fit_of(found, size)
+        fit = fit_of(found, size)
+        case_state.take_camera(context, fit.camera, found.distortion)
+        return *found.told, *fit.told
 
 
 class ONEFRAME_OT_set_camera(Reporting, bpy.types.Operator):
@@ -130,6 +131,21 @@ class ONEFRAME_OT_set_camera(Reporting, bpy.types.Operator):
         camera, distortion = case_state.typed_camera(context.scene)
         case_state.take_camera(context, camera, distortion)
         return case_state.frame_warnings(context.scene)
+
+
+class ONEFRAME_OT_rescale_camera(Reporting, bpy.types.Operator):
+    """K is for the same picture with another number of pixels: bring it to the size of the frame"""
+
+    bl_idname = "oneframe.rescale_camera"
+    bl_label = "Rescale K to Frame"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def run(self, context):
+        scene = context.scene
+        camera, size = gather.camera(scene), case_state.frame_size(scene)
+        if size is None:
+            raise InputError("expected a frame, none is loaded; load the image first")
+        case_state.take_camera(context, camera.resized(*size), gather.distortion(scene))
 
 
 class ONEFRAME_OT_load_surface(Reporting, bpy.types.Operator, ImportHelper):
@@ -226,6 +242,7 @@ _CLASSES = (
     ONEFRAME_OT_load_video_frame,
     ONEFRAME_OT_load_camera,
     ONEFRAME_OT_set_camera,
+    ONEFRAME_OT_rescale_camera,
     ONEFRAME_OT_load_surface,
     ONEFRAME_OT_add_structure,
     ONEFRAME_OT_load_pose,

@@ -72,3 +72,17 @@ def run_command() -> Callable[..., subprocess.CompletedProcess]:
         )
 
     return run
+
+
+@pytest.fixture
+def addon():
+    """The add-on, registered in an empty file as it is used from the checkout."""
+    import bpy
+
+    import blender_addon
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    blender_addon.register()
+    yield blender_addon
+    blender_addon.unregister()
+    bpy.ops.wm.read_factory_settings(use_empty=True)

@@ -1,15 +1,32 @@
 """Progress with an estimate of the time left: a bar on a terminal, a line now and then elsewhere."""
 
+import re
 import sys
 import time
+from dataclasses import dataclass
 from typing import TextIO
+
+LINE_SECONDS = 10.0
+"""Time between lines where there is no terminal."""
+_LINE = re.compile(
+    r"(?P<count>\d+)/(?P<total>\d+) (?P<noun>[a-z ]+?)(?:, \d+ ms each, (?:(?P<left>.+) left|done in .+))?"
+)
 
 
 class Progress:
     """Counts finished items; call :meth:`advance` for each and :meth:`close` at the end."""
 
-    def __init__(self, total: int, noun: str, *, finished: int = 0, stream: TextIO | None = None) -> None:
+    def __init__(
+        self,
+        total: int,
+        noun: str,
+        *,
+        finished: int = 0,
+        stream: TextIO | None = None,
+        line_seconds: float = LINE_SECONDS,
+    ) -> None:
         """Start at ``finished`` of ``total`` items called ``noun`` (plural)."""
+        self._line_seconds = line_seconds
         self._total, self._noun, self._count, self._first = total, noun, finished, finished
         self._stream = stream or sys.stdout
         self._bar = self._stream.isatty()
@@ -39,7 +56,7 @@ class Progress:
         last = self._count == self._total
         if not last and now < self._next_line:
             return
-        self._next_line = now + (0.1 if self._bar else 10.0)
+        self._next_line = now + (0.1 if self._bar else self._line_seconds)
         text = f"{self._count}/{self._total} {self._noun}"
         if self._count > self._first:
             left = self.seconds_per_item * (self._total - self._count)
@@ -52,6 +69,24 @@ class Progress:
         else:
             self._stream.write(text + "\n")
         self._stream.flush()
+
+
+@dataclass(frozen=True)
+class ProgressLine:
+    """A line of :class:`Progress` as another program reads it: 12 of 100 "views", "8 s" left (empty if not told)."""
+
+    count: int
+    total: int
+    noun: str
+    left: str
+
+
+def read_progress(line: str) -> ProgressLine | None:
+    """A line of progress, or ``None`` if it is something else."""
+    found = _LINE.fullmatch(line.strip())
+    if found is None:
+        return None
+    return ProgressLine(int(found["count"]), int(found["total"]), found["noun"], found["left"] or "")
 
 
 def duration(seconds: float) -> str:

@@ -51,7 +51,7 @@ class RunFolder:
             self._is_new = not record.exists()
             if not self._is_new:
                 # before anything is touched
-                _check_identity(record, identity)
+                check_identity(record, identity)
             elif path.is_dir() and any(path.iterdir()) and not work.exists():
                 raise RunError(f"{path}: expected a new or empty folder or a dataset to resume, found other files")
             work.mkdir(parents=True, exist_ok=True)
@@ -60,7 +60,7 @@ class RunFolder:
                 self._take(work / f"lock-{shard.index}-of-{shard.count}", shared=False)
             if not record.exists():
                 write_bytes_atomically(record, _json(identity))
-            _check_identity(record, identity)
+            check_identity(record, identity)
             self._remove_leftovers(shared=shard.count > 1)
         except OSError as error:
             self._locks.close()
@@ -131,11 +131,14 @@ class RunFolder:
                 leftover.unlink(missing_ok=True)
 
 
-def _json(identity: dict) -> bytes:
-    return (json.dumps(identity, indent=2) + "\n").encode()
+def check_identity(record: Path, identity: dict) -> None:
+    """Check that a dataset's record (its file) and what determines a run's content (JSON types) are the same.
 
-
-def _check_identity(record: Path, identity: dict) -> None:
+    Raises
+    ------
+    RunError
+        They differ, or the file is no record.
+    """
     try:
         existing = json.loads(record.read_bytes())
     except ValueError:
@@ -150,6 +153,10 @@ def _check_identity(record: Path, identity: dict) -> None:
             f"{record.parent}: the folder holds the dataset of another run ({shown}); "
             "undo the change to resume it, or take another --out"
         )
+
+
+def _json(identity: dict) -> bytes:
+    return (json.dumps(identity, indent=2) + "\n").encode()
 
 
 def _differences(old: object, new: object, name: str = "") -> list[str]:

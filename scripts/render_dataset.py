@@ -16,12 +16,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import argparse
 from collections.abc import Sequence
 
-from pipeline.blender.console import ArgumentParser, own_output, run_script, script_command
+from pipeline.blender.console import ArgumentParser, end_with_input, own_output, run_script, script_command
 from pipeline.blender.dataset_job import Job
 from pipeline.blender.dataset_run import run, work
 from pipeline.case import read_case
 from pipeline.errors import InputError
 from pipeline.options import add_option_arguments, merged_options, parse_shard
+from pipeline.progress import LINE_SECONDS
 
 EXAMPLES = """
 examples:
@@ -51,6 +52,9 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--workers", metavar="N", type=int, default=0, help="processes (default: one a core)")
     parser.add_argument("--shard", metavar="I/N", default="0/1", help="render part I (from 0) of N parts only")
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    # for a program that runs this script and shows how far it is
+    parser.add_argument("--progress-seconds", type=float, default=LINE_SECONDS, help=argparse.SUPPRESS)
+    parser.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse(argv)
     if arguments.workers < 0:
         raise InputError(f"command line: --workers: expected 0 (one a core) or more, found {arguments.workers}")
@@ -65,8 +69,16 @@ def main(argv: Sequence[str]) -> int:
     if arguments.worker:
         work(job, workers=arguments.workers, stream=output)
     else:
+        if arguments.end_with_input:
+            end_with_input()
         command = [*script_command(__file__), *argv, "--worker"]
-        run(job, workers=arguments.workers, worker_command=command, stream=output)
+        run(
+            job,
+            workers=arguments.workers,
+            worker_command=command,
+            stream=output,
+            progress_seconds=arguments.progress_seconds,
+        )
     return 0
 
 

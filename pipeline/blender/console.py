@@ -1,10 +1,13 @@
 """Arguments and output of scripts that run in a Blender, as program or as module."""
 
+import _thread
 import argparse
 import io
 import os
 import signal
 import sys
+import threading
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from typing import NoReturn, TextIO
@@ -15,6 +18,8 @@ from ..errors import InputError, RunError
 from ..table_keys import nearest_name
 
 EXIT_INPUT, EXIT_RUN, EXIT_STOPPED = 2, 3, 130
+STOPPING_SECONDS = 5.0
+"""A process that is told to stop gets this long to finish what it is writing."""
 
 
 class ArgumentParser(argparse.ArgumentParser):
@@ -67,6 +72,26 @@ def own_output() -> TextIO:
     os.dup2(nowhere, 1)
     os.close(nowhere)
     return stream
+
+
+def end_with_input() -> None:
+    """Stop this process as Ctrl-C does when its standard input ends: the program that started it says so, or has died.
+
+    Started in a thread; whoever stands still by then is ended a little later.
+    """
+
+    def watch() -> None:
+        while sys.stdin.buffer.read(4096):
+            pass
+        if os.name == "nt":
+            _thread.interrupt_main()
+        else:
+            # a signal also wakes a main thread that waits for others
+            os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(STOPPING_SECONDS)
+        os._exit(EXIT_STOPPED)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def run_script(main: Callable[[Sequence[str]], int]) -> None:

@@ -77,7 +77,8 @@ class OpenJob:
     def identity(self) -> dict:
         """Everything that the dataset's content depends on, and what is needed to use it: ``dataset.json``."""
         case, options = self.loaded.case, self.job.options
-        files = case.input_files()
+        # what the case file says is below; its text may be saved anew, with landmarks, comments or a video to add
+        files = {name: path for name, path in case.input_files().items() if name != "case"}
         if options.poses is not None:
             files["poses"] = Path(options.poses)
         camera = view_camera(self.loaded, options)
@@ -88,9 +89,14 @@ class OpenJob:
             "count": self.count,
             "options": {name: value for name, value in asdict(options).items() if name not in NO_CONTENT},
             "camera": {**asdict(camera), "K": camera.k.tolist()},
-            "frame": {**asdict(case.camera), "cam_from_model": self.loaded.cam_from_model.tolist()},
+            "frame": {
+                **asdict(case.camera),
+                "distortion": None if case.distortion is None else asdict(case.distortion),
+                "cam_from_model": self.loaded.cam_from_model.tolist(),
+            },
             "given_from_model": self.loaded.given_from_model.tolist(),
             "mm_per_given_unit": case.mm_per_unit,
+            "structures": {structure.name: list(structure.color) for structure in case.structures},
             "inputs_sha256": {name: _file_hash(path) for name, path in files.items()},
         }
 

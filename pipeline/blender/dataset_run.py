@@ -9,8 +9,8 @@ from typing import TextIO
 
 from ..dataset import finished_frames
 from ..errors import RunError
-from ..progress import Progress
-from ..run_folder import RunFolder
+from ..progress import LINE_SECONDS, Progress
+from ..run_folder import RECORD, RunFolder, check_identity
 from . import dataset_finish as finish
 from .dataset_job import Job, OpenJob, available_cores, open_job, render_views, write_error
 from .render import check_engine, keep_freed_memory
@@ -20,7 +20,14 @@ from .workers import WorkerPool, assigned_frames, tell_finished
 Tell = Callable[[str], None]
 
 
-def run(job: Job, *, workers: int, worker_command: Sequence[str], stream: TextIO) -> None:
+def run(
+    job: Job,
+    *,
+    workers: int,
+    worker_command: Sequence[str],
+    stream: TextIO,
+    progress_seconds: float = LINE_SECONDS,
+) -> None:
     """Render what is missing of a job's views and, when all of the dataset is there, its tables.
 
     Parameters
@@ -33,6 +40,8 @@ def run(job: Job, *, workers: int, worker_command: Sequence[str], stream: TextIO
         Starts another process that calls :func:`work` with the same job.
     stream
         Where progress and sentences about the run go.
+    progress_seconds
+        Time between lines of progress where there is no terminal.
 
     Raises
     ------
@@ -52,7 +61,7 @@ def run(job: Job, *, workers: int, worker_command: Sequence[str], stream: TextIO
         try:
             complete = finish.is_complete(opened)
             if not complete or finish.lacks_video(opened):
-                complete = _render_missing(opened, workers, worker_command, tell, stream)
+                complete = _render_missing(opened, workers, worker_command, tell, stream, progress_seconds)
         except OSError as error:
             raise write_error(error, job.out) from error
         if complete:
@@ -71,14 +80,22 @@ def run(job: Job, *, workers: int, worker_command: Sequence[str], stream: TextIO
         )
 
 
-def _render_missing(opened: OpenJob, workers: int, worker_command: Sequence[str], tell: Tell, stream: TextIO) -> bool:
+def _render_missing(
+    opened: OpenJob,
+    workers: int,
+    worker_command: Sequence[str],
+    tell: Tell,
+    stream: TextIO,
+    progress_seconds: float,
+) -> bool:
     """Render, then write the tables that can be written, and the video; whether the whole dataset is there."""
     out = opened.job.out
     done = finished_frames(out, opened.frames)
     missing = [index for index in opened.frames if index not in done]
     workers = min(workers or available_cores(), max(1, len(missing)))
     lock = threading.Lock()
-    progress = Progress(len(opened.frames), "views", finished=len(done), stream=stream)
+    settings = {"stream": stream, "line_seconds": progress_seconds}
+    progress = Progress(len(opened.frames), "views", finished=len(done), **settings)
 
     def finished(_index: int) -> None:
         with lock:
@@ -101,7 +118,8 @@ def _render_missing(opened: OpenJob, workers: int, worker_command: Sequence[str]
                     finish.write_dataset_tables(opened, maker)
                     tell(f"contact sheet: {out / 'contact_sheet.png'}")
             if complete and finish.lacks_video(opened):
-                tell(f"video: {_video(opened, maker, stream)}")
+                shown = Progress(opened.job.options.video_frames, "video frames", **settings)
+                tell(f"video: {_video(opened, maker, shown)}")
     finally:
         pool.stop()
     for sentence in pool.told:
@@ -109,8 +127,7 @@ def _render_missing(opened: OpenJob, workers: int, worker_command: Sequence[str]
     return complete
 
 
-def _video(opened: OpenJob, maker: ViewMaker, stream: TextIO) -> Path:
-    progress = Progress(opened.job.options.video_frames, "video frames", stream=stream)
+def _video(opened: OpenJob, maker: ViewMaker, progress: Progress) -> Path:
     path = finish.write_trajectory_video(opened, maker, progress)
     progress.close()
     return path
@@ -123,7 +140,10 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     # Ctrl-C reaches all processes of a terminal: the parent decides
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     keep_freed_memory()
-    with open_job(job).maker(threads=_threads(workers)) as maker:
+    opened = open_job(job)
+    # the files may have changed since the run began: what it says that it is made of is what it must be made of
+    check_identity(job.out / RECORD, opened.identity())
+    with opened.maker(threads=_threads(workers)) as maker:
         render_views(maker, job.out, frames, lambda index: tell_finished(index, stream))
 
 

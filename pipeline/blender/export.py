@@ -15,6 +15,7 @@ from ..errors import InputError
 from ..image_file import encode_png
 from ..mesh import TriangleMesh
 from ..mesh_export import write_obj, write_ply
+from ..srgb import linear_from_codes
 from ..texture_atlas import TextureAtlas
 from .loading import LoadedCase
 from .mesh import new_mesh_object, set_corner_uv, set_vertex_colors
@@ -116,7 +117,7 @@ def _unlit_material(
         node.image.pack()
     else:
         # glTF holds vertex colours linear, the frame's code values are sRGB
-        rgba = np.concatenate([_linear(colour.rgb), np.ones((len(colour.rgb), 1))], axis=1)
+        rgba = np.concatenate([linear_from_codes(colour.rgb), np.ones((len(colour.rgb), 1))], axis=1)
         set_vertex_colors(surface, "Color", rgba)
         node = nodes.new("ShaderNodeVertexColor")
         node.layer_name = "Color"
@@ -125,8 +126,3 @@ def _unlit_material(
     links.new(node.outputs["Color"], unlit.inputs["Color"])
     links.new(unlit.outputs["Background"], output.inputs["Surface"])
     return material
-
-
-def _linear(codes: np.ndarray) -> np.ndarray:
-    """sRGB code values 0..1 -> linear light (IEC 61966-2-1)."""
-    return np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)

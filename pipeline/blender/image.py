@@ -58,5 +58,13 @@ def new_float_image(name: str, rgba: np.ndarray) -> bpy.types.Image:
     return image
 
 
+def new_packed_image(name: str, png: bytes, *, width: int, height: int) -> bpy.types.Image:
+    """A Blender image that is saved inside the .blend file, from a PNG in memory; its codes are sRGB."""
+    image = bpy.data.images.new(name, width, height)
+    image.source = "FILE"
+    image.pack(data=png, data_len=len(png))
+    return image
+
+
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())

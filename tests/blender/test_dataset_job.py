@@ -28,7 +28,7 @@ from pipeline.errors import InputError, RunError
 from pipeline.frames import inverse_rigid, rigid, rotation_from_vector
 from pipeline.image_file import encode_png
 from pipeline.options import DatasetOptions, Shard
-from pipeline.progress import Progress, duration
+from pipeline.progress import Progress, duration, read_progress
 
 pytestmark = pytest.mark.render
 
@@ -265,8 +265,18 @@ def test_ctrl_c_stops_between_views(case, reference, tmp_path, render_command, s
     assert_same_dataset(out, reference)
 
 
+STRUCTURE = '[[structures]]\nname = "nerve"\nmesh = "surface.ply"\n'
 CHANGES = {
-    "the case": (lambda folder, _: edit(folder / "case.toml", "320.0", "321.0"), "the file of the case has changed"),
+    "the camera": (lambda folder, _: edit(folder / "case.toml", "320.0", "321.0"), "camera.fx was 320.0, is 321.0"),
+    "the lens": (
+        lambda folder, _: edit(folder / "case.toml", "[surface]", "distortion = [0.1, 0, 0, 0, 0]\n[surface]"),
+        "frame.distortion was null",
+    ),
+    "the pose": (lambda folder, _: edit(folder / "case.toml", "340", "341"), "frame.cam_from_model was"),
+    "a structure": (
+        lambda folder, _: edit(folder / "case.toml", "[pose]", STRUCTURE + "[pose]"),
+        "the file of the structure nerve",
+    ),
     "the frame": (
         lambda folder, _: (folder / "frame.png").write_bytes(encode_png(np.zeros((48, 64, 3), np.uint8))),
         "the file of the frame has changed",
@@ -296,6 +306,51 @@ def test_another_dataset_does_not_get_into_the_folder(case, reference, tmp_path,
         run_here(other / "case.toml", reference, options)
     assert message in str(refused.value)
     assert times(reference) == before
+
+
+def test_a_case_saved_anew_with_the_same_meaning_resumes(case, reference, tmp_path):
+    other, out = shutil.copytree(case.parent, tmp_path / "case"), shutil.copytree(reference, tmp_path / "out")
+    edit(other / "case.toml", "[pose]", "# aligned by eye\n[pose]")
+    shutil.rmtree(FramePaths(out, 7).file("frame").parent)
+    run_here(other / "case.toml", out)
+    assert_same_dataset(out, reference)
+
+
+def test_workers_refuse_inputs_that_changed_after_the_run_began(case, reference, tmp_path, render_command):
+    other, out = shutil.copytree(case.parent, tmp_path / "case"), shutil.copytree(reference, tmp_path / "out")
+    edit(other / "case.toml", "340", "341")
+    command = render_command(other / "case.toml", "--out", out, *ARGUMENTS, "--worker")
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as worker:
+        # its input stays open: it ends by itself
+        assert b"cam_from_model was" in worker.stderr.read()
+        assert worker.wait() == 3
+
+
+def test_a_run_ends_with_its_input_and_goes_on_later(case, reference, tmp_path, render_command, run_command):
+    out = tmp_path / "out"
+    command = render_command(case, "--out", out, *ARGUMENTS, "--workers", 2)
+    running = subprocess.Popen(
+        [*command, "--end-with-input", "--progress-seconds", "0.1"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    counts = []
+    for line in running.stdout:
+        told = read_progress(line)
+        if told is not None:
+            counts.append(told.count)
+        if len(counts) == 3:
+            break
+    # what the system does when the program that started it dies
+    running.stdin.close()
+    assert running.wait(timeout=20) == 130
+    assert "the same command goes on from here" in running.stderr.read()
+    assert counts == sorted(counts)
+    assert 0 < finished_views(out) < VIEWS
+    assert run_command(command).returncode == 0
+    assert_same_dataset(out, reference)
 
 
 def test_refusals_end_with_3_and_one_line(case, reference, tmp_path, render_command, run_command):

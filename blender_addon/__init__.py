@@ -11,10 +11,16 @@ if not (_HERE / "pipeline").is_dir():
     __path__.append(str(_HERE.parent))
 
 from . import (  # noqa: E402  (after the path is known)
+    background_job,
+    colour,
+    dataset,
     move,
+    panel_colour,
+    panel_dataset,
     panel_pose,
     panel_setup,
     pose_gizmo,
+    pose_preview,
     properties,
     setup,
 )
@@ -26,6 +32,12 @@ _MODULES = (
     move,
     panel_pose,
     pose_gizmo,
+    background_job,
+    colour,
+    panel_colour,
+    pose_preview,
+    dataset,
+    panel_dataset,
 )
 
 

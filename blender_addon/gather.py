@@ -167,13 +167,13 @@ def loaded_case(scene: bpy.types.Scene, *, aligned: bool = True) -> LoadedCase:
     settings = scene.oneframe
     wanted = case(scene, Path(bpy.path.abspath(settings.case_path) or "the scene"))
     image, valid = frame(wanted)
-    mesh, given_from_model, told = _surface(wanted.mesh, _stamp(wanted.mesh), wanted.mm_per_unit)
+    mesh, given_from_model, told = _surface(wanted.mesh, stamp(wanted.mesh), wanted.mm_per_unit)
     _check_unedited(surface_of(scene), mesh)
     pose = cam_from_model(scene)
     if aligned:
         check_pose(wanted, mesh, pose)
     structures = tuple(
-        (structure, _mesh(structure.mesh, _stamp(structure.mesh)).scaled(wanted.mm_per_unit).moved(-offset))
+        (structure, _mesh(structure.mesh, stamp(structure.mesh)).scaled(wanted.mm_per_unit).moved(-offset))
         for offset in (given_from_model[:3, 3],)
         for structure in wanted.structures
     )
@@ -182,23 +182,23 @@ def loaded_case(scene: bpy.types.Scene, *, aligned: bool = True) -> LoadedCase:
 
 def frame(wanted: Case) -> tuple[np.ndarray, np.ndarray]:
     """The undistorted frame and where it is valid, as :func:`load_frame` gives them."""
-    return _frame(wanted.image, _stamp(wanted.image), wanted.camera, wanted.distortion)
+    return _frame(wanted.image, stamp(wanted.image), wanted.camera, wanted.distortion)
 
 
 def frame_at(scene: bpy.types.Scene, path: Path) -> tuple[np.ndarray, np.ndarray]:
     """The undistorted frame of an image file with the scene's camera."""
-    return _frame(path, _stamp(path), camera(scene), distortion(scene))
+    return _frame(path, stamp(path), camera(scene), distortion(scene))
 
 
 def check_mesh_unedited(scene: bpy.types.Scene) -> None:
     """Raise :class:`InputError` if the surface's mesh is no longer the file's."""
     surface = surface_of(scene)
     path = absolute_path(surface.oneframe.mesh_path)
-    mesh, _, _ = _surface(path, _stamp(path), MM_PER_UNIT[scene.oneframe.units])
+    mesh, _, _ = _surface(path, stamp(path), MM_PER_UNIT[scene.oneframe.units])
     _check_unedited(surface, mesh)
 
 
-def _stamp(path: Path) -> tuple[int, int]:
+def stamp(path: Path) -> tuple[int, int]:
     """Changes when a file does."""
     try:
         status = path.stat()

@@ -145,6 +145,10 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     dataset_out: StringProperty(
         name="Folder", description="Folder of the dataset; a run that was stopped goes on there", subtype="DIR_PATH"
     )
+    preview_poses: IntProperty(
+        name="Poses", description="Number of poses that are shown, from the first", default=50, min=1, max=2000
+    )
+    preview_view: IntProperty(name="View", description="Number of the view to preview, from 0", default=0, min=0)
 
 
 class ONEFRAME_PG_object(bpy.types.PropertyGroup):

@@ -3,13 +3,15 @@
 import bpy
 import numpy as np
 
-from . import estimate, frame_view, gather, landmark_gestures, landmark_loupe, landmark_tool
+from . import estimate, frame_view, gather, landmark_edit, landmark_gestures, landmark_loupe, landmark_tool
 from .estimate import Solution
 from .landmark_marks import LandmarkView, Mark, marks_of
 from .pipeline.alignment.ellipse import ellipse_outlines
+from .pipeline.alignment.landmark_picking import waits
 from .pipeline.alignment.pose_solver import PoseEstimate
 from .pipeline.alignment.twist import moved_by
 from .pipeline.blender.visible_surface import visible_surface
+from .pipeline.camera import PinholeCamera
 from .pipeline.errors import InputError
 from .pipeline.frames import inverse_rigid, transform_points
 from .strokes import Colour, Strokes
@@ -28,8 +30,8 @@ DIMMED = 0.3
 SAMPLES = 7
 """Surface points at which the uncertainty is shown besides the landmarks."""
 MAGNIFICATIONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-LONGEST_PX = 45.0
-"""The weakest direction is drawn as many times longer as keeps it below this on the screen."""
+LONGEST_PX, SHORTEST_PX = 45.0, 6.0
+"""The weakest direction is drawn as many times longer as keeps it below this on the screen; a speck is left out."""
 
 RING, CROSS = 6.0, (3.0, 10.0)
 
@@ -111,7 +113,10 @@ def _colour(
 def _add_uncertainty(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkView, found: PoseEstimate) -> None:
     camera, pose, uncertainty = gather.camera(scene), gather.cam_from_model(scene), found.uncertainty
     seen = visible_surface(gather.surface_of(scene), camera, pose)
-    points = np.concatenate([seen.points_model[_spread(seen.pixels, SAMPLES)], uncertainty.pivot_model[None]])
+    inner = seen.points_model[_is_inner(seen.pixels, camera)]
+    points = np.concatenate(
+        [inner[_spread(camera.project(transform_points(pose, inner)), SAMPLES)], uncertainty.pivot_model[None]]
+    )
     if view.frame is not None:
         own = estimate.LandmarkPairs.of(scene).points_model
         for group, width in ((points[:-1], 1.0), (own, 1.5)):
@@ -129,6 +134,8 @@ def _add_uncertainty(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkVie
     factor = _magnification(strokes, view, scene, points, ends[0])
     plus, minus = (view.region_from_model(scene, points + factor * way) for way in ends)
     for high, low in zip(plus, minus, strict=True):
+        if np.linalg.norm(high - low) < SHORTEST_PX * strokes.unit:
+            continue
         middle = (high + low) / 2
         strokes.arrow(middle, high, UNSURE, width=1.5, head=7)
         strokes.arrow(middle, low, UNSURE, width=1.5, head=7)
@@ -146,6 +153,12 @@ def _magnification(
     longest = float(np.nanmax(np.linalg.norm(lengths, axis=1), initial=0.0))
     fitting = [factor for factor in MAGNIFICATIONS if factor * longest <= LONGEST_PX * strokes.unit]
     return fitting[-1] if fitting else 1
+
+
+def _is_inner(pixels: np.ndarray, camera: PinholeCamera) -> np.ndarray:
+    """``(N,)`` bool: not at the edge of the frame, where what is drawn would be cut."""
+    margin = 0.08 * max(camera.size_wh)
+    return ((pixels > margin) & (pixels < np.array(camera.size_wh) - margin)).all(axis=1)
 
 
 def _spread(pixels: np.ndarray, count: int) -> list[int]:
@@ -179,6 +192,9 @@ def _draw_pointer(xy: tuple[int, int]) -> None:
     """What a click does next, beside the pointer while the tool is in hand."""
     context = bpy.context
     if context.space_data is None or not landmark_tool.is_active(context) or not gather.is_set_up(context.scene):
+        return
+    landmarks = landmark_edit.landmarks_model(context.scene)
+    if landmark_gestures.running() is not None or not waits(landmarks):
         return
     strokes = Strokes()
     strokes.text(np.array(xy) + np.array([18, -26]) * strokes.unit, landmark_tool.step_sentence(context), HALF)

@@ -106,6 +106,7 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
             ("SURFACE", "Surface point", "Place or move a point on the surface"),
             ("PIN", "Pin", "Pull the surface by the point under the pointer"),
         ],
+        options={"SKIP_SAVE"},
     )
 
     @classmethod

@@ -45,7 +45,8 @@ def draw(context: bpy.types.Context, gesture: Gesture) -> None:
 def _beside(at: np.ndarray, region: bpy.types.Region, unit: float) -> np.ndarray:
     """Centre of the loupe: above the point, to the side where there is room."""
     reach = (APART + SIDE / 2) * unit
-    size = np.array([region.width, region.height], float)
+    # the headers lie over the view's upper edge
+    size = np.array([region.width, region.height - 60 * unit])
     direction = np.where(at + reach + SIDE * unit / 2 < size, 1.0, -1.0)
     return np.asarray(at, float) + direction * reach
 

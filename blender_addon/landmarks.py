@@ -18,6 +18,8 @@ from .pipeline.errors import InputError
 OFF_SURFACE_MM = 0.5
 """Distance from the surface beyond which a point is not on it."""
 INDEX = "Number in the list, counted from 0; -1 for the active one"
+FRESH = {"SKIP_SAVE"}
+"""Options of properties that must not be those of the last call: a button would work on another landmark."""
 
 
 class _SetUp:
@@ -48,13 +50,18 @@ class _Halves:
     """Mixin: a surface point and an image point as properties, each taken only if it is given."""
 
     point: FloatVectorProperty(
-        name="Surface point", description="Point on the surface, in its own frame (model), mm", size=3, precision=4
+        name="Surface point",
+        description="Point on the surface, in its own frame (model), mm",
+        size=3,
+        precision=4,
+        options=FRESH,
     )
     pixel: FloatVectorProperty(
         name="Image point",
         description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
         size=2,
         precision=3,
+        options=FRESH,
     )
 
     def given_point(self):
@@ -78,8 +85,9 @@ class ONEFRAME_OT_landmark_set(_SetUp, _Halves, Reporting, bpy.types.Operator):
         description="Number in the list, counted from 0; -1 for the one that waits for this half, or a new one",
         default=-1,
         min=-1,
+        options=FRESH,
     )
-    name: StringProperty(name="Name", description="Its name; empty to keep it")
+    name: StringProperty(name="Name", description="Its name; empty to keep it", options=FRESH)
 
     def run(self, context):
         scene = context.scene
@@ -103,7 +111,11 @@ class ONEFRAME_OT_landmark_pin(_SetUp, _Halves, Reporting, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     index: IntProperty(
-        name="Number", description="Number in the list, counted from 0; -1 for a new one", default=-1, min=-1
+        name="Number",
+        description="Number in the list, counted from 0; -1 for a new one",
+        default=-1,
+        min=-1,
+        options=FRESH,
     )
 
     def run(self, context):
@@ -155,7 +167,7 @@ class ONEFRAME_OT_landmark_remove(_One, _HasLandmarks, Reporting, bpy.types.Oper
     bl_label = "Delete Landmark"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: IntProperty(name="Number", description=INDEX, default=-1, min=-1)
+    index: IntProperty(name="Number", description=INDEX, default=-1, min=-1, options=FRESH)
     at_pointer: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
     # with this tool in hand the key must not delete the surface because a mark was missed by a pixel
     elsewhere = {"CANCELLED"}
@@ -171,7 +183,7 @@ class ONEFRAME_OT_landmark_toggle(_One, _HasLandmarks, Reporting, bpy.types.Oper
     bl_label = "Use Landmark or Not"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: IntProperty(name="Number", description=INDEX, default=-1, min=-1)
+    index: IntProperty(name="Number", description=INDEX, default=-1, min=-1, options=FRESH)
     at_pointer: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
 
     def run(self, context):

@@ -47,7 +47,7 @@ def next_step(landmarks: Sequence[Landmark], active: int, *, in_frame: bool) -> 
         The view looks through the frame's camera, so that both halves can be picked in it.
     """
     surface_click = "Shift + click" if in_frame else "click"
-    halves = [(landmark.point is not None) + (landmark.pixel is not None) for landmark in landmarks]
+    halves = [_halves(landmark) for landmark in landmarks]
     if 0 <= active < len(landmarks) and halves[active] == 0:
         feature = f"{landmarks[active].name}: click a feature"
     elif 1 in halves:
@@ -58,7 +58,20 @@ def next_step(landmarks: Sequence[Landmark], active: int, *, in_frame: bool) -> 
         return f"{name}: click the same point in the frame" + ("" if in_frame else ", seen through the camera")
     else:
         feature = "Click a feature"
-    pairs = sum(landmark.enabled and halves[index] == 2 for index, landmark in enumerate(landmarks))
+    pairs = _pairs(landmarks)
     missing = f" ({NEEDED - pairs} more needed)" if pairs < NEEDED else ""
     where = " in the frame, or Shift + click it on the surface" if in_frame else " on the surface"
     return feature + where + missing
+
+
+def waits(landmarks: Sequence[Landmark]) -> bool:
+    """Whether picking is unfinished: a half is missing somewhere, or there are too few pairs for a pose."""
+    return _pairs(landmarks) < NEEDED or any(_halves(landmark) < 2 for landmark in landmarks)
+
+
+def _halves(landmark: Landmark) -> int:
+    return (landmark.point is not None) + (landmark.pixel is not None)
+
+
+def _pairs(landmarks: Sequence[Landmark]) -> int:
+    return sum(landmark.enabled and _halves(landmark) == 2 for landmark in landmarks)

@@ -19,7 +19,6 @@ from .pipeline.errors import InputError
 from .pipeline.mesh_export import write_ply
 from .pipeline.mesh_file import read_mesh
 from .pipeline.pose_file import read_pose
-from .pipeline.video_frame import write_video_frame
 from .pose_text import set_pose_given
 from .properties import UNITS
 
@@ -95,6 +94,8 @@ class ONEFRAME_OT_load_video_frame(Reporting, bpy.types.Operator, ImportHelper):
     frame_index: IntProperty(name="Frame", description="Number of the frame, counted from 0", min=0, default=0)
 
     def run(self, context):
+        from .pipeline.video_frame import write_video_frame
+
         path = write_video_frame(Path(self.filepath), self.frame_index)
         image, _ = read_image(path, path.name)
         told = case_state.take_frame(context, path, image.shape[1], image.shape[0])

@@ -87,7 +87,7 @@ def remove_colour(surface: bpy.types.Object) -> None:
         if attribute is not None:
             data.attributes.remove(attribute)
     plain = surface.get(PLAIN_MATERIAL)
-    own = [material for material in data.materials if material is not None and material.get(RECORD)]
+    own = _own_materials(surface)
     for number, material in enumerate(data.materials):
         if material in own:
             data.materials[number] = plain
@@ -115,11 +115,12 @@ def mark_unseen(surface: bpy.types.Object, mark: bool) -> None:
     record = colour_record(surface)
     if record is None:
         return
-    material = next(m for m in surface.data.materials if m is not None and m.get(RECORD))
-    nodes = material.node_tree.nodes
-    if record["mode"] == "texture":
-        shown, other = nodes[COLOUR_NODE], nodes[COLOUR_NODE + " other"]
-        if record["unseen_marked"] != mark:
+    # none if the user has emptied the slot
+    for material in _own_materials(surface):
+        nodes = material.node_tree.nodes
+        _set_unseen_input(nodes, mark)
+        if record["mode"] == "texture" and record["unseen_marked"] != mark:
+            shown, other = nodes[COLOUR_NODE], nodes[COLOUR_NODE + " other"]
             shown.image, other.image = other.image, shown.image
     attribute = surface.data.color_attributes.get(COLOUR_ATTRIBUTE)
     if attribute is not None:
@@ -129,7 +130,6 @@ def mark_unseen(surface: bpy.types.Object, mark: bool) -> None:
         rgba[rgba[:, 3] == 0, :3] = linear_from_codes(_unseen_codes(mark))
         attribute.data.foreach_set("color", rgba.ravel())
         surface.data.update()
-    _set_unseen_input(nodes, mark)
     surface[RECORD] = json.dumps({**record, "unseen_marked": mark})
 
 
@@ -216,6 +216,10 @@ def _set_unseen_input(nodes: bpy.types.Nodes, mark: bool) -> None:
 
 def _unseen_codes(mark: bool) -> np.ndarray:
     return np.array(UNSEEN if mark else (NEUTRAL,) * 3)
+
+
+def _own_materials(surface: bpy.types.Object) -> list[bpy.types.Material]:
+    return [material for material in surface.data.materials if material is not None and material.get(RECORD)]
 
 
 def _remove_unused(materials: list[bpy.types.Material]) -> None:

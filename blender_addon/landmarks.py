@@ -259,7 +259,10 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, Reporting, bpy.types.Operator,
     def run(self, context):
         scene = context.scene
         path = Path(self.filepath)
-        write_landmarks(path, gather.landmarks_given(scene), mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
+        try:
+            write_landmarks(path, gather.landmarks_given(scene), mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
+        except OSError as error:
+            raise InputError(f"{path}: cannot write the file ({error.strerror}); choose another folder") from None
         return (f"saved {path}: {len(scene.oneframe.landmarks)} landmarks",)
 
 

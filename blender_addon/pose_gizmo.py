@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from . import gather
+from . import gather, landmark_tool
 from .frame_view import FrameView, shows_frame
 from .move import pivot_of
 from .pipeline.errors import InputError
@@ -33,7 +33,10 @@ class ONEFRAME_GGT_pose(bpy.types.GizmoGroup):
     @classmethod
     def poll(cls, context):
         settings = context.scene.oneframe
-        return settings.show_gizmo and gather.is_set_up(context.scene) and shows_frame(context)
+        if not settings.show_gizmo or not gather.is_set_up(context.scene) or not shows_frame(context):
+            return False
+        # its handles would take the clicks of whoever picks near the pivot
+        return not landmark_tool.is_active(context)
 
     def setup(self, context):
         self._handles = []

@@ -196,6 +196,7 @@ BAD = {
     "landmark at infinity": (landmark('name = "a"\npixel = [inf, 2]'), "pixel = \\[u, v\\], 2 finite numbers"),
     "landmark perhaps enabled": (landmark('name = "a"\nenabled = 1'), "expected enabled = true or false, found 1"),
     "landmark of no name": (landmark('name = " "'), "number 1: expected a name, found ' '"),
+    "landmark's name in two lines": (landmark('name = "a\\nb"'), "number 1: expected a name, found"),
     "two landmarks of a name": (landmark('name = "a"\n[[landmarks]]\nname = "a"'), "found 'a' twice; rename one"),
     "landmarks as one table": ({"more": '[landmarks]\nname = "n"'}, "expected a list of tables"),
     "provenance's key": ({"more": "[alignment]\nrms = 1"}, "\\[alignment\\] unknown key 'rms'; did you mean 'rms_px'"),

@@ -21,7 +21,7 @@ from pipeline.length_units import WrittenFloat, length_text, millimetres
 
 lengths = st.floats(-1e6, 1e6)
 any_text = st.text(st.characters(codec="utf-8"))
-names = any_text.filter(str.strip)
+names = st.text(st.characters(codec="utf-8", exclude_categories=["Cc"]), min_size=1).filter(str.strip)
 file_names = st.text(st.characters(codec="utf-8", exclude_characters="/\0"), min_size=1).filter(
     lambda name: name not in (".", "..")
 )
@@ -35,7 +35,7 @@ def maybe(strategy):
 landmarks = st.lists(
     st.builds(
         Landmark,
-        name=names,
+        name=names.map(str.strip),
         point=maybe(st.tuples(lengths, lengths, lengths)),
         pixel=maybe(st.tuples(lengths, lengths)),
         enabled=st.booleans(),

@@ -1,6 +1,7 @@
 """Landmarks as a list of tables ``{name, surface, pixel, enabled}``: in case files and in landmark files alike."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,9 @@ from ..errors import InputError
 from ..length_units import millimetres
 from ..table_keys import check_keys
 from .landmarks import Landmark
+
+_NOT_IN_NAMES = re.compile("[\x00-\x1f\x7f\ud800-\udfff]")
+"""Line breaks and other control characters, and what is no Unicode."""
 
 
 def landmarks_from_tables(
@@ -40,35 +44,46 @@ def landmarks_from_tables(
     """
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise InputError(f"{where}: expected a list of tables with name, surface and pixel, found {entries!r}")
-    shift = 0.5 if pixel_origin == "corner" else 0.0
-    landmarks = []
+    landmarks: dict[str, Landmark] = {}
     for number, entry in enumerate(entries, start=1):
-        place = f"{where} number {number}: "
-        check_keys(entry, ("name",), ("surface", "pixel", "enabled"), place)
-        name, point, pixel = entry["name"], None, None
-        if not isinstance(name, str) or not name.strip():
-            raise InputError(f"{place}expected a name, found {name!r}")
-        if "surface" in entry:
-            x, y, z = _numbers(entry["surface"], 3, f"{place}expected surface = [x, y, z]")
-            point = (millimetres(x, mm_per_unit), millimetres(y, mm_per_unit), millimetres(z, mm_per_unit))
-            if not np.isfinite(point).all():
-                raise InputError(f"{place}expected surface = [x, y, z] on the surface, found {entry['surface']!r}")
-        if "pixel" in entry:
-            u, v = _numbers(entry["pixel"], 2, f"{place}expected pixel = [u, v]")
-            pixel = (float(u) - shift, float(v) - shift)
-        enabled = entry.get("enabled", True)
-        if not isinstance(enabled, bool):
-            raise InputError(f"{place}expected enabled = true or false, found {enabled!r}")
-        landmarks.append(Landmark(name, point, pixel, enabled))
-    check_names([landmark.name for landmark in landmarks], where)
-    return tuple(landmarks)
+        landmark = landmark_from_table(
+            entry, f"{where} number {number}: ", mm_per_unit=mm_per_unit, pixel_origin=pixel_origin
+        )
+        if landmark.name in landmarks:
+            raise InputError(
+                f"{where}: expected a different name for each landmark, found {landmark.name!r} twice; rename one"
+            )
+        landmarks[landmark.name] = landmark
+    return tuple(landmarks.values())
 
 
-def check_names(names: Sequence[str], where: str) -> None:
-    """Names tell landmarks apart in files and messages: each is there once, or InputError."""
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise InputError(f"{where}: expected a different name for each landmark, found {twice[0]!r} twice; rename one")
+def landmark_from_table(
+    entry: Mapping[str, Any], place: str, *, mm_per_unit: float = 1.0, pixel_origin: PixelOrigin = "center"
+) -> Landmark:
+    """One landmark; ``place`` begins the messages. White space around the name is dropped.
+
+    Raises
+    ------
+    InputError
+        As :func:`landmarks_from_tables`.
+    """
+    check_keys(entry, ("name",), ("surface", "pixel", "enabled"), place)
+    name, point, pixel = entry["name"], None, None
+    if not isinstance(name, str) or not name.strip() or _NOT_IN_NAMES.search(name):
+        raise InputError(f"{place}expected a name, found {name!r}")
+    if "surface" in entry:
+        x, y, z = _numbers(entry["surface"], 3, f"{place}expected surface = [x, y, z]")
+        point = (millimetres(x, mm_per_unit), millimetres(y, mm_per_unit), millimetres(z, mm_per_unit))
+        if not np.isfinite(point).all():
+            raise InputError(f"{place}expected surface = [x, y, z] on the surface, found {entry['surface']!r}")
+    if "pixel" in entry:
+        shift = 0.5 if pixel_origin == "corner" else 0.0
+        u, v = _numbers(entry["pixel"], 2, f"{place}expected pixel = [u, v]")
+        pixel = (float(u) - shift, float(v) - shift)
+    enabled = entry.get("enabled", True)
+    if not isinstance(enabled, bool):
+        raise InputError(f"{place}expected enabled = true or false, found {enabled!r}")
+    return Landmark(name.strip(), point, pixel, enabled)
 
 
 def _numbers(values: Any, count: int, expected: str) -> list[float]:

@@ -1,0 +1,146 @@
+"""Blender's real window on a display of its own, the extension installed in it from the zip, and the sample case."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.blender.sample_case import write_sample_case
+from pipeline.image_file import encode_png
+from pipeline.sample_surface import sample_surface
+
+HERE = Path(__file__).resolve().parent
+PICTURES = HERE.parents[1] / "build" / "window"
+SIZE = 1280, 800
+
+
+@pytest.fixture(scope="session")
+def blender() -> str:
+    """The Blender program."""
+    if not (program := os.environ.get("BLENDER")):
+        pytest.skip("the environment variable BLENDER names no Blender program")
+    if not shutil.which("Xvfb"):
+        pytest.skip("there is no Xvfb, which gives Blender a window without a screen")
+    return program
+
+
+@pytest.fixture(scope="session")
+def resources(blender: str, extension_zip: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A user's configuration with the extension installed from the zip, not yet enabled."""
+    folder = tmp_path_factory.mktemp("resources")
+    command = [blender, "--command", "extension", "install-file", "-r", "user_default", extension_zip]
+    ended = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env=os.environ | {"BLENDER_USER_RESOURCES": str(folder)},
+    )
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert (folder / "extensions" / "user_default" / "oneframe").is_dir(), ended.stdout + ended.stderr
+    return folder
+
+
+@pytest.fixture(scope="session")
+def sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The case file of the built-in sample, without the photographs that are kept aside."""
+    folder = tmp_path_factory.mktemp("sample")
+    *_, case = write_sample_case(folder, sample_surface(), held_out=False)
+    return case
+
+
+@contextmanager
+def display(size: tuple[int, int]) -> Iterator[str]:
+    """A display in memory; its name."""
+    reading, writing = os.pipe()
+    screen = f"{size[0]}x{size[1]}x24"
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", str(writing), "-screen", "0", screen, "-nolisten", "tcp", "-terminate"],
+        pass_fds=[writing],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        os.close(writing)
+        with open(reading, encoding="ascii") as told:
+            number = told.readline().strip()
+        assert number, "Xvfb has not started"
+        yield f":{number}"
+    finally:
+        server.kill()
+        server.wait()
+
+
+@pytest.fixture
+def play(blender: str, resources: Path, sample: Path, tmp_path: Path) -> Callable[[Path, float], dict]:
+    """Plays a scenario file in a Blender of its own; gives the facts that it found, fails if it fails."""
+
+    def run(scenario: Path, timeout_s: float) -> dict:
+        own = tmp_path / "resources"
+        # links: the wheel alone has 150 MB
+        shutil.copytree(resources, own, copy_function=_link)
+        case = shutil.copytree(sample.parent, tmp_path / "case") / sample.name
+        folders = {name: tmp_path / name for name in ("folder", "pictures", "temporary")}
+        for folder in folders.values():
+            folder.mkdir()
+        result, settings = tmp_path / "result.json", tmp_path / "settings.json"
+        told = {"scenario": scenario, "case": case, "result": result, "timeout_s": timeout_s, **folders}
+        settings.write_text(json.dumps(told, default=str))
+        environment = {"BLENDER_USER_RESOURCES": str(own), "TMPDIR": str(folders["temporary"])}
+        flags = ["--factory-startup", "--gpu-backend", "opengl", "--enable-event-simulate", "-noaudio"]
+        geometry = ["--window-geometry", "0", "0", *map(str, SIZE)]
+        command = [blender, *flags, *geometry, "--python-exit-code", "1", "-P", HERE / "driver.py", "--", settings]
+        try:
+            with display(SIZE) as name:
+                status, output = _run_group(command, os.environ | environment | {"DISPLAY": name}, timeout_s + 10)
+        finally:
+            _keep_pictures(folders["pictures"], PICTURES / scenario.stem.removeprefix("scenario_"))
+        assert result.exists(), f"Blender ended with {status}:\n{output}"
+        found = json.loads(result.read_text())
+        assert found["passed"], f"{found.get('error')}\nwhat Blender wrote:\n{output}"
+        assert status == 0, f"Blender ended with {status}:\n{output}"
+        assert "Policy violation" not in output
+        return found["facts"]
+
+    return run
+
+
+def _link(source: str, target: str) -> None:
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
+
+
+def _run_group(command: list, environment: dict[str, str], timeout_s: float) -> tuple[int | str, str]:
+    """Exit status and all output of a command; killed with all its children when the time is up."""
+    with tempfile.TemporaryFile("w+") as output:
+        process = subprocess.Popen(
+            list(map(str, command)), stdout=output, stderr=output, env=environment, start_new_session=True
+        )
+        try:
+            status: int | str = process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            status = f"nothing, after {timeout_s:g} s"
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+        output.seek(0)
+        return status, output.read()
+
+
+def _keep_pictures(folder: Path, kept: Path) -> None:
+    shutil.rmtree(kept, ignore_errors=True)
+    kept.mkdir(parents=True)
+    for path in sorted(folder.glob("*.npy")):
+        (kept / f"{path.stem}.png").write_bytes(encode_png(np.load(path)))

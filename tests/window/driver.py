@@ -1,0 +1,81 @@
+"""Plays one scenario in Blender's window and tells how it went. Blender is started with ``-P driver.py -- SETTINGS``.
+
+A scenario is a file ``scenario_*.py`` with a generator function ``scenario(user)``; see :mod:`user` for what it can do.
+``SETTINGS`` is a JSON file; the result, JSON as well, is written where it says.
+"""
+
+import faulthandler
+import json
+import os
+import sys
+import threading
+import time
+import traceback
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent)]
+
+import importlib.util
+
+import bpy
+import user as at_window
+
+
+def play(settings: dict) -> at_window.Action:
+    """The scenario, from the first draw of the window."""
+    user = at_window.User(Path(settings["case"]), Path(settings["folder"]), Path(settings["pictures"]))
+    specification = importlib.util.spec_from_file_location("scenario", settings["scenario"])
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    start = time.monotonic()
+    result = {"facts": user.facts}
+    try:
+        yield from user.redraw()
+        user.facts["first_draw_s"] = round(time.monotonic() - start, 2)
+        yield from module.scenario(user)
+        result["passed"] = True
+    except BaseException:
+        result |= {"passed": False, "error": traceback.format_exc()}
+        yield from user.picture("failed")
+    finally:
+        user.facts["seconds"] = round(time.monotonic() - start, 1)
+        Path(settings["result"]).write_text(json.dumps(result))
+
+
+def give_up(seconds: float) -> None:
+    """End Blender where it hangs, with the stacks of all threads; for the case that nobody outside is left to do it."""
+    sys.stderr.write(f"driver: not at an end after {seconds:g} s\n")
+    faulthandler.dump_traceback(all_threads=True)
+    os._exit(1)
+
+
+def main() -> None:
+    # what was written must not be lost when Blender is killed
+    sys.stdout.reconfigure(line_buffering=True)
+    settings = json.loads(Path(sys.argv[sys.argv.index("--") + 1]).read_text())
+    preferences = bpy.context.preferences
+    preferences.view.show_splash = False
+    preferences.view.show_tooltips = False
+    # file selectors in the one window that there is
+    preferences.view.filebrowser_display_type = "SCREEN"
+    watchdog = threading.Timer(settings["timeout_s"], give_up, [settings["timeout_s"]])
+    watchdog.daemon = True
+    watchdog.start()
+    steps = play(settings)
+
+    def tick() -> float | None:
+        try:
+            return next(steps)
+        except StopIteration:
+            bpy.ops.wm.quit_blender()
+        except BaseException:
+            traceback.print_exc()
+            sys.stderr.flush()
+            os._exit(1)
+        return None
+
+    bpy.app.timers.register(tick, first_interval=0.1, persistent=True)
+
+
+main()

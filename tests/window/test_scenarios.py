@@ -1,0 +1,29 @@
+"""What a user does in Blender's real window: every ``scenario_*.py`` of this folder, each in a Blender of its own."""
+
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.window
+
+SCENARIOS = sorted(Path(__file__).parent.glob("scenario_*.py"))
+TIMEOUT_S = 240
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda path: path.stem.removeprefix("scenario_"))
+def test_scenario(scenario, play):
+    print(play(scenario, TIMEOUT_S))
+
+
+@pytest.mark.parametrize(
+    ("body", "told", "timeout_s"),
+    [
+        ("yield from user.until(lambda: False, 'the moon', timeout_s=0.2)", "the moon", TIMEOUT_S),
+        ("while True: pass", "not at an end", 8),
+    ],
+)
+def test_a_scenario_that_goes_wrong_fails(body, told, timeout_s, play, tmp_path):
+    scenario = tmp_path / "scenario_going_wrong.py"
+    scenario.write_text(f"def scenario(user):\n    yield 0\n    {body}\n")
+    with pytest.raises(AssertionError, match=told):
+        play(scenario, timeout_s)

@@ -1,0 +1,232 @@
+"""Meshes on the graphics card: built once for a mesh's content, so that moving the object costs a matrix only.
+
+Blender tells when a mesh may have changed (edits, undo, a file that is opened); its content is then compared with what
+the card holds, by checksum, and sent again only if it differs.
+"""
+
+import zlib
+from dataclasses import dataclass
+
+import bpy
+import gpu
+import numpy as np
+from bpy.app.handlers import persistent
+from mathutils import Matrix
+
+from .overlay_shaders import surface_shader
+
+SHARP = np.cos(np.radians(40.0))
+"""Corners whose face turns away farther than this from the mean around the vertex get the normal of the face."""
+
+
+@dataclass(frozen=True)
+class DrawnMesh:
+    """A mesh on the card.
+
+    Attributes
+    ----------
+    batch, kind
+        To be drawn with ``surface_shader(kind)``.
+    image
+        Name of the image that colours it, for kind ``TEXTURE``.
+    edge_mm
+        Median length of its edges: what it cannot resolve.
+    checksum
+        Of what it was built from.
+    """
+
+    batch: gpu.types.GPUBatch
+    kind: str
+    image: str
+    edge_mm: float
+    checksum: int
+
+    def draw(self, view_from_model: Matrix, clip_from_view: Matrix, plain: tuple[float, float, float, float]) -> None:
+        """Draw into the active framebuffer; ``plain`` colours a mesh that has no colours of its own."""
+        shader = surface_shader(self.kind)
+        shader.bind()
+        shader.uniform_float("view_from_model", view_from_model)
+        shader.uniform_float("clip_from_view", clip_from_view)
+        if self.kind == "PLAIN":
+            # a name of its own: it must live until the mesh is drawn
+            colour = gpu.types.GPUUniformBuf(gpu.types.Buffer("FLOAT", 4, plain))
+            shader.uniform_block("plain", colour)
+        if self.kind == "TEXTURE":
+            shader.uniform_sampler("surface_texture", gpu.texture.from_image(bpy.data.images[self.image]))
+        self.batch.draw(shader)
+
+    @property
+    def coloured(self) -> bool:
+        """Whether it shows colours of its own."""
+        return self.kind != "PLAIN"
+
+
+@dataclass(frozen=True)
+class _Content:
+    """What is drawn: indexed triangles, normals, colours."""
+
+    kind: str
+    image: str
+    vertices: np.ndarray
+    faces: np.ndarray
+    corner_values: np.ndarray | None
+    vertex_values: np.ndarray | None
+
+    def checksum(self) -> int:
+        found = zlib.adler32(f"{self.kind} {self.image}".encode())
+        for array in (self.vertices, self.faces, self.corner_values, self.vertex_values):
+            if array is not None:
+                found = zlib.adler32(array.data, found)
+        return found
+
+
+_drawn: dict[int, DrawnMesh] = {}
+_doubtful: set[int] = set()
+
+
+def drawn_mesh(mesh: bpy.types.Mesh) -> DrawnMesh | None:
+    """The mesh on the card, built if need be; ``None`` for a mesh without faces."""
+    key = mesh.session_uid
+    kept = _drawn.get(key)
+    if kept is not None and key not in _doubtful:
+        return kept
+    content = _content(mesh)
+    _doubtful.discard(key)
+    if content is None:
+        _drawn.pop(key, None)
+        return None
+    checksum = content.checksum()
+    if kept is None or kept.checksum != checksum:
+        _drawn[key] = DrawnMesh(_batch(content, mesh), content.kind, content.image, _median_edge(content), checksum)
+    return _drawn[key]
+
+
+def _content(mesh: bpy.types.Mesh) -> _Content | None:
+    mesh.calc_loop_triangles()
+    if len(mesh.loop_triangles) == 0:
+        return None
+    vertices = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", vertices)
+    faces = np.empty(3 * len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangles.foreach_get("vertices", faces)
+    kind, image, corner_values, vertex_values = "PLAIN", "", None, None
+    texture = _texture_of(mesh)
+    colours = mesh.color_attributes.active_color
+    if texture is not None:
+        kind, image = "TEXTURE", texture.name
+        corner_values = np.empty(2 * len(mesh.loops), np.float32)
+        mesh.uv_layers.active.uv.foreach_get("vector", corner_values)
+    elif colours is not None and colours.domain in ("POINT", "CORNER"):
+        kind = "COLOURS"
+        values = np.empty(4 * len(colours.data), np.float32)
+        colours.data.foreach_get("color_srgb", values)
+        values = np.ascontiguousarray(values.reshape(-1, 4)[:, :3])
+        vertex_values, corner_values = (values, None) if colours.domain == "POINT" else (None, values)
+    return _Content(kind, image, vertices, faces, corner_values, vertex_values)
+
+
+def _texture_of(mesh: bpy.types.Mesh) -> bpy.types.Image | None:
+    """The image that colours the mesh through its UV map."""
+    if mesh.uv_layers.active is None:
+        return None
+    for material in mesh.materials:
+        if material is None or material.node_tree is None:
+            continue
+        for node in material.node_tree.nodes:
+            if node.bl_idname == "ShaderNodeTexImage" and node.image is not None and node.image.size[0]:
+                return node.image
+    return None
+
+
+def _batch(content: _Content, mesh: bpy.types.Mesh) -> gpu.types.GPUBatch:
+    vertices, faces = content.vertices.reshape(-1, 3), content.faces.reshape(-1, 3)
+    normals = np.empty(vertices.size, np.float32)
+    mesh.vertex_normals.foreach_get("vector", normals)
+    normals = normals.reshape(-1, 3)
+    values = content.vertex_values
+    if content.corner_values is not None:
+        loops = np.empty(faces.size, np.int32)
+        mesh.loop_triangles.foreach_get("loops", loops)
+        values = content.corner_values.reshape(len(mesh.loops), -1)[loops]
+        vertices, normals = vertices[faces.ravel()], normals[faces.ravel()]
+        faces = np.arange(faces.size, dtype=np.int32).reshape(-1, 3)
+    vertices, normals, values, faces = _split_at_sharp_edges(vertices, normals, values, faces)
+    fields = {"position": vertices, "normal": normals}
+    if content.kind != "PLAIN":
+        fields["colour" if content.kind == "COLOURS" else "uv"] = values
+    layout = gpu.types.GPUVertFormat()
+    for name, data in fields.items():
+        layout.attr_add(id=name, comp_type="F32", len=data.shape[1], fetch_mode="FLOAT")
+    buffer = gpu.types.GPUVertBuf(layout, len(vertices))
+    for name, data in fields.items():
+        buffer.attr_fill(name, np.ascontiguousarray(data, np.float32))
+    index = gpu.types.GPUIndexBuf(type="TRIS", seq=np.ascontiguousarray(faces, np.int32))
+    return gpu.types.GPUBatch(type="TRIS", buf=buffer, elem=index)
+
+
+def _median_edge(content: _Content) -> float:
+    # a sample is enough, and quick
+    corners = content.faces.reshape(-1, 3)
+    corners = content.vertices.reshape(-1, 3)[corners[:: len(corners) // 10_000 + 1]]
+    return float(np.median(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)))
+
+
+def _split_at_sharp_edges(
+    vertices: np.ndarray, normals: np.ndarray, values: np.ndarray | None, faces: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, np.ndarray]:
+    """Give corners at sharp edges a vertex of their own with the normal of their face."""
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    across = np.cross(b - a, c - a)
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    across = np.divide(across, length, out=np.zeros_like(across), where=length > 0)
+    alike = np.stack([np.einsum("ij,ij->i", across, normals[faces[:, corner]]) for corner in range(3)], axis=1)
+    sharp = (alike < SHARP) & (length > 0)
+    if not sharp.any():
+        return vertices, normals, values, faces
+    face, _ = np.nonzero(sharp)
+    split = faces[sharp]
+    faces = faces.copy()
+    faces[sharp] = len(vertices) + np.arange(len(split), dtype=np.int32)
+    if values is not None:
+        values = np.concatenate([values, values[split]])
+    return np.concatenate([vertices, vertices[split]]), np.concatenate([normals, across[face]]), values, faces
+
+
+@persistent
+def _after_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    if depsgraph.id_type_updated("MESH") or depsgraph.id_type_updated("MATERIAL"):
+        for update in depsgraph.updates:
+            if isinstance(update.id, bpy.types.Mesh):
+                _doubtful.add(update.id.original.session_uid)
+            elif isinstance(update.id, bpy.types.Material):
+                _doubtful.update(_drawn)
+
+
+@persistent
+def _after_undo(*_) -> None:
+    _doubtful.update(_drawn)
+    alive = {mesh.session_uid for mesh in bpy.data.meshes}
+    for key in set(_drawn) - alive:
+        del _drawn[key]
+
+
+_HANDLERS = (
+    (bpy.app.handlers.depsgraph_update_post, _after_update),
+    (bpy.app.handlers.undo_post, _after_undo),
+    (bpy.app.handlers.redo_post, _after_undo),
+    (bpy.app.handlers.load_post, _after_undo),
+)
+
+
+def register() -> None:
+    """Watch for changes of meshes."""
+    for handlers, handler in _HANDLERS:
+        handlers.append(handler)
+
+
+def unregister() -> None:
+    """Stop watching, and free the card's memory."""
+    for handlers, handler in _HANDLERS:
+        handlers.remove(handler)
+    _drawn.clear()
+    _doubtful.clear()

@@ -1,0 +1,195 @@
+"""From the surface to its picture and contour at a view's resolution, in textures.
+
+Three passes: the surface's colours and its geometry (normal and depth in view axes); edges in the geometry (depth
+that falls away, normals that turn); their crests as lines one pixel wide, at any zoom. Structures are painted into the
+picture last, without a depth test against the surface, since they lie in it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+from mathutils import Matrix
+
+from .overlay_mesh import DrawnMesh, drawn_mesh
+from .overlay_shaders import edges_shader, lines_shader
+
+STEEPEST = 4.0
+"""Depth per sideways distance from which on a step is an occluding contour: a surface seen at 14 degrees and less."""
+STEP_EDGES = 2.0
+"""Lower steps than this, in edge lengths of the mesh, are its roughness and no contour."""
+CREASE_REACH_PX = 3.0
+"""Creases turn within a disc of this radius, in pixels of the frame: finer ones are roughness, or the mesh's facets."""
+STRUCTURE_ALPHA = 0.5
+"""Marks structures in the picture; the surface has 1."""
+
+
+@dataclass(frozen=True)
+class Projection:
+    """How a region (or a loupe) of ``width`` x ``height`` px sees the world.
+
+    Attributes
+    ----------
+    view_from_world, clip_from_view
+        4x4, as OpenGL has them.
+    frame_mm_per_px
+        Size of a frame's pixel per mm of depth (1 / f); 0 where no frame is seen.
+    """
+
+    width: int
+    height: int
+    view_from_world: Matrix
+    clip_from_view: Matrix
+    frame_mm_per_px: float = 0.0
+
+    def narrowed(self, x: float, y: float, times: float, width: int, height: int) -> "Projection":
+        """What lies about the region pixel (x, y), magnified, in ``width`` x ``height`` px."""
+        wide, high = times * self.width / width, times * self.height / height
+        centre_x, centre_y = 2 * x / self.width - 1, 2 * y / self.height - 1
+        narrow = Matrix(((wide, 0, 0, -wide * centre_x), (0, high, 0, -high * centre_y), (0, 0, 1, 0), (0, 0, 0, 1)))
+        return Projection(width, height, self.view_from_world, narrow @ self.clip_from_view, self.frame_mm_per_px)
+
+    @property
+    def mm_per_px(self) -> tuple[float, float]:
+        """Size of a pixel on the surface: per mm of depth (perspective), and whatever the depth (parallel)."""
+        size = 2.0 / (self.clip_from_view[0][0] * self.width)
+        return (0.0, size) if self.clip_from_view[3][3] else (max(size, self.frame_mm_per_px), 0.0)
+
+    @property
+    def magnification(self) -> float:
+        """This view's pixels per pixel of the frame; 1 where no frame is seen."""
+        if not self.frame_mm_per_px:
+            return 1.0
+        return self.frame_mm_per_px * self.clip_from_view[0][0] * self.width / 2
+
+    def key(self) -> tuple:
+        """Equal for projections that see the same."""
+        rows = (*self.view_from_world, *self.clip_from_view)
+        return self.width, self.height, self.frame_mm_per_px, *(value for row in rows for value in row)
+
+
+class SurfacePicture:
+    """The textures of one view, kept until its size changes and drawn anew only if something in it has moved.
+
+    Attributes
+    ----------
+    picture
+        RGBA, code values; alpha 1 where the surface is seen, :data:`STRUCTURE_ALPHA` where a structure is.
+    lines
+        Contour lines one pixel wide, 0..1; red: occluding contours, green: creases.
+    coloured
+        Whether the surface shows colours of its own.
+    white
+        Luminance of the surface where it faces the viewer, if it is plain.
+    """
+
+    def __init__(self, width: int, height: int) -> None:
+        self.size = (width, height)
+        self.coloured, self.white = False, 1.0
+        self._key: tuple = ()
+        self._lines_key: tuple = ()
+        self.picture = gpu.types.GPUTexture(self.size, format="RGBA8")
+        self._geometry = gpu.types.GPUTexture(self.size, format="RGBA32F")
+        self._edges = gpu.types.GPUTexture(self.size, format="RGBA16F")
+        self.lines = gpu.types.GPUTexture(self.size, format="RGBA8")
+        # kept, since a framebuffer does not keep its textures
+        self._depth = depth = gpu.types.GPUTexture(self.size, format="DEPTH_COMPONENT32F")
+        self._surface_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(self.picture, self._geometry))
+        self._structure_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(self.picture,))
+        self._edges_target = gpu.types.GPUFrameBuffer(color_slots=(self._edges,))
+        self._lines_target = gpu.types.GPUFrameBuffer(color_slots=(self.lines,))
+
+    def draw(self, projection: Projection, surface: bpy.types.Object, crease_deg: float | None) -> None:
+        """Bring the picture up to date, and its lines if ``crease_deg`` says how sharp a crease has to be."""
+        mesh = drawn_mesh(surface.data)
+        structures = [child for child in surface.children if child.type == "MESH" and not child.hide_viewport]
+        drawn = [(child, drawn_mesh(child.data)) for child in structures]
+        key = (
+            projection.key(),
+            _standing(surface, mesh),
+            *(_standing(child, structure) for child, structure in drawn),
+        )
+        with _plain_state():
+            if key != self._key:
+                self._draw_surface(projection, surface, mesh)
+                self._draw_structures(projection, drawn)
+                self._key, self._lines_key = key, ()
+            if crease_deg is not None and self._lines_key != (crease_deg,):
+                least_step_mm = 0.0 if mesh is None else STEP_EDGES * mesh.edge_mm
+                self._find_lines(projection, crease_deg, least_step_mm)
+                self._lines_key = (crease_deg,)
+        self.coloured = mesh is not None and mesh.coloured
+        self.white = max(float(np.dot(surface.color[:3], (0.2126, 0.7152, 0.0722))), 0.05)
+
+    def _draw_surface(self, projection: Projection, surface: bpy.types.Object, mesh: DrawnMesh | None) -> None:
+        with self._surface_target.bind():
+            self._surface_target.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
+            gpu.state.depth_test_set("LESS")
+            gpu.state.depth_mask_set(True)
+            if mesh is not None:
+                view_from_model = projection.view_from_world @ surface.matrix_world
+                mesh.draw(view_from_model, projection.clip_from_view, (*surface.color[:3], 1.0))
+
+    def _draw_structures(
+        self, projection: Projection, structures: list[tuple[bpy.types.Object, DrawnMesh | None]]
+    ) -> None:
+        with self._structure_target.bind():
+            self._structure_target.clear(depth=1.0)
+            for child, mesh in structures:
+                if mesh is not None:
+                    view_from_model = projection.view_from_world @ child.matrix_world
+                    mesh.draw(view_from_model, projection.clip_from_view, (*child.color[:3], STRUCTURE_ALPHA))
+        gpu.state.depth_mask_set(False)
+        gpu.state.depth_test_set("NONE")
+
+    def _find_lines(self, projection: Projection, crease_deg: float, least_step_mm: float) -> None:
+        reach_px = max(CREASE_REACH_PX * projection.magnification, 2.0)
+        with self._edges_target.bind():
+            shader = edges_shader()
+            shader.bind()
+            shader.uniform_float("mm_per_px", projection.mm_per_px)
+            shader.uniform_float("steepest", STEEPEST)
+            shader.uniform_float("least_step_mm", least_step_mm)
+            shader.uniform_float("reach_px", reach_px)
+            shader.uniform_float("magnification", max(projection.magnification, 1.0))
+            shader.uniform_sampler("geometry", self._geometry)
+            rectangle(shader, (0, 0), self.size, self.size).draw(shader)
+        with self._lines_target.bind():
+            shader = lines_shader()
+            shader.bind()
+            shader.uniform_float("crease_rad", np.radians(crease_deg))
+            shader.uniform_int("crest_px", min(max(round(0.5 * reach_px), 1), 32))
+            shader.uniform_sampler("edges", self._edges)
+            rectangle(shader, (0, 0), self.size, self.size).draw(shader)
+
+
+def rectangle(
+    shader: gpu.types.GPUShader, low: Sequence[float], high: Sequence[float], target: Sequence[float]
+) -> gpu.types.GPUBatch:
+    """A filled rectangle between two corners, in pixels of a target of that size, for shaders that work on pixels."""
+    corners = np.array([(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])], float)
+    positions = 2 * corners / np.array(target) - 1
+    fields = {"position": np.float32(positions), "px": np.float32(corners)}
+    return batch_for_shader(shader, "TRIS", fields, indices=((0, 1, 2), (0, 2, 3)))
+
+
+def _standing(found: bpy.types.Object, mesh: DrawnMesh | None) -> tuple:
+    world_from_object = tuple(value for row in found.matrix_world for value in row)
+    return None if mesh is None else mesh.checksum, world_from_object, tuple(found.color[:3])
+
+
+class _plain_state:
+    """No blending, no scissor while textures are drawn; as it was afterwards."""
+
+    def __enter__(self) -> None:
+        self._blend, self._depth = gpu.state.blend_get(), gpu.state.depth_test_get()
+        self._mask = gpu.state.depth_mask_get()
+        gpu.state.blend_set("NONE")
+
+    def __exit__(self, *_) -> None:
+        gpu.state.blend_set(self._blend)
+        gpu.state.depth_test_set(self._depth)
+        gpu.state.depth_mask_set(self._mask)

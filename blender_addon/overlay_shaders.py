@@ -1,0 +1,346 @@
+"""The shaders of the overlays: the surface's picture and geometry, lines found in the geometry, lines over the frame.
+
+Colours are code values (as on the screen) throughout; Blender gives images to shaders scene-linear, so these are
+encoded.
+"""
+
+from functools import cache
+
+import gpu
+
+SURFACE_KINDS = ("PLAIN", "COLOURS", "TEXTURE")
+MODES = ("NONE", "FRAME", "SURFACE", "SWIPE", "DIFFERENCE", "PICTURE")
+"""What the composite shows under its lines; the shader has their numbers."""
+
+_ENCODE = """
+vec3 encoded(vec3 light)
+{
+  vec3 low = light * 12.92;
+  vec3 high = 1.055 * pow(max(light, vec3(0.0)), vec3(1.0 / 2.4)) - 0.055;
+  return mix(high, low, lessThan(light, vec3(0.0031308)));
+}
+"""
+
+_DECODE = """
+vec3 decoded(vec3 code)
+{
+  vec3 low = code / 12.92;
+  vec3 high = pow((code + 0.055) / 1.055, vec3(2.4));
+  return mix(high, low, lessThan(code, vec3(0.04045)));
+}
+"""
+
+_SURFACE_VERTEX = """
+void main()
+{
+  vec4 point = view_from_model * vec4(position, 1.0);
+  gl_Position = clip_from_view * point;
+  bool perspective = clip_from_view[3][3] == 0.0;
+  normal_view = mat3(view_from_model) * normal;
+  toward_eye = perspective ? -point.xyz : vec3(0.0, 0.0, 1.0);
+  depth_mm = -point.z;
+#ifdef COLOURS
+  code = colour;
+#endif
+#ifdef TEXTURE
+  code = vec3(uv, 0.0);
+#endif
+}
+"""
+
+_SURFACE_FRAGMENT = (
+    _ENCODE
+    + """
+void main()
+{
+  vec3 n = normalize(normal_view);
+  float facing = dot(n, normalize(toward_eye));
+  n = facing < 0.0 ? -n : n;
+#if defined(COLOURS)
+  picture = vec4(code, 1.0);
+#elif defined(TEXTURE)
+  picture = vec4(encoded(texture(surface_texture, code.xy).rgb), 1.0);
+#else
+  /* a lamp beside the lens, as a microscope has it */
+  picture = vec4(plain.colour.rgb * (0.15 + 0.85 * abs(facing)), plain.colour.a);
+#endif
+  geometry = vec4(n, depth_mm);
+}
+"""
+)
+
+_RECTANGLE_VERTEX = """
+void main()
+{
+  at = px;
+  gl_Position = vec4(position, 0.0, 1.0);
+}
+"""
+
+_WAYS = """
+const ivec2 ways[4] = ivec2[4](ivec2(1, 0), ivec2(1, 1), ivec2(0, 1), ivec2(-1, 1));
+"""
+
+_EDGES_FRAGMENT = (
+    _WAYS
+    + """
+/* x: occluding contour (0 or 1), y: angle of a crease in radians, z: across which way it turns (0..3), w: its crest */
+vec4 geometry_at(ivec2 there)
+{
+  return texelFetch(geometry, clamp(there, ivec2(0), textureSize(geometry, 0) - 1), 0);
+}
+
+float falls_away(vec4 before, vec4 centre, vec4 after)
+{
+  /* mm. Where a plane stays a plane: 1/depth is linear over the image in perspective, depth in parallel projection */
+  if (mm_per_px.y > 0.0) {
+    float beyond = centre.w + 1000.0 * mm_per_px.y;
+    return (before.w > 0.0 ? before.w : beyond) + (after.w > 0.0 ? after.w : beyond) - 2.0 * centre.w;
+  }
+  float q_before = before.w > 0.0 ? 1.0 / before.w : 0.0;
+  float q_after = after.w > 0.0 ? 1.0 / after.w : 0.0;
+  return (2.0 / centre.w - q_before - q_after) * centre.w * centre.w;
+}
+
+void main()
+{
+  ivec2 px = ivec2(floor(at));
+  vec4 centre = geometry_at(px);
+  edges = vec4(0.0);
+  if (centre.w <= 0.0) {
+    return;
+  }
+  float px_mm = max(mm_per_px.x * centre.w, mm_per_px.y);
+  vec4 left = geometry_at(px - ivec2(1, 0)), right = geometry_at(px + ivec2(1, 0));
+  vec4 below = geometry_at(px - ivec2(0, 1)), above = geometry_at(px + ivec2(0, 1));
+  float fall = max(falls_away(left, centre, right), falls_away(below, centre, above));
+  edges.x = fall > max(steepest * px_mm, least_step_mm) ? 1.0 : 0.0;
+
+  /* creases: the mean normals of the two halves of a disc, cut in four ways; what is not the same sheet is left out */
+  vec3 seen[8];
+  for (int spoke = 0; spoke < 8; spoke++) {
+    float turn = 0.78539816 * float(spoke);
+    vec2 way = vec2(cos(turn), sin(turn));
+    seen[spoke] = vec3(0.0);
+    for (int ring = 1; ring <= 2; ring++) {
+      float away = 0.5 * float(ring) * reach_px;
+      vec4 tap = geometry_at(px + ivec2(round(way * away)));
+      if (tap.w > 0.0 && abs(tap.w - centre.w) < steepest * px_mm * max(1.0, away / magnification)) {
+        seen[spoke] += tap.xyz;
+      }
+    }
+  }
+  for (int cut = 0; cut < 4; cut++) {
+    vec3 ahead = seen[cut] + 0.7071 * (seen[(cut + 1) % 8] + seen[(cut + 7) % 8]);
+    vec3 behind = seen[cut + 4] + 0.7071 * (seen[(cut + 5) % 8] + seen[cut + 3]);
+    if (dot(ahead, ahead) > 0.5 && dot(behind, behind) > 0.5) {
+      float angle = acos(clamp(dot(normalize(ahead), normalize(behind)), -1.0, 1.0));
+      if (angle > edges.y) {
+        edges.y = angle;
+        edges.z = float(cut);
+      }
+    }
+  }
+  /* a sharp edge turns between two neighbours, and that is where its line belongs */
+  ivec2 way = ways[int(edges.z)];
+  vec3 before = geometry_at(px - way).xyz, after = geometry_at(px + way).xyz;
+  edges.w = edges.y + 0.25 * acos(clamp(dot(before, after), -1.0, 1.0));
+}
+"""
+)
+
+_LINES_FRAGMENT = (
+    _WAYS
+    + """
+/* a crease's line is the crest across the whole disc in which it was sought: one pixel wide at any zoom */
+void main()
+{
+  ivec2 px = ivec2(floor(at)), last = textureSize(edges, 0) - 1;
+  vec4 centre = texelFetch(edges, px, 0);
+  lines = vec4(centre.x, 0.0, 0.0, 1.0);
+  if (centre.y > crease_rad) {
+    ivec2 way = ways[int(centre.z)];
+    bool crest = true;
+    for (int away = 1; away <= crest_px; away++) {
+      float before = texelFetch(edges, clamp(px - away * way, ivec2(0), last), 0).w;
+      float after = texelFetch(edges, clamp(px + away * way, ivec2(0), last), 0).w;
+      crest = crest && centre.w > before && centre.w >= after;
+    }
+    lines.y = crest ? 0.3 + 0.7 * smoothstep(crease_rad, 1.5 * crease_rad, centre.y) : 0.0;
+  }
+}
+"""
+)
+
+_COMPOSITE_FRAGMENT = (
+    _ENCODE
+    + _DECODE
+    + """
+const vec3 luminance = vec3(0.2126, 0.7152, 0.0722);
+const int NONE = 0, FRAME = 1, SURFACE = 2, SWIPE = 3, DIFFERENCE = 4, PICTURE = 5;
+
+vec4 over(vec4 below, vec3 colour, float alpha)
+{
+  float both = alpha + below.a * (1.0 - alpha);
+  return both <= 0.0 ? vec4(0.0) : vec4((colour * alpha + below.rgb * below.a * (1.0 - alpha)) / both, both);
+}
+
+void main()
+{
+  vec2 px = (at - frame_offset) / frame_scale;
+  vec2 uv = vec2(px.x + 0.5, frame_size.y - 0.5 - px.y) / frame_size;
+  ivec2 here = clamp(ivec2(floor(at - picture_origin)), ivec2(0), textureSize(picture, 0) - 1);
+  vec4 seen = texelFetch(picture, here, 0);
+  composite = vec4(0.0);
+  if (mode == PICTURE) {
+    composite = vec4(seen.a > 0.25 ? seen.rgb : vec3(0.12), 1.0);
+  }
+  else if (mode != NONE) {
+    vec3 recorded = encoded(texture(frame, clamp(uv, 0.5 / frame_size, 1.0 - 0.5 / frame_size)).rgb);
+    bool covered = seen.a > 0.25;
+    if (mode == FRAME || (mode == SWIPE && px.x < split_px)) {
+      composite = vec4(recorded, 1.0);
+    }
+    else if (mode == DIFFERENCE) {
+      float grey = dot(recorded, luminance);
+      composite = vec4(vec3(0.25 * grey), 1.0);
+      if (seen.a > 0.75) {
+        vec3 false_colour = vec3(grey, vec2(dot(seen.rgb, luminance) / white));
+        composite.rgb = coloured ? clamp(gain * abs(recorded - seen.rgb), 0.0, 1.0) : false_colour;
+      }
+      else if (covered) {
+        composite.rgb = seen.rgb;
+      }
+    }
+    else {
+      composite = vec4(covered ? seen.rgb : recorded, 1.0);
+    }
+  }
+  if (contour) {
+    /* distances to the nearest line pixels: coverage of a thin line, and of the dark halo that sets it off */
+    float line = 0.0, halo = 0.0;
+    for (int y = -3; y <= 3; y++) {
+      for (int x = -3; x <= 3; x++) {
+        float distance_px = length(vec2(x, y)) / line_px;
+        if (distance_px >= 2.75) {
+          continue;
+        }
+        ivec2 there = here + ivec2(x, y);
+        if (any(lessThan(there, ivec2(0))) || any(greaterThanEqual(there, textureSize(lines, 0)))) {
+          continue;
+        }
+        vec2 found = texelFetch(lines, there, 0).xy;
+        float strength = max(found.x, found.y);
+        line = max(line, strength * clamp(1.3 - distance_px, 0.0, 1.0));
+        halo = max(halo, strength * clamp(2.75 - distance_px, 0.0, 1.0));
+      }
+    }
+    composite = over(composite, vec3(0.0), 0.55 * halo);
+    composite = over(composite, line_colour.rgb, line);
+  }
+  if (mode == SWIPE) {
+    float away = abs(px.x - split_px) * abs(frame_scale.x);
+    composite = over(composite, vec3(0.0), clamp(2.5 - away, 0.0, 1.0));
+    composite = over(composite, vec3(1.0), clamp(1.25 - away, 0.0, 1.0));
+  }
+  if (target_encodes) {
+    composite.rgb = decoded(composite.rgb);
+  }
+}
+"""
+)
+
+
+@cache
+def surface_shader(kind: str) -> gpu.types.GPUShader:
+    """Draws a mesh into ``picture`` and ``geometry``; ``kind`` is one of :data:`SURFACE_KINDS`."""
+    between = gpu.types.GPUStageInterfaceInfo(f"oneframe_surface_{kind.lower()}")
+    between.smooth("VEC3", "normal_view")
+    between.smooth("VEC3", "toward_eye")
+    between.smooth("FLOAT", "depth_mm")
+    info = gpu.types.GPUShaderCreateInfo()
+    info.define(kind)
+    info.vertex_in(0, "VEC3", "position")
+    info.vertex_in(1, "VEC3", "normal")
+    if kind == "COLOURS":
+        info.vertex_in(2, "VEC3", "colour")
+    if kind == "TEXTURE":
+        info.vertex_in(2, "VEC2", "uv")
+        info.sampler(0, "FLOAT_2D", "surface_texture")
+    if kind != "PLAIN":
+        between.smooth("VEC3", "code")
+    info.push_constant("MAT4", "view_from_model")
+    info.push_constant("MAT4", "clip_from_view")
+    if kind == "PLAIN":
+        # beside two matrices no more fits into the push constants that every graphics card has
+        info.typedef_source("struct Plain { vec4 colour; };")
+        info.uniform_buf(0, "Plain", "plain")
+    info.vertex_out(between)
+    info.fragment_out(0, "VEC4", "picture")
+    info.fragment_out(1, "VEC4", "geometry")
+    info.vertex_source(_SURFACE_VERTEX)
+    info.fragment_source(_SURFACE_FRAGMENT)
+    return gpu.shader.create_from_info(info)
+
+
+@cache
+def edges_shader() -> gpu.types.GPUShader:
+    """``geometry`` -> ``edges``: discontinuities of depth, and how much the normal turns about each pixel."""
+    info = _rectangle_info("edges")
+    info.sampler(0, "FLOAT_2D", "geometry")
+    info.push_constant("VEC2", "mm_per_px")
+    info.push_constant("FLOAT", "steepest")
+    info.push_constant("FLOAT", "least_step_mm")
+    info.push_constant("FLOAT", "reach_px")
+    info.push_constant("FLOAT", "magnification")
+    info.fragment_source(_EDGES_FRAGMENT)
+    return gpu.shader.create_from_info(info)
+
+
+@cache
+def lines_shader() -> gpu.types.GPUShader:
+    """``edges`` -> ``lines``: one pixel wide; x: occluding contour, y: crease, both 0..1."""
+    info = _rectangle_info("lines")
+    info.sampler(0, "FLOAT_2D", "edges")
+    info.push_constant("FLOAT", "crease_rad")
+    info.push_constant("INT", "crest_px")
+    info.fragment_source(_LINES_FRAGMENT)
+    return gpu.shader.create_from_info(info)
+
+
+@cache
+def composite_shader() -> gpu.types.GPUShader:
+    """Frame, picture and lines -> what is drawn over the view."""
+    info = _rectangle_info("composite")
+    for slot, name in enumerate(("frame", "picture", "lines")):
+        info.sampler(slot, "FLOAT_2D", name)
+    for kind, name in (
+        ("VEC2", "frame_scale"),
+        ("VEC2", "frame_offset"),
+        ("VEC2", "frame_size"),
+        ("VEC2", "picture_origin"),
+        ("VEC4", "line_colour"),
+        ("FLOAT", "split_px"),
+        ("FLOAT", "gain"),
+        ("FLOAT", "white"),
+        ("FLOAT", "line_px"),
+        ("INT", "mode"),
+        ("BOOL", "contour"),
+        ("BOOL", "coloured"),
+        ("BOOL", "target_encodes"),
+    ):
+        info.push_constant(kind, name)
+    info.fragment_source(_COMPOSITE_FRAGMENT)
+    return gpu.shader.create_from_info(info)
+
+
+def _rectangle_info(out: str) -> gpu.types.GPUShaderCreateInfo:
+    between = gpu.types.GPUStageInterfaceInfo(f"oneframe_{out}")
+    between.smooth("VEC2", "at")
+    info = gpu.types.GPUShaderCreateInfo()
+    info.vertex_in(0, "VEC2", "position")
+    info.vertex_in(1, "VEC2", "px")
+    info.vertex_out(between)
+    info.fragment_out(0, "VEC4", out)
+    info.vertex_source(_RECTANGLE_VERTEX)
+    return info

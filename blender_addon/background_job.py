@@ -183,7 +183,8 @@ def start(script: str, arguments: Sequence[str], out: Path) -> BackgroundJob:
     if _current is not None and _current.check():
         raise InputError(f"{_current.out}: expected no other run at the same time; wait for it, or cancel it first")
     _current = BackgroundJob.start(script, arguments, out)
-    bpy.app.timers.register(_follow, first_interval=POLL_SECONDS, persistent=True)
+    if not bpy.app.timers.is_registered(_follow):
+        bpy.app.timers.register(_follow, first_interval=POLL_SECONDS, persistent=True)
     return _current
 
 

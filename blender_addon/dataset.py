@@ -1,5 +1,8 @@
 """Operators of the dataset: poses and one view as previews, then the run in the background, and its result."""
 
+import argparse
+import textwrap
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -10,9 +13,10 @@ from . import background_job, gather, pose_preview
 from .operator import Reporting
 from .pipeline.blender.source import source_of
 from .pipeline.blender.view_maker import ViewMaker
-from .pipeline.case import read_case
+from .pipeline.case import Case, read_case
 from .pipeline.case_writer import case_text, write_case
 from .pipeline.errors import InputError
+from .pipeline.options import DatasetOptions, merged_options
 
 SCRIPT = "render_dataset.py"
 PREVIEW_IMAGE = "OneFrame preview"
@@ -20,6 +24,7 @@ PREVIEW_KEY, PREVIEW_TOLD = "oneframe_key", "oneframe_told"
 """Custom properties of the preview's image: what it was made from, and a sentence about it."""
 THUMBNAIL_PX = 256
 CONTACT_SHEET = "contact_sheet.png"
+POPUP_CHARACTERS = 90
 
 
 class ONEFRAME_OT_preview_poses(Reporting, bpy.types.Operator):
@@ -250,13 +255,18 @@ def _save_if_changed(scene: bpy.types.Scene, path: Path) -> tuple[str, ...]:
     wanted = gather.case(scene, path)
     if path.exists():
         try:
-            same = case_text(path, read_case(path)) == case_text(path, wanted)
+            same = _meaning(path, read_case(path)) == _meaning(path, wanted)
         except InputError:
             same = False
         if same:
             return ()
     write_case(path, wanted)
     return (f"saved {path}",)
+
+
+def _meaning(path: Path, case: Case) -> tuple[str, DatasetOptions]:
+    """What a case says, however its options are ordered and whether or not they name their defaults."""
+    return case_text(path, replace(case, dataset={})), merged_options(case.dataset, argparse.Namespace(), case.path)
 
 
 def _is_set_up(cls: type, context: bpy.types.Context) -> bool:
@@ -275,12 +285,16 @@ def _job_changed(job: background_job.BackgroundJob) -> None:
                 for region in area.regions:
                     if region.type == "UI":
                         region.tag_redraw()
-    if job.running or not job.error or not manager.windows:
+    # without a window Blender cannot open a menu, and does not say so
+    if job.running or not job.error or bpy.app.background or not manager.windows:
         return
+
+    def draw(menu: bpy.types.UIPopupMenu, _context: bpy.types.Context) -> None:
+        for line in textwrap.wrap(job.error, POPUP_CHARACTERS):
+            menu.layout.label(text=line)
+
     with bpy.context.temp_override(window=manager.windows[0]):
-        manager.popup_menu(
-            lambda menu, _: menu.layout.label(text=job.error), title="The dataset run has ended early", icon="ERROR"
-        )
+        manager.popup_menu(draw, title="The dataset run has ended early", icon="ERROR")
 
 
 _CLASSES = (

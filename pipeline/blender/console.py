@@ -10,6 +10,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import NoReturn, TextIO
 
 import bpy
@@ -101,25 +102,36 @@ def run_script(main: Callable[[Sequence[str]], int]) -> None:
     """
     # Blender's program has a handler of its own, which breaks off renders only
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    code = 1
     try:
-        code = main(script_arguments())
+        code = _exit_code(main)
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except OSError:
+        pass  # nobody reads any longer what is told
+    finally:
+        # Blender turns sys.exit inside -P into its own clean-up, which takes long after many renders; the module's own
+        # may wait for its threads for ever
+        os._exit(code)
+
+
+def _exit_code(main: Callable[[Sequence[str]], int]) -> int:
+    try:
+        return main(script_arguments())
     except InputError as error:
-        code = _fail(error, EXIT_INPUT)
+        return _fail(error, EXIT_INPUT)
     except RunError as error:
-        code = _fail(error, EXIT_RUN)
+        return _fail(error, EXIT_RUN)
     except KeyboardInterrupt:
-        code = _fail("stopped; the same command goes on from here", EXIT_STOPPED)
+        return _fail("stopped; the same command goes on from here", EXIT_STOPPED)
     except SystemExit as stop:  # --help
-        code = stop.code if isinstance(stop.code, int) else 1
+        return stop.code if isinstance(stop.code, int) else 1
     except Exception:
         traceback.print_exc()
-        code = 1
-    sys.stdout.flush()
-    sys.stderr.flush()
-    # Blender turns sys.exit inside -P into its own clean-up, which takes long after many renders
-    os._exit(code)
+        return 1
 
 
 def _fail(error: object, code: int) -> int:
-    sys.stderr.write("error: " + " ".join(str(error).split()) + "\n")
+    with suppress(OSError):
+        sys.stderr.write("error: " + " ".join(str(error).split()) + "\n")
     return code

@@ -39,10 +39,13 @@ def scenario(user):
     saved = user.folder / "cube.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(saved))
     bpy.data.objects["Cube"].location.x = 7
+    bpy.ops.wm.open_mainfile(filepath=str(saved))
+    yield from user.redraw()
+    assert cube_x() == 1.75
     with user.context():
-        bpy.ops.wm.open_mainfile("INVOKE_DEFAULT")
-    yield from user.choose_file(saved)
-    yield from user.until(lambda: cube_x() == 1.75, "the saved file opened")
+        bpy.ops.image.open("INVOKE_DEFAULT")
+    yield from user.choose_file(user.case.parent / "frame.png")
+    yield from user.until(lambda: "frame.png" in bpy.data.images, "the image opened")
 
 
 def cube_x() -> float:

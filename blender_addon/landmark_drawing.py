@@ -1,19 +1,22 @@
-"""Draws landmarks, residuals and the pose's uncertainty over the 3D views. Looks things up, changes nothing."""
+"""Draws the landmarks over the 3D views, as far as they agree with the pose. Looks things up, changes nothing."""
 
 import bpy
 import numpy as np
 
-from . import estimate, frame_view, gather, landmark_edit, landmark_gestures, landmark_loupe, landmark_tool
+from . import (
+    estimate,
+    frame_view,
+    gather,
+    landmark_edit,
+    landmark_gestures,
+    landmark_loupe,
+    landmark_tool,
+    uncertainty_drawing,
+)
 from .estimate import Solution
 from .landmark_marks import LandmarkView, Mark, marks_of
-from .pipeline.alignment.ellipse import ellipse_outlines
 from .pipeline.alignment.landmark_picking import waits
-from .pipeline.alignment.pose_solver import PoseEstimate
-from .pipeline.alignment.twist import moved_by
-from .pipeline.blender.visible_surface import visible_surface
-from .pipeline.camera import PinholeCamera
 from .pipeline.errors import InputError
-from .pipeline.frames import inverse_rigid, transform_points
 from .strokes import Colour, Strokes
 
 GOOD: Colour = (0.35, 0.8, 1.0, 1.0)
@@ -21,18 +24,11 @@ FAIR: Colour = (1.0, 0.78, 0.15, 1.0)
 BAD: Colour = (1.0, 0.2, 0.15, 1.0)
 OFF: Colour = (0.6, 0.6, 0.6, 0.8)
 HALF: Colour = (1.0, 1.0, 1.0, 1.0)
-UNSURE: Colour = (0.87, 0.68, 1.0, 1.0)
-"""Residual as clicks scatter; larger; outlier; left out; other half not picked yet; uncertainty."""
+"""Residual as clicks scatter; larger; outlier; left out; other half not picked yet."""
 FAIR_FROM, BAD_FROM = 2.5, 5.0
 """Residuals in standard deviations of a click."""
 DIMMED = 0.3
 """Opacity of a mark behind the surface."""
-SAMPLES = 7
-"""Surface points at which the uncertainty is shown besides the landmarks."""
-MAGNIFICATIONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-LONGEST_PX, SHORTEST_PX = 45.0, 6.0
-"""The weakest direction is drawn as many times longer as keeps it below this on the screen; a speck is left out."""
-
 RING, CROSS = 6.0, (3.0, 10.0)
 
 
@@ -49,7 +45,7 @@ def picture(context: bpy.types.Context) -> Strokes:
     solved = estimate.solution(scene)
     marks = marks_of(scene, view)
     if solved.estimate is not None:
-        _add_uncertainty(strokes, scene, view, solved.estimate)
+        uncertainty_drawing.add_uncertainty(strokes, scene, view, solved)
     hidden = _hidden(scene, view, marks)
     residuals = estimate.residuals_px(scene)
     for mark in marks:
@@ -108,69 +104,6 @@ def _colour(
         return BAD
     # as long as no pose is known, a large residual is nobody's fault
     return GOOD if size <= FAIR_FROM else FAIR
-
-
-def _add_uncertainty(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkView, found: PoseEstimate) -> None:
-    camera, pose, uncertainty = gather.camera(scene), gather.cam_from_model(scene), found.uncertainty
-    seen = visible_surface(gather.surface_of(scene), camera, pose)
-    inner = seen.points_model[_is_inner(seen.pixels, camera)]
-    points = np.concatenate(
-        [inner[_spread(camera.project(transform_points(pose, inner)), SAMPLES)], uncertainty.pivot_model[None]]
-    )
-    if view.frame is not None:
-        own = estimate.LandmarkPairs.of(scene).points_model
-        for group, width in ((points[:-1], 1.0), (own, 1.5)):
-            covariances = uncertainty.pixel_covariances(group, camera, pose)
-            outlines = ellipse_outlines(covariances, uncertainty.ellipse_scale())
-            for centre, outline in zip(view.region_from_model(scene, group), outlines, strict=True):
-                strokes.line(centre + outline * view.frame.scale, UNSURE, width=width, closed=True)
-    ends = []
-    for sign in (1, -1):
-        # moved as seen from the camera, in the axes of the surface as it stands now
-        model_from_model = inverse_rigid(pose) @ moved_by(
-            sign * uncertainty.weakest_twist, pose, uncertainty.pivot_model
-        )
-        ends.append(transform_points(model_from_model, points) - points)
-    factor = _magnification(strokes, view, scene, points, ends[0])
-    plus, minus = (view.region_from_model(scene, points + factor * way) for way in ends)
-    for high, low in zip(plus, minus, strict=True):
-        if np.linalg.norm(high - low) < SHORTEST_PX * strokes.unit:
-            continue
-        middle = (high + low) / 2
-        strokes.arrow(middle, high, UNSURE, width=1.5, head=7)
-        strokes.arrow(middle, low, UNSURE, width=1.5, head=7)
-    times = "" if factor == 1 else f", drawn {factor} x"
-    ellipses = "Ellipses: 95 % of where the surface may lie.  " if view.frame is not None else ""
-    strokes.text(
-        np.array([70, 34]) * strokes.unit, f"{ellipses}Arrows: weakest direction, {uncertainty.weakest}{times}", UNSURE
-    )
-
-
-def _magnification(
-    strokes: Strokes, view: LandmarkView, scene: bpy.types.Scene, points: np.ndarray, ways: np.ndarray
-) -> int:
-    lengths = view.region_from_model(scene, points + ways) - view.region_from_model(scene, points)
-    longest = float(np.nanmax(np.linalg.norm(lengths, axis=1), initial=0.0))
-    fitting = [factor for factor in MAGNIFICATIONS if factor * longest <= LONGEST_PX * strokes.unit]
-    return fitting[-1] if fitting else 1
-
-
-def _is_inner(pixels: np.ndarray, camera: PinholeCamera) -> np.ndarray:
-    """``(N,)`` bool: not at the edge of the frame, where what is drawn would be cut."""
-    margin = 0.08 * max(camera.size_wh)
-    return ((pixels > margin) & (pixels < np.array(camera.size_wh) - margin)).all(axis=1)
-
-
-def _spread(pixels: np.ndarray, count: int) -> list[int]:
-    """Indices of points far from each other: each next one is the farthest from those chosen (Gonzalez 1985)."""
-    if len(pixels) == 0:
-        return []
-    chosen = [int(np.argmax(((pixels - pixels.mean(axis=0)) ** 2).sum(axis=1)))]
-    nearest = np.full(len(pixels), np.inf)
-    while len(chosen) < min(count, len(pixels)):
-        nearest = np.minimum(nearest, ((pixels - pixels[chosen[-1]]) ** 2).sum(axis=1))
-        chosen.append(int(np.argmax(nearest)))
-    return chosen
 
 
 def _draw_view() -> None:

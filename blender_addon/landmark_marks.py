@@ -27,23 +27,26 @@ class LandmarkView:
         Valid during one event or one drawing, never kept longer.
     frame
         The frame's place in the region if the view looks through its camera, else ``None``.
+    cam_from_model
+        ``(4, 4)`` the present pose, mm.
     """
 
     region: bpy.types.Region
     region_3d: bpy.types.RegionView3D
     frame: FrameView | None
+    cam_from_model: np.ndarray
 
     @classmethod
     def of(cls, context: bpy.types.Context) -> "LandmarkView":
         """The view of a context whose area is a 3D view."""
         region, region_3d = frame_view.window_region(context.area), context.space_data.region_3d
         frame = FrameView.of(context.scene, region, region_3d) if frame_view.shows_frame(context) else None
-        return cls(region, region_3d, frame)
+        return cls(region, region_3d, frame, gather.cam_from_model(context.scene))
 
     def region_from_model(self, scene: bpy.types.Scene, points_model: np.ndarray) -> np.ndarray:
         """``(N, 3)`` points of the surface -> ``(N, 2)`` region pixels at the present pose; NaN behind the eye."""
         if self.frame is not None:
-            points_cam = transform_points(gather.cam_from_model(scene), points_model)
+            points_cam = transform_points(self.cam_from_model, points_model)
             return self.frame.region_from_px(self.frame.camera.project(points_cam))
         clip_from_model = np.array(self.region_3d.perspective_matrix) @ world_from_model(scene)
         clip = points_model @ clip_from_model[:3].T[:3] + clip_from_model[:3, 3]

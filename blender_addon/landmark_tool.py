@@ -76,15 +76,15 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take it out, out of every hand, and its keys with it."""
-    for workspace in bpy.data.workspaces:
-        tool = workspace.tools.from_space_view3d_mode("OBJECT", create=False)
-        if tool is not None and tool.idname == TOOL:
-            tool.setup(idname="builtin.select_box", keymap="3D View Tool: Select Box")
-    bpy.utils.unregister_tool(LandmarkTool)
-    keyconfigs = bpy.context.window_manager.keyconfigs
-    for keyconfig in (keyconfigs.addon, keyconfigs.default):
-        if keyconfig is None:
+    """Take it out of the hand of whoever sees it, and out of the toolbar, its keys with it."""
+    for window in bpy.context.window_manager.windows:
+        tool = window.workspace.tools.from_space_view3d_mode("OBJECT", create=False)
+        if tool is None or tool.idname != TOOL:
             continue
-        for keymap in [keymap for keymap in keyconfig.keymaps if keymap.name.endswith(f", {LandmarkTool.bl_label}")]:
-            keyconfig.keymaps.remove(keymap)
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                # by the operator: setting the tool itself needs a window in the context, and crashes without
+                with bpy.context.temp_override(window=window, area=area):
+                    bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
+                break
+    bpy.utils.unregister_tool(LandmarkTool)

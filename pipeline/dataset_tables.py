@@ -23,6 +23,15 @@ HIDDEN_BELOW = 0.1
 """COCO annotations with a smaller visible fraction are marked ``ignore``, as bop_toolkit does."""
 
 
+POSE_COLUMNS = (*(f"r{row}{column}" for row in range(3) for column in range(3)), "tx_mm", "ty_mm", "tz_mm")
+"""Of the CSV tables that hold poses."""
+
+
+def pose_cells(cam_from_model: np.ndarray) -> list[str]:
+    """A pose (4x4, mm) as cells of :data:`POSE_COLUMNS`, to the last bit."""
+    return [repr(float(value)) for value in (*cam_from_model[:3, :3].ravel(), *cam_from_model[:3, 3])]
+
+
 def mask_statistics(mask: np.ndarray) -> dict[str, object]:
     """The part of ``scene_gt_info`` that a ``(H, W)`` bool mask tells, and the mask's run lengths for COCO.
 
@@ -137,17 +146,14 @@ def write_poses(root: Path, frames: Iterable[int], camera: PinholeCamera, given_
     model_from_given = inverse_rigid(given_from_model)
     lines = io.StringIO(newline="")
     table = csv.writer(lines, lineterminator="\n")
-    rotation = [f"r{row}{column}" for row in range(3) for column in range(3)]
-    table.writerow(
-        ["index", "image", *rotation, "tx_mm", "ty_mm", "tz_mm", "given_tx_mm", "given_ty_mm", "given_tz_mm"]
-    )
+    table.writerow(["index", "image", *POSE_COLUMNS, "given_tx_mm", "given_ty_mm", "given_tz_mm"])
     nerf_frames = []
     for index in frames:
         paths = FramePaths(root, index)
         cam_from_model = record_pose(read_record(paths))
         cam_from_given = cam_from_model @ model_from_given
-        numbers = [*cam_from_model[:3, :3].ravel(), *cam_from_model[:3, 3], *cam_from_given[:3, 3]]
-        table.writerow([index, paths.relative("rgb"), *(repr(float(value)) for value in numbers)])
+        given = [repr(float(value)) for value in cam_from_given[:3, 3]]
+        table.writerow([index, paths.relative("rgb"), *pose_cells(cam_from_model), *given])
         model_from_opengl_cam = inverse_rigid(cam_from_model) @ CAM_FROM_OPENGL_CAM
         nerf_frames.append(
             {

@@ -16,6 +16,11 @@ _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _GREY, _RGB = 0, 2
 
 
+def eight_bit(values: np.ndarray) -> np.ndarray:
+    """Code values 0..1 of any shape -> the nearest uint8 codes; what lies outside is clipped."""
+    return np.clip(np.rint(values * 255), 0, 255).astype(np.uint8)
+
+
 def encode_png(image: np.ndarray) -> bytes:
     """An image array as PNG.
 

@@ -33,7 +33,7 @@ from pipeline.blender.source import colour_of
 from pipeline.camera import PinholeCamera
 from pipeline.dataset import FramePaths
 from pipeline.frames import inverse_rigid, rigid
-from pipeline.image_file import encode_png
+from pipeline.image_file import eight_bit, encode_png
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh_export import write_ply
 from pipeline.options import DatasetOptions, Shard
@@ -72,7 +72,7 @@ def frame_image() -> np.ndarray:
         smooth += (coarse[i + 1, j] * (1 - t) + coarse[i + 1, j + 1] * t) * s
         image += smooth * period**0.5
     image = 0.55 + 0.16 * image / image.std()
-    return np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
+    return eight_bit(image)
 
 
 def write_case(folder: Path, triangles: int) -> Path:
@@ -149,7 +149,7 @@ def measure_speed(folder: Path, tell: Callable[[str], None], *, rounds: int) -> 
     with opened.maker(threads=available_cores()) as maker:
         poses = np.stack([maker.plan(index).cam_from_model for index in range(block)])
         colours, _ = colour_of(maker.source, "vertex")
-    codes = np.rint(colours.rgb * 255).astype(np.uint8)
+    codes = eight_bit(colours.rgb)
     mesh = maker.source.mesh
     peers = {
         "PyVista, 8x MSAA, default light": pyvista_views(mesh, codes, poses, samples=8, lit=True),
@@ -205,15 +205,13 @@ def measure_antialiasing(folder: Path, tell: Callable[[str], None]) -> dict:
         colour, _ = colour_of(maker.source, "projective")
         with SurfaceScene(maker.source.mesh, CAMERA, colour, samples=REFERENCE_SAMPLES) as reference:
             for view in views:
-                truth = _codes(render_view(reference, view.planned.cam_from_model).rgb)
-                values.append(structural_similarity(truth, _codes(view.rendered.rgb), channel_axis=2, data_range=255))
+                truth = eight_bit(render_view(reference, view.planned.cam_from_model).rgb)
+                values.append(
+                    structural_similarity(truth, eight_bit(view.rendered.rgb), channel_axis=2, data_range=255)
+                )
         figures[f"SSIM with {samples} rays at edges" if samples > 1 else "SSIM of exact views"] = min(values)
         tell(f"  {samples} samples: SSIM {min(values):.5f} (worst of {len(values)})")
     return figures
-
-
-def _codes(rgb: np.ndarray) -> np.ndarray:
-    return np.clip(np.rint(rgb * 255), 0, 255).astype(np.uint8)
 
 
 def measure_scaling(folder: Path, tell: Callable[[str], None]) -> dict:

@@ -17,15 +17,13 @@ import csv
 import io
 from collections.abc import Sequence
 
-import numpy as np
-
 from pipeline.atomic_file import write_bytes_atomically
 from pipeline.blender.comparison import compare, read_photographs
 from pipeline.blender.console import own_output, run_script
 from pipeline.blender.loading import load_case
 from pipeline.case import read_case
 from pipeline.contact_sheet import contact_sheet
-from pipeline.image_file import encode_png
+from pipeline.image_file import eight_bit, encode_png
 from pipeline.options import COLOURS
 
 
@@ -54,17 +52,13 @@ def main(argv: Sequence[str]) -> int:
         )
         output.flush()
         pictures.append(comparison.picture())
-        write_bytes_atomically(arguments.out / f"{Path(name).stem}.png", encode_png(_codes(pictures[-1])))
+        write_bytes_atomically(arguments.out / f"{Path(name).stem}.png", encode_png(eight_bit(pictures[-1])))
     write_bytes_atomically(arguments.out / "likeness.csv", table.getvalue().encode())
     sheet = contact_sheet(pictures, columns=2, tile_width=900)
-    write_bytes_atomically(arguments.out / "sheet.png", encode_png(_codes(sheet)))
+    write_bytes_atomically(arguments.out / "sheet.png", encode_png(eight_bit(sheet)))
     output.write(f"photograph, view, difference: {arguments.out / 'sheet.png'}\n")
     output.flush()
     return 0
-
-
-def _codes(image: np.ndarray) -> np.ndarray:
-    return np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
 
 
 if __name__ == "__main__":

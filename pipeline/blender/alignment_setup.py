@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..image_file import encode_png
+from ..image_file import eight_bit, encode_png
 from .alignment_scene import (
     COLLECTION,
     fit_clip,
@@ -59,7 +59,7 @@ def frame_image(path: Path, undistorted: np.ndarray | None) -> bpy.types.Image:
     """The frame for display: the file itself, or the undistorted ``(H, W, 3)`` values packed into the .blend file."""
     if undistorted is None:
         return bpy.data.images.load(str(path.resolve()), check_existing=True)
-    data = encode_png(np.clip(np.rint(undistorted * 255), 0, 255).astype(np.uint8))
+    data = encode_png(eight_bit(undistorted))
     name = f"{path.name} (undistorted)"
     existing = bpy.data.images.get(name)
     if existing is not None:

@@ -10,8 +10,8 @@ from ..atomic_file import write_bytes_atomically
 from ..colouring import colour_vertices
 from ..contact_sheet import contact_sheet
 from ..dataset import FRAMES_PER_SCENE, FramePaths, finished_frames, read_record
-from ..dataset_tables import write_camera, write_models, write_poses, write_scene
-from ..image_file import encode_png
+from ..dataset_tables import POSE_COLUMNS, pose_cells, write_camera, write_models, write_poses, write_scene
+from ..image_file import eight_bit, encode_png
 from ..overlay import Layer, overlaid
 from ..progress import Progress
 from .dataset_job import OpenJob
@@ -39,7 +39,7 @@ def write_model_files(job: OpenJob, maker: ViewMaker) -> None:
     out, source = job.job.out, maker.source
     write_camera(out, maker.camera, maker.depth_scale)
     colours = colour_vertices(source.mesh, source.view)
-    write_models(out, source.mesh, np.rint(colours.rgb * 255).astype(np.uint8))
+    write_models(out, source.mesh, eight_bit(colours.rgb))
 
 
 def write_overlay(job: OpenJob, maker: ViewMaker) -> None:
@@ -52,7 +52,7 @@ def write_overlay(job: OpenJob, maker: ViewMaker) -> None:
     inverse = maker.source.view.inverse_depth
     depth = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0)
     picture = overlaid(loaded.image, depth, layers)
-    write_bytes_atomically(job.job.out / "overlay.png", encode_png(np.rint(picture * 255).astype(np.uint8)))
+    write_bytes_atomically(job.job.out / "overlay.png", encode_png(eight_bit(picture)))
 
 
 def write_finished_scenes(job: OpenJob, maker: ViewMaker) -> bool:
@@ -84,7 +84,7 @@ def write_dataset_tables(job: OpenJob, maker: ViewMaker) -> None:
     columns = min(SHEET_COLUMNS, len(images))
     write_overlay(job, maker)
     sheet = contact_sheet(images, columns=columns, tile_width=SHEET_TILE_PX)
-    write_bytes_atomically(out / "contact_sheet.png", encode_png(np.rint(sheet * 255).astype(np.uint8)))
+    write_bytes_atomically(out / "contact_sheet.png", encode_png(eight_bit(sheet)))
 
 
 def lacks_video(job: OpenJob) -> bool:
@@ -111,11 +111,9 @@ def write_trajectory_video(job: OpenJob, maker: ViewMaker, progress: Progress) -
     write_video(folder / "trajectory.mp4", images())
     lines = io.StringIO(newline="")
     table = csv.writer(lines, lineterminator="\n")
-    rotation = [f"r{row}{column}" for row in range(3) for column in range(3)]
-    table.writerow(["frame", "time_s", *rotation, "tx_mm", "ty_mm", "tz_mm"])
+    table.writerow(["frame", "time_s", *POSE_COLUMNS])
     for number, pose in enumerate(poses):
-        values = [number / FRAMES_PER_SECOND, *pose[:3, :3].ravel(), *pose[:3, 3]]
-        table.writerow([number, *(repr(float(value)) for value in values)])
+        table.writerow([number, repr(number / FRAMES_PER_SECOND), *pose_cells(pose)])
     write_bytes_atomically(folder / "poses.csv", lines.getvalue().encode())
     return folder / "trajectory.mp4"
 

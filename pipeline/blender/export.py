@@ -12,7 +12,7 @@ import numpy as np
 from ..atomic_file import write_bytes_atomically
 from ..colouring import VertexColours
 from ..errors import InputError
-from ..image_file import encode_png
+from ..image_file import eight_bit, encode_png
 from ..mesh import TriangleMesh
 from ..mesh_export import write_obj, write_ply
 from ..srgb import linear_from_codes
@@ -61,16 +61,12 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: str) -> l
     given = given.scaled(1 / loaded.case.mm_per_unit)
     if isinstance(surface_colour, TextureAtlas):
         picture = path.with_suffix(".png")
-        write_bytes_atomically(picture, encode_png(_codes(surface_colour.image)))
+        write_bytes_atomically(picture, encode_png(eight_bit(surface_colour.image)))
         write = write_ply if suffix == ".ply" else write_obj
         write(path, given, uv=surface_colour.uv, texture=picture.name)
     else:
-        write_ply(path, given, colors=_codes(surface_colour.rgb), normals=given.vertex_normals)
+        write_ply(path, given, colors=eight_bit(surface_colour.rgb), normals=given.vertex_normals)
     return [*source.told, *told]
-
-
-def _codes(values: np.ndarray) -> np.ndarray:
-    return np.clip(np.rint(values * 255), 0, 255).astype(np.uint8)
 
 
 def _write_glb(path: Path, mesh: TriangleMesh, colour: VertexColours | TextureAtlas) -> None:
@@ -111,7 +107,7 @@ def _unlit_material(
     if isinstance(colour, TextureAtlas):
         set_corner_uv(surface, "UVMap", colour.uv)
         file = folder / "frame.png"
-        file.write_bytes(encode_png(_codes(colour.image)))
+        file.write_bytes(encode_png(eight_bit(colour.image)))
         node = nodes.new("ShaderNodeTexImage")
         node.image = bpy.data.images.load(str(file))
         node.image.pack()

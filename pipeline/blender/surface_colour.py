@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 
 from ..colouring import NEUTRAL, VertexColours, colour_vertices
-from ..image_file import encode_png
+from ..image_file import eight_bit, encode_png
 from ..mesh import TriangleMesh
 from ..srgb import codes_from_linear, linear_from_codes
 from ..texture_atlas import TextureAtlas
@@ -170,7 +170,7 @@ def _textured(surface: bpy.types.Object, atlas: TextureAtlas, mark: bool, flippe
     images = []
     for name, marked in ((TEXTURE, False), (MARKED_TEXTURE, True)):
         codes = np.where(atlas.observed[..., None], atlas.image, np.float32(_unseen_codes(marked)))
-        png = encode_png(np.clip(np.rint(codes * 255), 0, 255).astype(np.uint8))
+        png = encode_png(eight_bit(codes))
         images.append(new_packed_image(name, png, width=codes.shape[1], height=codes.shape[0]))
     material, nodes = _new_material()
     uv = nodes.add("ShaderNodeUVMap", uv_map=UV_MAP)

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..atomic_file import write_bytes_atomically
-from ..image_file import encode_png
+from ..image_file import eight_bit, encode_png
 from .versions import new_image_strip, set_mp4
 
 FRAMES_PER_SECOND = 24
@@ -32,7 +32,7 @@ def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
             padded = np.pad(image, ((0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)), mode="edge")
             shape = padded.shape[:2]
             file = Path(folder) / f"{number:06d}.png"
-            file.write_bytes(encode_png(np.clip(np.rint(padded * 255), 0, 255).astype(np.uint8)))
+            file.write_bytes(encode_png(eight_bit(padded)))
             files.append(file)
         scene = bpy.data.scenes.new("oneframe video")
         try:

@@ -9,12 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.blender.loading import LoadedCase
+from pipeline.camera import PinholeCamera
+from pipeline.case import Case
+from pipeline.frames import inverse_rigid, rigid
 from pipeline.image_file import encode_png
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh_export import write_ply
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "render_dataset.py"
 WIDTH, HEIGHT = 64, 48
+SAME_FRAME = rigid()
 OFFSET = np.array([12.0, -7.0, 40.0])
 CASE = """
 units = "mm"
@@ -54,6 +59,35 @@ def write_tiny_case() -> Callable[[Path], Path]:
         return folder / "case.toml"
 
     return write
+
+
+@pytest.fixture
+def loaded_case(tmp_path: Path) -> Callable[..., LoadedCase]:
+    """Makes a case in memory, without files, from a mesh (model frame, mm), a frame and its pose."""
+
+    def make(
+        mesh: TriangleMesh,
+        image: np.ndarray,
+        cam_from_model: np.ndarray,
+        camera: PinholeCamera,
+        valid: np.ndarray | None = None,
+        *,
+        given_from_model: np.ndarray = SAME_FRAME,
+        mm_per_unit: float = 1.0,
+    ) -> LoadedCase:
+        case = Case(
+            path=tmp_path / "case.toml",
+            mm_per_unit=mm_per_unit,
+            image=tmp_path / "frame.png",
+            camera=camera,
+            distortion=None,
+            mesh=tmp_path / "surface.ply",
+            cam_from_given=cam_from_model @ inverse_rigid(given_from_model),
+        )
+        valid = np.ones(camera.shape_hw, dtype=bool) if valid is None else valid
+        return LoadedCase(case, image, valid, mesh, given_from_model, cam_from_model, (), ())
+
+    return make
 
 
 @pytest.fixture(scope="session")

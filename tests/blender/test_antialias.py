@@ -5,13 +5,11 @@ import numpy as np
 import pytest
 
 from pipeline.blender.antialias import EdgeSampler
-from pipeline.blender.loading import LoadedCase
 from pipeline.blender.render import render_view
 from pipeline.blender.scene import SurfaceScene
 from pipeline.blender.source import Source, colour_of, source_of
 from pipeline.blender.surface_rays import SurfaceRays
 from pipeline.camera import PinholeCamera
-from pipeline.case import Case
 from pipeline.colouring import NEUTRAL
 from pipeline.edge_pixels import edge_pixels
 from pipeline.frames import camera_centre, rigid
@@ -33,18 +31,14 @@ def photograph(rng):
     return np.clip(0.5 + 0.25 * noise / noise.std(), 0, 1).astype(np.float32)
 
 
-def source_from(mesh, image, cam_from_model, tmp_path, valid=None) -> Source:
-    case = Case(
-        path=tmp_path / "case.toml",
-        mm_per_unit=1.0,
-        image=tmp_path / "frame.png",
-        camera=FRAME,
-        distortion=None,
-        mesh=tmp_path / "surface.ply",
-        cam_from_given=cam_from_model,
-    )
-    valid = np.ones(FRAME.shape_hw, dtype=bool) if valid is None else valid
-    return source_of(LoadedCase(case, image, valid, mesh, np.eye(4), cam_from_model, (), ()))
+@pytest.fixture
+def source_from(loaded_case):
+    """Makes the source of a mesh, a frame and its pose."""
+
+    def make(mesh, image, cam_from_model, valid=None) -> Source:
+        return source_of(loaded_case(mesh, image, cam_from_model, FRAME, valid))
+
+    return make
 
 
 def views_of(source, mode, poses, *, rays=8, camera=VIEW, threads=0):
@@ -67,9 +61,9 @@ def rms_codes(rgb: np.ndarray, truth: np.ndarray) -> float:
 @pytest.mark.parametrize(("mode", "codes", "ratio"), [("projective", 2, 0.3), ("texture", 2, 0.3), ("vertex", 3, 0.4)])
 @pytest.mark.parametrize("shape", ["bumpy_mesh", "stepped_mesh"])
 def test_near_to_many_samples_in_every_pixel(
-    shape, mode, codes, ratio, frontal_pose, oblique_pose, photograph, tmp_path, request
+    shape, mode, codes, ratio, frontal_pose, oblique_pose, photograph, source_from, request
 ):
-    source = source_from(request.getfixturevalue(shape), photograph, frontal_pose, tmp_path)
+    source = source_from(request.getfixturevalue(shape), photograph, frontal_pose)
     truth = sampled_by_cycles(source, mode, oblique_pose, 128).rgb
     exact = sampled_by_cycles(source, mode, oblique_pose, 1)
     (view,) = views_of(source, mode, [oblique_pose])
@@ -80,10 +74,10 @@ def test_near_to_many_samples_in_every_pixel(
     assert np.array_equal(view.observed, exact.observed)
 
 
-def test_structural_similarity_with_many_samples(bumpy_mesh, frontal_pose, oblique_pose, photograph, tmp_path):
+def test_structural_similarity_with_many_samples(bumpy_mesh, frontal_pose, oblique_pose, photograph, source_from):
     from skimage.metrics import structural_similarity
 
-    source = source_from(bumpy_mesh, photograph, frontal_pose, tmp_path)
+    source = source_from(bumpy_mesh, photograph, frontal_pose)
     truth, exact, (view,) = (
         sampled_by_cycles(source, "projective", oblique_pose, 256),
         sampled_by_cycles(source, "projective", oblique_pose, 1),
@@ -95,8 +89,8 @@ def test_structural_similarity_with_many_samples(bumpy_mesh, frontal_pose, obliq
     assert 1 - after < 0.1 * (1 - before)
 
 
-def test_more_rays_come_nearer_at_edges(stepped_mesh, frontal_pose, oblique_pose, photograph, tmp_path):
-    source = source_from(stepped_mesh, photograph, frontal_pose, tmp_path)
+def test_more_rays_come_nearer_at_edges(stepped_mesh, frontal_pose, oblique_pose, photograph, source_from):
+    source = source_from(stepped_mesh, photograph, frontal_pose)
     truth = sampled_by_cycles(source, "projective", oblique_pose, 256)
     errors = []
     for rays in (2, 8, 64):
@@ -109,9 +103,9 @@ def test_more_rays_come_nearer_at_edges(stepped_mesh, frontal_pose, oblique_pose
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_plain_frame_changes_at_edges_only(stepped_mesh, frontal_pose, oblique_pose, tmp_path, mode):
+def test_a_plain_frame_changes_at_edges_only(stepped_mesh, frontal_pose, oblique_pose, source_from, mode):
     plain = np.full((*FRAME.shape_hw, 3), 0.75, np.float32)
-    source = source_from(stepped_mesh, plain, frontal_pose, tmp_path)
+    source = source_from(stepped_mesh, plain, frontal_pose)
     exact = sampled_by_cycles(source, mode, oblique_pose, 1)
     (view,) = views_of(source, mode, [oblique_pose])
     changed = np.abs(view.rgb - exact.rgb).max(axis=2) > 1e-5
@@ -126,9 +120,9 @@ def test_a_plain_frame_changes_at_edges_only(stepped_mesh, frontal_pose, oblique
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_rays_see_what_the_renderer_sees(stepped_mesh, frontal_pose, oblique_pose, photograph, tmp_path, mode):
+def test_rays_see_what_the_renderer_sees(stepped_mesh, frontal_pose, oblique_pose, photograph, source_from, mode):
     """Geometry Nodes and Cycles shade the same points alike, front, back and background."""
-    source = source_from(stepped_mesh, photograph, frontal_pose, tmp_path)
+    source = source_from(stepped_mesh, photograph, frontal_pose)
     colour, _ = colour_of(source, mode)
     for pose in (oblique_pose, oblique_pose @ rigid(np.diag([1.0, -1.0, -1.0]))):
         with SurfaceScene(source.mesh, VIEW, colour) as scene:
@@ -140,22 +134,22 @@ def test_rays_see_what_the_renderer_sees(stepped_mesh, frontal_pose, oblique_pos
         assert np.count_nonzero(different) <= 5
 
 
-def test_colours_that_the_frame_does_not_show_never_bleed_in(bumpy_mesh, frontal_pose, photograph, tmp_path):
+def test_colours_that_the_frame_does_not_show_never_bleed_in(bumpy_mesh, frontal_pose, photograph, source_from):
     v, u = np.mgrid[: FRAME.height, : FRAME.width]
     valid = (u - 80) ** 2 + (v - 60) ** 2 < 45**2
     views = []
     for outside in (0.0, 50.0):
         image = np.where(valid[..., None], photograph, np.float32(outside))
-        source = source_from(bumpy_mesh, image, frontal_pose, tmp_path, valid)
+        source = source_from(bumpy_mesh, image, frontal_pose, valid)
         views += views_of(source, "projective", [frontal_pose])
     assert views[0].observed.sum() > 1000
     assert np.array_equal(views[0].rgb, views[1].rgb)
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_view_depends_on_its_pose_alone(bumpy_mesh, frontal_pose, oblique_pose, photograph, tmp_path, mode):
+def test_a_view_depends_on_its_pose_alone(bumpy_mesh, frontal_pose, oblique_pose, photograph, source_from, mode):
     """Other threads, other views before it, filters for other distances in between."""
-    source = source_from(bumpy_mesh, photograph, frontal_pose, tmp_path)
+    source = source_from(bumpy_mesh, photograph, frontal_pose)
     poses = [frontal_pose, FARTHER @ oblique_pose, oblique_pose, FARTHER @ frontal_pose, frontal_pose]
     views = views_of(source, mode, poses, threads=1)
     again = views_of(source, mode, poses[2:4], threads=2)
@@ -166,9 +160,9 @@ def test_a_view_depends_on_its_pose_alone(bumpy_mesh, frontal_pose, oblique_pose
 
 @pytest.mark.parametrize(("scale", "ratio"), [(0.3, 0.3), (2.0, 0.65)])
 def test_filter_fits_reduced_and_enlarged_views(
-    bumpy_mesh, frontal_pose, oblique_pose, photograph, tmp_path, scale, ratio
+    bumpy_mesh, frontal_pose, oblique_pose, photograph, source_from, scale, ratio
 ):
-    source = source_from(bumpy_mesh, photograph, frontal_pose, tmp_path)
+    source = source_from(bumpy_mesh, photograph, frontal_pose)
     camera = FRAME.resized(round(FRAME.width * scale), round(FRAME.height * scale))
     truth = sampled_by_cycles(source, "projective", oblique_pose, 64, camera).rgb
     exact = sampled_by_cycles(source, "projective", oblique_pose, 1, camera).rgb
@@ -177,21 +171,21 @@ def test_filter_fits_reduced_and_enlarged_views(
     assert rms_codes(view.rgb[inside], truth[inside]) < ratio * rms_codes(exact[inside], truth[inside])
 
 
-def test_nothing_is_left_in_blender(bumpy_mesh, frontal_pose, photograph, tmp_path):
+def test_nothing_is_left_in_blender(bumpy_mesh, frontal_pose, photograph, source_from):
     kinds = ("scenes", "objects", "meshes", "cameras", "materials", "images", "node_groups")
 
     def counts() -> list[int]:
         return [len(getattr(bpy.data, kind)) for kind in kinds]
 
-    source = source_from(bumpy_mesh, photograph, frontal_pose, tmp_path)
+    source = source_from(bumpy_mesh, photograph, frontal_pose)
     views_of(source, "vertex", [frontal_pose])  # Blender keeps an image of its own from the first render on
     before = counts()
     views_of(source, "projective", [frontal_pose, FARTHER @ frontal_pose])
     assert counts() == before
 
 
-def test_nothing_in_view_is_no_error(bumpy_mesh, frontal_pose, photograph, tmp_path):
-    source = source_from(bumpy_mesh, photograph, frontal_pose, tmp_path)
+def test_nothing_in_view_is_no_error(bumpy_mesh, frontal_pose, photograph, source_from):
+    source = source_from(bumpy_mesh, photograph, frontal_pose)
     aside = rigid(translation=np.array([500.0, 0.0, 0.0])) @ frontal_pose
     (view,) = views_of(source, "projective", [aside])
     assert not view.rgb.any()

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline.blender.loading import LoadedCase
 from pipeline.blender.render import RenderedView, render_view
 from pipeline.blender.scene import SurfaceScene
 from pipeline.blender.source import Source, colour_of, source_of
 from pipeline.camera import PinholeCamera
-from pipeline.case import Case
 from pipeline.colouring import NEUTRAL
 from pipeline.frames import camera_centre, inverse_rigid, rigid, rotation_from_vector, transform_points
 from pipeline.mesh import TriangleMesh
@@ -17,20 +15,6 @@ pytestmark = pytest.mark.render
 
 CAMERA = PinholeCamera(160, 120, 800.0, 790.0, 75.5, 62.25)
 MODES = ("projective", "texture", "vertex")
-
-
-def loaded(mesh, image, cam_from_model, tmp_path, valid=None) -> LoadedCase:
-    case = Case(
-        path=tmp_path / "case.toml",
-        mm_per_unit=1.0,
-        image=tmp_path / "frame.png",
-        camera=CAMERA,
-        distortion=None,
-        mesh=tmp_path / "surface.ply",
-        cam_from_given=cam_from_model,
-    )
-    valid = np.ones(CAMERA.shape_hw, dtype=bool) if valid is None else valid
-    return LoadedCase(case, image, valid, mesh, np.eye(4), cam_from_model, (), ())
 
 
 def plane_mesh(edge: np.ndarray) -> TriangleMesh:
@@ -49,9 +33,9 @@ def rendered_in(mode: str, source: Source, cam_from_model: np.ndarray, *, engine
 
 
 @pytest.mark.parametrize(("mode", "bound"), [("projective", 0.02), ("texture", 0.5)])
-def test_source_pose_gives_the_frame_back(bumpy_mesh, oblique_pose, sharp_image, tmp_path, mode, bound):
+def test_source_pose_gives_the_frame_back(bumpy_mesh, oblique_pose, sharp_image, loaded_case, mode, bound):
     image = sharp_image(CAMERA)
-    source = source_of(loaded(bumpy_mesh, image, oblique_pose, tmp_path))
+    source = source_of(loaded_case(bumpy_mesh, image, oblique_pose, CAMERA))
     view = rendered_in(mode, source, oblique_pose)
     assert view.observed.sum() > 0.85 * view.mask.sum()
     codes = np.rint(view.rgb * 255)
@@ -61,10 +45,10 @@ def test_source_pose_gives_the_frame_back(bumpy_mesh, oblique_pose, sharp_image,
     assert (view.rgb[~view.mask] == 0).all()
 
 
-def test_vertex_mode_is_exact_where_the_image_is_smooth(bumpy_mesh, frontal_pose, tmp_path):
+def test_vertex_mode_is_exact_where_the_image_is_smooth(bumpy_mesh, frontal_pose, loaded_case):
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
     image = np.stack([u / CAMERA.width, v / CAMERA.height, (u + v) / 300], -1).astype(np.float32)
-    source = source_of(loaded(bumpy_mesh, image, frontal_pose, tmp_path))
+    source = source_of(loaded_case(bumpy_mesh, image, frontal_pose, CAMERA))
     view = rendered_in("vertex", source, frontal_pose)
     assert view.observed.sum() > 0.8 * view.mask.sum()
     # colours are affine in the pixel, the mesh is dense: only perspective inside a triangle is left
@@ -73,10 +57,10 @@ def test_vertex_mode_is_exact_where_the_image_is_smooth(bumpy_mesh, frontal_pose
 
 @pytest.mark.parametrize("mode", MODES)
 def test_only_what_the_frame_saw_is_painted(
-    stepped_mesh, frontal_pose, oblique_pose, sharp_image, ray_cast, tmp_path, mode
+    stepped_mesh, frontal_pose, oblique_pose, sharp_image, ray_cast, loaded_case, mode
 ):
     """Against an independent ray cast: a painted point is free to the source camera, a free point is painted."""
-    source = source_of(loaded(stepped_mesh, sharp_image(CAMERA), frontal_pose, tmp_path))
+    source = source_of(loaded_case(stepped_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
     for pose in (oblique_pose, frontal_pose @ rigid(rotation_from_vector(np.array([-0.5, 0.3, 0.8])))):
         view = rendered_in(mode, source, pose)
         rows, columns = np.nonzero(view.mask)
@@ -97,18 +81,20 @@ def test_only_what_the_frame_saw_is_painted(
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_back_sides_are_not_painted(stepped_mesh, frontal_pose, sharp_image, tmp_path, mode):
-    source = source_of(loaded(stepped_mesh, sharp_image(CAMERA), frontal_pose, tmp_path))
+def test_back_sides_are_not_painted(stepped_mesh, frontal_pose, sharp_image, loaded_case, mode):
+    source = source_of(loaded_case(stepped_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
     from_below = frontal_pose @ rigid(rotation_from_vector(np.array([np.pi, 0.0, 0.0])))
     view = rendered_in(mode, source, from_below)
     assert view.mask.mean() > 0.3
     assert not view.observed.any()
 
 
-def test_flipped_mesh_gives_the_same_views_and_is_told(bumpy_mesh, frontal_pose, oblique_pose, sharp_image, tmp_path):
+def test_flipped_mesh_gives_the_same_views_and_is_told(
+    bumpy_mesh, frontal_pose, oblique_pose, sharp_image, loaded_case
+):
     image = sharp_image(CAMERA)
-    source = source_of(loaded(bumpy_mesh, image, frontal_pose, tmp_path))
-    flipped = source_of(loaded(bumpy_mesh.flipped(), image, frontal_pose, tmp_path))
+    source = source_of(loaded_case(bumpy_mesh, image, frontal_pose, CAMERA))
+    flipped = source_of(loaded_case(bumpy_mesh.flipped(), image, frontal_pose, CAMERA))
     assert not source.told
     assert "flipped" in flipped.told[0]
     one, other = (rendered_in("projective", each, oblique_pose) for each in (source, flipped))
@@ -116,22 +102,22 @@ def test_flipped_mesh_gives_the_same_views_and_is_told(bumpy_mesh, frontal_pose,
     assert np.array_equal(one.observed, other.observed)
 
 
-def test_transparent_pixels_of_the_frame_are_not_observed(bumpy_mesh, frontal_pose, sharp_image, tmp_path):
+def test_transparent_pixels_of_the_frame_are_not_observed(bumpy_mesh, frontal_pose, sharp_image, loaded_case):
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
     valid = (u - 80) ** 2 + (v - 60) ** 2 < 45**2
-    source = source_of(loaded(bumpy_mesh, sharp_image(CAMERA), frontal_pose, tmp_path, valid))
+    source = source_of(loaded_case(bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA, valid))
     view = rendered_in("projective", source, frontal_pose)
     assert not (view.observed & ~valid).any()
     assert view.observed.sum() > 0.9 * (valid & view.mask).sum()
 
 
-def test_projection_is_exact_for_two_huge_triangles(sharp_image, tmp_path):
+def test_projection_is_exact_for_two_huge_triangles(sharp_image, loaded_case):
     """A slanted plane of two triangles gives the same view as the same plane of ten thousand."""
     pose = rigid(np.diag([1.0, -1.0, -1.0]) @ rotation_from_vector(np.array([0.9, 0.3, 0.0])), [0.0, 0.0, 300.0])
     image, views = sharp_image(CAMERA), []
     for cells in (1, 70):
         edge = np.linspace(-60, 60, cells + 1)
-        source = source_of(loaded(plane_mesh(edge), image, pose, tmp_path))
+        source = source_of(loaded_case(plane_mesh(edge), image, pose, CAMERA))
         views.append(rendered_in("projective", source, pose @ rigid(rotation_from_vector(np.array([0.2, -0.3, 0.1])))))
     both = views[0].observed & views[1].observed
     assert both.sum() > 0.5 * views[0].mask.sum()
@@ -139,8 +125,8 @@ def test_projection_is_exact_for_two_huge_triangles(sharp_image, tmp_path):
     assert np.abs(views[0].rgb - views[1].rgb)[both].max() * 255 < 0.6
 
 
-def test_views_do_not_depend_on_threads_or_order(bumpy_mesh, frontal_pose, oblique_pose, sharp_image, tmp_path):
-    source = source_of(loaded(bumpy_mesh, sharp_image(CAMERA), frontal_pose, tmp_path))
+def test_views_do_not_depend_on_threads_or_order(bumpy_mesh, frontal_pose, oblique_pose, sharp_image, loaded_case):
+    source = source_of(loaded_case(bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
     colour, _ = colour_of(source, "projective")
     views = []
     for threads, poses in ((1, [frontal_pose, oblique_pose]), (2, [oblique_pose])):
@@ -150,8 +136,8 @@ def test_views_do_not_depend_on_threads_or_order(bumpy_mesh, frontal_pose, obliq
     assert np.array_equal(views[0].depth_mm, views[1].depth_mm)
 
 
-def test_pivot_lies_on_the_surface_in_the_middle(bumpy_mesh, oblique_pose, sharp_image, tmp_path):
-    source = source_of(loaded(bumpy_mesh, sharp_image(CAMERA), oblique_pose, tmp_path))
+def test_pivot_lies_on_the_surface_in_the_middle(bumpy_mesh, oblique_pose, sharp_image, loaded_case):
+    source = source_of(loaded_case(bumpy_mesh, sharp_image(CAMERA), oblique_pose, CAMERA))
     pixel = CAMERA.project(transform_points(oblique_pose, source.pivot_model[None]))[0]
     assert np.abs(pixel - [79.5, 59.5]).max() < 30
     assert np.linalg.norm(source.pivot_model - camera_centre(oblique_pose)) == pytest.approx(300, abs=10)

@@ -10,7 +10,6 @@ import pytest
 from pipeline.blender.export import export_coloured_surface
 from pipeline.blender.loading import LoadedCase
 from pipeline.camera import PinholeCamera
-from pipeline.case import Case
 from pipeline.colouring import sample_bilinear
 from pipeline.errors import InputError
 from pipeline.frames import rigid, transform_points
@@ -22,21 +21,11 @@ CAMERA = PinholeCamera(160, 120, 800.0, 790.0, 75.5, 62.25)
 
 
 @pytest.fixture
-def loaded(bumpy_mesh, frontal_pose, tmp_path) -> LoadedCase:
+def loaded(bumpy_mesh, frontal_pose, loaded_case) -> LoadedCase:
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
     image = np.stack([u / 160, v / 120, 0.5 + 0.4 * np.sin((u + v) / 9)], -1).astype(np.float32)
-    offset = np.array([100.0, -50.0, 30.0])
-    case = Case(
-        path=tmp_path / "case.toml",
-        mm_per_unit=1000.0,
-        image=tmp_path / "frame.png",
-        camera=CAMERA,
-        distortion=None,
-        mesh=tmp_path / "surface.ply",
-        cam_from_given=frontal_pose @ rigid(translation=-offset),
-    )
-    valid = np.ones(CAMERA.shape_hw, dtype=bool)
-    return LoadedCase(case, image, valid, bumpy_mesh, rigid(translation=offset), frontal_pose, (), ())
+    given_from_model = rigid(translation=np.array([100.0, -50.0, 30.0]))
+    return loaded_case(bumpy_mesh, image, frontal_pose, CAMERA, given_from_model=given_from_model, mm_per_unit=1000.0)
 
 
 def glb_colours(path: Path) -> np.ndarray:

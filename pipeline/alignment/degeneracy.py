@@ -11,16 +11,28 @@ from .reprojection import Pairs
 from .uncertainty import PoseUncertainty
 
 Kind = Literal[
-    "few", "identical", "collinear", "coplanar", "clustered", "ambiguous", "contradictory", "behind", "no fit"
+    "few",
+    "identical",
+    "collinear",
+    "coplanar",
+    "clustered",
+    "ambiguous",
+    "contradictory",
+    "mirrored",
+    "behind",
+    "no fit",
 ]
 
-LARGEST_TURN_DEG = 15.0
-LARGEST_DEPTH = 0.3
+LARGEST_TURN_DEG, LARGEST_DEPTH = 5.0, 0.1
 """Standard deviations beyond which no pose is given: of any rotation, and of the depth relative to itself."""
 
 
 MISFIT = 8.0
 """Residuals of more than so many times the stated noise: no pose fits."""
+
+MIRROR_CERTAIN, MIRROR_FITS = 1e6, 3.0
+"""If the mirror image of the points explains the pairs so many times better, and to so many times the stated noise, the
+mesh is taken to be mirrored."""
 
 LEAST_AGREEING = 0.6
 """Part of the pairs that must agree on a pose."""
@@ -105,29 +117,33 @@ def check_fit(pairs: Pairs, found: list[Hypothesis], mirrored: Hypothesis | None
     Raises
     ------
     UndeterminedPose
-        No pose puts the points in front of the camera, residuals beyond :data:`MISFIT`, too few pairs that agree.
+        The mirror image fits so much better that the mesh must be mirrored, no pose puts the points in front of the
+        camera, residuals beyond :data:`MISFIT`, too few pairs that agree.
     """
     count = len(pairs)
+    candidates = [each.pose.matrix(0, pairs.pivot_model) for each in found]
+    if mirrored is not None and mirrored.noise_px <= MIRROR_FITS * click_sigma_px:
+        gain = mirrored.log_evidence - found[0].log_evidence if found else np.inf
+        if gain > np.log(MIRROR_CERTAIN):
+            raise UndeterminedPose(
+                "mirrored",
+                f"landmarks: no pose fits these {count} pairs as well as their mirror image does, to "
+                f"{mirrored.noise_px:.2g} px: the mesh is mirrored, or the points are; mirror it in one of its axes",
+                candidates,
+            )
     if found:
         agreeing = int(found[0].inliers.sum())
         few, far = agreeing < LEAST_AGREEING * count, found[0].noise_px > MISFIT * click_sigma_px
         if not few and not far:
             return
-        best = f"only {agreeing} of {count} agree on one" if few else f"the best leaves {found[0].noise_px:.0f} px"
+        best = f"only {agreeing} agree on one" if few else f"the best leaves residuals like {found[0].noise_px:.0f} px"
     else:
         best = "every pose that they suggest has points behind the camera"
-    candidates = [each.pose.matrix(0, pairs.pivot_model) for each in found]
-    if mirrored is not None and mirrored.noise_px <= MISFIT * click_sigma_px:
-        advice = (
-            f"the mirror image of the surface fits to {mirrored.noise_px:.2g} px, so the mesh is mirrored: "
-            "mirror it in one of its axes"
-        )
-    else:
-        advice = (
-            "check that every pixel shows its point, that K belongs to this frame, and that the points are of this mesh"
-        )
     raise UndeterminedPose(
-        "no fit" if found else "behind", f"landmarks: no pose fits these {count} pairs, {best}; {advice}", candidates
+        "no fit" if found else "behind",
+        f"landmarks: no pose fits these {count} pairs, {best}; check that every pixel shows its point, that K belongs "
+        "to this frame, and that the mesh is this one and not mirrored",
+        candidates,
     )
 
 
@@ -140,7 +156,7 @@ def ambiguity(
     fits = f"landmarks: the pairs fit {len(possible)} poses, up to {turn_deg:.2g}° apart, nearly equally"
     if not np.array_equal(best.inliers, second.inliers):
         doubtful = [repr(names[index]) for index in np.flatnonzero(best.inliers != second.inliers).tolist()]
-        advice = f"they differ on {' and '.join(doubtful)}, at least one of which is wrong; check these, or add pairs"
+        advice = f"they differ on {', '.join(doubtful)}, at least one of which is wrong; check these, or add pairs"
         return UndeterminedPose("contradictory", f"{fits}: {advice}", candidates)
     distance = float(np.linalg.norm(best.pose.positions[0]))
     if _spread_px(pairs, distance)[2] < THICK_SIGMAS * click_sigma_px:
@@ -161,16 +177,12 @@ def check_uncertainty(
         A standard deviation beyond :data:`LARGEST_TURN_DEG` or :data:`LARGEST_DEPTH`; told by its cause: points on
         nearly a line, a small part of the image, points on nearly a plane.
     """
-    turns = uncertainty.covariance[3:, 3:]
-    turn_deg = float(np.degrees(np.sqrt(np.linalg.eigvalsh(turns)[-1])))
-    ray = uncertainty.view_ray
-    distance = float(np.linalg.norm(cam_from_model[:3, :3] @ pairs.pivot_model + cam_from_model[:3, 3]))
-    depth = float(np.sqrt(ray @ uncertainty.covariance[:3, :3] @ ray)) / distance
+    turn_deg, depth = uncertainty.largest_rotation_deg, uncertainty.relative_depth
     if turn_deg <= LARGEST_TURN_DEG and depth <= LARGEST_DEPTH:
         return
     count = len(pairs)
     found = f"± {turn_deg:.2g}° of rotation" if turn_deg > LARGEST_TURN_DEG else f"± {100 * depth:.2g} % of distance"
-    kind, cause = _cause(pairs, distance, click_sigma_px)
+    kind, cause = _cause(pairs, float(np.linalg.norm(uncertainty.pivot_cam)), click_sigma_px)
     raise UndeterminedPose(
         kind, f"landmarks: {count} pairs leave the pose undetermined ({found}): {cause}", [cam_from_model]
     )

@@ -12,15 +12,20 @@ from .outliers import agreeing_pairs
 from .pose_candidates import candidate_poses
 from .pose_fit import Loss, fitted_poses
 from .reprojection import Pairs, Poses, residuals
-from .uncertainty import PRIOR_DOF
 
-WRONG_PAIR = 0.05
-"""Probability that a pair is wrong, before anything is known; it then lies anywhere in the frame."""
+WRONG_PAIR, WRONG_SIGMAS = 0.05, 50.0
+"""Probability that a pair is wrong, before anything is known; it then lies anywhere within so many sigmas."""
 
 DOUBTFUL = 2.0
 """A noise estimate of more than so many times the stated noise makes it worth looking for wrong pairs."""
 
-KEPT = 8
+NOISE_DOF = 12.0
+"""How firmly the stated noise is believed where wrong pairs are weighed against large noise, in degrees of freedom."""
+
+SAMPLES = 50
+"""Of three pairs: with 40 % wrong pairs, the chance that none of them is free of these is 5e-6."""
+
+KEPT, TRIED = 8, 4
 START_APART_DEG, SAME_DEG = 2.0, 0.1
 """Starts nearer to each other than the first lead to one minimum; minima nearer than the second are one."""
 
@@ -57,11 +62,11 @@ class Hypothesis:
         return math.sqrt(self.squared_px / self.dof)
 
 
-def hypotheses(pairs: Pairs, start: Poses, click_sigma_px: float) -> list[Hypothesis]:
+def hypotheses(pairs: Pairs, start: Poses, click_sigma_px: float, *, doubting: bool = True) -> list[Hypothesis]:
     """What explains the pairs, the most probable first; empty if no pose puts the points in front of the camera.
 
-    Every candidate is refined. From 5 pairs on, some may be wrong: the candidates are refined with a bounded loss whose
-    scale shrinks, and the best of them choose their pairs (:mod:`.outliers`).
+    Every candidate is refined. From 5 pairs on, and unless all agree, some may be wrong: the candidates are refined
+    with a bounded loss whose scale shrinks, and the best of them choose their pairs (:mod:`.outliers`).
 
     Parameters
     ----------
@@ -69,8 +74,10 @@ def hypotheses(pairs: Pairs, start: Poses, click_sigma_px: float) -> list[Hypoth
         At least 4.
     start
         Further poses to start from, possibly none.
+    doubting
+        Whether any pair may be wrong.
     """
-    found = candidate_poses(pairs)
+    found = candidate_poses(pairs, samples=SAMPLES if doubting else 0)
     starts = Poses(
         np.concatenate([found.rotations, start.rotations]), np.concatenate([found.positions, start.positions])
     )
@@ -81,24 +88,28 @@ def hypotheses(pairs: Pairs, start: Poses, click_sigma_px: float) -> list[Hypoth
     trials = [(fitted[[number]], everyone) for number in np.argsort(cost) if np.isfinite(cost[number])]
     # where all pairs agree as well as clicks can, none of them is worth doubting
     agree = cost.min(initial=np.inf) <= (2 * len(pairs) - 6) * (DOUBTFUL * click_sigma_px) ** 2
-    if len(pairs) > 4 and not agree:
-        robust = _best(pairs, starts, 16 * click_sigma_px)
-        for scale in (16, 4):
-            robust, cost = fitted_poses(pairs, robust, loss=Loss(scale * click_sigma_px), iterations=15)
-        for number in np.argsort(cost):
-            pose = robust[[number]]
-            trials.append((pose, _nearest_pairs(pairs, pose, 4 * click_sigma_px)))
+    if doubting and len(pairs) > 4 and not agree:
+        trials += _consensus(pairs, starts, click_sigma_px)
+        inliers, pose = agreeing_pairs(pairs, fitted[[int(np.argmin(cost))]], everyone, click_sigma_px)
+        trials = [(pose, inliers), *trials[1:]]
     explained: list[Hypothesis] = []
     for pose, inliers in _different(trials):
-        if len(pairs) > 4 and not agree:
-            inliers, pose = agreeing_pairs(pairs, pose, inliers, click_sigma_px)
         squared = float((residuals(pairs[inliers], pose)[0] ** 2).sum())
         if np.isfinite(squared):
             evidence = _log_evidence(pairs, inliers, squared, click_sigma_px)
             explained.append(Hypothesis(pose, inliers, squared, evidence))
-    explained.sort(key=lambda each: -each.log_evidence)
-    different = _different([(each.pose, each.inliers) for each in explained])
-    return [each for each in explained if any(each.pose is pose for pose, _ in different)]
+    return sorted(explained, key=lambda each: -each.log_evidence)
+
+
+def _consensus(pairs: Pairs, starts: Poses, click_sigma_px: float) -> list[tuple[Poses, np.ndarray]]:
+    """Poses that some of the pairs agree on, and which these are."""
+    robust = _best(pairs, starts, 16 * click_sigma_px)
+    for scale in (16, 4):
+        robust, cost = fitted_poses(pairs, robust, loss=Loss(scale * click_sigma_px), iterations=15)
+    poses = [robust[[number]] for number in np.argsort(cost, kind="stable")]
+    trials = _different([(pose, _nearest_pairs(pairs, pose, 4 * click_sigma_px)) for pose in poses])[:TRIED]
+    agreed = [agreeing_pairs(pairs, pose, inliers, click_sigma_px) for pose, inliers in trials]
+    return [(pose, inliers) for inliers, pose in agreed]
 
 
 def _best(pairs: Pairs, poses: Poses, scale_px: float) -> Poses:
@@ -144,8 +155,7 @@ def _log_evidence(pairs: Pairs, inliers: np.ndarray, squared: float, click_sigma
     (The volume of the pose's posterior is taken as equal for all hypotheses.)
     """
     count = int(inliers.sum())
-    prior, half = PRIOR_DOF * click_sigma_px**2, PRIOR_DOF / 2 + count - 3
-    right = -(count - 3) * math.log(math.pi) + math.lgamma(half) + PRIOR_DOF / 2 * math.log(prior)
+    prior, half = NOISE_DOF * click_sigma_px**2, NOISE_DOF / 2 + count - 3
+    right = -(count - 3) * math.log(math.pi) + math.lgamma(half) + NOISE_DOF / 2 * math.log(prior)
     right += count * math.log(1 - WRONG_PAIR) - half * math.log(prior + squared)
-    area = pairs.camera.width * pairs.camera.height
-    return right + (len(pairs) - count) * math.log(WRONG_PAIR / area)
+    return right + (len(pairs) - count) * math.log(WRONG_PAIR / (WRONG_SIGMAS * click_sigma_px) ** 2)

@@ -8,22 +8,19 @@ import numpy as np
 
 from .reprojection import Pairs, Poses
 
-SAMPLES = 80
-"""Samples of three pairs: with 40 % wrong pairs, the chance that none of them is free of these is 3e-9."""
-
 UNDISTORTED = np.zeros(4)
 
 
-def candidate_poses(pairs: Pairs) -> Poses:
+def candidate_poses(pairs: Pairs, samples: int) -> Poses:
     """Poses in front of which most points lie, each near one that could explain the pairs.
 
     From all pairs: SQPnP (Terzakis & Lourakis 2020), EPnP (Lepetit et al. 2009) and both solutions of IPPE (Collins &
     Bartoli 2014) for the points laid flat on their plane of best fit, which finds the two minima of points that are
     coplanar or nearly so. From samples of three pairs: up to four solutions each (Ke & Roumeliotis 2017), which need no
-    other pair to be right.
+    other pair to be right; ``samples`` of them at most.
     """
     found = list(_from_all(pairs))
-    for sample in _samples(pairs):
+    for sample in _samples(len(pairs), samples):
         found += _solutions(pairs[sample], cv2.SOLVEPNP_AP3P)
     rotations = np.array([rotation for rotation, _ in found]).reshape(-1, 3, 3)
     positions = np.array([position for _, position in found]).reshape(-1, 3)
@@ -47,11 +44,11 @@ def _from_all(pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray]]:
             yield turned, position - turned @ centre
 
 
-def _samples(pairs: Pairs) -> Iterator[list[int]]:
-    """Triples, all of them if they are few; always the same for the same number of pairs."""
-    triples = list(itertools.combinations(range(len(pairs)), 3))
-    if len(triples) > SAMPLES:
-        chosen = np.random.default_rng(len(pairs)).choice(len(triples), SAMPLES, replace=False)
+def _samples(count: int, samples: int) -> Iterator[list[int]]:
+    """Triples of ``count`` pairs, all of them if they are few; always the same for the same number of pairs."""
+    triples = list(itertools.combinations(range(count), 3))
+    if len(triples) > samples:
+        chosen = np.random.default_rng(count).choice(len(triples), samples, replace=False)
         triples = [triples[index] for index in sorted(chosen)]
     yield from (list(triple) for triple in triples)
 

@@ -113,6 +113,10 @@ def fitted_poses(
             break
         now = np.flatnonzero(active)
         diagonal = np.einsum("kii->ki", normal[now])
+        if held is not None:
+            # damped in the measure of the pull: what no pixel determines then stays, instead of drifting along
+            measure = ((held.precision_root[:, None] * basis) ** 2).sum(axis=0)
+            diagonal = measure * (diagonal / measure).max(axis=1, keepdims=True)
         # a freedom that moves no pixel gets a floor, or the system would be singular
         floor = 1e-12 * diagonal.max(axis=1, keepdims=True) + 1e-30
         damped = normal[now] + (damping[now, None] * diagonal + floor)[..., None] * np.eye(basis.shape[1])

@@ -22,11 +22,17 @@ RIVAL_ODDS = 0.05
 RIVAL_APART_DEG, RIVAL_APART_SIGMAS = 3.0, 5.0
 """Two possible poses nearer than this, in angle and in the pixels of the pairs, are one for the user."""
 
+CONTRADICTION_DEG = 10.0
+"""If possible poses that differ on which pairs are wrong are no farther apart, the best is given and the doubt told."""
+
 NEAR_DEG, MUCH_NEARER = 30.0, 3.0
 """Of possible poses the one near the start is taken: within this angle of it, all others so many times farther."""
 
 DOUBTFUL = 2.5
 """Residuals of more than so many times the stated noise are told."""
+
+VAGUE_TURN_DEG, VAGUE_DEPTH = 2.0, 0.03
+"""Standard deviations of a rotation, and of the depth relative to itself, beyond which the user is told."""
 
 MIRROR_ODDS = 1000.0
 """The mirror image must explain the pairs so many times better to be mentioned: mirrored meshes are rare."""
@@ -114,7 +120,7 @@ def solve_pose(
         inliers=chosen.inliers,
         rms_px=float(np.sqrt(chosen.squared_px / chosen.inliers.sum())),
         uncertainty=uncertainty,
-        told=(*told, *_warnings(chosen, apart, mirrored, click_sigma_px, names)),
+        told=(*told, *_warnings(chosen, apart, uncertainty, mirrored, click_sigma_px, names)),
     )
 
 
@@ -149,7 +155,7 @@ def _mirrored(pairs: Pairs, found: list[Hypothesis], click_sigma_px: float) -> H
     if found and found[0].inliers.all() and found[0].noise_px <= DOUBTFUL * click_sigma_px:
         return None
     image = Pairs(-pairs.offsets, pairs.pixels, pairs.camera, pairs.pivot_model)
-    mirrored = hypotheses(image, _start(None, pairs), click_sigma_px)
+    mirrored = hypotheses(image, _start(None, pairs), click_sigma_px, doubting=False)
     if not mirrored or (found and mirrored[0].log_evidence - found[0].log_evidence < np.log(MIRROR_ODDS)):
         return None
     return mirrored[0]
@@ -159,12 +165,19 @@ def _chosen(
     pairs: Pairs, found: list[Hypothesis], start: np.ndarray | None, click_sigma_px: float, names: list[str]
 ) -> tuple[Hypothesis, list[str]]:
     """The best hypothesis, or of several possible ones the one near the start, and what to tell of that."""
-    possible = [found[0], *(each for each in found[1:] if _rivals(pairs, found[0], each, click_sigma_px))]
-    if len(possible) == 1:
+    rivals = [each for each in found[1:] if _rivals(pairs, found[0], each, click_sigma_px)]
+    if not rivals:
         return found[0], []
-    turns = [_turn_deg(found[0].pose.rotations[0], each.pose.rotations[0]) for each in possible[1:]]
+    possible = [found[0], *rivals]
+    turns = [_turn_deg(found[0].pose, each.pose) for each in rivals]
+    if max(turns) <= CONTRADICTION_DEG and not any(_agree(found[0], each) for each in rivals):
+        doubtful = " or ".join(repr(names[index]) for index in np.flatnonzero(found[0].inliers != rivals[0].inliers))
+        return found[0], [
+            f"The pairs fit another pose, {turns[0]:.2g}° apart, nearly as well: check {doubtful}, and add pairs."
+        ]
     if start is not None:
-        angles = np.array([_turn_deg(np.asarray(start)[:3, :3], each.pose.rotations[0]) for each in possible])
+        present = _start(start, pairs)
+        angles = np.array([_turn_deg(present, each.pose) for each in possible])
         nearest = int(np.argmin(angles))
         others = np.delete(angles, nearest)
         if angles[nearest] <= NEAR_DEG and others.min() >= MUCH_NEARER * angles[nearest]:
@@ -175,13 +188,17 @@ def _chosen(
     raise ambiguity(pairs, possible, max(turns), names, click_sigma_px)
 
 
+def _agree(one: Hypothesis, other: Hypothesis) -> bool:
+    return np.array_equal(one.inliers, other.inliers)
+
+
 def _rivals(pairs: Pairs, best: Hypothesis, other: Hypothesis, click_sigma_px: float) -> bool:
     """Whether another hypothesis is nearly as probable as the best one, and another pose for the user."""
     if other.log_evidence - best.log_evidence < np.log(RIVAL_ODDS):
         return False
     predicted = residuals(pairs, best.pose)[0][0] - residuals(pairs, other.pose)[0][0]
     shift_px = float(np.nanmax(np.linalg.norm(predicted, axis=1)))
-    turn_deg = _turn_deg(best.pose.rotations[0], other.pose.rotations[0])
+    turn_deg = _turn_deg(best.pose, other.pose)
     if turn_deg < RIVAL_APART_DEG and shift_px < RIVAL_APART_SIGMAS * click_sigma_px:
         return False
     # what lies inside the region that is shown anyway is no surprise
@@ -190,12 +207,17 @@ def _rivals(pairs: Pairs, best: Hypothesis, other: Hypothesis, click_sigma_px: f
     return not pose_uncertainty(fitted, estimate, click_sigma_px).contains(rival, estimate)
 
 
-def _turn_deg(one: np.ndarray, other: np.ndarray) -> float:
-    return rotation_angle_deg(one @ other.T)
+def _turn_deg(one: Poses, other: Poses) -> float:
+    return rotation_angle_deg(one.rotations[0] @ other.rotations[0].T)
 
 
 def _warnings(
-    chosen: Hypothesis, apart: np.ndarray, mirrored: Hypothesis | None, click_sigma_px: float, names: list[str]
+    chosen: Hypothesis,
+    apart: np.ndarray,
+    uncertainty: PoseUncertainty,
+    mirrored: Hypothesis | None,
+    click_sigma_px: float,
+    names: list[str],
 ) -> list[str]:
     told = []
     for index in np.flatnonzero(~chosen.inliers):
@@ -212,6 +234,9 @@ def _warnings(
             f"The residuals are larger than clicks of {click_sigma_px:g} px explain (they look like "
             f"{chosen.noise_px:.2g} px): check the pairs, K and the mesh."
         )
+    turn_deg, depth = uncertainty.largest_rotation_deg, uncertainty.relative_depth
+    if turn_deg > VAGUE_TURN_DEG or depth > VAGUE_DEPTH:
+        told.append(f"The pairs leave the pose vague ({uncertainty.weakest}): spread them farther apart.")
     count = int(chosen.inliers.sum())
     if count < FEW_PAIRS:
         told.append(f"The pose rests on {count} pairs, which hardly check each other: {FEW_PAIRS} or more are better.")

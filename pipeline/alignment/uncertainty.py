@@ -73,8 +73,8 @@ class PoseUncertainty:
         The noise estimate: standard deviation of a click in each image direction.
     radius_mm
         Root mean square distance of these points from the pivot: makes turns comparable with shifts.
-    view_ray
-        ``(3,)`` unit vector from the camera to the pivot, camera axes.
+    pivot_cam
+        ``(3,)`` the pivot in the camera frame, mm.
     """
 
     pivot_model: np.ndarray
@@ -82,7 +82,7 @@ class PoseUncertainty:
     dof: float
     sigma_px: float
     radius_mm: float
-    view_ray: np.ndarray
+    pivot_cam: np.ndarray
 
     @property
     def translation_mm(self) -> np.ndarray:
@@ -93,6 +93,18 @@ class PoseUncertainty:
     def rotation_deg(self) -> np.ndarray:
         """``(3,)`` standard deviations of the rotation about the camera's x, y, z."""
         return np.degrees(np.sqrt(np.diag(self.covariance)[3:]))
+
+    @property
+    def largest_rotation_deg(self) -> float:
+        """Standard deviation of the rotation about the axis about which it is known worst."""
+        return float(np.degrees(np.sqrt(np.linalg.eigvalsh(self.covariance[3:, 3:])[-1])))
+
+    @property
+    def relative_depth(self) -> float:
+        """Standard deviation of the distance along the view ray, relative to the distance."""
+        distance = float(np.linalg.norm(self.pivot_cam))
+        ray = self.pivot_cam / distance
+        return float(np.sqrt(ray @ self.covariance[:3, :3] @ ray)) / distance
 
     @property
     def weakest_twist(self) -> np.ndarray:
@@ -148,7 +160,7 @@ class PoseUncertainty:
 
     def _view_axes(self) -> np.ndarray:
         """``(6, 6)`` from camera axes to axes whose third is the view ray; the first stays level in the image."""
-        ray = self.view_ray
+        ray = self.pivot_cam / np.linalg.norm(self.pivot_cam)
         right = np.array([1.0, 0, 0]) - ray[0] * ray
         right /= np.linalg.norm(right)
         axes = np.stack([right, np.cross(ray, right), ray])
@@ -179,14 +191,13 @@ def pose_uncertainty(pairs: Pairs, cam_from_model: np.ndarray, click_sigma_px: f
     squared = float(((pairs.pixels - pairs.camera.project(points_cam)) ** 2).sum())
     noise = NoiseEstimate.of(squared, 2 * len(pairs) - 6, click_sigma_px)
     covariance = noise.variance * inverse_normal(jacobian)
-    pivot_cam = transform_points(cam_from_model, pairs.pivot_model)
     return PoseUncertainty(
         pivot_model=pairs.pivot_model,
         covariance=covariance,
         dof=noise.effective_dof,
         sigma_px=noise.sigma_px,
         radius_mm=float(np.sqrt((pairs.offsets**2).sum(axis=1).mean())),
-        view_ray=pivot_cam / np.linalg.norm(pivot_cam),
+        pivot_cam=transform_points(cam_from_model, pairs.pivot_model),
     )
 
 

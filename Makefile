@@ -35,7 +35,7 @@ addon-dev: setup
 	@$(RUN) scripts/addon_dev.py --blender "$(BLENDER)" -- $(BLENDER_FLAGS)
 
 test: setup
-	$(RUN) -m pytest
+	$(RUN) -m pytest $(PYTEST_FLAGS)
 
 lint: setup
 	$(RUN) -m ruff format --check .

@@ -3,18 +3,21 @@
 python scripts/addon_dev.py --blender PROGRAM [--case CASE.toml] [-- Blender's own arguments]
 """
 
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+# the package and the other scripts, also where nothing is installed
+sys.path.insert(0, str(ROOT))
+
 import argparse
 import os
 import shutil
 import subprocess
-import sys
 from collections.abc import Sequence
-from pathlib import Path
-
-import build_extension
-from build_extension import ROOT
 
 from pipeline.errors import InputError, RunError
+from scripts import build_extension
 
 RESOURCES = ROOT / "build" / "addon-dev"
 SAMPLE = ROOT / "demo" / "case" / "case.toml"

@@ -1,5 +1,6 @@
 """Blender's real window on a display of its own, the extension installed in it from the zip, and the sample case."""
 
+import ctypes
 import json
 import os
 import shutil
@@ -20,6 +21,8 @@ from pipeline.sample_surface import sample_surface
 HERE = Path(__file__).resolve().parent
 PICTURES = HERE.parents[1] / "build" / "window"
 SIZE = 1280, 800
+WINDOW_FLAGS = ["--gpu-backend", "opengl", "--window-geometry", "0", "0", *map(str, SIZE)]
+"""Where Blender renders in software, Vulkan draws lines wrongly."""
 
 
 @pytest.fixture(scope="session")
@@ -58,30 +61,20 @@ def sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return case
 
 
-@contextmanager
-def display(size: tuple[int, int]) -> Iterator[str]:
-    """A display in memory; its name."""
-    reading, writing = os.pipe()
-    screen = f"{size[0]}x{size[1]}x24"
-    server = subprocess.Popen(
-        ["Xvfb", "-displayfd", str(writing), "-screen", "0", screen, "-nolisten", "tcp", "-terminate"],
-        pass_fds=[writing],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        os.close(writing)
-        with open(reading, encoding="ascii") as told:
-            number = told.readline().strip()
-        assert number, "Xvfb has not started"
-        yield f":{number}"
-    finally:
-        server.kill()
-        server.wait()
+@pytest.fixture
+def run_in_window(blender: str) -> Callable[..., tuple[int | str, str]]:
+    """Runs a command, given the environment variables that it needs besides, on a display of its own."""
+
+    def run(command: list, timeout_s: float, **environment: object) -> tuple[int | str, str]:
+        settings = {name: str(value) for name, value in environment.items()}
+        with _display(SIZE) as name:
+            return _run_group(list(map(str, command)), os.environ | settings | {"DISPLAY": name}, timeout_s)
+
+    return run
 
 
 @pytest.fixture
-def play(blender: str, resources: Path, sample: Path, tmp_path: Path) -> Callable[[Path, float], dict]:
+def play(blender: str, resources: Path, sample: Path, tmp_path: Path, run_in_window) -> Callable[[Path, float], dict]:
     """Plays a scenario file in a Blender of its own; gives the facts that it found, fails if it fails."""
 
     def run(scenario: Path, timeout_s: float) -> dict:
@@ -95,13 +88,12 @@ def play(blender: str, resources: Path, sample: Path, tmp_path: Path) -> Callabl
         result, settings = tmp_path / "result.json", tmp_path / "settings.json"
         told = {"scenario": scenario, "case": case, "result": result, "timeout_s": timeout_s, **folders}
         settings.write_text(json.dumps(told, default=str))
-        environment = {"BLENDER_USER_RESOURCES": str(own), "TMPDIR": str(folders["temporary"])}
-        flags = ["--factory-startup", "--gpu-backend", "opengl", "--enable-event-simulate", "-noaudio"]
-        geometry = ["--window-geometry", "0", "0", *map(str, SIZE)]
-        command = [blender, *flags, *geometry, "--python-exit-code", "1", "-P", HERE / "driver.py", "--", settings]
+        flags = ["--factory-startup", "--enable-event-simulate", "-noaudio", *WINDOW_FLAGS]
+        command = [blender, *flags, "--python-exit-code", "1", "-P", HERE / "driver.py", "--", settings]
         try:
-            with display(SIZE) as name:
-                status, output = _run_group(command, os.environ | environment | {"DISPLAY": name}, timeout_s + 10)
+            status, output = run_in_window(
+                command, timeout_s + 10, BLENDER_USER_RESOURCES=own, TMPDIR=folders["temporary"]
+            )
         finally:
             _keep_pictures(folders["pictures"], PICTURES / scenario.stem.removeprefix("scenario_"))
         assert result.exists(), f"Blender ended with {status}:\n{output}"
@@ -114,6 +106,35 @@ def play(blender: str, resources: Path, sample: Path, tmp_path: Path) -> Callabl
     return run
 
 
+@contextmanager
+def _display(size: tuple[int, int]) -> Iterator[str]:
+    """A display in memory; its name."""
+    reading, writing = os.pipe()
+    screen = f"{size[0]}x{size[1]}x24"
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", str(writing), "-screen", "0", screen, "-nolisten", "tcp"],
+        pass_fds=[writing],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        preexec_fn=_end_with_parent,
+    )
+    try:
+        os.close(writing)
+        with open(reading, encoding="ascii") as told:
+            number = told.readline().strip()
+        assert number, "Xvfb has not started"
+        yield f":{number}"
+    finally:
+        server.kill()
+        server.wait()
+
+
+def _end_with_parent() -> None:
+    """In a child: end when the tests are killed and can no longer end it."""
+    pr_set_pdeathsig = 1
+    ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
+
+
 def _link(source: str, target: str) -> None:
     try:
         os.link(source, target)
@@ -121,11 +142,16 @@ def _link(source: str, target: str) -> None:
         shutil.copy2(source, target)
 
 
-def _run_group(command: list, environment: dict[str, str], timeout_s: float) -> tuple[int | str, str]:
+def _run_group(command: list[str], environment: dict[str, str], timeout_s: float) -> tuple[int | str, str]:
     """Exit status and all output of a command; killed with all its children when the time is up."""
     with tempfile.TemporaryFile("w+") as output:
         process = subprocess.Popen(
-            list(map(str, command)), stdout=output, stderr=output, env=environment, start_new_session=True
+            command,
+            stdout=output,
+            stderr=output,
+            env=environment,
+            start_new_session=True,
+            preexec_fn=_end_with_parent,
         )
         try:
             status: int | str = process.wait(timeout_s)

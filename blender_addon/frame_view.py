@@ -9,6 +9,7 @@ from mathutils import Vector
 
 from . import gather
 from .pipeline.blender.camera import cam_from_model_of
+from .pipeline.blender.visible_surface import first_hit
 from .pipeline.camera import PinholeCamera
 from .pipeline.errors import InputError
 from .pipeline.frames import inverse_rigid, transform_points
@@ -92,8 +93,8 @@ def surface_point(scene: bpy.types.Scene, origin_world: Vector, direction_world:
         raise InputError("expected Object mode; press Tab to leave Edit mode, then pick")
     start = model_from_world @ origin_world
     direction = (model_from_world.to_3x3() @ direction_world).normalized()
-    hit, point, _, _ = surface.ray_cast(start, direction)
-    return np.array(point, float) if hit else None
+    point = first_hit(surface, start, direction)
+    return None if point is None else np.array(point, float)
 
 
 def surface_point_at(scene: bpy.types.Scene, pixel: np.ndarray) -> np.ndarray | None:

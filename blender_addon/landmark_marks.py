@@ -65,7 +65,9 @@ class LandmarkView:
         return frame_view.surface_point(scene, origin, direction)
 
     def hidden(self, scene: bpy.types.Scene, points_model: np.ndarray, region: np.ndarray) -> np.ndarray:
-        """``(N,)`` bool: another part of the surface lies before the point."""
+        """``(N,)`` bool: another part of the surface lies before the point; in Edit mode that is not known."""
+        if gather.surface_of(scene).mode == "EDIT":
+            return np.zeros(len(points_model), bool)
         eye_from_model = np.array(self.region_3d.view_matrix) @ world_from_model(scene)
         found = np.zeros(len(points_model), bool)
         for index, (point, at) in enumerate(zip(points_model, region, strict=True)):

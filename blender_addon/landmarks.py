@@ -155,6 +155,8 @@ class _One:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         if found is None:
+            if self.elsewhere == {"CANCELLED"}:
+                self.report({"INFO"}, "no landmark under the pointer")
             return self.elsewhere
         self.index = found
         return self.execute(context)
@@ -273,8 +275,13 @@ def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
     for entry in scene.oneframe.landmarks:
         if not entry.has_point:
             continue
-        found, nearest, _, _ = surface.closest_point_on_mesh(Vector(entry.point))
-        distance = (nearest - Vector(entry.point)).length if found else np.inf
+        try:
+            found, nearest, _, _ = surface.closest_point_on_mesh(Vector(entry.point))
+        except RuntimeError:  # Blender's only way to say that the object is not in the view layer
+            found = False
+        if not found:
+            return ("whether the points lie on the surface cannot be checked: show it, and leave Edit mode",)
+        distance = (nearest - Vector(entry.point)).length
         if distance > OFF_SURFACE_MM:
             off.append(f"{entry.name} ({distance:.1f} mm)")
     if not off:

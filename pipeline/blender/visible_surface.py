@@ -1,4 +1,4 @@
-"""What of the surface the camera sees, by a coarse grid of rays: the pivot of edits, and how far around it they reach."""
+"""What of the surface the camera sees, by a coarse grid of rays: the pivot of edits, and how far they reach."""
 
 from dataclasses import dataclass
 
@@ -7,6 +7,7 @@ import numpy as np
 from mathutils import Vector
 
 from ..camera import PinholeCamera
+from ..errors import InputError
 from ..frames import camera_centre, inverse_rigid
 
 GRID = 12
@@ -41,8 +42,26 @@ class VisibleSurface:
         return float(np.sqrt(((self.points_model - pivot_model) ** 2).sum(axis=1).mean()))
 
 
+def first_hit(surface: bpy.types.Object, origin: Vector, direction: Vector) -> Vector | None:
+    """Where a ray (model frame) first meets the surface object, ``None`` if it misses.
+
+    Raises
+    ------
+    InputError
+        Blender does not keep the mesh ready, because the object is not in the view layer.
+    """
+    try:
+        hit, point, _, _ = surface.ray_cast(origin, direction)
+    except RuntimeError:  # Blender's only way to say so
+        raise InputError(
+            f"{surface.name}: expected a surface that is in the view layer, its collection is excluded or disabled; "
+            "enable the collection in the Outliner"
+        ) from None
+    return point if hit else None
+
+
 def visible_surface(surface: bpy.types.Object, camera: PinholeCamera, cam_from_model: np.ndarray) -> VisibleSurface:
-    """Cast a grid of rays from the camera at the surface object (evaluated, in Object mode)."""
+    """Cast a grid of rays from the camera at the surface object (evaluated, in Object mode); see :func:`first_hit`."""
     step = max(camera.size_wh) / GRID
     columns, rows = (max(2, round(size / step)) for size in camera.size_wh)
     u, v = np.meshgrid(
@@ -54,8 +73,8 @@ def visible_surface(surface: bpy.types.Object, camera: PinholeCamera, cam_from_m
     centre = Vector(camera_centre(cam_from_model))
     points, seen = [], []
     for pixel, direction in zip(pixels, camera.rays_cam(pixels) @ model_from_cam[:3, :3].T, strict=True):
-        hit, point, _, _ = surface.ray_cast(centre, Vector(direction))
-        if hit:
+        point = first_hit(surface, centre, Vector(direction))
+        if point is not None:
             points.append(point[:])
             seen.append(pixel)
     return VisibleSurface(np.array(points, float).reshape(-1, 3), np.array(seen, float).reshape(-1, 2))

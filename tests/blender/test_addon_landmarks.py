@@ -315,6 +315,32 @@ def test_a_scaled_surface_is_left_alone_until_it_is_mended(scene, pairs):
     assert np.array_equal(np.array(surface.matrix_world), placed)
 
 
+@pytest.mark.parametrize("away", ["edited", "excluded"])
+def test_a_surface_that_cannot_be_picked_on_is_told_and_nothing_changes(scene, pairs, tmp_path, away):
+    from blender_addon.pipeline.errors import InputError
+
+    from blender_addon import frame_view
+    from blender_addon.landmarks import off_surface
+
+    add(*pairs)
+    path = tmp_path / "pairs.csv"
+    bpy.ops.oneframe.export_landmarks(filepath=str(path))
+    moved = displace(scene)
+    if away == "edited":
+        bpy.context.view_layer.objects.active = scene.oneframe.surface
+        bpy.ops.object.mode_set(mode="EDIT")
+    else:
+        bpy.context.view_layer.layer_collection.children[0].exclude = True
+    with pytest.raises(InputError, match="Edit mode" if away == "edited" else "Outliner"):
+        frame_view.surface_point_at(scene, POINTS_PX[0])
+    assert "cannot be checked" in off_surface(scene)[0]
+    assert np.array_equal(pose_of(scene), moved)
+    # what needs no picking goes on, and is seen when the surface is back
+    bpy.ops.oneframe.import_landmarks(filepath=str(path))
+    bpy.context.view_layer.layer_collection.children[0].exclude = False
+    assert np.abs(pose_of(scene) - solved_anew(scene).cam_from_model).max() <= 1e-9
+
+
 def test_the_tool_comes_and_goes(addon):
     from bl_ui.space_toolsystem_toolbar import VIEW3D_PT_tools_active
 

@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 
 from ..camera import PinholeCamera
+from ..errors import InputError
 from ..mesh import TriangleMesh
 from .camera import new_camera, place_camera, set_clip
 from .material import OBSERVED_PASS, SurfaceColour, assign_colour
@@ -16,6 +17,9 @@ from .versions import ENGINE_IDS
 
 POINT_FILTER_PX = 0.01
 """Width of the pixel filter with one sample: a point at the pixel's centre (0 is not allowed)."""
+
+LARGEST_VIEW_PX = 8192**2
+"""Cycles renders larger images in tiles of at most 8192 x 8192 px, by way of files that its result is not read from."""
 
 
 class SurfaceScene:
@@ -56,7 +60,17 @@ class SurfaceScene:
             Take colours from an image to be set, see :func:`pipeline.blender.material.assign_colour`.
         threads
             Render threads, 0 for one a core.
+
+        Raises
+        ------
+        InputError
+            Views of more than :data:`LARGEST_VIEW_PX`.
         """
+        if camera.width * camera.height > LARGEST_VIEW_PX:
+            raise InputError(
+                f"view: expected at most {LARGEST_VIEW_PX / 1e6:.0f} million pixels, found {camera.width}x"
+                f"{camera.height}; take a smaller frame or --scale"
+            )
         self._own: list[bpy.types.ID] = []
         with self.owning():
             self._mesh = mesh
@@ -140,6 +154,8 @@ def _set_sampling(scene: bpy.types.Scene, engine: str, samples: int) -> None:
         cycles.device = "CPU"
         cycles.samples = samples
         cycles.use_adaptive_sampling = cycles.use_denoising = cycles.use_auto_tile = False
+        # since 5.x tiles cannot be switched off
+        cycles.tile_size = 8192
         cycles.pixel_filter_type, cycles.filter_width = "BOX", filter_px
         cycles.seed, cycles.use_animated_seed = 0, False
         cycles.max_bounces = cycles.transparent_max_bounces = 0

@@ -203,7 +203,7 @@ def test_a_sheared_surface_is_refused(opened):
     parent.scale, parent.rotation_euler = (1.0, 1.5, 1.0), (0.0, 0.0, 0.6)
     opened.oneframe.surface.parent = parent
     bpy.context.view_layer.update()
-    with pytest.raises(RuntimeError, match="scaled|sheared"):
+    with pytest.raises(RuntimeError, match=r"scaled|sheared"):
         bpy.ops.oneframe.nudge(axis="x")
     bpy.ops.oneframe.remove_scale()
     updated_pose(opened)
@@ -340,7 +340,7 @@ def test_structures_follow_the_surface(opened, case_path):
 
 
 def _tiny_surface():
-    vertices = np.array([[0.0, 0, 0], [9, 0, 0], [0, 9, 1]]) + [12, -7, 40]
+    vertices = np.array([[12.0, -7, 40], [21, -7, 40], [12, 2, 41]])
     from pipeline.mesh import TriangleMesh
 
     return TriangleMesh(vertices, np.array([[0, 1, 2]], np.int32))

@@ -159,3 +159,12 @@ def test_silhouette_and_depth_of_a_free_form_surface(bumpy_mesh, oblique_pose, r
     # a ray through the very rim of a hill may pass it in single precision
     assert np.quantile(error, 0.9999) < 1e-3
     assert np.median(error) < 1e-4
+
+
+@pytest.mark.render
+def test_a_view_larger_than_a_tile_of_the_renderer_is_whole(bumpy_mesh, frontal_pose):
+    camera = PinholeCamera(2100, 2000, 14000.0, 14000.0, 1049.5, 999.5)
+    with SurfaceScene(bumpy_mesh, camera, None) as scene:
+        assert render_view(scene, frontal_pose).mask.all()
+    with pytest.raises(InputError, match="million pixels"):
+        SurfaceScene(bumpy_mesh, PinholeCamera(16384, 8192, 14000.0, 14000.0, 8191.5, 4095.5), None)

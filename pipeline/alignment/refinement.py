@@ -1,0 +1,252 @@
+"""Refine a rough pose against the image, and say whether the result is to be believed.
+
+First the pose climbs from where it is; if that is not believed, tilts, turns, distances and shifts around it are
+searched on a coarse image (:mod:`.pose_search`) and the best climb on finer and finer ones (:mod:`.local_refinement`).
+A result is refused, and the pose stays, unless it explains the image better than before, stands alone among shifts of
+itself, and two halves of the image agree on it. Needs numpy and cv2 only.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera import PinholeCamera
+from ..depth_raster import rasterise_depth
+from ..errors import InputError
+from ..frames import checked_rigid, inverse_rigid, rotation_angle_deg, transform_points
+from ..mesh import TriangleMesh
+from ..vertex_clustering import cluster_vertices
+from .agreement import Agreement, Belief, agreement, belief, mean_distance_px
+from .appearance import RIM, Surface
+from .image_pyramid import PyramidLevel, pyramid
+from .local_refinement import LocalResult, climb
+from .pose_search import REACH, search_poses
+
+SIDES_PX = (70.0, 140.0, 280.0)
+"""Square roots of the surface's area on the levels."""
+LARGEST_CANVAS_PX = 16000
+"""Pixels of the coarsest level with its margin: bounds the time of the search."""
+CLIMBERS, FINALISTS = 6, 2
+"""Candidates of the search that climb on the coarsest level, and on the next."""
+
+LEAST_SCORE = 0.1
+LARGEST_RIVALRY = 0.5
+LARGEST_HALVES_PX = 2.0
+"""In pixels of the full image, or one pixel of the finest level if that is more."""
+LEAST_SURFACE_PX = 64
+"""Pixels of an image of 160 px that must show the surface at the start."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """The outcome of a refinement.
+
+    Attributes
+    ----------
+    cam_from_model
+        ``(4, 4)`` the refined pose if accepted, else the one given.
+    accepted
+        Whether the refined pose is better than the given one and believed.
+    before, after
+        Agreement of the given pose and of the refined one, whether accepted or not.
+    told
+        One sentence: why it was accepted or refused, with numbers.
+    found
+        ``(4, 4)`` the refined pose, also if it was refused.
+    moved_px, turned_deg
+        From the given pose to ``found``: mean over the visible points, and the angle of rotation.
+    belief
+        The tests that the refined pose had to pass; ``None`` if there was nothing to test.
+    """
+
+    cam_from_model: np.ndarray
+    accepted: bool
+    before: Agreement
+    after: Agreement
+    told: str
+    found: np.ndarray
+    moved_px: float
+    turned_deg: float
+    belief: Belief | None
+
+
+def refine_pose(
+    image: np.ndarray,
+    valid: np.ndarray,
+    camera: PinholeCamera,
+    mesh: TriangleMesh,
+    cam_from_model: np.ndarray,
+    *,
+    colours: np.ndarray | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Refinement:
+    """Refine a rough pose against the image.
+
+    Parameters
+    ----------
+    image
+        ``(H, W, 3)`` (or 1 channel) undistorted frame, float32 0..1.
+    valid
+        ``(H, W)`` bool: pixels that may be used.
+    mesh
+        In the model frame, mm.
+    cam_from_model
+        ``(4, 4)`` the rough pose; good to some 10 degrees and 5 % of the distance.
+    colours
+        ``(V, 3)`` per vertex, 0..1, if the surface's own colours are known.
+    progress
+        Called with the fraction done, 0..1; what it raises ends the refinement.
+
+    Raises
+    ------
+    InputError
+        Arrays that do not fit each other, or a pose that is not one.
+    """
+    start, _ = checked_rigid(cam_from_model, "refinement: cam_from_model")
+    _check(image, valid, camera, mesh, colours)
+    tell = progress or (lambda fraction: None)
+    tell(0.0)
+    levels, points = _levels(image, valid, camera, Surface(mesh, colours), start)
+    if not levels:
+        none = Agreement(0.0, np.nan)
+        told = (
+            "Refused, the pose is unchanged: it shows next to nothing of the surface in the image; move it there first."
+        )
+        return Refinement(start, False, none, none, told, start, 0.0, 0.0, None)
+    before = agreement(levels[-1], start)
+    tell(0.05)
+
+    def judged(pose: np.ndarray) -> Refinement:
+        return _judged(start, pose, before, levels, points, camera)
+
+    pose = _climbed([start], levels, points, camera, lambda fraction: tell(0.05 + 0.15 * fraction))
+    near = judged(pose)
+    tell(0.25)
+    if near.accepted:
+        tell(1.0)
+        return near
+    pivot = transform_points(start, points).mean(axis=0)
+    candidates = search_poses(levels[0], start, pivot, progress=lambda fraction: tell(0.25 + 0.4 * fraction))
+    starts = [candidate.cam_from_model for candidate in candidates[:CLIMBERS]]
+    pose = _climbed(starts, levels, points, camera, lambda fraction: tell(0.65 + 0.25 * fraction)) if starts else start
+    far = judged(pose)
+    tell(1.0)
+    return far if far.accepted or far.after.score > near.after.score else near
+
+
+def _check(
+    image: np.ndarray, valid: np.ndarray, camera: PinholeCamera, mesh: TriangleMesh, colours: np.ndarray | None
+) -> None:
+    if image.ndim != 3 or image.shape[:2] != camera.shape_hw or valid.shape != camera.shape_hw:
+        raise InputError(
+            f"refinement: expected an image and a mask of the camera's {camera.width}x{camera.height} px, "
+            f"found shapes {image.shape} and {valid.shape}; give the undistorted frame of this camera"
+        )
+    if colours is not None and colours.shape != mesh.vertices.shape:
+        raise InputError(
+            f"refinement: expected one colour per vertex {mesh.vertices.shape}, found {colours.shape}; "
+            "leave the colours out or give those of this mesh"
+        )
+
+
+def _levels(
+    image: np.ndarray, valid: np.ndarray, camera: PinholeCamera, surface: Surface, start: np.ndarray
+) -> tuple[list[PyramidLevel], np.ndarray]:
+    """The image around the surface from coarse to fine, and ``(N, 3)`` model points visible at the start."""
+    factor = min(160 / max(camera.size_wh), 1.0)
+    small = camera.resized(max(round(camera.width * factor), 1), max(round(camera.height * factor), 1))
+    depth = transform_points(start, surface.mesh.vertices)[:, 2]
+    if not (depth > 0).any():
+        return [], np.empty((0, 3))
+    coarse, _ = cluster_vertices(surface.mesh, 1.5 * float(np.median(depth[depth > 0])) / small.fx)
+    raster = rasterise_depth(coarse, small, start)
+    seen = raster.face >= 0
+    if np.count_nonzero(seen) < LEAST_SURFACE_PX or not valid.any():
+        return [], np.empty((0, 3))
+    points_cam = small.rays_cam(small.pixel_grid())[seen] / raster.inverse_depth[seen][:, None]
+
+    y, x = np.nonzero(seen)
+    area_px = len(y) / factor**2
+    margin = REACH * camera.fx + RIM * np.sqrt(area_px)
+    corner, opposite = np.array([np.min(x), np.min(y)]), np.array([np.max(x), np.max(y)]) + 1
+    first = np.floor(corner / factor - margin).astype(int).clip(0)
+    end = np.ceil(opposite / factor + margin).astype(int).clip(None, camera.size_wh)
+    canvas_px = np.prod(end - first + 2 * REACH * camera.fx)
+    coarsest = np.sqrt(area_px * min(LARGEST_CANVAS_PX / canvas_px, 1.0))
+    levels = pyramid(
+        image,
+        valid,
+        camera,
+        surface,
+        crop=(*first, *end),
+        sides=(min(SIDES_PX[0], coarsest), *SIDES_PX[1:]),
+        area_px=area_px,
+        depth_mm=float(np.median(points_cam[:, 2])),
+    )
+    return levels, transform_points(inverse_rigid(start), points_cam)
+
+
+def _climbed(
+    starts: list[np.ndarray],
+    levels: list[PyramidLevel],
+    points: np.ndarray,
+    camera: PinholeCamera,
+    tell: Callable[[float], None],
+) -> np.ndarray:
+    """The best pose after climbing on all levels, fewer and fewer from level to level."""
+    poses = starts
+    for index, level in enumerate(levels):
+        results: list[LocalResult] = []
+        for count, pose in enumerate(poses):
+            tell((index + count / len(poses)) / len(levels))
+            # the last level starts near its end: two renderings are enough
+            result = climb(level, pose, renderings=2 if index == 2 else 3)
+            if result is not None:
+                results.append(result)
+        if not results:
+            return poses[0]
+        results.sort(key=lambda result: -result.score)
+        poses = []
+        for result in results:
+            apart = (mean_distance_px(camera, points, result.cam_from_model, pose) for pose in poses)
+            if all(distance > 2 * level.px for distance in apart):
+                poses.append(result.cam_from_model)
+        poses = poses[: FINALISTS if index == 0 else 1]
+    return poses[0]
+
+
+def _judged(
+    start: np.ndarray,
+    pose: np.ndarray,
+    before: Agreement,
+    levels: list[PyramidLevel],
+    points: np.ndarray,
+    camera: PinholeCamera,
+) -> Refinement:
+    """Accept or refuse a refined pose."""
+    after = agreement(levels[-1], pose)
+    tests = belief(levels[0], levels[-1], pose, points, camera)
+    moved_px = mean_distance_px(camera, points, start, pose)
+    turned_deg = rotation_angle_deg(pose[:3, :3] @ start[:3, :3].T)
+    limit_px = max(LARGEST_HALVES_PX, levels[-1].px)
+    explained = f"the shape explains {after.score:.0%} of the image's variation ({before.score:.0%} before)"
+    if after.score <= before.score:
+        reason = f"no better place was found near it ({explained})"
+    elif after.score < LEAST_SCORE:
+        reason = f"{explained}, too little to go by"
+    elif tests.rivalry > LARGEST_RIVALRY:
+        reason = f"{explained}, but other places fit {tests.rivalry:.0%} as well as the best one"
+    elif tests.halves_px > limit_px:
+        reason = (
+            f"{explained}, but two halves of the image put the surface {tests.halves_px:.1f} px apart "
+            f"(at most {limit_px:.1f})"
+        )
+    else:
+        told = (
+            f"Refined by {moved_px:.1f} px and {turned_deg:.2f} degrees: {explained}, two halves of the image agree "
+            f"within {tests.halves_px:.1f} px, and elsewhere it fits {tests.rivalry:.0%} as well."
+        )
+        return Refinement(pose, True, before, after, told, pose, moved_px, turned_deg, tests)
+    told = f"Refused, the pose is unchanged: {reason}; bring it nearer by hand or with landmarks."
+    return Refinement(start, False, before, after, told, pose, moved_px, turned_deg, tests)

@@ -132,6 +132,16 @@ def sample_files() -> dict[str, bytes]:
 SAMPLES = sample_files()
 
 
+@pytest.mark.parametrize("name", SAMPLES)
+def test_extensions_in_capitals_are_the_same(tmp_path, name):
+    meshes = []
+    for path in (tmp_path / name, tmp_path / name.upper()):
+        path.write_bytes(SAMPLES[name])
+        meshes.append(read_mesh(path)[0])
+    assert np.array_equal(meshes[0].vertices, meshes[1].vertices)
+    assert np.array_equal(meshes[0].faces, meshes[1].faces)
+
+
 # --- layouts
 
 

@@ -49,6 +49,7 @@ class ONEFRAME_PT_landmarks(bpy.types.Panel):
         layout, settings = self.layout, context.scene.oneframe
         layout.operator_context = "INVOKE_DEFAULT"
         row = layout.row()
+        row.enabled = context.mode == "OBJECT"
         in_hand = landmark_tool.is_active(context)
         pick = row.operator("wm.tool_set_by_id", text="Pick Landmarks", icon="EYEDROPPER", depress=in_hand)
         pick.name = landmark_tool.TOOL
@@ -66,9 +67,8 @@ class ONEFRAME_PT_landmarks(bpy.types.Panel):
         column.separator()
         column.operator("oneframe.import_landmarks", text="", icon="IMPORT")
         column.operator("oneframe.export_landmarks", text="", icon="EXPORT")
-        row = layout.row(align=True)
-        row.prop(settings, "click_sigma_px")
-        row.prop(settings, "live_solve", toggle=True)
+        layout.prop(settings, "click_sigma_px", text="Click accuracy, px")
+        layout.prop(settings, "live_solve", text="Solve at every change", toggle=True)
         if not settings.landmarks:
             return
         try:

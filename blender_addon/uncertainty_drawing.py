@@ -31,8 +31,8 @@ def add_uncertainty(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkView
     uncertainty = solved.estimate.uncertainty
     samples = _samples(scene, view.cam_from_model)
     factor = _add_weakest(strokes, scene, view, uncertainty, np.vstack([samples, uncertainty.pivot_model]))
-    times = "" if factor == 1 else f", drawn {factor} x"
-    legend = [f"Arrows: weakest direction, {uncertainty.weakest}{times}"]
+    times = f", arrows {factor} x" if factor > 1 else ", arrows" if factor == 1 else ""
+    legend = [f"Weakest direction: {uncertainty.weakest}{times}"]
     if view.frame is not None:
         _add_ellipses(strokes, scene, view, uncertainty, samples, width=1.0)
         _add_ellipses(strokes, scene, view, uncertainty, solved.pairs.points_model, width=1.5)
@@ -63,7 +63,7 @@ def _add_weakest(
     uncertainty: PoseUncertainty,
     points_model: np.ndarray,
 ) -> int:
-    """Double arrows: where one standard deviation either way takes points of the surface; how many times enlarged."""
+    """Double arrows: where one standard deviation either way takes the points; how many times enlarged, 0 for none."""
     pose, twist = view.cam_from_model, uncertainty.weakest_twist
     ways = []
     for sign in (1, -1):
@@ -75,12 +75,14 @@ def _add_weakest(
     limit = LONGEST_PX * strokes.unit / max(float(np.nanmax(longest, initial=0.0)), 1e-9)
     factor = max([magnification for magnification in MAGNIFICATIONS if magnification <= limit], default=1)
     plus, minus = (view.region_from_model(scene, points_model + factor * way) for way in ways)
+    drawn = 0
     for middle, *ends in zip(here, plus, minus, strict=True):
         if not np.linalg.norm(ends[0] - ends[1]) >= SHORTEST_PX * strokes.unit:
             continue
         for end in ends:
             strokes.arrow(middle, end, UNSURE, width=1.5, head=7)
-    return factor
+        drawn = factor
+    return drawn
 
 
 def _samples(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> np.ndarray:

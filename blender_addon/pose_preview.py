@@ -29,7 +29,9 @@ LENGTH = 0.10
 """Of a frustum, relative to the camera's distance from the middle of what the frame shows."""
 LINE_WIDTH = 1.5
 LEAST_COLOUR, MOST_COLOUR = np.array([1.0, 0.35, 0.05]), np.array([0.1, 0.85, 0.45])
-"""Of a view whose surface the frame saw not at all, and completely."""
+"""Of the view that shows the least of what the frame saw, and of the one that shows the most."""
+LEAST_RANGE = 0.01
+"""Shares that differ by less are drawn alike."""
 _EDGES = np.array([[0, 1], [0, 2], [0, 3], [0, 4], [1, 2], [2, 3], [3, 4], [4, 1], [1, 5], [5, 2]])
 
 
@@ -180,7 +182,8 @@ def _draw() -> None:
         return
     shader = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR")
     if _batch is None or _batch[0] is not _planned:
-        share = _planned.observed[:, None]
+        low, high = _planned.observed.min(), _planned.observed.max()
+        share = (_planned.observed[:, None] - low) / max(high - low, LEAST_RANGE)
         colours = np.concatenate([LEAST_COLOUR * (1 - share) + MOST_COLOUR * share, np.ones_like(share)], axis=1)
         vertices = _planned.lines.reshape(-1, 3).astype(np.float32)
         per_vertex = np.repeat(colours, 2 * len(_EDGES), axis=0).astype(np.float32)

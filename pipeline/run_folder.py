@@ -120,7 +120,7 @@ class RunFolder:
                 raise FileNotFoundError  # whoever held it has just finished the dataset and removed the file
         except OSError:
             raise RunError(
-                f"{self.path}: another process renders into this folder; wait for it, stop it, or take another --out"
+                f"{self.path}: another process renders into this folder; wait for it, stop it, or take another (--out)"
             ) from None
         return stream.fileno()
 
@@ -142,7 +142,7 @@ def check_identity(record: Path, identity: dict) -> None:
     try:
         existing = json.loads(record.read_bytes())
     except ValueError:
-        raise RunError(f"{record}: expected the record of a dataset, found no JSON; take another --out") from None
+        raise RunError(f"{record}: expected the record of a dataset, found no JSON; take another (--out)") from None
     # the files first: what differs besides may follow from them
     different = sorted(
         _differences(existing, json.loads(_json(identity))), key=lambda text: (not text.startswith("the file"), text)
@@ -151,7 +151,7 @@ def check_identity(record: Path, identity: dict) -> None:
         shown = "; ".join(different[:4]) + (f" and {len(different) - 4} more" if len(different) > 4 else "")
         raise RunError(
             f"{record.parent}: the folder holds the dataset of another run ({shown}); "
-            "undo the change to resume it, or take another --out"
+            "undo the change to resume it, or take another (--out)"
         )
 
 

@@ -235,7 +235,7 @@ def test_one_writer_at_a_time_and_no_need_of_workers(case, reference, tmp_path, 
         ended = run_command(second)
         assert ended.returncode == 3
         assert ended.stderr == (
-            f"error: {out}: another process renders into this folder; wait for it, stop it, or take another --out\n"
+            f"error: {out}: another process renders into this folder; wait for it, stop it, or take another (--out)\n"
         )
     # what a worker finishes in the meantime may be new
     assert before.items() <= tree(out).items()

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import EnumProperty, FloatVectorProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from . import case_state, gather
@@ -56,9 +56,17 @@ class ONEFRAME_OT_save_case(Reporting, bpy.types.Operator, ExportHelper):
     filename_ext = ".toml"
     filter_glob: StringProperty(default="*.toml", options={"HIDDEN"})
 
+    save_as: BoolProperty(
+        name="Save As",
+        description="Ask for the file, also if there is one already",
+        default=False,
+        options={"SKIP_SAVE"},
+    )
+
     def invoke(self, context, event):
-        self.filepath = bpy.path.abspath(context.scene.oneframe.case_path) or "case.toml"
-        return super().invoke(context, event)
+        known = bpy.path.abspath(context.scene.oneframe.case_path)
+        self.filepath = known or "case.toml"
+        return self.execute(context) if known and not self.save_as else super().invoke(context, event)
 
     def run(self, context):
         gather.check_mesh_unedited(context.scene)

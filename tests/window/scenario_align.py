@@ -1,0 +1,147 @@
+"""From a rough pose to an aligned one by landmarks, as an annotator works: every click and key is counted."""
+
+import bpy
+import numpy as np
+
+bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
+
+from bl_ext.user_default.oneframe import gather
+from bl_ext.user_default.oneframe.frame_view import FrameView, surface_point_at
+from bl_ext.user_default.oneframe.pipeline.blender import alignment_scene
+from bl_ext.user_default.oneframe.pipeline.case import read_case
+from bl_ext.user_default.oneframe.pipeline.frames import rigid, rotation_from_vector, transform_points
+
+FEATURES = [(170, 250), (330, 190), (800, 190), (860, 560), (460, 540), (150, 600), (640, 330), (560, 120)]
+"""Pixels of the frame at which the user finds what can be told apart."""
+MOST_ACTIONS = 16
+
+
+def scenario(user):
+    scene = bpy.context.scene
+    true = read_case(user.case)
+    rough = user.case.parent / "rough.toml"
+    with user.context():
+        bpy.ops.oneframe.open_case(filepath=str(user.case))
+    yield from user.redraw()
+    camera = gather.camera(scene)
+    true_pose = gather.cam_from_model(scene)
+    points = [surface_point_at(scene, pixel) for pixel in FEATURES]
+    shown = visible_points(scene, camera)
+    # 5 degrees and 12 mm off: about 200 px
+    start = rigid(rotation_from_vector(np.radians([3.0, -2.5, 3.0])), [7.0, -6.0, 8.0]) @ true_pose
+    alignment_scene.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, start)
+    with user.context():
+        bpy.ops.oneframe.save_case(filepath=str(rough))
+        bpy.ops.wm.read_homefile(use_factory_startup=False, app_template="")
+    yield from user.redraw()
+
+    counted = Counted(user)
+    yield from user.open_sidebar("OneFrame")
+    yield from user.picture("1_empty")
+    yield from counted.press("oneframe.open_case")
+    # a file is chosen by a double click
+    counted.actions += 2
+    yield from user.choose_file(rough)
+    scene = bpy.context.scene
+    yield from user.until(lambda: scene.oneframe.case_path == str(rough), "the case to be open")
+    user.facts["start_px"] = round(error_px(scene, camera, shown, true_pose), 1)
+    yield from user.picture("2_opened")
+
+    with user.context():
+        bpy.ops.wm.tool_set_by_id(name="oneframe.landmark_tool")
+    counted.actions += 1
+    yield from user.redraw()
+    pairs = 0
+    for pixel, point in zip(FEATURES, points, strict=True):
+        if point is None or pairs == 6:
+            continue
+        pose = gather.cam_from_model(scene)
+        seen = camera.project(transform_points(pose, point[None]))[0]
+        hit = surface_point_at(scene, seen)
+        # a feature that the pose at hand hides is left for another
+        if hit is None or np.linalg.norm(hit - point) > 1.0 or not in_view(user, scene, seen):
+            continue
+        yield from counted.click(place(user, scene, seen), shift=True)
+        yield from counted.click(place(user, scene, np.array(pixel, float)))
+        pairs += 1
+        yield from user.redraw()
+        user.facts[f"px after {pairs} pairs"] = round(error_px(scene, camera, shown, true_pose), 2)
+    user.facts["actions"] = counted.actions
+    yield from user.picture("3_landmarks")
+    assert pairs == 6, f"only {pairs} pairs could be picked"
+    assert error_px(scene, camera, shown, true_pose) < 2.0, user.facts
+    assert counted.actions <= MOST_ACTIONS
+
+    solved = gather.cam_from_model(scene)
+    yield from user.key("RIGHT_ARROW", user.middle())
+    yield from user.until(lambda: not np.array_equal(gather.cam_from_model(scene), solved), "the surface nudged")
+    nudged = gather.cam_from_model(scene)
+    yield from user.key("Z", user.middle(), ctrl=True)
+    yield from user.until(lambda: np.array_equal(gather.cam_from_model(bpy.context.scene), solved), "the nudge undone")
+    yield from user.key("Z", user.middle(), ctrl=True, shift=True)
+    yield from user.until(lambda: np.array_equal(gather.cam_from_model(bpy.context.scene), nudged), "the nudge redone")
+    yield from user.key("Z", user.middle(), ctrl=True)
+    yield from user.until(lambda: np.array_equal(gather.cam_from_model(bpy.context.scene), solved), "undone again")
+    yield from user.key("Z", user.middle(), ctrl=True)
+    yield from user.until(lambda: len(complete(bpy.context.scene)) == 5, "the last point undone")
+    yield from user.key("Z", user.middle(), ctrl=True, shift=True)
+    yield from user.until(lambda: len(complete(bpy.context.scene)) == 6, "the last point redone")
+
+    yield from user.press("oneframe.save_case")
+    yield from user.until(lambda: len(read_case(rough).landmarks) == 6, "the case to be saved")
+    bpy.ops.wm.save_as_mainfile(filepath=str(user.folder / "work.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(user.folder / "work.blend"))
+    yield from user.redraw()
+    scene = bpy.context.scene
+    assert np.array_equal(gather.cam_from_model(scene), solved)
+    assert len(complete(scene)) == 6
+    saved = read_case(rough)
+    assert saved.camera == true.camera
+    given = gather.case(scene, rough)
+    assert np.array_equal(saved.cam_from_given, given.cam_from_given)
+    yield from user.picture("4_reopened")
+
+
+class Counted:
+    """Counts what the user does."""
+
+    def __init__(self, user):
+        self.user, self.actions = user, 0
+
+    def click(self, place, **modifiers):
+        self.actions += 1
+        yield from self.user.click(place, **modifiers)
+
+    def press(self, name):
+        self.actions += 1
+        yield from self.user.press(name)
+
+
+def complete(scene):
+    return [entry for entry in scene.oneframe.landmarks if entry.has_point and entry.has_pixel]
+
+
+def place(user, scene, pixel):
+    """Where a pixel of the frame is in the window."""
+    region = user.region()
+    x, y = FrameView.of(scene, region, user.view).region_from_px(pixel)
+    return region.x + x, region.y + y
+
+
+def in_view(user, scene, pixel):
+    x, y = place(user, scene, pixel)
+    region, sidebar = user.region(), user.region("UI")
+    return region.x + 70 < x < sidebar.x - 10 and region.y + 20 < y < region.y + region.height - 70
+
+
+def visible_points(scene, camera):
+    """Points of the surface that the frame shows."""
+    u, v = np.meshgrid(np.linspace(20, camera.width - 20, 12), np.linspace(20, camera.height - 20, 9))
+    found = [surface_point_at(scene, pixel) for pixel in np.stack([u.ravel(), v.ravel()], axis=1)]
+    return np.array([point for point in found if point is not None])
+
+
+def error_px(scene, camera, points, true_pose):
+    """Mean distance in the frame of surface points from where they should be."""
+    here, there = (camera.project(transform_points(pose, points)) for pose in (gather.cam_from_model(scene), true_pose))
+    return float(np.linalg.norm(here - there, axis=1).mean())

@@ -70,6 +70,7 @@ class Composite:
         shader.uniform_float("line_px", max(1.0, bpy.context.preferences.system.pixel_size))
         shader.uniform_float("split_px", view.split * size[0] - 0.5)
         shader.uniform_float("gain", view.gain)
+        shader.uniform_float("opacity", view.opacity)
         shader.uniform_float("white", self.picture.white)
         shader.uniform_int("mode", MODES.index(self.mode))
         shader.uniform_bool("contour", (self.contour,))
@@ -110,7 +111,10 @@ def draw_view() -> None:
     if not gather.is_set_up(scene) or not shows_frame(context):
         return
     view, region = scene.oneframe_view, context.region
-    if view.comparison == "NONE" and not view.contour:
+    mode = view.comparison
+    if mode == "NONE" and not shows_opacity(context.space_data.shading) and not view.wireframe and view.opacity < 1:
+        mode = "FADE"
+    if mode == "NONE" and not view.contour:
         return
     try:
         seen = FrameView.of(scene, region, context.region_data)
@@ -119,7 +123,8 @@ def draw_view() -> None:
     except InputError:
         # told in the panel
         return
-    mode = "NONE" if image is None else view.comparison
+    if image is None:
+        mode = "NONE"
     if mode == "BLINK":
         _keep_blinking()
         mode = "FRAME" if blink_shows_frame() else "SURFACE"
@@ -128,6 +133,11 @@ def draw_view() -> None:
     low, high = frame_rectangle(seen, region)
     if (low < high).all():
         Composite(mode, seen, image, picture, view.contour).draw(view, tuple(low), tuple(high))
+
+
+def shows_opacity(shading: bpy.types.View3DShading) -> bool:
+    """Whether Blender itself shows the opacity of an object's colour; in all other shading the frame is drawn over."""
+    return shading.type == "WIREFRAME" or (shading.type == "SOLID" and shading.color_type == "OBJECT")
 
 
 def picture_of(key: int, width: int, height: int) -> SurfacePicture:

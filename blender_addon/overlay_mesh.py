@@ -88,7 +88,8 @@ def drawn_mesh(mesh: bpy.types.Mesh) -> DrawnMesh | None:
     """The mesh on the card, built if need be; ``None`` for a mesh without faces."""
     key = mesh.session_uid
     kept = _drawn.get(key)
-    if kept is not None and key not in _doubtful:
+    if mesh.is_editmode or (kept is not None and key not in _doubtful):
+        # Edit mode has a mesh of its own: this one is as it was before, and cannot be read
         return kept
     content = _content(mesh)
     _doubtful.discard(key)
@@ -102,13 +103,11 @@ def drawn_mesh(mesh: bpy.types.Mesh) -> DrawnMesh | None:
 
 
 def _content(mesh: bpy.types.Mesh) -> _Content | None:
-    mesh.calc_loop_triangles()
-    if len(mesh.loop_triangles) == 0:
+    faces = _triangles(mesh)
+    if len(faces) == 0:
         return None
     vertices = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.attributes["position"].data.foreach_get("vector", vertices)
-    faces = np.empty(3 * len(mesh.loop_triangles), np.int32)
-    mesh.loop_triangles.foreach_get("vertices", faces)
     kind, image, corner_values, vertex_values = "PLAIN", "", None, None
     texture = _texture_of(mesh)
     colours = mesh.color_attributes.active_color
@@ -123,6 +122,27 @@ def _content(mesh: bpy.types.Mesh) -> _Content | None:
         values = np.ascontiguousarray(values.reshape(-1, 4)[:, :3])
         vertex_values, corner_values = (values, None) if colours.domain == "POINT" else (None, values)
     return _Content(kind, image, vertices, faces, corner_values, vertex_values)
+
+
+def _triangles(mesh: bpy.types.Mesh) -> np.ndarray:
+    if len(mesh.loops) == 3 * len(mesh.polygons):
+        # triangles only: much quicker than asking for Blender's triangulation
+        faces = np.empty(len(mesh.loops), np.int32)
+        mesh.attributes[".corner_vert"].data.foreach_get("value", faces)
+        return faces
+    mesh.calc_loop_triangles()
+    faces = np.empty(3 * len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangles.foreach_get("vertices", faces)
+    return faces
+
+
+def _corners(mesh: bpy.types.Mesh) -> np.ndarray:
+    if len(mesh.loops) == 3 * len(mesh.polygons):
+        return np.arange(len(mesh.loops), dtype=np.int32)
+    mesh.calc_loop_triangles()
+    corners = np.empty(3 * len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangles.foreach_get("loops", corners)
+    return corners
 
 
 def _texture_of(mesh: bpy.types.Mesh) -> bpy.types.Image | None:
@@ -145,9 +165,7 @@ def _batch(content: _Content, mesh: bpy.types.Mesh) -> gpu.types.GPUBatch:
     normals = normals.reshape(-1, 3)
     values = content.vertex_values
     if content.corner_values is not None:
-        loops = np.empty(faces.size, np.int32)
-        mesh.loop_triangles.foreach_get("loops", loops)
-        values = content.corner_values.reshape(len(mesh.loops), -1)[loops]
+        values = content.corner_values.reshape(len(mesh.loops), -1)[_corners(mesh)]
         vertices, normals = vertices[faces.ravel()], normals[faces.ravel()]
         faces = np.arange(faces.size, dtype=np.int32).reshape(-1, 3)
     vertices, normals, values, faces = _split_at_sharp_edges(vertices, normals, values, faces)

@@ -9,7 +9,7 @@ from functools import cache
 import gpu
 
 SURFACE_KINDS = ("PLAIN", "COLOURS", "TEXTURE")
-MODES = ("NONE", "FRAME", "SURFACE", "SWIPE", "DIFFERENCE", "PICTURE")
+MODES = ("NONE", "FRAME", "SURFACE", "SWIPE", "DIFFERENCE", "PICTURE", "FADE")
 """What the composite shows under its lines; the shader has their numbers."""
 
 _ENCODE = """
@@ -177,7 +177,7 @@ _COMPOSITE_FRAGMENT = (
     + _DECODE
     + """
 const vec3 luminance = vec3(0.2126, 0.7152, 0.0722);
-const int NONE = 0, FRAME = 1, SURFACE = 2, SWIPE = 3, DIFFERENCE = 4, PICTURE = 5;
+const int NONE = 0, FRAME = 1, SURFACE = 2, SWIPE = 3, DIFFERENCE = 4, PICTURE = 5, FADE = 6;
 
 vec4 over(vec4 below, vec3 colour, float alpha)
 {
@@ -198,7 +198,10 @@ void main()
   else if (mode != NONE) {
     vec3 recorded = encoded(texture(frame, clamp(uv, 0.5 / frame_size, 1.0 - 0.5 / frame_size)).rgb);
     bool covered = seen.a > 0.25;
-    if (mode == FRAME || (mode == SWIPE && px.x < split_px)) {
+    if (mode == FADE) {
+      composite = vec4(recorded, seen.a > 0.75 ? 1.0 - opacity : 0.0);
+    }
+    else if (mode == FRAME || (mode == SWIPE && px.x < split_px)) {
       composite = vec4(recorded, 1.0);
     }
     else if (mode == DIFFERENCE) {
@@ -322,6 +325,7 @@ def composite_shader() -> gpu.types.GPUShader:
         ("VEC4", "line_colour"),
         ("FLOAT", "split_px"),
         ("FLOAT", "gain"),
+        ("FLOAT", "opacity"),
         ("FLOAT", "white"),
         ("FLOAT", "line_px"),
         ("INT", "mode"),

@@ -3,7 +3,7 @@
 import bpy
 
 from . import gather
-from .frame_view import FrameView, shows_frame, window_region
+from .frame_view import shows_frame
 from .keymap import draw_key
 from .overlay import frame_image_of
 from .pipeline.errors import InputError
@@ -54,12 +54,10 @@ class ONEFRAME_PT_view(bpy.types.Panel):
         _toggle(layout, "oneframe.toggle_difference", view.comparison == "DIFFERENCE", "SELECT_DIFFERENCE")
         if view.comparison == "DIFFERENCE":
             layout.prop(view, "gain")
-        self._draw_zoom(context, layout)
+        self._draw_zoom(layout)
         layout.prop(view, "loupe")
 
-    def _draw_zoom(self, context, layout):
-        seen = FrameView.of(context.scene, window_region(context.area), context.space_data.region_3d)
-        layout.label(text=f"Zoom: {seen.magnification:.3g} screen px per frame px")
+    def _draw_zoom(self, layout):
         row = layout.row(align=True)
         row.operator("oneframe.zoom_frame", text="1 : 1").magnification = 1.0
         draw_key(row, "oneframe.zoom_frame", magnification=1.0)

@@ -125,7 +125,6 @@ class ONEFRAME_OT_cycle_opacity(_Toggle, bpy.types.Operator):
     def toggle(self, context, view):
         lower = [opacity for opacity in OPACITIES if opacity < view.opacity - 0.01]
         view.opacity = lower[0] if lower else OPACITIES[0]
-        show_object_colours(context.space_data)
 
 
 class ONEFRAME_OT_toggle_wireframe(_Toggle, bpy.types.Operator):
@@ -187,7 +186,7 @@ class ONEFRAME_OT_toggle_difference(_Toggle, bpy.types.Operator):
 
 
 class ONEFRAME_OT_show_frame(bpy.types.Operator):
-    """Look through the frame's camera, with the surface in its own colour"""
+    """Look through the frame's camera"""
 
     bl_idname = "oneframe.show_frame"
     bl_label = "Look Through Frame"
@@ -203,7 +202,6 @@ class ONEFRAME_OT_show_frame(bpy.types.Operator):
         space.use_local_camera = False
         space.region_3d.view_perspective = "CAMERA"
         space.lock_camera = False
-        show_object_colours(space)
         return {"FINISHED"}
 
 
@@ -237,7 +235,7 @@ class ONEFRAME_OT_zoom_frame(_FrameTool, bpy.types.Operator):
         region_3d = context.space_data.region_3d
         now = FrameView.of(context.scene, region, region_3d).magnification
         zoom_view(context.scene, region, region_3d, self._pointer, self.magnification or self.factor * now)
-        region.tag_redraw()
+        context.area.tag_redraw()
         return {"FINISHED"}
 
 
@@ -266,13 +264,6 @@ def zoom_view(
 def _zoom_factor(view_camera_zoom: float) -> float:
     """Blender's measure of a camera view's zoom as a factor."""
     return (np.sqrt(2) + view_camera_zoom / 50) ** 2 / 4
-
-
-def show_object_colours(space: bpy.types.SpaceView3D) -> None:
-    """Solid shading by object colour: the only one of Blender's that knows an object's opacity."""
-    if space.shading.type not in ("SOLID", "WIREFRAME"):
-        space.shading.type = "SOLID"
-    space.shading.color_type = "OBJECT"
 
 
 VIEW_OPERATORS = (

@@ -267,7 +267,6 @@ def test_opacity_is_the_objects_own(in_view, scene):
     scene.oneframe_view.opacity = 0.45
     bpy.ops.oneframe.cycle_opacity()
     assert scene.oneframe.surface.color[3] == pytest.approx(0.3)
-    assert in_view.shading.color_type == "OBJECT"
 
 
 def test_one_comparison_at_a_time(in_view, scene):

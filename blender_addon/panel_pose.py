@@ -86,8 +86,8 @@ class _Matrix:
         rows = layout.column(align=True)
         rows.scale_y = 0.8
         for row in pose[:3, :3]:
-            rows.label(text="R  " + "  ".join(f"{value:+.8f}" for value in row))
-        rows.label(text="t  " + "  ".join(f"{value:.5f}" for value in pose[:3, 3]) + f" {scene.oneframe.units}")
+            rows.label(text="  ".join(f"{value:.8f}" for value in row))
+        rows.label(text="  ".join(f"{value:.6f}" for value in pose[:3, 3]) + f" {scene.oneframe.units}")
         row = layout.row(align=True)
         row.operator("oneframe.copy_pose", icon="COPYDOWN").inverse = self.inverse
         if not self.inverse:

@@ -21,6 +21,7 @@ from .pipeline.mesh_file import read_mesh
 from .pipeline.pose_file import read_pose
 from .pose_text import set_pose_given
 from .properties import UNITS
+from .provenance import recorded_case
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
 VIDEOS = "*.mp4;*.avi;*.mov;*.mkv;*.m4v;*.mpg;*.mpeg;*.webm"
@@ -71,7 +72,7 @@ class ONEFRAME_OT_save_case(Reporting, bpy.types.Operator, ExportHelper):
     def run(self, context):
         gather.check_mesh_unedited(context.scene)
         path = Path(self.filepath)
-        write_case(path, gather.case(context.scene, path))
+        write_case(path, recorded_case(context.scene, path))
         context.scene.oneframe.case_path = str(path)
         return (f"saved {path}",)
 
@@ -209,7 +210,7 @@ class ONEFRAME_OT_load_pose(Reporting, bpy.types.Operator, ImportHelper):
     def run(self, context):
         cam_from_given, told = read_pose(Path(self.filepath))
         set_pose_given(context.scene, cam_from_given)
-        return told
+        return (told,) if told else ()
 
 
 class ONEFRAME_OT_remove_scale(Reporting, bpy.types.Operator):

@@ -128,6 +128,8 @@ def _checked(
     points_model: np.ndarray, pixels: np.ndarray, names: Sequence[str] | None, click_sigma_px: float
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
     points, clicks = np.asarray(points_model, np.float64), np.asarray(pixels, np.float64)
+    if points.size == clicks.size == 0:  # an empty list has no columns
+        points, clicks = np.zeros((0, 3)), np.zeros((0, 2))
     count = len(points)
     if points.shape != (count, 3) or clicks.shape != (count, 2):
         raise InputError(

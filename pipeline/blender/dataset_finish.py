@@ -12,12 +12,10 @@ from ..contact_sheet import contact_sheet
 from ..dataset import FRAMES_PER_SCENE, FramePaths, finished_frames, read_record
 from ..dataset_tables import POSE_COLUMNS, pose_cells, write_camera, write_models, write_poses, write_scene
 from ..image_file import eight_bit, encode_png
-from ..overlay import Layer, overlaid
 from ..progress import Progress
 from .dataset_job import OpenJob
+from .frame_overlay import frame_overlay
 from .image import read_image
-from .render import render_view
-from .scene import SurfaceScene
 from .video import FRAMES_PER_SECOND, write_video
 from .view_maker import ViewMaker
 
@@ -44,14 +42,9 @@ def write_model_files(job: OpenJob, maker: ViewMaker) -> None:
 
 def write_overlay(job: OpenJob, maker: ViewMaker) -> None:
     """``overlay.png``: the frame with the surface's outline and the structures, to judge the alignment by."""
-    loaded, camera = job.loaded, job.loaded.case.camera
-    layers = []
-    for structure, mesh in loaded.structures:
-        with SurfaceScene(mesh, camera, None) as scene:
-            layers.append(Layer(render_view(scene, loaded.cam_from_model).depth_mm, structure.color))
     inverse = maker.source.view.inverse_depth
     depth = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0)
-    picture = overlaid(loaded.image, depth, layers)
+    picture = frame_overlay(job.loaded, depth)
     write_bytes_atomically(job.job.out / "overlay.png", encode_png(eight_bit(picture)))
 
 

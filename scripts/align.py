@@ -1,0 +1,137 @@
+"""Find the pose of a frame from landmarks, and say how sure it is.
+
+    python scripts/align.py CASE.toml [--pairs PAIRS.csv] [--out ALIGNED.toml] [--json RESULT.json] [--picture PNG]
+
+Landmarks are those of --pairs (CSV or JSON: name, point of the mesh file, pixel of the undistorted frame), or else the
+case file's own. Prints the pose in both directions, the residual of every pair and the uncertainty. The case's pose may
+be rough: it only decides where two poses fit equally well. Exit code 2: the pairs do not determine a pose.
+"""
+
+import sys
+from pathlib import Path
+
+# Blender puts neither the script's folder nor the current one on the module path
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import datetime
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from pipeline import __version__
+from pipeline.alignment.landmark_file import read_landmarks
+from pipeline.atomic_file import write_bytes_atomically
+from pipeline.blender.console import ArgumentParser, own_output, run_script
+from pipeline.blender.frame_overlay import frame_overlay
+from pipeline.blender.loading import load_case
+from pipeline.case import Case, read_case
+from pipeline.case_writer import write_case
+from pipeline.errors import InputError, RunError
+from pipeline.image_file import eight_bit, encode_png
+from pipeline.mesh_file import read_mesh
+
+try:
+    from pipeline.alignment.alignment_report import (
+        Alignment,
+        complete_landmarks,
+        off_surface,
+        provenance,
+        report_lines,
+        report_table,
+    )
+    from pipeline.alignment.pose_solver import solve_pose
+    from pipeline.alignment.residual_marks import marked
+except ModuleNotFoundError as error:  # a Blender program without the extension
+    if error.name != "cv2":
+        raise
+    HAS_OPENCV = False
+else:
+    HAS_OPENCV = True
+
+
+def main(argv: Sequence[str]) -> int:
+    parser = ArgumentParser(prog="align.py", description=__doc__.splitlines()[0], epilog=__doc__.split("\n\n")[-1])
+    parser.add_argument("case", metavar="CASE.toml", type=Path)
+    parser.add_argument("--pairs", metavar="FILE", type=Path, help="landmarks as CSV or JSON (default: the case's own)")
+    parser.add_argument("--out", metavar="FILE", type=Path, help="write the case with its new pose and these landmarks")
+    parser.add_argument("--json", metavar="FILE", type=Path, help="write pose, residuals and covariance")
+    parser.add_argument("--picture", metavar="FILE", type=Path, help="write the frame with overlay and residuals (PNG)")
+    parser.add_argument(
+        "--click-sigma-px", metavar="X", type=float, default=2.0,
+        help="standard deviation of a click in each image direction (default 2)",
+    )  # fmt: skip
+    arguments = parser.parse(argv)
+    if not HAS_OPENCV:
+        raise RunError(
+            "expected OpenCV, which solves for the pose, this Blender has none; run the script with the Python of "
+            "`make setup`, or in a Blender in which the OneFrame extension, which brings it, is enabled"
+        )
+    output = own_output()
+    case = read_case(arguments.case)
+    if arguments.pairs:
+        case = replace(case, landmarks=read_landmarks(arguments.pairs, mm_per_unit=case.mm_per_unit))
+    alignment = aligned(case, arguments.click_sigma_px)
+    # before the rest of the case, whose pose would be blamed for landmarks of another mesh
+    told = landmarks_off_surface(alignment, case)
+    case = replace(
+        case,
+        cam_from_given=alignment.estimate.cam_from_model,
+        alignment=provenance(alignment, f"OneFrame {__version__}, align.py", datetime.date.today().isoformat()),
+    )
+    loaded = load_case(case)
+    for sentence in (*loaded.told, *told, *alignment.estimate.told):
+        output.write(f"note: {sentence}\n")
+    output.write("\n".join(report_lines(alignment)) + "\n")
+    if arguments.json:
+        text = json.dumps(report_table(alignment), indent=2, allow_nan=False) + "\n"
+        written(arguments.json, lambda path: write_bytes_atomically(path, text.encode()))
+    if arguments.picture:
+        picture = encode_png(eight_bit(marked(frame_overlay(loaded), alignment)))
+        written(arguments.picture, lambda path: write_bytes_atomically(path, picture))
+        output.write(f"frame, overlay, residuals (10 times their length), 95 % ellipses: {arguments.picture}\n")
+    if arguments.out:
+        written(arguments.out, lambda path: write_case(path, case))
+        output.write(f"aligned case: {arguments.out}\n")
+    output.flush()
+    return 0
+
+
+def aligned(case: Case, click_sigma_px: float) -> "Alignment":
+    """Solve the landmarks of a case, in the frame of its mesh file."""
+    used = complete_landmarks(case.landmarks)
+    estimate = solve_pose(
+        [landmark.point for landmark in used],
+        [landmark.pixel for landmark in used],
+        case.camera,
+        click_sigma_px=click_sigma_px,
+        start=case.cam_from_given,
+        names=[landmark.name for landmark in used],
+    )
+    return Alignment(used, case.camera, estimate, click_sigma_px)
+
+
+def landmarks_off_surface(alignment: "Alignment", case: Case) -> list[str]:
+    """Sentences on landmarks that do not lie on the surface; refused if none does."""
+    mesh, _ = read_mesh(case.mesh)
+    off = off_surface(alignment, mesh.scaled(case.mm_per_unit))
+    if len(off) == len(alignment.landmarks):
+        raise InputError(
+            f"landmarks: expected points on {case.mesh.name}, all lie beside it, {min(off.values()):.3g} mm and more "
+            "from its nearest vertex; were they picked on this mesh, in this frame and unit?"
+        )
+    return [
+        f"{name!r} lies {distance:.3g} mm from the nearest vertex of {case.mesh.name}: was it picked on this mesh?"
+        for name, distance in off.items()
+    ]
+
+
+def written(path: Path, write: Callable[[Path], None]) -> None:
+    """Write a file that the user named."""
+    try:
+        write(path)
+    except OSError as error:
+        raise RunError(f"{path}: cannot write it ({error.strerror}); name another place") from None
+
+
+if __name__ == "__main__":
+    run_script(main)

@@ -17,6 +17,7 @@ from .pipeline.case import Case, read_case
 from .pipeline.case_writer import case_text, write_case
 from .pipeline.errors import InputError
 from .pipeline.options import DatasetOptions, merged_options
+from .provenance import recorded_case
 
 SCRIPT = "render_dataset.py"
 PREVIEW_IMAGE = "OneFrame preview"
@@ -252,7 +253,7 @@ def _show_in_image_editors(context: bpy.types.Context, image: bpy.types.Image) -
 
 def _save_if_changed(scene: bpy.types.Scene, path: Path) -> tuple[str, ...]:
     """Save the case unless its file says the same already, comments and all."""
-    wanted = gather.case(scene, path)
+    wanted = recorded_case(scene, path)
     if path.exists():
         try:
             same = _meaning(path, read_case(path)) == _meaning(path, wanted)
@@ -265,8 +266,9 @@ def _save_if_changed(scene: bpy.types.Scene, path: Path) -> tuple[str, ...]:
 
 
 def _meaning(path: Path, case: Case) -> tuple[str, DatasetOptions]:
-    """What a case says, however its options are ordered and whether or not they name their defaults."""
-    return case_text(path, replace(case, dataset={})), merged_options(case.dataset, argparse.Namespace(), case.path)
+    """What a case says, however its options are ordered, whether they name their defaults, whoever found its pose."""
+    bare = replace(case, dataset={}, alignment={})
+    return case_text(path, bare), merged_options(case.dataset, argparse.Namespace(), case.path)
 
 
 def _is_set_up(cls: type, context: bpy.types.Context) -> bool:

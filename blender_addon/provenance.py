@@ -1,0 +1,43 @@
+"""Where the present pose comes from, for the record in the case file."""
+
+import datetime
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from . import estimate, gather
+from .pipeline import __version__
+from .pipeline.alignment.alignment_report import Alignment, provenance
+from .pipeline.blender.exact_values import exact, set_exact
+from .pipeline.case import Case
+
+REFINED = "oneframe_refined_pose"
+"""Custom property of the surface: the pose that the refinement gave."""
+
+
+def recorded_case(scene: bpy.types.Scene, path: Path) -> Case:
+    """The scene as a case (see :func:`gather.case`), with the record of how its pose was found and how sure it is."""
+    return replace(gather.case(scene, path), alignment=pose_record(scene))
+
+
+def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
+    """The case file's table ``[alignment]``."""
+    tool, date = f"OneFrame {__version__}, Blender {bpy.app.version_string}", datetime.date.today().isoformat()
+    surface = gather.surface_of(scene)
+    refined = exact(surface, REFINED)
+    if refined is not None and np.array_equal(refined, gather.cam_from_model(scene)):
+        return {"method": "refined", "tool": tool, "date": date}
+    solved = estimate.solution(scene)
+    if solved.estimate is None or estimate.departure(scene, solved) is not None:
+        return {"method": "manual", "tool": tool, "date": date}
+    landmarks = gather.landmarks_given(scene)
+    used = tuple(landmarks[index] for index in solved.pairs.indices)
+    alignment = Alignment(used, gather.camera(scene), solved.estimate, scene.oneframe.click_sigma_px)
+    return provenance(alignment, tool, date)
+
+
+def remember_refined(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
+    """The pose (4x4, mm) that the surface has now was found by the refinement."""
+    set_exact(gather.surface_of(scene), REFINED, cam_from_model)

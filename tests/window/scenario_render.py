@@ -1,0 +1,70 @@
+"""After the alignment: colours on the surface, poses and a view previewed, a dataset started, cancelled and gone on with."""
+
+import json
+
+import bpy
+import numpy as np
+
+bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
+
+from bl_ext.user_default.oneframe import background_job, gather
+
+
+def scenario(user):
+    scene = bpy.context.scene
+    settings = scene.oneframe
+    with user.context():
+        bpy.ops.oneframe.open_case(filepath=str(user.case))
+    yield from user.open_sidebar("OneFrame")
+    pose = gather.cam_from_model(scene)
+    for mode in ("vertex", "texture"):
+        with user.context():
+            assert bpy.ops.oneframe.project_colour(mode=mode) == {"FINISHED"}
+        yield from user.picture(f"1_colour_{mode}")
+    # seen from elsewhere, what the frame did not see is marked
+    user.view.view_perspective = "PERSP"
+    yield from user.redraw()
+    with user.context():
+        bpy.ops.view3d.view_selected() if bpy.context.selected_objects else bpy.ops.view3d.view_all()
+        bpy.ops.oneframe.preview_poses()
+    yield from user.picture("2_poses")
+    user.view.view_perspective = "CAMERA"
+    with user.context():
+        bpy.ops.oneframe.preview_view()
+    yield from user.picture("3_preview")
+    assert np.array_equal(gather.cam_from_model(scene), pose)
+
+    out = user.folder / "dataset"
+    settings.dataset_out = str(out)
+    settings.dataset.count, settings.dataset.scale = 40, 0.25
+    with user.context():
+        bpy.ops.oneframe.render_dataset()
+    yield from user.until(lambda: len(views(out)) >= 3, "views of the running job", timeout_s=90)
+    yield from user.picture("4_running")
+    with user.context():
+        bpy.ops.oneframe.cancel_dataset()
+    yield from user.until(lambda: not running(), "the job to end", timeout_s=30)
+    kept = views(out)
+    assert 3 <= len(kept) < 40
+    yield 1.0
+    assert views(out) == kept, "a cancelled job went on"
+    user.facts["views when cancelled"] = len(kept)
+
+    with user.context():
+        bpy.ops.oneframe.render_dataset()
+    yield from user.until(lambda: not running(), "the dataset to be finished", timeout_s=120)
+    assert len(views(out)) == 40
+    assert kept.items() <= views(out).items(), "views were rendered twice"
+    assert json.loads((out / "dataset.json").read_text())["count"] == 40
+    assert (out / "contact_sheet.png").is_file()
+    yield from user.picture("5_finished")
+
+
+def running():
+    job = background_job.current()
+    return job is not None and job.running
+
+
+def views(out):
+    """The finished views and when they were."""
+    return {path.name: path.stat().st_mtime_ns for path in out.glob("train_pbr/*/frame/*.json")}

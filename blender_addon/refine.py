@@ -129,6 +129,7 @@ class ONEFRAME_OT_refine(Reporting, bpy.types.Operator):
         self._refining, self._shows_result = Refining(loaded, colours), False
         self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
         context.window_manager.modal_handler_add(self)
+        _tell(context, "Refining the pose      Esc: stop")
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
@@ -152,7 +153,7 @@ class ONEFRAME_OT_refine(Reporting, bpy.types.Operator):
             if event.type == "ESC" and event.value == "PRESS":
                 work.stop()
                 return self._end(context, "CANCELLED", told="refinement stopped, the pose is unchanged")
-            context.workspace.status_text_set(f"Refining the pose: {work.fraction:.0%}      Esc: stop")
+            _tell(context, f"Refining the pose: {work.fraction:.0%}      Esc: stop")
             return self._passed(event)
         if work.error is not None:
             raise work.error
@@ -173,9 +174,10 @@ class ONEFRAME_OT_refine(Reporting, bpy.types.Operator):
             if event.type == "SPACE":
                 self._show(context, work.start if self._shows_result else result.cam_from_model, not self._shows_result)
         agreed = result.after if self._shows_result else result.before
-        context.workspace.status_text_set(
+        _tell(
+            context,
             f"{'AFTER' if self._shows_result else 'BEFORE'}: {agreed.score:.0%} of the image explained      "
-            "Enter or left click: keep      Esc or right click: back      Space: before / after"
+            "Enter or left click: keep      Esc or right click: back      Space: before / after",
         )
         return self._passed(event)
 
@@ -196,13 +198,30 @@ class ONEFRAME_OT_refine(Reporting, bpy.types.Operator):
 
     def _end(self, context, outcome, *, told="", error=""):
         self._stop_timer(context)
-        context.workspace.status_text_set(None)
+        _tell(context, None)
         if told:
             self.report({"INFO"}, told)
         if error:
             self.report({"ERROR"}, error)
         redraw(context)
         return {outcome}
+
+
+_told: str | None = None
+"""What the headers say at present: said again at every move of the mouse, it would have them drawn again."""
+
+
+def _tell(context: bpy.types.Context, text: str | None) -> None:
+    """Show a text in the status bar and in the headers of the 3D views; ``None`` gives both back."""
+    global _told
+    if text is not None and text == _told:
+        return
+    _told = text
+    context.workspace.status_text_set(text)
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.header_text_set(text)
 
 
 _last: tuple[bytes, Refinement] | None = None

@@ -1,0 +1,157 @@
+"""Landmarks by mouse: pins that pull, drags that are fine or taken back, use and deletion, picks in other views."""
+
+import addon_utils
+import bpy
+import numpy as np
+
+bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
+
+from bl_ext.user_default.oneframe import estimate, gather
+from bl_ext.user_default.oneframe.frame_view import FrameView, surface_point_at
+from bl_ext.user_default.oneframe.landmark_tool import TOOL
+from bl_ext.user_default.oneframe.pipeline.blender import alignment_scene
+from bl_ext.user_default.oneframe.pipeline.frames import rigid, rotation_from_vector, transform_points
+
+FEATURES = np.array([(170, 250), (330, 190), (800, 190), (860, 560), (460, 540)], float)
+ADDON = "bl_ext.user_default.oneframe"
+
+
+def scenario(user):
+    with user.context():
+        bpy.ops.oneframe.open_case(filepath=str(user.case))
+    yield from user.redraw()
+    true = gather.cam_from_model(bpy.context.scene)
+    points = np.array([surface_point_at(bpy.context.scene, pixel) for pixel in FEATURES])
+    start = rigid(rotation_from_vector(np.radians([3.0, -2.5, 3.0])), [4.0, -3.0, 8.0]) @ true
+    alignment_scene.set_pose(bpy.context.scene.oneframe.camera_object, bpy.context.scene.oneframe.surface, start)
+    with user.context():
+        bpy.ops.wm.tool_set_by_id(name=TOOL)
+        bpy.ops.ed.undo_push(message="rough pose")
+    yield from user.redraw()
+    yield from pull(user, points)
+    yield from drag(user)
+    yield from use_and_delete(user)
+    yield from pick_elsewhere(user)
+    yield from disable_with_the_tool_in_hand(user)
+
+
+def pull(user, points):
+    """Each pin brings its own point to its place, the others stay; one undo step each."""
+    for count, (point, pixel) in enumerate(zip(points, FEATURES, strict=True), start=1):
+        before = errors_px(points)
+        yield from user.drag(place(user, seen(point[None])[0]), place(user, pixel), ctrl=True)
+        yield from user.until(lambda number=count: len(entries()) == number, f"pin {count}")
+        yield from user.redraw()
+        user.facts[f"px after {count} pins"] = round(float(errors_px(points).mean()), 1)
+        # the pointer stands on whole pixels of the screen, where it presses and where it lets go
+        on_screen = errors_px(points)[:count] * frame_view(user).magnification
+        assert on_screen.max() < 2.5, (count, before, on_screen)
+    yield from user.picture("1_pins")
+    pose = gather.cam_from_model(bpy.context.scene)
+    yield from user.key("Z", user.middle(), ctrl=True)
+    yield from user.until(lambda: len(entries()) == len(points) - 1, "a pin undone")
+    yield from user.key("Z", user.middle(), ctrl=True, shift=True)
+    yield from user.until(lambda: len(entries()) == len(points), "a pin redone")
+    yield from user.until(lambda: np.array_equal(gather.cam_from_model(bpy.context.scene), pose), "its pose redone")
+
+
+def drag(user):
+    """An image point follows the pointer, the pose follows it; Esc puts all back; Shift is ten times finer."""
+    pixel, pose = pixel_of(1), gather.cam_from_model(bpy.context.scene)
+    at = place(user, pixel)
+    yield from user.move(at)
+    user.event("LEFTMOUSE", "PRESS", at)
+    yield 0.1
+    user.event("MOUSEMOVE", "NOTHING", (at[0] + 4, at[1] + 3))
+    yield from user.until(lambda: not np.array_equal(pixel_of(1), pixel), "the image point to follow")
+    yield from user.until(
+        lambda: not np.array_equal(gather.cam_from_model(bpy.context.scene), pose), "the pose to follow"
+    )
+    yield from user.picture("2_drag")
+    user.event("ESC", "PRESS", at)
+    user.event("ESC", "RELEASE", at)
+    yield from user.until(lambda: np.array_equal(pixel_of(1), pixel), "the drag taken back")
+    user.event("LEFTMOUSE", "RELEASE", at)
+    yield from user.until(lambda: np.array_equal(gather.cam_from_model(bpy.context.scene), pose), "the pose put back")
+    yield 0.2
+
+    user.event("MOUSEMOVE", "NOTHING", at)
+    user.event("LEFTMOUSE", "PRESS", at)
+    yield 0.1
+    user.event("LEFT_SHIFT", "PRESS", at, shift=True)
+    user.event("MOUSEMOVE", "NOTHING", (at[0] + 20, at[1]), shift=True)
+    yield 0.2
+    user.event("LEFT_SHIFT", "RELEASE", at)
+    user.event("LEFTMOUSE", "RELEASE", (at[0] + 20, at[1]))
+    yield from user.until(lambda: not np.array_equal(pixel_of(1), pixel), "the fine drag")
+    moved_px = (pixel_of(1) - pixel) * frame_view(user).scale
+    assert np.allclose(moved_px, [2.0, 0.0], atol=0.05), moved_px
+
+
+def use_and_delete(user):
+    at = place(user, pixel_of(2))
+    yield from user.click(at, alt=True)
+    yield from user.until(lambda: not entries()[2].enabled, "the landmark to be left out")
+    yield from user.key("X", place(user, pixel_of(2)))
+    yield from user.until(lambda: len(entries()) == len(FEATURES) - 1, "the landmark deleted")
+    objects = len(bpy.data.objects)
+    yield from user.key("X", place(user, np.array([600.0, 400.0])))
+    yield 0.3
+    assert (len(entries()), len(bpy.data.objects)) == (len(FEATURES) - 1, objects)
+
+
+def pick_elsewhere(user):
+    """A click in another view picks on the surface; what it belongs to is picked in the frame."""
+    count = len(entries())
+    user.view.view_perspective = "PERSP"
+    with user.context():
+        bpy.ops.object.select_all(action="DESELECT")
+        bpy.context.scene.oneframe.surface.select_set(True)
+        bpy.ops.view3d.view_selected()
+    yield from user.redraw()
+    yield from user.click(user.middle())
+    yield from user.until(lambda: len(entries()) == count + 1, "a point picked in the other view")
+    assert (entries()[-1].has_point, entries()[-1].has_pixel) == (True, False)
+    yield from user.picture("3_other_view")
+    user.view.view_perspective = "CAMERA"
+    yield from user.redraw()
+    yield from user.click(place(user, seen(np.array(entries()[-1].point, float)[None])[0]))
+    yield from user.until(lambda: entries()[-1].has_pixel, "its image point")
+    assert len(entries()) == count + 1
+    assert estimate.solution(bpy.context.scene).estimate is not None
+
+
+def disable_with_the_tool_in_hand(user):
+    addon_utils.disable(ADDON)
+    yield from user.redraw()
+    tool = user.window.workspace.tools.from_space_view3d_mode("OBJECT")
+    assert tool.idname == "builtin.select_box", tool.idname
+    addon_utils.enable(ADDON)
+    yield from user.redraw()
+
+
+def entries():
+    return bpy.context.scene.oneframe.landmarks
+
+
+def pixel_of(index):
+    return np.array(entries()[index].pixel, float)
+
+
+def frame_view(user):
+    return FrameView.of(bpy.context.scene, user.region(), user.view)
+
+
+def place(user, pixel):
+    """Where a pixel of the frame is in the window: the screen's pixel that shows it."""
+    region, at = user.region(), frame_view(user).region_from_px(pixel)
+    return region.x + float(np.floor(at[0])), region.y + float(np.floor(at[1]))
+
+
+def seen(points):
+    pose = gather.cam_from_model(bpy.context.scene)
+    return gather.camera(bpy.context.scene).project(transform_points(pose, points))
+
+
+def errors_px(points):
+    return np.linalg.norm(seen(points) - FEATURES, axis=1)

@@ -36,6 +36,7 @@ from . import (  # noqa: E402  (after the path is known)
     refine,
     setup,
     view,
+    view_layout,
 )
 
 _MODULES = (
@@ -46,6 +47,7 @@ _MODULES = (
     overlay,
     overlay_split,
     loupe,
+    view_layout,
     panel_view,
     move,
     panel_pose,

@@ -26,6 +26,10 @@ class ONEFRAME_PT_view(bpy.types.Panel):
 
     def draw(self, context):
         layout, scene = self.layout, context.scene
+        row = layout.row(align=True)
+        row.operator("oneframe.side_by_side", icon="WINDOW")
+        if shows_frame(context):
+            row.operator("oneframe.orbit_surface", text="Orbit", icon="ORIENTATION_VIEW")
         if not shows_frame(context):
             layout.operator("oneframe.show_frame", icon="OUTLINER_OB_CAMERA")
             return

@@ -118,7 +118,8 @@ def put_surface(
     surface = new_mesh_object(SURFACE, mesh)
     alignment_collection(scene).objects.link(surface)
     surface.data.materials.append(_plain_material("OneFrame bone", (0.75, 0.72, 0.62, 1.0)))
-    surface.color = (0.75, 0.72, 0.62, 1.0)
+    # the frame is seen through it from the start
+    surface.color = (0.75, 0.72, 0.62, 0.6)
     surface.rotation_mode = "QUATERNION"
     set_exact(surface, OFFSET, given_from_model)
     set_pose(None, surface, cam_from_model)

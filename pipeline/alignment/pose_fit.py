@@ -125,7 +125,7 @@ def fitted_poses(
         tried = Poses(rotations_from_vectors(twist[:, 3:]) @ rotations[now], positions[now] + twist[:, :3])
         tried_cost, tried_normal, tried_gradient = _normal_equations(pairs, tried, loss, held, basis)
         better = tried_cost <= cost[now]
-        moved_px = np.sqrt(np.einsum("ki,kij,kj->k", step, normal[now], step))
+        moved_px = np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", step, normal[now], step), 0))
         accepted = now[better]
         rotations[accepted], positions[accepted] = tried.rotations[better], tried.positions[better]
         cost[accepted], normal[accepted] = tried_cost[better], tried_normal[better]

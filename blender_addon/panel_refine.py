@@ -23,7 +23,7 @@ class ONEFRAME_PT_refine(bpy.types.Panel):
     def draw(self, context):
         layout, scene = self.layout, context.scene
         layout.operator_context = "INVOKE_DEFAULT"
-        row = layout.row(align=True)
+        row = layout.split(factor=0.85, align=True)
         row.operator("oneframe.refine", text="Refine Against Image", icon="SNAP_ON")
         draw_key(row, "oneframe.refine")
         if not gather.is_set_up(scene):

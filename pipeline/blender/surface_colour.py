@@ -91,7 +91,8 @@ def remove_colour(surface: bpy.types.Object) -> None:
     for number, material in enumerate(data.materials):
         if material in own:
             data.materials[number] = plain
-    _remove_unused(own)
+    # also what a surface that has been deleted has left
+    _remove_unused([material for material in bpy.data.materials if material.get(RECORD)])
     for name in (RECORD, PLAIN_MATERIAL):
         if name in surface:
             del surface[name]

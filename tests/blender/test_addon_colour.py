@@ -157,6 +157,15 @@ def test_repeated_projection_replaces_and_plain_takes_everything_away(opened):
     assert not [key for key in surface.keys() if key.startswith(("oneframe_colour", "oneframe_plain"))]  # noqa: SIM118
 
 
+def test_colours_of_a_deleted_surface_are_taken_away_too(opened, case_path):
+    bpy.ops.oneframe.project_colour(mode="texture")
+    before = blocks()
+    for _ in range(2):
+        bpy.ops.oneframe.open_case(filepath=str(case_path))
+        bpy.ops.oneframe.project_colour(mode="texture")
+    assert blocks() == before
+
+
 @pytest.mark.parametrize("mode", ["vertex", "texture"])
 def test_marking_changes_the_unseen_surface_only(opened, mode):
     bpy.ops.oneframe.project_colour(mode=mode)

@@ -14,7 +14,7 @@ from mathutils import Matrix
 
 from pipeline.blender.dataset_job import Job, open_job
 from pipeline.case import read_case
-from pipeline.frames import camera_centre
+from pipeline.frames import camera_centre, rigid
 from pipeline.options import Shard, checked_options
 
 pytestmark = pytest.mark.render
@@ -106,6 +106,25 @@ def test_a_frustum_is_what_the_view_shows(opened, case_path, tmp_path):
     pixels = camera.project(corners @ pose[:3, :3].T + pose[:3, 3])
     width, height = camera.size_wh
     assert np.allclose(pixels, np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5, atol=1e-6)
+
+
+def test_poses_of_a_list_replace_the_sampler(addon, write_tiny_case, tmp_path):
+    path = write_tiny_case(tmp_path / "case")
+    pose = read_case(path).cam_from_given
+    np.save(tmp_path / "case" / "poses.npy", np.stack([pose, rigid(translation=[1.0, 0, 5.0]) @ pose]))
+    path.write_text(path.read_text() + '\n[dataset]\nposes = "poses.npy"\n')
+    bpy.ops.oneframe.open_case(filepath=str(path))
+    preview, scene = importlib.import_module("blender_addon.pose_preview"), bpy.context.scene
+    bpy.ops.oneframe.preview_poses()
+    assert (len(preview.shown().lines), preview.shown().count) == (2, 2)
+    apart = preview.shown().lines[1, 0, 0] - preview.shown().lines[0, 0, 0]
+    assert np.allclose(apart, -pose[:3, :3].T @ [1.0, 0, 5.0])
+    scene.oneframe.preview_view = 1
+    bpy.ops.oneframe.preview_view()
+    scene.oneframe.preview_view = 2
+    refused(bpy.ops.oneframe.preview_view, "0 to 1")
+    os.utime(tmp_path / "case" / "poses.npy", ns=(0, 0))
+    assert not preview.is_current(scene)
 
 
 def change_pose(scene):

@@ -11,6 +11,8 @@ from .frame_view import FrameView, shows_frame
 from .overlay import Composite, frame_image_of, picture_of, projection_of
 from .pipeline.errors import InputError
 
+TOOL = landmark_tool.TOOL
+"""The workspace tool that it belongs to."""
 TIMES = 6.0
 """Magnification: screen pixels per pixel of the frame; of other views, times larger."""
 LEAST_TIMES = 1.5
@@ -54,7 +56,7 @@ def draw_loupe(pointer: tuple[int, int]) -> None:
 def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, in_frame: bool) -> None:
     scene = context.scene
     size = round(SIZE_PX * context.preferences.system.ui_scale)
-    low_x, low_y = _corner(region, *at, size)
+    low_x, low_y = corner(region, *at, size)
     seen, times = None, TIMES
     if in_frame:
         frame_view = FrameView.of(scene, region, context.region_data)
@@ -84,7 +86,7 @@ def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, 
         _draw_cross(low_x, low_y, size)
 
 
-def _corner(region: bpy.types.Region, x: float, y: float, size: int) -> tuple[float, float]:
+def corner(region: bpy.types.Region, x: float, y: float, size: int) -> tuple[float, float]:
     """Lower left corner: up and right of the pointer, elsewhere where there is no room."""
     low_x = x + AWAY_PX if x + AWAY_PX + size < region.width else x - AWAY_PX - size
     low_y = y + AWAY_PX if y + AWAY_PX + size < region.height else y - AWAY_PX - size

@@ -3,7 +3,6 @@
 It is drawn when Blender has drawn its objects and before gizmos, texts and other tools' marks, which so stay on top.
 """
 
-import time
 from dataclasses import dataclass
 
 import bpy
@@ -21,6 +20,7 @@ BLINK_S = 0.25
 
 _pictures: dict[int, SurfacePicture] = {}
 _handle: object | None = None
+_blink_shows_frame = True
 
 
 @dataclass(frozen=True)
@@ -99,11 +99,6 @@ def projection_of(
     )
 
 
-def blink_shows_frame() -> bool:
-    """The present half of blinking."""
-    return int(time.monotonic() / BLINK_S) % 2 == 0
-
-
 def draw_view() -> None:
     """Draw over the view that Blender is drawing now (a POST_VIEW draw handler)."""
     context = bpy.context
@@ -127,7 +122,7 @@ def draw_view() -> None:
         mode = "NONE"
     if mode == "BLINK":
         _keep_blinking()
-        mode = "FRAME" if blink_shows_frame() else "SURFACE"
+        mode = "FRAME" if _blink_shows_frame else "SURFACE"
     picture = picture_of(region.as_pointer(), region.width, region.height)
     picture.draw(projection, gather.surface_of(scene), view.crease_deg if view.contour else None)
     low, high = frame_rectangle(seen, region)
@@ -164,7 +159,10 @@ def _keep_blinking() -> None:
 
 
 def _blink() -> float | None:
-    """Redraw the views that blink; ends with the last of them."""
+    """The other half of blinking, in all views that blink; ends with the last of them."""
+    global _blink_shows_frame
+    # turned here and not read off a clock, which drawings that take longer would follow at random
+    _blink_shows_frame = not _blink_shows_frame
     blinking = False
     for window in bpy.context.window_manager.windows:
         if window.scene.oneframe_view.comparison != "BLINK":
@@ -173,8 +171,7 @@ def _blink() -> float | None:
             if area.type == "VIEW_3D" and area.spaces.active.region_3d.view_perspective == "CAMERA":
                 area.tag_redraw()
                 blinking = True
-    # to the next change, whatever the drawing took
-    return BLINK_S - time.monotonic() % BLINK_S + 0.005 if blinking else None
+    return BLINK_S if blinking else None
 
 
 def register() -> None:

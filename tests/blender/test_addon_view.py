@@ -259,7 +259,7 @@ def test_view_operators_come_back_and_move_nothing(in_view, scene, operator):
 
 
 def test_opacity_is_the_objects_own(in_view, scene):
-    opacities = []
+    opacities, scene.oneframe_view.opacity = [], 1.0
     for _ in range(4):
         bpy.ops.oneframe.cycle_opacity()
         opacities.append(round(scene.oneframe.surface.color[3], 3))

@@ -299,6 +299,57 @@ def test_few_pairs_and_large_residuals_are_told():
     assert solve_pose(fine.points_model, fine.pixels, MICROSCOPE).told == ()
 
 
+def test_a_pair_that_stands_twice_is_told():
+    trial = box_trial(np.random.default_rng(10), 6, 2.0)
+    points, pixels = np.vstack([trial.points_model, trial.points_model[2]]), np.vstack([trial.pixels, trial.pixels[2]])
+    assert (
+        "'g' repeats 'c', which counts twice: delete one."
+        in solve_pose(points, pixels, MICROSCOPE, names=NAMES[:7]).told
+    )
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(4, 9),
+    st.sampled_from([60.0, 1500.0, 60_000.0]),
+    st.sampled_from([1e-2, 10.0, 1e4]),
+    st.sampled_from(["random", "flat", "grid", "line", "far", "behind"]),
+    st.sampled_from([1e-3, 2.0, 50.0]),
+)
+def test_any_pairs_are_solved_or_refused(seed, count, focal_px, extent, kind, sigma_px):
+    """And what is solved is in front of the camera, and finite."""
+    rng = np.random.default_rng(seed)
+    camera = PinholeCamera(1920, 1080, focal_px, 1.3 * focal_px, 2500.0, 540.0)
+    points, pixels = rng.normal(size=(count, 3)) * extent, rng.random((count, 2)) * camera.size_wh
+    if kind == "flat":
+        points[:, 2] = 0
+    if kind == "grid":
+        points, pixels = np.rint(points / extent) * extent, np.rint(pixels / 200) * 200
+    if kind == "line":
+        points[:, 1:] = points[:, :1] + rng.normal(size=(count, 2)) * 1e-3 * extent
+    if kind == "far":
+        points += 1e4 * extent
+    if kind == "behind":
+        camera_points = transform_points(random_pose(rng, 0.5 * extent), points)
+        pixels = camera_points[:, :2] / camera_points[:, 2:] * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+    start = random_pose(rng, -5.0)
+    try:
+        estimate = solve_pose(points, pixels, camera, click_sigma_px=sigma_px, start=start)
+    except UndeterminedPose as refusal:
+        estimate, candidates = None, refusal.candidates
+    else:
+        candidates = (estimate.cam_from_model,)
+    for pose in candidates:
+        assert pose[:3, :3] @ pose[:3, :3].T == pytest.approx(np.eye(3), abs=1e-9)
+        assert np.linalg.det(pose[:3, :3]) > 0
+    if estimate is not None:
+        assert (transform_points(estimate.cam_from_model, points)[estimate.inliers, 2] > 0).all()
+        assert np.isfinite(estimate.uncertainty.covariance).all()
+        assert np.isfinite(estimate.residuals_px[estimate.inliers]).all()
+        assert estimate.uncertainty.weakest
+
+
 @pytest.mark.parametrize(
     ("points", "pixels", "options", "message"),
     [

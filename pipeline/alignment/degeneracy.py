@@ -92,6 +92,12 @@ def check_pairs(points_model: np.ndarray, pixels: np.ndarray, names: Sequence[st
         raise UndeterminedPose("collinear", _collinear(count))
 
 
+def repeated_pairs(points_model: np.ndarray, pixels: np.ndarray) -> list[tuple[int, int]]:
+    """Places of pairs that have point and pixel in common: the first, and each further one."""
+    both = np.hstack([points_model, pixels])
+    return [(first, index) for index, first in enumerate(_groups(both, 0.0)) if first != index]
+
+
 def _groups(values: np.ndarray, tolerance: float) -> list[int]:
     """For each row the first row that is the same."""
     return [int(np.argmax(np.abs(values - row).max(axis=1) <= tolerance)) for row in values]

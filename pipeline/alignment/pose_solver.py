@@ -8,7 +8,7 @@ import numpy as np
 from ..camera import PinholeCamera
 from ..errors import InputError
 from ..frames import rotation_angle_deg
-from .degeneracy import UndeterminedPose, ambiguity, check_fit, check_pairs, check_uncertainty
+from .degeneracy import UndeterminedPose, ambiguity, check_fit, check_pairs, check_uncertainty, repeated_pairs
 from .hypotheses import Hypothesis, hypotheses
 from .reprojection import Pairs, Poses, residuals
 from .uncertainty import PoseUncertainty, pose_uncertainty
@@ -120,7 +120,14 @@ def solve_pose(
         inliers=chosen.inliers,
         rms_px=float(np.sqrt(chosen.squared_px / chosen.inliers.sum())),
         uncertainty=uncertainty,
-        told=(*told, *_warnings(chosen, apart, uncertainty, mirrored, click_sigma_px, names)),
+        told=(
+            *told,
+            *(
+                f"{names[second]!r} repeats {names[first]!r}, which counts twice: delete one."
+                for first, second in repeated_pairs(points_model, pixels)
+            ),
+            *_warnings(chosen, apart, uncertainty, mirrored, click_sigma_px, names),
+        ),
     )
 
 

@@ -9,12 +9,12 @@ from bpy.props import EnumProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
 from . import gather
-from .operator import Reporting
 from .pipeline.blender.coverage import coverage_of
 from .pipeline.blender.export import export_coloured_surface
 from .pipeline.blender.source import colour_of, source_of
 from .pipeline.blender.surface_colour import colour_record, mark_unseen, put_colour, remove_colour
 from .pipeline.errors import InputError
+from .reporting import Reporting
 
 MODES = [
     ("vertex", "Vertex Colours", "A colour at every vertex: as fine as the mesh is"),

@@ -10,7 +10,6 @@ import numpy as np
 from bpy.props import BoolProperty
 
 from . import background_job, gather, pose_preview
-from .operator import Reporting
 from .pipeline.blender.source import source_of
 from .pipeline.blender.view_maker import ViewMaker
 from .pipeline.case import Case, read_case
@@ -18,6 +17,7 @@ from .pipeline.case_writer import case_text, write_case
 from .pipeline.errors import InputError
 from .pipeline.options import DatasetOptions, merged_options
 from .provenance import recorded_case
+from .reporting import Reporting
 
 SCRIPT = "render_dataset.py"
 PREVIEW_IMAGE = "OneFrame preview"

@@ -13,9 +13,9 @@ from bpy.props import EnumProperty
 
 from . import estimate, events, gather, landmark_edit
 from .landmark_marks import LandmarkView, marks_of, nearest, under
-from .operator import redraw
 from .pipeline.blender import alignment_scene
 from .pipeline.errors import InputError
+from .reporting import redraw
 
 FINE = 0.1
 """Part of the pointer's way that a mark goes while Shift is held."""

@@ -10,10 +10,10 @@ from mathutils import Vector
 
 from . import case_state, estimate, events, gather, landmark_edit
 from .landmark_gestures import is_alignment_view, landmark_under
-from .operator import Reporting
 from .pipeline.alignment.landmark_file import read_landmarks, write_landmarks
 from .pipeline.case import MM_PER_UNIT
 from .pipeline.errors import InputError
+from .reporting import Reporting
 
 OFF_SURFACE_MM = 0.5
 """Distance from the surface beyond which a point is not on it."""

@@ -56,7 +56,9 @@ def draw_loupe(pointer: tuple[int, int]) -> None:
 def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, in_frame: bool) -> None:
     scene = context.scene
     size = round(SIZE_PX * context.preferences.system.ui_scale)
-    low_x, low_y = corner(region, *at, size)
+    # Blender draws cursors in pixels of the window
+    left, below, *target = gpu.state.viewport_get()
+    low = np.array(corner(region, *at, size)) + [region.x - left, region.y - below]
     seen, times = None, TIMES
     if in_frame:
         frame_view = FrameView.of(scene, region, context.region_data)
@@ -64,8 +66,7 @@ def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, 
         if times < LEAST_TIMES:
             # the view itself is a loupe
             return
-        centre = np.array([low_x + size / 2, low_y + size / 2])
-        offset = centre - times * (at - frame_view.offset)
+        offset = low + size / 2 - times * (at - frame_view.offset)
         seen = FrameView(frame_view.camera, times * frame_view.scale, offset)
     projection = projection_of(scene, region, context.region_data, frame=in_frame)
     projection = projection.narrowed(*at, times, size, size)
@@ -76,19 +77,19 @@ def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, 
         picture.draw(projection, gather.surface_of(scene), view.crease_deg if contour else None)
     mode = "FRAME" if in_frame else "PICTURE"
     image = frame_image_of(scene) if in_frame else None
-    composite = Composite(mode, seen, image, picture, contour, (low_x, low_y), target_encodes=False)
-    composite.draw(view, (low_x, low_y), (low_x + size, low_y + size))
+    composite = Composite(mode, seen, image, picture, contour, tuple(low), target_encodes=False)
+    composite.draw(view, tuple(low), tuple(low + size))
     with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
-        _, _, width, height = gpu.state.viewport_get()
+        width, height = target
         gpu.matrix.load_identity()
         clip_from_px = ((2 / width, 0, 0, -1), (0, 2 / height, 0, -1), (0, 0, -1, 0), (0, 0, 0, 1))
         gpu.matrix.load_projection_matrix(Matrix(clip_from_px))
-        _draw_cross(low_x, low_y, size)
+        _draw_cross(*low, size)
 
 
 def corner(region: bpy.types.Region, x: float, y: float, size: int) -> tuple[float, float]:
-    """Lower left corner: up and right of the pointer, elsewhere where there is no room."""
-    low_x = x + AWAY_PX if x + AWAY_PX + size < region.width else x - AWAY_PX - size
+    """Lower left corner in the region: up and left of the pointer (texts stand right), elsewhere if there is no room."""
+    low_x = x - AWAY_PX - size if x - AWAY_PX - size >= 0 else x + AWAY_PX
     low_y = y + AWAY_PX if y + AWAY_PX + size < region.height else y - AWAY_PX - size
     return round(max(low_x, 0)), round(max(low_y, 0))
 

@@ -7,13 +7,13 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty
 from . import gather
 from .frame_view import FrameView, shows_frame, window_region
 from .keymap import OBJECT_MODE, Key, Keys
-from .operator import Reporting, redraw
 from .pipeline.alignment.nudge import nudged
 from .pipeline.blender import alignment_scene
 from .pipeline.blender.exact_values import exact, set_exact
 from .pipeline.blender.visible_surface import visible_surface
 from .pipeline.errors import InputError
 from .pose_text import pose_from_text, pose_rows, set_pose_given
+from .reporting import Reporting, redraw
 
 AXES = [
     ("x", "Right", "Shift to the right in the image"),

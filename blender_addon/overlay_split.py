@@ -6,7 +6,7 @@ from gpu_extras.presets import draw_circle_2d
 
 from . import gather
 from .frame_view import FrameView, shows_frame
-from .operator import redraw
+from .reporting import redraw
 
 GRIP_PX = 9.0
 """Radius of the grip; it can be caught a little outside, too."""

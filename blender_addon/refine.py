@@ -10,12 +10,13 @@ import numpy as np
 
 from . import gather
 from .keymap import OBJECT_MODE, Key, Keys
-from .operator import Reporting, redraw
 from .pipeline.alignment.refinement import Refinement, refine_pose
 from .pipeline.blender.alignment_scene import set_pose
 from .pipeline.blender.loading import LoadedCase
 from .pipeline.blender.surface_colour import colour_record, vertex_codes
 from .pipeline.errors import InputError, RunError
+from .provenance import remember_refined
+from .reporting import Reporting, redraw
 
 KEYS = Keys([Key("oneframe.refine", "F", keymap=OBJECT_MODE)])
 POLL_SECONDS = 0.1
@@ -115,6 +116,7 @@ class ONEFRAME_OT_refine(Reporting, bpy.types.Operator):
         if not result.accepted:
             raise InputError(result.told)
         set_pose(gather.camera_object_of(scene), gather.surface_of(scene), result.cam_from_model)
+        remember_refined(scene, result.cam_from_model)
         return (result.told,)
 
     def invoke(self, context, event):
@@ -167,6 +169,7 @@ class ONEFRAME_OT_refine(Reporting, bpy.types.Operator):
         if event.value == "PRESS":
             if event.type in KEEP:
                 self._show(context, result.cam_from_model, True)
+                remember_refined(context.scene, result.cam_from_model)
                 return self._end(context, "FINISHED", told=result.told)
             if event.type in DISCARD:
                 self._show(context, work.start, False)

@@ -7,7 +7,6 @@ from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProper
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from . import case_state, gather
-from .operator import Reporting
 from .pipeline.blender import alignment_scene, alignment_setup
 from .pipeline.blender.image import read_image
 from .pipeline.blender.loading import load_case
@@ -22,6 +21,7 @@ from .pipeline.pose_file import read_pose
 from .pose_text import set_pose_given
 from .properties import UNITS
 from .provenance import recorded_case
+from .reporting import Reporting
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
 VIDEOS = "*.mp4;*.avi;*.mov;*.mkv;*.m4v;*.mpg;*.mpeg;*.webm"

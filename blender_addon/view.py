@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProp
 from . import gather
 from .frame_view import FrameView, shows_frame, window_region
 from .keymap import OBJECT_MODE, Key, Keys
-from .operator import redraw
+from .reporting import redraw
 
 OPACITIES = (1.0, 0.6, 0.3, 0.0)
 MAGNIFICATIONS = (1 / 16, 64.0)

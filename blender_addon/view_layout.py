@@ -6,7 +6,7 @@ from mathutils import Vector
 from . import gather
 from .frame_view import window_region
 from .move import pivot_of
-from .operator import Reporting
+from .reporting import Reporting
 
 DISTANCES = 2.5
 """The orbit view's distance, in radii of the surface in view."""

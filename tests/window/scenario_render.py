@@ -1,4 +1,4 @@
-"""After the alignment: colours on the surface, poses and a view previewed, a dataset started, cancelled and gone on with."""
+"""After the alignment: colours, poses and a view previewed, a dataset started, cancelled and gone on with."""
 
 import json
 

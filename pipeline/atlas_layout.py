@@ -131,7 +131,7 @@ def frame_layer(charts: Charts, depth: np.ndarray, fully: np.ndarray, camera: Pi
         face = index[samples.triangle]
         texel = (samples.y - low[1]) * size[0] + samples.x - low[0]
         z = np.einsum("nk,nk->n", samples.barycentric, depth[face])
-        pieces.append((face.astype(np.int32), texel.astype(np.int32), z, np.minimum.reduce(samples.barycentric.T)))
+        pieces.append((face.astype(np.int32), texel.astype(np.int32), z, samples.barycentric.T.min(axis=0)))
     face, texel, z, least = (np.concatenate(column) for column in zip(*pieces, strict=True))
     contains = least >= -1e-9
     score = np.where(contains, z, 2 * depth.max() - least)

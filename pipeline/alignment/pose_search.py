@@ -128,7 +128,7 @@ def _canvas(level: PyramidLevel) -> tuple[int, PinholeCamera, tuple[int, int]]:
 def _view(level: PyramidLevel, roll_deg: float, scale: float, reach: int, shape: tuple[int, int]) -> _View:
     camera = level.camera
     canvas_from_image = cv2.getRotationMatrix2D((camera.width / 2, camera.height / 2), -roll_deg, scale)
-    canvas_from_image[:, 2] += reach
+    canvas_from_image[:, 2] = canvas_from_image[:, 2] + reach
     size = camera.width + 2 * reach, camera.height + 2 * reach
     image = without_local_mean(level.image, level.valid, level.window_px)
     mask = cv2.warpAffine(level.valid.astype(np.float32), canvas_from_image, size)

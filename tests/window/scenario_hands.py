@@ -8,6 +8,7 @@ LOCATION_X = 'objects["Cube"].location[0]'
 
 
 def scenario(user):
+    bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
     yield from user.open_sidebar("Item")
     yield from user.type_into(LOCATION_X, "-1.25")
     yield from user.until(lambda: cube_x() == -1.25, "the number typed")

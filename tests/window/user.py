@@ -1,37 +1,22 @@
-"""A user at Blender's window: what hands and eyes do there, by simulated events.
+"""A user at Blender's window, who knows what the buttons of the sidebar do, chooses files and keeps pictures.
 
-Every action that takes time is a generator, to be run with ``yield from``: it yields the seconds for which Blender is
-to go on by itself. Places are pixels of the window, from its lower left corner, as Blender counts them.
+Every action that takes time is a generator, to be run with ``yield from``: see :mod:`hands`.
 """
 
-import time
 from collections.abc import Callable, Generator
 from pathlib import Path
 
 import bpy
 import numpy as np
+import sidebar_picture
 import x11_capture
-from bpy_extras.view3d_utils import location_3d_to_region_2d
-from mathutils import Vector
+from hands import HOVER_S, Action, Hands, Place
 
-Action = Generator[float, None, None]
-Place = tuple[float, float]
-
-KEYS = {"0": "ZERO", "1": "ONE", "2": "TWO", "3": "THREE", "4": "FOUR", "5": "FIVE", "6": "SIX", "7": "SEVEN"}
-KEYS |= {"8": "EIGHT", "9": "NINE", ".": "PERIOD", "-": "MINUS", "/": "SLASH", " ": "SPACE", ",": "COMMA"}
-"""Blender's names of the keys whose characters are not letters."""
-MODIFIER_KEYS = {"ctrl": "LEFT_CTRL", "shift": "LEFT_SHIFT", "alt": "LEFT_ALT", "oskey": "OSKEY"}
-TURN_S = 0.05
-"""One turn of Blender's event loop, and a redraw of what is small."""
-HOVER_S = 0.15
-"""How long the pointer rests on a button before Blender takes a click on it."""
-COLUMNS = 0.3, 0.7, 0.12, 0.5, 0.88
-"""Where buttons are looked for in the sidebar, in its width."""
-ROW_STEP = 14
-"""And how densely in its height; a button is 20 pixels high."""
+FAR = 100_000
+"""Pixels, more than any sidebar is long."""
 
 
-class User:
+class User(Hands):
     """The user of one scenario.
 
     Attributes
@@ -45,146 +30,11 @@ class User:
     """
 
     def __init__(self, case: Path, folder: Path, pictures: Path) -> None:
+        super().__init__()
         self.case, self.folder, self.facts = case, folder, {}
         self._pictures = pictures
-        self._draws = 0
-        self._place: Place = (0, 0)
+        # of each button: pixels from the sidebar's left edge, and from the top of its content (negative)
         self._seen: dict[str, Place] = {}
-        bpy.types.SpaceView3D.draw_handler_add(self._count_draw, (), "WINDOW", "POST_PIXEL")
-
-    def _count_draw(self) -> None:
-        self._draws += 1
-
-    # --- where things are -------------------------------------------------------------------------------------------
-
-    @property
-    def window(self) -> bpy.types.Window:
-        """The first window."""
-        return bpy.context.window_manager.windows[0]
-
-    @property
-    def area(self) -> bpy.types.Area:
-        """The largest 3D view."""
-        views = [area for area in self.window.screen.areas if area.type == "VIEW_3D"]
-        return max(views, key=lambda area: area.width * area.height)
-
-    def region(self, kind: str = "WINDOW", area: bpy.types.Area | None = None) -> bpy.types.Region:
-        """A region of the 3D view, or of another area."""
-        return next(region for region in (area or self.area).regions if region.type == kind)
-
-    @property
-    def view(self) -> bpy.types.RegionView3D:
-        """How the 3D view looks."""
-        return self.area.spaces.active.region_3d
-
-    def context(self, kind: str = "WINDOW"):
-        """``with user.context(): bpy.ops...``, as if the pointer were in that region of the 3D view."""
-        return bpy.context.temp_override(window=self.window, area=self.area, region=self.region(kind))
-
-    def middle(self, kind: str = "WINDOW") -> Place:
-        """The middle of a region of the 3D view."""
-        region = self.region(kind)
-        return region.x + region.width / 2, region.y + region.height / 2
-
-    def of_point(self, point: tuple[float, float, float]) -> Place:
-        """Where a point of the world appears."""
-        region = self.region()
-        found = location_3d_to_region_2d(region, self.view, Vector(point))
-        if found is None:
-            raise AssertionError(f"the point {tuple(point)} lies behind the view")
-        return region.x + found.x, region.y + found.y
-
-    def of_pixel(self, u: float, v: float) -> Place:
-        """Where a pixel of the scene camera's image appears in camera view; (0, 0) is the top-left pixel's centre."""
-        scene = bpy.context.scene
-        right_top, _, left_bottom, left_top = scene.camera.data.view_frame(scene=scene)
-        percent = scene.render.resolution_percentage / 100
-        across = (u + 0.5) / (scene.render.resolution_x * percent)
-        down = (v + 0.5) / (scene.render.resolution_y * percent)
-        corner = left_top + across * (right_top - left_top) + down * (left_bottom - left_top)
-        return self.of_point(scene.camera.matrix_world @ corner)
-
-    # --- waiting ----------------------------------------------------------------------------------------------------
-
-    def until(self, condition: Callable[[], object], what: str, timeout_s: float = 20.0) -> Action:
-        """Wait until a condition holds; fails with ``what`` was expected."""
-        end = time.monotonic() + timeout_s
-        while not condition():
-            if time.monotonic() > end:
-                raise AssertionError(f"expected within {timeout_s:g} s: {what}")
-            yield TURN_S
-
-    def redraw(self) -> Action:
-        """Wait until the 3D view has been drawn as things are now."""
-        drawn = self._draws
-        self.area.tag_redraw()
-        yield from self.until(lambda: self._draws > drawn, "a redraw of the 3D view", timeout_s=60)
-        yield TURN_S
-
-    # --- pointer and keys -------------------------------------------------------------------------------------------
-
-    def event(self, kind: str, value: str, place: Place | None = None, **modifiers: object) -> None:
-        """One event, at once; by keyword what is held (``ctrl``, ``shift``, ``alt``, ``oskey``), and ``unicode``."""
-        self._place = place or self._place
-        x, y = (round(number) for number in self._place)
-        self.window.event_simulate(type=kind, value=value, x=x, y=y, **modifiers)
-
-    def _hold(self, modifiers: dict[str, bool], value: str) -> None:
-        """Press or release the modifier keys themselves; else Blender believes that they stay pressed."""
-        for name in modifiers:
-            self.event(MODIFIER_KEYS[name], value, **(modifiers if value == "PRESS" else {}))
-
-    def move(self, place: Place) -> Action:
-        """Rest the pointer at a place."""
-        self.event("MOUSEMOVE", "NOTHING", place)
-        yield HOVER_S
-        # a button is hovered only by a second movement
-        self.event("MOUSEMOVE", "NOTHING", (place[0] + 1, place[1]))
-        yield TURN_S
-        self.event("MOUSEMOVE", "NOTHING", place)
-        yield HOVER_S
-
-    def click(self, place: Place, button: str = "LEFTMOUSE", **modifiers: bool) -> Action:
-        """Click there."""
-        yield from self.move(place)
-        self._hold(modifiers, "PRESS")
-        self.event(button, "PRESS", place, **modifiers)
-        yield TURN_S
-        self.event(button, "RELEASE", place, **modifiers)
-        self._hold(modifiers, "RELEASE")
-        yield HOVER_S
-
-    def drag(self, start: Place, end: Place, button: str = "LEFTMOUSE", *, steps: int = 8, **modifiers: bool) -> Action:
-        """Press, move in steps, release."""
-        yield from self.move(start)
-        self._hold(modifiers, "PRESS")
-        self.event(button, "PRESS", start, **modifiers)
-        yield TURN_S
-        for step in range(1, steps + 1):
-            place = tuple(a + (b - a) * step / steps for a, b in zip(start, end, strict=True))
-            self.event("MOUSEMOVE", "NOTHING", place, **modifiers)
-            yield TURN_S
-        self.event(button, "RELEASE", end, **modifiers)
-        self._hold(modifiers, "RELEASE")
-        yield HOVER_S
-
-    def key(self, kind: str, place: Place | None = None, **modifiers: bool) -> Action:
-        """Press and release a key; by default where the pointer is."""
-        if place:
-            yield from self.move(place)
-        self._hold(modifiers, "PRESS")
-        self.event(kind, "PRESS", **modifiers)
-        self.event(kind, "RELEASE", **modifiers)
-        self._hold(modifiers, "RELEASE")
-        yield HOVER_S
-
-    def type_text(self, text: str) -> Action:
-        """Type into the field that is being edited."""
-        for character in text:
-            kind = KEYS.get(character, character.upper() if character.isalpha() else "NONE")
-            self.event(kind, "PRESS", unicode=character)
-            self.event(kind, "RELEASE")
-            yield 0.02
 
     # --- the sidebar ------------------------------------------------------------------------------------------------
 
@@ -194,6 +44,7 @@ class User:
         # the tabs exist once the sidebar has been drawn
         yield from self.until(lambda: self.region("UI").width > 1, "the sidebar")
         yield from self.until(lambda: self._has_tab(tab), f"the tab {tab} in the sidebar")
+        self._seen.clear()
         self.area.tag_redraw()
         yield 0.4
 
@@ -205,6 +56,28 @@ class User:
             self.area.tag_redraw()
             return False
         return sidebar.active_panel_category == tab
+
+    def closed_panels(self) -> list[Place]:
+        """Where to click to open the panels in sight, from top to bottom."""
+        return self._seen_in_sidebar(sidebar_picture.closed_panels)
+
+    def _seen_in_sidebar(self, look: Callable[[np.ndarray], list[tuple[int, int]]]) -> list[Place]:
+        sidebar = self.region("UI")
+        top = self.window.height - sidebar.y - sidebar.height
+        picture = x11_capture.capture()[top : top + sidebar.height, sidebar.x : sidebar.x + sidebar.width]
+        return [(sidebar.x + x, sidebar.y + sidebar.height - 1 - y) for x, y in look(picture)]
+
+    def open_panels(self) -> Action:
+        """Open all panels of the sidebar's tab, and the panels in them."""
+        self._seen.clear()
+        yield from self._scroll(FAR)
+        while True:
+            while places := self.closed_panels():
+                yield from self.click(places[-1])
+                yield from self._look_elsewhere()
+            if not (yield from self._scroll_on()):
+                break
+        yield from self._scroll(FAR)
 
     def hovered(self, kind: str = "UI") -> str:
         """The button under the pointer: ``oneframe.solve()``, or the path of a property; empty if there is none."""
@@ -219,36 +92,38 @@ class User:
         return ""
 
     def find(self, name: str) -> Generator[float, None, Place]:
-        """Look for a button of the sidebar, from top to bottom: part of its command or of its property's path."""
-        for found, place in self._seen.items():
-            if name in found:
-                yield from self.move(place)
-                if name in self.hovered():
-                    return place
-        self._seen.clear()
-        sidebar = self.region("UI")
-        if sidebar.width <= 1:
+        """Look for a button of the sidebar, from top to bottom: part of its command or of its property's path.
+
+        Buttons in closed panels are not seen. A button seen before is looked for first where it was.
+        """
+        if self.region("UI").width <= 1:
             raise AssertionError(f"expected an open sidebar to look for {name!r} in")
-        with self.context("UI"):
-            # as far up as it goes
-            bpy.ops.view2d.scroll_up(page=True, deltay=100_000)
-        yield HOVER_S
-        scrolled_to = None
-        while scrolled_to != (scrolled_to := sidebar.view2d.region_to_view(0, 0)[1]):
-            for across in COLUMNS:
-                for below in range(10, sidebar.height, ROW_STEP):
-                    place = (sidebar.x + across * sidebar.width, sidebar.y + sidebar.height - below)
-                    self.event("MOUSEMOVE", "NOTHING", place)
-                    yield 0.08
-                    if found := self.hovered():
-                        self._seen.setdefault(found, place)
-                    if name in found:
-                        yield from self.move(place)
-                        if name in self.hovered():
-                            return place
-            with self.context("UI"):
-                bpy.ops.view2d.scroll_down(page=True)
-            yield HOVER_S
+        if found := next((found for found in self._seen if name in found), None):
+            yield from self._scroll_to(self._seen[found][1])
+            place = self._in_window(self._seen[found])
+            yield from self.move(place)
+            if name in self.hovered():
+                return place
+        self._seen.clear()
+        yield from self._scroll(FAR)
+        before = ""
+        while True:
+            yield from self._look_elsewhere()
+            for place in self._seen_in_sidebar(sidebar_picture.likely_buttons):
+                self.event("MOUSEMOVE", "NOTHING", place)
+                yield 0.08
+                found = self.hovered()
+                if found == before:  # perhaps Blender has not noticed yet
+                    yield HOVER_S
+                    found = self.hovered()
+                if before := found:
+                    self._seen.setdefault(found, self._in_content(place))
+                if name in found:
+                    yield from self.move(place)
+                    if name in self.hovered():
+                        return place
+            if not (yield from self._scroll_on()):
+                break
         raise AssertionError(f"expected a button {name!r} in the sidebar, found {', '.join(self._seen) or 'none'}")
 
     def press(self, name: str) -> Action:
@@ -263,6 +138,39 @@ class User:
         yield from self.key("RET", place)
         yield from self.type_text(text)
         yield from self.key("RET")
+
+    def _in_content(self, place: Place) -> Place:
+        sidebar = self.region("UI")
+        return place[0] - sidebar.x, sidebar.view2d.region_to_view(0, place[1] - sidebar.y)[1]
+
+    def _in_window(self, place: Place) -> Place:
+        sidebar = self.region("UI")
+        return place[0] + sidebar.x, sidebar.view2d.view_to_region(0, place[1], clip=False)[1] + sidebar.y
+
+    def _scroll(self, up_px: float) -> Action:
+        with self.context("UI"):
+            bpy.ops.view2d.pan(deltax=0, deltay=round(up_px))
+        self.area.tag_redraw()
+        yield HOVER_S
+
+    def _scroll_on(self) -> Generator[float, None, bool]:
+        """A sidebar's height further down, less a little; False at the end."""
+        sidebar = self.region("UI")
+        before = sidebar.view2d.region_to_view(0, 0)[1]
+        yield from self._scroll(60 - sidebar.height)
+        return sidebar.view2d.region_to_view(0, 0)[1] < before
+
+    def _scroll_to(self, height: float) -> Action:
+        """Until that height of the content is in sight."""
+        sidebar = self.region("UI")
+        below = sidebar.view2d.region_to_view(0, 30)[1] - height
+        above = height - sidebar.view2d.region_to_view(0, sidebar.height - 30)[1]
+        if max(below, above) > 0:
+            yield from self._scroll(above if above > 0 else -below)
+
+    def _look_elsewhere(self) -> Action:
+        """Move the pointer off the sidebar, so that nothing is highlighted there."""
+        yield from self.move(self.middle())
 
     # --- files ------------------------------------------------------------------------------------------------------
 

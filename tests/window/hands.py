@@ -1,0 +1,167 @@
+"""What hands do at Blender's window: pointer and keys as simulated events, waiting, and where things are.
+
+Every action that takes time is a generator, to be run with ``yield from``: it yields the seconds for which Blender is
+to go on by itself. Places are pixels of the window, from its lower left corner, as Blender counts them.
+"""
+
+import time
+from collections.abc import Callable, Generator
+
+import bpy
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from mathutils import Vector
+
+Action = Generator[float, None, None]
+Place = tuple[float, float]
+
+KEYS = {"0": "ZERO", "1": "ONE", "2": "TWO", "3": "THREE", "4": "FOUR", "5": "FIVE", "6": "SIX", "7": "SEVEN"}
+KEYS |= {"8": "EIGHT", "9": "NINE", ".": "PERIOD", "-": "MINUS", "/": "SLASH", " ": "SPACE", ",": "COMMA"}
+"""Blender's names of the keys whose characters are not letters."""
+MODIFIER_KEYS = {"ctrl": "LEFT_CTRL", "shift": "LEFT_SHIFT", "alt": "LEFT_ALT", "oskey": "OSKEY"}
+TURN_S = 0.05
+"""One turn of Blender's event loop, and a redraw of what is small."""
+HOVER_S = 0.15
+"""How long the pointer rests on a button before Blender takes a click on it."""
+
+
+class Hands:
+    """Pointer and keyboard of one user, at the first window and its largest 3D view."""
+
+    def __init__(self) -> None:
+        self._draws = 0
+        self._place: Place = (0, 0)
+        bpy.types.SpaceView3D.draw_handler_add(self._count_draw, (), "WINDOW", "POST_PIXEL")
+
+    def _count_draw(self) -> None:
+        self._draws += 1
+
+    # --- where things are -------------------------------------------------------------------------------------------
+
+    @property
+    def window(self) -> bpy.types.Window:
+        """The first window."""
+        return bpy.context.window_manager.windows[0]
+
+    @property
+    def area(self) -> bpy.types.Area:
+        """The largest 3D view."""
+        views = [area for area in self.window.screen.areas if area.type == "VIEW_3D"]
+        return max(views, key=lambda area: area.width * area.height)
+
+    def region(self, kind: str = "WINDOW", area: bpy.types.Area | None = None) -> bpy.types.Region:
+        """A region of the 3D view, or of another area."""
+        return next(region for region in (area or self.area).regions if region.type == kind)
+
+    @property
+    def view(self) -> bpy.types.RegionView3D:
+        """How the 3D view looks."""
+        return self.area.spaces.active.region_3d
+
+    def context(self, kind: str = "WINDOW"):
+        """``with user.context(): bpy.ops...``, as if the pointer were in that region of the 3D view."""
+        return bpy.context.temp_override(window=self.window, area=self.area, region=self.region(kind))
+
+    def middle(self, kind: str = "WINDOW") -> Place:
+        """The middle of a region of the 3D view."""
+        region = self.region(kind)
+        return region.x + region.width / 2, region.y + region.height / 2
+
+    def of_point(self, point: tuple[float, float, float]) -> Place:
+        """Where a point of the world appears."""
+        region = self.region()
+        found = location_3d_to_region_2d(region, self.view, Vector(point))
+        if found is None:
+            raise AssertionError(f"the point {tuple(point)} lies behind the view")
+        return region.x + found.x, region.y + found.y
+
+    def of_pixel(self, u: float, v: float) -> Place:
+        """Where a pixel of the scene camera's image appears in camera view; (0, 0) is the top-left pixel's centre."""
+        scene = bpy.context.scene
+        right_top, _, left_bottom, left_top = scene.camera.data.view_frame(scene=scene)
+        percent = scene.render.resolution_percentage / 100
+        across = (u + 0.5) / (scene.render.resolution_x * percent)
+        down = (v + 0.5) / (scene.render.resolution_y * percent)
+        corner = left_top + across * (right_top - left_top) + down * (left_bottom - left_top)
+        return self.of_point(scene.camera.matrix_world @ corner)
+
+    # --- waiting ----------------------------------------------------------------------------------------------------
+
+    def until(self, condition: Callable[[], object], what: str, timeout_s: float = 20.0) -> Action:
+        """Wait until a condition holds; fails with ``what`` was expected."""
+        end = time.monotonic() + timeout_s
+        while not condition():
+            if time.monotonic() > end:
+                raise AssertionError(f"expected within {timeout_s:g} s: {what}")
+            yield TURN_S
+
+    def redraw(self) -> Action:
+        """Wait until the 3D view has been drawn as things are now."""
+        drawn = self._draws
+        self.area.tag_redraw()
+        yield from self.until(lambda: self._draws > drawn, "a redraw of the 3D view", timeout_s=60)
+        yield TURN_S
+
+    # --- pointer and keys -------------------------------------------------------------------------------------------
+
+    def event(self, kind: str, value: str, place: Place | None = None, **modifiers: object) -> None:
+        """One event, at once; by keyword what is held (``ctrl``, ``shift``, ``alt``, ``oskey``), and ``unicode``."""
+        self._place = place or self._place
+        x, y = (round(number) for number in self._place)
+        self.window.event_simulate(type=kind, value=value, x=x, y=y, **modifiers)
+
+    def _hold(self, modifiers: dict[str, bool], value: str) -> None:
+        """Press or release the modifier keys themselves; else Blender believes that they stay pressed."""
+        for name in modifiers:
+            self.event(MODIFIER_KEYS[name], value, **(modifiers if value == "PRESS" else {}))
+
+    def move(self, place: Place) -> Action:
+        """Rest the pointer at a place."""
+        self.event("MOUSEMOVE", "NOTHING", place)
+        yield HOVER_S
+        # a button is hovered only by a second movement
+        self.event("MOUSEMOVE", "NOTHING", (place[0] + 1, place[1]))
+        yield TURN_S
+        self.event("MOUSEMOVE", "NOTHING", place)
+        yield HOVER_S
+
+    def click(self, place: Place, button: str = "LEFTMOUSE", **modifiers: bool) -> Action:
+        """Click there."""
+        yield from self.move(place)
+        self._hold(modifiers, "PRESS")
+        self.event(button, "PRESS", place, **modifiers)
+        yield TURN_S
+        self.event(button, "RELEASE", place, **modifiers)
+        self._hold(modifiers, "RELEASE")
+        yield HOVER_S
+
+    def drag(self, start: Place, end: Place, button: str = "LEFTMOUSE", *, steps: int = 8, **modifiers: bool) -> Action:
+        """Press, move in steps, release."""
+        yield from self.move(start)
+        self._hold(modifiers, "PRESS")
+        self.event(button, "PRESS", start, **modifiers)
+        yield TURN_S
+        for step in range(1, steps + 1):
+            place = tuple(a + (b - a) * step / steps for a, b in zip(start, end, strict=True))
+            self.event("MOUSEMOVE", "NOTHING", place, **modifiers)
+            yield TURN_S
+        self.event(button, "RELEASE", end, **modifiers)
+        self._hold(modifiers, "RELEASE")
+        yield HOVER_S
+
+    def key(self, kind: str, place: Place | None = None, **modifiers: bool) -> Action:
+        """Press and release a key; by default where the pointer is."""
+        if place:
+            yield from self.move(place)
+        self._hold(modifiers, "PRESS")
+        self.event(kind, "PRESS", **modifiers)
+        self.event(kind, "RELEASE", **modifiers)
+        self._hold(modifiers, "RELEASE")
+        yield HOVER_S
+
+    def type_text(self, text: str) -> Action:
+        """Type into the field that is being edited."""
+        for character in text:
+            kind = KEYS.get(character, character.upper() if character.isalpha() else "NONE")
+            self.event(kind, "PRESS", unicode=character)
+            self.event(kind, "RELEASE")
+            yield 0.02

@@ -1,5 +1,9 @@
-"""What a user does in Blender's real window: every ``scenario_*.py`` of this folder, each in a Blender of its own."""
+"""What a user does in Blender's real window: every ``scenario_*.py`` of this folder, each in a Blender of its own.
 
+A scenario that takes long has a line ``TIMEOUT_S = 600``.
+"""
+
+import re
 from pathlib import Path
 
 import pytest
@@ -12,7 +16,8 @@ TIMEOUT_S = 240
 
 @pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda path: path.stem.removeprefix("scenario_"))
 def test_scenario(scenario, play):
-    print(play(scenario, TIMEOUT_S))
+    own = re.search(r"^TIMEOUT_S = (\d+)$", scenario.read_text(), re.MULTILINE)
+    print(play(scenario, int(own[1]) if own else TIMEOUT_S))
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ import shutil
 import subprocess
 import tempfile
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from pipeline import __version__
 from pipeline.errors import InputError, RunError
@@ -112,7 +112,9 @@ def build(names: Sequence[str], out: Path, *, blender: str | None = None) -> Ite
         staged, built = Path(folder, "oneframe"), Path(folder, "built")
         stage(staged, names, wheels)
         built.mkdir()
-        tags = [] if blender else ["--valid-tags", str(_valid_tags(Path(tool[-1])))]
+        # a Blender program knows its tags by itself
+        known_tags = Path(tool[-1]).parents[3] / "modules" / "_bpy_internal" / "extensions" / "tags.py"
+        tags = [] if blender else ["--valid-tags", known_tags]
         _run([*tool, "build", "--source-dir", staged, "--output-dir", built, "--split-platforms", *tags])
         out.mkdir(parents=True, exist_ok=True)
         for path in sorted(built.glob("*.zip")):
@@ -150,7 +152,7 @@ def _filled_in(manifest: str, names: Sequence[str], wheels: Sequence[Path]) -> s
     return manifest.replace(VERSION_LINE, "\n".join(lines))
 
 
-def _toml_list(texts: Iterator[str] | Sequence[str]) -> str:
+def _toml_list(texts: Iterable[str]) -> str:
     return "[" + ", ".join(f'"{text}"' for text in texts) + "]"
 
 
@@ -192,10 +194,21 @@ def _download(requirement: str, name: str, folder: str) -> None:
         "--abi",
         "abi3",
     ]
-    quietly = ["--quiet", "--disable-pip-version-check", "--no-input", "--retries", "1"]
-    only = ["--no-deps", "--only-binary=:all:"]
+    quietly = ["--quiet", "--disable-pip-version-check", "--no-input", "--retries=1"]
     ended = subprocess.run(
-        [sys.executable, "-m", "pip", "download", *quietly, *only, *target, "--dest", folder, requirement],
+        [
+            sys.executable,
+            "-m",
+            "pip",
+            "download",
+            "--no-deps",
+            "--only-binary=:all:",
+            *quietly,
+            *target,
+            "--dest",
+            folder,
+            requirement,
+        ],
         capture_output=True,
         text=True,
         check=False,
@@ -222,10 +235,6 @@ def _extension_tool(blender: str | None) -> list[str]:
     raise InputError("this Python has no bpy module to build with; name a Blender program: --blender PROGRAM")
 
 
-def _valid_tags(blender_ext: Path) -> Path:
-    return blender_ext.parents[3] / "modules" / "_bpy_internal" / "extensions" / "tags.py"
-
-
 def _run(command: Sequence[str | Path]) -> None:
     ended = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
     if ended.returncode != 0:
@@ -235,8 +244,7 @@ def _run(command: Sequence[str | Path]) -> None:
 def _last_line(text: str) -> str:
     """The last line that is not empty; an error rather than a warning."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    errors = [line for line in lines if "error" in line.lower()]
-    return (errors or lines or [""])[-1]
+    return ([line for line in lines if "error" in line.lower()] or lines or [""])[-1]
 
 
 def main(argv: Sequence[str]) -> int:

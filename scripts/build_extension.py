@@ -106,15 +106,12 @@ def build(names: Sequence[str], out: Path, *, blender: str | None = None) -> Ite
     RunError
         A wheel cannot be had.
     """
-    tool = _extension_tool(blender)
+    tool, tags = _extension_tool(blender)
     wheels = [wheel(name) for name in names]
     with tempfile.TemporaryDirectory(prefix="oneframe-extension-") as folder:
         staged, built = Path(folder, "oneframe"), Path(folder, "built")
         stage(staged, names, wheels)
         built.mkdir()
-        # a Blender program knows its tags by itself
-        known_tags = Path(tool[-1]).parents[3] / "modules" / "_bpy_internal" / "extensions" / "tags.py"
-        tags = [] if blender else ["--valid-tags", known_tags]
         _run([*tool, "build", "--source-dir", staged, "--output-dir", built, "--split-platforms", *tags])
         out.mkdir(parents=True, exist_ok=True)
         for path in sorted(built.glob("*.zip")):
@@ -184,35 +181,10 @@ def _opencv_requirement() -> str:
 
 
 def _download(requirement: str, name: str, folder: str) -> None:
-    target = [
-        "--platform",
-        WHEEL_TAGS[name],
-        "--python-version",
-        OLDEST_PYTHON,
-        "--implementation",
-        "cp",
-        "--abi",
-        "abi3",
-    ]
-    quietly = ["--quiet", "--disable-pip-version-check", "--no-input", "--retries=1"]
-    ended = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "pip",
-            "download",
-            "--no-deps",
-            "--only-binary=:all:",
-            *quietly,
-            *target,
-            "--dest",
-            folder,
-            requirement,
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    target = f"--platform {WHEEL_TAGS[name]} --python-version {OLDEST_PYTHON} --implementation cp --abi abi3"
+    options = f"--quiet --disable-pip-version-check --no-input --retries 1 --no-deps --only-binary :all: {target}"
+    command = [sys.executable, "-m", "pip", "download", *options.split(), "--dest", folder, requirement]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
     if ended.returncode != 0:
         offline = any(words in ended.stderr for words in ("establish a new connection", "timed out", "name resolution"))
         cause = "no connection to the package index" if offline else _last_line(ended.stderr)
@@ -222,16 +194,17 @@ def _download(requirement: str, name: str, folder: str) -> None:
         )
 
 
-def _extension_tool(blender: str | None) -> list[str]:
-    """The command that builds and validates extensions; its arguments are to follow."""
+def _extension_tool(blender: str | None) -> tuple[list[str], list[str]]:
+    """The command that builds and validates extensions, and what tells its ``build`` the tags that Blender knows."""
     if blender:
         if not (program := shutil.which(blender)):
             raise InputError(f"--blender: expected a program, found {blender!r}")
-        return [program, "--factory-startup", "--command", "extension"]
+        return [program, "--factory-startup", "--command", "extension"], []
     module = importlib.util.find_spec("bpy")
     for folder in (module.submodule_search_locations or ()) if module else ():
         for path in Path(folder).glob("*/scripts/addons_core/*/cli/blender_ext.py"):
-            return [sys.executable, str(path)]
+            tags = path.parents[3] / "modules" / "_bpy_internal" / "extensions" / "tags.py"
+            return [sys.executable, str(path)], ["--valid-tags", str(tags)]
     raise InputError("this Python has no bpy module to build with; name a Blender program: --blender PROGRAM")
 
 

@@ -58,7 +58,7 @@ def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, 
     size = round(SIZE_PX * context.preferences.system.ui_scale)
     # Blender draws cursors in pixels of the window
     left, below, *target = gpu.state.viewport_get()
-    low = np.array(corner(region, *at, size)) + [region.x - left, region.y - below]
+    low = np.array(corner(region, *at, size)) + np.array([region.x - left, region.y - below])
     seen, times = None, TIMES
     if in_frame:
         frame_view = FrameView.of(scene, region, context.region_data)
@@ -88,7 +88,7 @@ def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, 
 
 
 def corner(region: bpy.types.Region, x: float, y: float, size: int) -> tuple[float, float]:
-    """Lower left corner in the region: up and left of the pointer (texts stand right), elsewhere if there is no room."""
+    """Lower left corner in the region: up and left of the pointer (texts stand right); elsewhere without room there."""
     low_x = x - AWAY_PX - size if x - AWAY_PX - size >= 0 else x + AWAY_PX
     low_y = y + AWAY_PX if y + AWAY_PX + size < region.height else y - AWAY_PX - size
     return round(max(low_x, 0)), round(max(low_y, 0))

@@ -1,0 +1,196 @@
+"""Keys, wheel and loupe in the camera view: what they show is right, and the pose stays what it was to the last bit."""
+
+import itertools
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+import x11_capture
+
+bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
+
+from bl_ext.user_default.oneframe import loupe
+from bl_ext.user_default.oneframe.frame_view import FrameView
+from bl_ext.user_default.oneframe.pipeline.blender.image import read_image
+
+STILL_PX = 1.0
+"""How far the frame may move under the pointer while the wheel is turned, pixels of the screen."""
+
+
+def scenario(user):
+    with user.context():
+        bpy.ops.oneframe.open_case("EXEC_DEFAULT", True, filepath=str(user.case))
+    scene, space = bpy.context.scene, user.area.spaces.active
+    scene.oneframe.show_gizmo = False
+    space.show_gizmo, space.overlay.show_text = False, False
+    bpy.context.view_layer.update()
+    before = placed(scene)
+    yield from zoom(user, scene)
+    yield from keys(user, scene)
+    yield from compare(user, scene)
+    yield from magnify(user, scene)
+    assert (placed(scene) == before).all()
+    yield from undo(user)
+
+
+def placed(scene):
+    return np.array([scene.oneframe.camera_object.matrix_world, scene.oneframe.surface.matrix_world])
+
+
+def seen(user):
+    return FrameView.of(bpy.context.scene, user.region(), user.view)
+
+
+def zoom(user, scene):
+    """Also where the view is locked to the camera, which then must not move with it."""
+    region = user.region()
+    corner = np.array([region.x, region.y])
+    moved, largest = [], 0.0
+    for lock, part in ((False, (0.35, 0.6)), (True, (0.6, 0.4))):
+        user.area.spaces.active.lock_camera = lock
+        yield from user.key("HOME", user.middle())
+        yield from user.move(tuple(np.round(corner + np.array(part) * [region.width, region.height])))
+        place = np.round(user._place)
+        under = seen(user).px_from_region(place - corner)
+        for kind in ["WHEELUPMOUSE"] * 15 + ["WHEELDOWNMOUSE"] * 8:
+            user.event(kind, "PRESS", tuple(place))
+            yield 0.06
+            view = seen(user)
+            largest = max(largest, view.magnification)
+            moved.append(np.abs(view.region_from_px(under) - (place - corner)).max())
+    user.area.spaces.active.lock_camera = False
+    user.facts["zoom"] = {"largest": round(largest, 1), "moved_px": round(float(max(moved)), 4)}
+    assert max(moved) < STILL_PX
+    assert largest > 16
+    yield from user.key("SEVEN")
+    yield from user.until(lambda: abs(seen(user).magnification - 1) < 1e-4, "1 : 1")
+    yield from user.key("HOME")
+    yield from user.until(lambda: abs(seen(user).magnification - 1) > 1e-3, "the whole frame")
+
+
+def keys(user, scene):
+    view = scene.oneframe_view
+    view.opacity = 1.0
+    yield from user.move(user.middle())
+    for key, state in (
+        ("ONE", lambda: round(view.opacity, 1) == 0.6),
+        ("TWO", lambda: view.wireframe),
+        ("THREE", lambda: view.contour),
+        ("FOUR", lambda: view.comparison == "BLINK"),
+        ("FIVE", lambda: view.comparison == "SWIPE"),
+        ("SIX", lambda: view.comparison == "DIFFERENCE"),
+    ):
+        assert not state(), key
+        yield from user.key(key)
+        yield from user.until(state, f"what the key {key} does")
+        yield from user.picture(f"see_{key.lower()}")
+    for key in ("SIX", "THREE", "TWO"):
+        yield from user.key(key)
+    view.opacity = 0.0
+    yield from user.redraw()
+
+
+def compare(user, scene):
+    view = scene.oneframe_view
+    for structure in scene.oneframe.surface.children:
+        structure.hide_viewport = True
+    yield from user.redraw()
+    frame = shown(user)
+    view.comparison, view.split = "SWIPE", 0.5
+    yield from user.redraw()
+    swiped = np.abs(shown(user) - frame).max(axis=2)
+    middle = swiped.shape[1] // 2
+    assert np.percentile(swiped[:, : middle - 20], 99.9) <= 3, "the frame is not shown as behind the camera"
+    assert np.median(swiped[:, middle + 20 :]) > 10
+    user.area.spaces.active.show_gizmo = True
+    yield from user.redraw()
+    grip = user.of_pixel(view.split * scene.render.resolution_x - 0.5, 0)[0], user.middle()[1]
+    yield from user.drag(grip, (grip[0] + 100, grip[1]))
+    wanted = 0.5 + 100 / seen(user).magnification / scene.render.resolution_x
+    yield from user.until(lambda: abs(view.split - wanted) < 0.01, "the line to follow the grip")
+    user.area.spaces.active.show_gizmo = False
+    view.comparison = "BLINK"
+    yield from user.redraw()
+    states, end = [], time.monotonic() + 8
+    while time.monotonic() < end:
+        states.append(bool(np.median(np.abs(shown(user) - frame)) > 5))
+        yield 0.1
+    changes = int(np.count_nonzero(np.diff(states)))
+    user.facts["blink_changes_in_8_s"] = changes
+    assert changes >= 4
+    view.comparison, view.contour = "NONE", True
+    yield from user.redraw()
+    lines = np.abs(shown(user) - frame).max(axis=2) > 40
+    user.facts["contour"] = round(float(lines.mean()), 4)
+    assert 0.002 < lines.mean() < 0.2
+    view.contour = False
+    yield from user.redraw()
+
+
+def shown(user):
+    """The middle of what the view shows of the frame, float RGB, top row first."""
+    region = user.region()
+    picture = x11_capture.capture()[::-1][region.y : region.y + region.height, region.x : region.x + region.width]
+    width, height = seen(user).camera.size_wh
+    low, high = seen(user).region_from_px([[0.2 * width, 0.8 * height], [0.8 * width, 0.2 * height]]).astype(int)
+    return picture[low[1] : high[1], low[0] : high[0]][::-1].astype(float)
+
+
+def magnify(user, scene):
+    """What the loupe shows is the file's picture, enlarged about the very pixel under the pointer."""
+    with user.context():
+        bpy.ops.wm.tool_set_by_id(name=loupe.TOOL)
+    image, _ = read_image(Path(bpy.path.abspath(scene.oneframe.frame_path)))
+    size = round(loupe.SIZE_PX * bpy.context.preferences.system.ui_scale)
+    region, best = user.region(), []
+    for pixel in ((300.0, 300.0), (420.0, 500.0)):
+        yield from user.move(user.of_pixel(*pixel))
+        yield from user.redraw()
+        yield 0.3
+        pointer = np.round(user._place) + 0.5 - np.array([region.x, region.y])
+        left, below = loupe.corner(region, *pointer, size)
+        window = x11_capture.capture()[::-1].astype(float)[region.y + below :, region.x + left :][:size, :size]
+        y, x = (np.mgrid[:size, :size] + 0.5 - size / 2) / loupe.TIMES
+        at = seen(user).px_from_region(pointer)
+        errors = {}
+        for dx, dy in itertools.product((-0.5, -0.25, 0.0, 0.25, 0.5), repeat=2):
+            expected = 255 * bilinear(image, at[0] + dx + x, at[1] + dy - y)
+            # the cross-hair covers few enough pixels for a median
+            errors[dx, dy] = float(np.median(np.abs(expected - window)))
+        best.append((min(errors, key=errors.get), round(errors[0.0, 0.0], 2)))
+    yield from user.picture("see_loupe")
+    user.facts["loupe"] = best
+    assert all(shift == (0.0, 0.0) and error < 2 for shift, error in best), best
+    with user.context():
+        bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
+
+
+def bilinear(image, u, v):
+    """(..., 3) values of an image between its pixels' centres."""
+    column, row = np.floor(u).astype(int), np.floor(v).astype(int)
+    right, down = (u - column)[..., None], (v - row)[..., None]
+    upper = image[row, column] * (1 - right) + image[row, column + 1] * right
+    lower = image[row + 1, column] * (1 - right) + image[row + 1, column + 1] * right
+    return upper * (1 - down) + lower * down
+
+
+def undo(user):
+    """A change of the view is one step of undo, and does not take back what was before."""
+    yield from user.move(user.middle())
+    bpy.ops.ed.undo_push(message="the view as it is")
+    before = placed(bpy.context.scene)
+    with user.context():
+        assert bpy.ops.oneframe.nudge("EXEC_DEFAULT", True, axis="x", step_px=10.0) == {"FINISHED"}
+    yield from user.redraw()
+    moved = placed(bpy.context.scene)
+    assert np.abs(moved - before).max() > 0.1
+    yield from user.key("THREE")
+    yield from user.until(lambda: bpy.context.scene.oneframe_view.contour, "the contour")
+    yield from user.key("Z", ctrl=True)
+    yield from user.until(lambda: not bpy.context.scene.oneframe_view.contour, "the contour to go")
+    yield from user.redraw()
+    np.testing.assert_allclose(placed(bpy.context.scene), moved, atol=1e-4)
+    yield from user.key("Z", ctrl=True)
+    yield from user.redraw()
+    np.testing.assert_allclose(placed(bpy.context.scene), before, atol=1e-4)

@@ -8,6 +8,7 @@ import numpy as np
 from ..camera import PinholeCamera
 from ..depth_raster import rasterise_depth
 from ..frames import transform_points
+from .appearance import without_local_mean
 from .image_pyramid import PyramidLevel
 from .local_refinement import climb, score
 from .pose_search import rivalry
@@ -66,10 +67,16 @@ def belief(
     camera: PinholeCamera,
 ) -> Belief:
     """Test a refined pose; ``points_model`` (N, 3) are visible points, ``camera`` that of the full image."""
-    halves = [climb(fine, cam_from_model, renderings=1, steps=6, half=half) for half in (0, 1)]
+    halves = [climb(fine, cam_from_model, renderings=1, half=half) for half in (0, 1)]
     first, second = (None if half is None else half.cam_from_model for half in halves)
     apart = np.inf if first is None or second is None else mean_distance_px(camera, points_model, first, second)
     return Belief(apart, rivalry(coarse, cam_from_model))
+
+
+def contrast(level: PyramidLevel) -> float:
+    """Root mean square of the image less its local mean, code values 0..1."""
+    detail = without_local_mean(level.image, level.valid, level.window_px)[level.valid]
+    return float(np.sqrt(np.mean(detail**2))) if detail.size else 0.0
 
 
 def mean_distance_px(camera: PinholeCamera, points_model: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:

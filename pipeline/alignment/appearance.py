@@ -22,8 +22,11 @@ from ..depth_raster import rasterise_depth
 from ..frames import inverse_rigid, transform_points
 from ..mesh import TriangleMesh
 
-RIM = 0.2
+RIM = 0.1
 """Width of the rim over the square root of the outline's area."""
+
+LARGEST_DEVIATION = 3.0
+"""From the local mean of an image, in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -116,10 +119,14 @@ def without_local_mean(image: np.ndarray, mask: np.ndarray, window_px: float) ->
 
 
 def image_without_local_mean(image: np.ndarray, valid: np.ndarray, mask: np.ndarray, window_px: float) -> np.ndarray:
-    """The image ``(H, W, C)`` less its mean over ``mask & valid``, also beyond the mask; 0 outside ``valid``."""
+    """The image ``(H, W, C)`` less its mean over ``mask & valid``, also beyond the mask; 0 outside ``valid``.
+
+    Values are held to :data:`LARGEST_DEVIATION`, so that highlights and instruments have no more say than that.
+    """
     result = _minus_local_mean(image, mask & valid, window_px)
     result[~valid] = 0
-    return result
+    spread = np.sqrt(np.mean(result[mask & valid] ** 2, axis=0)) if (mask & valid).any() else 0.0
+    return np.clip(result, -LARGEST_DEVIATION * spread, LARGEST_DEVIATION * spread).astype(np.float32)
 
 
 def _minus_local_mean(image: np.ndarray, mask: np.ndarray, window_px: float) -> np.ndarray:

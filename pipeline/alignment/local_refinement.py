@@ -19,10 +19,15 @@ from .correlation import Mixture, best_mixture
 from .image_pyramid import PyramidLevel
 
 POINTS = 16000
-"""Points that take part in a level."""
+"""Most points that take part in a level (cv2.remap takes 32767)."""
 OVERLAP = 0.5
 """Of the points at the start that must stay in the image."""
+SHARE = 0.7
+"""Of the rendered mixture's gradient in the mean of gradients; the rest is the image's, which is noisier."""
 STOP_PX = 0.02
+"""Mean movement of the points, in px of the level, by which a step is the last of its rendering."""
+SETTLED_PX = 0.1
+"""The same, by which a rendering is the last."""
 
 
 class LocalResult(NamedTuple):
@@ -51,12 +56,14 @@ class _State(NamedTuple):
 
 
 def climb(
-    level: PyramidLevel, cam_from_model: np.ndarray, *, renderings: int = 3, steps: int = 4, half: int | None = None
+    level: PyramidLevel, cam_from_model: np.ndarray, *, renderings: int = 8, steps: int = 12, half: int | None = None
 ) -> LocalResult | None:
     """Refine a pose on one level, or ``None`` if too little of the surface is in the image.
 
     Parameters
     ----------
+    renderings, steps
+        At most; and steps for each rendering.
     half
         0 or 1 to use only the fields of one colour of a chequerboard over the image; ``None`` for all.
     """
@@ -70,9 +77,12 @@ def climb(
         state = _state(level, image, points, cam_from_model)
         if state is None:
             return result
+        before = state.pixels
         state = _levenberg_marquardt(level, image, points, state, steps)
         cam_from_model = state.cam_from_model
         result = LocalResult(state.mixture.score, cam_from_model)
+        if np.linalg.norm(state.pixels - before, axis=1).mean() < SETTLED_PX:
+            break
     return result
 
 
@@ -88,7 +98,7 @@ def score(level: PyramidLevel, cam_from_model: np.ndarray) -> float:
 
 def _chosen_points(seen: Appearance, rendering: int, half: int | None) -> _Points:
     chosen = seen.region
-    step = max(round(np.sqrt(np.count_nonzero(chosen) / POINTS)), 1)
+    step = max(int(np.ceil(np.sqrt(np.count_nonzero(chosen) / POINTS))), 1)
     if step > 1:
         lattice = np.zeros_like(chosen)
         # another lattice for each rendering
@@ -161,7 +171,7 @@ def _normal_equations(
     mixed, foretold = state.channels @ mixture.channel_weights, points.features @ mixture.feature_weights
     residual = (mixed - weights @ mixed / total) - (foretold - weights @ foretold / total)
     mixed_image = (image @ mixture.channel_weights).astype(np.float32)
-    slope = 0.5 * _sampled(_gradient(mixed_image), state.pixels) + 0.5 * np.einsum(
+    slope = (1 - SHARE) * _sampled(_gradient(mixed_image), state.pixels) + SHARE * np.einsum(
         "nkd,k->nd", points.gradients, mixture.feature_weights
     )
     x, y, z = state.points_cam.T

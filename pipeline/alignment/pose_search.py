@@ -82,7 +82,7 @@ def search_poses(
     found = []
     for index, tilt in enumerate(tilts_deg):
         progress(index / len(tilts_deg))
-        tilted = _about(pivot_cam, rotation_from_vector(np.radians([*tilt, 0.0]))) @ cam_from_model
+        tilted = turned_about(pivot_cam, rotation_from_vector(np.radians([*tilt, 0.0]))) @ cam_from_model
         seen = appearance(level.surface, canvas, tilted, window_px=level.window_px, brief=True)
         if seen is None:
             continue
@@ -198,12 +198,13 @@ def _pose(
     pivot_image = np.linalg.solve(linear, pivot_view - offset)
     roll = np.arctan2(linear[1, 0], linear[0, 0])
     # the image was enlarged to look like the rendering: what it shows is farther away
-    pose = _about(pivot_cam, rotation_from_vector(np.array([0.0, 0.0, -roll]))) @ tilted
+    pose = turned_about(pivot_cam, rotation_from_vector(np.array([0.0, 0.0, -roll]))) @ tilted
     pose = rigid(translation=(view.scale - 1) * pivot_cam) @ pose
     return rigid(_turn(pivot_cam, level.camera.rays_cam(pivot_image[None])[0])) @ pose
 
 
-def _about(pivot: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+def turned_about(pivot: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """``(4, 4)`` that turns by ``rotation`` (3, 3) and leaves ``pivot`` (3,) where it is."""
     return rigid(rotation, pivot - rotation @ pivot)
 
 

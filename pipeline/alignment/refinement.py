@@ -14,26 +14,35 @@ import numpy as np
 from ..camera import PinholeCamera
 from ..depth_raster import rasterise_depth
 from ..errors import InputError
-from ..frames import checked_rigid, inverse_rigid, rotation_angle_deg, transform_points
+from ..frames import checked_rigid, inverse_rigid, rotation_angle_deg, rotation_from_vector, transform_points
 from ..mesh import TriangleMesh
 from ..vertex_clustering import cluster_vertices
-from .agreement import Agreement, Belief, agreement, belief, mean_distance_px
+from .agreement import Agreement, Belief, agreement, belief, contrast, mean_distance_px
 from .appearance import RIM, Surface
 from .image_pyramid import PyramidLevel, pyramid
 from .local_refinement import LocalResult, climb
-from .pose_search import REACH, search_poses
+from .pose_search import REACH, rivalry, search_poses, turned_about
 
-SIDES_PX = (70.0, 140.0, 280.0)
+SIDES_PX = (70.0, 125.0, 220.0)
 """Square roots of the surface's area on the levels."""
 LARGEST_CANVAS_PX = 16000
 """Pixels of the coarsest level with its margin: bounds the time of the search."""
 CLIMBERS, FINALISTS = 6, 2
 """Candidates of the search that climb on the coarsest level, and on the next."""
 
+HOP_DEG, HOPS = 4.0, 3
+"""Where a climb ends it is repeated from tilts of that size around, so often while that leads higher."""
+LEAST_GAIN = 1.05
+"""Of the score, for another round."""
+SMALL_PX = 10000
+"""Pixels of surface on the finest level below which that is done there too: its correlation has more peaks then."""
+
+LEAST_CONTRAST = 1e-3
+"""Root mean square of the coarsest image less its local mean, code values 0..1."""
 LEAST_SCORE = 0.1
 LARGEST_RIVALRY = 0.5
-LARGEST_HALVES_PX = 2.0
-"""In pixels of the full image, or one pixel of the finest level if that is more."""
+LARGEST_HALVES_PX, LARGEST_HALVES_OF_LEVEL = 2.0, 0.7
+"""The larger holds: pixels of the full image, and of the finest level."""
 LEAST_SURFACE_PX = 64
 """Pixels of an image of 160 px that must show the surface at the start."""
 
@@ -54,6 +63,8 @@ class Refinement:
         One sentence: why it was accepted or refused, with numbers.
     found
         ``(4, 4)`` the refined pose, also if it was refused.
+    believed
+        Whether ``found`` passed the tests; if it did and is not accepted, the given pose was as good.
     moved_px, turned_deg
         From the given pose to ``found``: mean over the visible points, and the angle of rotation.
     belief
@@ -66,6 +77,7 @@ class Refinement:
     after: Agreement
     told: str
     found: np.ndarray
+    believed: bool
     moved_px: float
     turned_deg: float
     belief: Belief | None
@@ -107,32 +119,41 @@ def refine_pose(
     _check(image, valid, camera, mesh, colours)
     tell = progress or (lambda fraction: None)
     tell(0.0)
-    levels, points = _levels(image, valid, camera, Surface(mesh, colours), start)
+    levels, points, area_px = _levels(image, valid, camera, Surface(mesh, colours), start)
     if not levels:
-        none = Agreement(0.0, np.nan)
-        told = (
-            "Refused, the pose is unchanged: it shows next to nothing of the surface in the image; move it there first."
-        )
-        return Refinement(start, False, none, none, told, start, 0.0, 0.0, None)
+        return _nothing_to_go_by(start, "it shows next to nothing of the surface in the image; move it there first")
+    if contrast(levels[0]) < LEAST_CONTRAST:
+        return _nothing_to_go_by(start, "the image shows no detail there; use a frame with more contrast")
     before = agreement(levels[-1], start)
     tell(0.05)
 
     def judged(pose: np.ndarray) -> Refinement:
+        if area_px / levels[-1].px ** 2 < SMALL_PX:
+            pose = _hopped(levels[-1], pose, points)
         return _judged(start, pose, before, levels, points, camera)
 
-    pose = _climbed([start], levels, points, camera, lambda fraction: tell(0.05 + 0.15 * fraction))
-    near = judged(pose)
+    # where other shifts fit as well, finer images would be lost on it
+    pose = _hopped(levels[0], start, points, lambda fraction: tell(0.05 + 0.05 * fraction))
+    if rivalry(levels[0], pose) <= LARGEST_RIVALRY:
+        pose = _climbed([pose], levels[1:], points, camera, lambda fraction: tell(0.1 + 0.1 * fraction))
+        near = judged(pose)
+        if near.believed:
+            tell(1.0)
+            return near
     tell(0.25)
-    if near.accepted:
-        tell(1.0)
-        return near
     pivot = transform_points(start, points).mean(axis=0)
     candidates = search_poses(levels[0], start, pivot, progress=lambda fraction: tell(0.25 + 0.4 * fraction))
-    starts = [candidate.cam_from_model for candidate in candidates[:CLIMBERS]]
-    pose = _climbed(starts, levels, points, camera, lambda fraction: tell(0.65 + 0.25 * fraction)) if starts else start
-    far = judged(pose)
+    starts = [pose, *(candidate.cam_from_model for candidate in candidates[:CLIMBERS])]
+    pose = _climbed(starts, levels, points, camera, lambda fraction: tell(0.65 + 0.25 * fraction))
+    result = judged(pose)
     tell(1.0)
-    return far if far.accepted or far.after.score > near.after.score else near
+    return result
+
+
+def _nothing_to_go_by(start: np.ndarray, reason: str) -> Refinement:
+    none = Agreement(0.0, np.nan)
+    told = f"Refused, the pose is unchanged: {reason}."
+    return Refinement(start, False, none, none, told, start, False, 0.0, 0.0, None)
 
 
 def _check(
@@ -152,18 +173,18 @@ def _check(
 
 def _levels(
     image: np.ndarray, valid: np.ndarray, camera: PinholeCamera, surface: Surface, start: np.ndarray
-) -> tuple[list[PyramidLevel], np.ndarray]:
-    """The image around the surface from coarse to fine, and ``(N, 3)`` model points visible at the start."""
+) -> tuple[list[PyramidLevel], np.ndarray, float]:
+    """The image around the surface from coarse to fine; ``(N, 3)`` visible model points and their area, px."""
     factor = min(160 / max(camera.size_wh), 1.0)
     small = camera.resized(max(round(camera.width * factor), 1), max(round(camera.height * factor), 1))
     depth = transform_points(start, surface.mesh.vertices)[:, 2]
     if not (depth > 0).any():
-        return [], np.empty((0, 3))
+        return [], np.empty((0, 3)), 0.0
     coarse, _ = cluster_vertices(surface.mesh, 1.5 * float(np.median(depth[depth > 0])) / small.fx)
     raster = rasterise_depth(coarse, small, start)
     seen = raster.face >= 0
     if np.count_nonzero(seen) < LEAST_SURFACE_PX or not valid.any():
-        return [], np.empty((0, 3))
+        return [], np.empty((0, 3)), 0.0
     points_cam = small.rays_cam(small.pixel_grid())[seen] / raster.inverse_depth[seen][:, None]
 
     y, x = np.nonzero(seen)
@@ -184,7 +205,7 @@ def _levels(
         area_px=area_px,
         depth_mm=float(np.median(points_cam[:, 2])),
     )
-    return levels, transform_points(inverse_rigid(start), points_cam)
+    return levels, transform_points(inverse_rigid(start), points_cam), area_px
 
 
 def _climbed(
@@ -200,8 +221,7 @@ def _climbed(
         results: list[LocalResult] = []
         for count, pose in enumerate(poses):
             tell((index + count / len(poses)) / len(levels))
-            # the last level starts near its end: two renderings are enough
-            result = climb(level, pose, renderings=2 if index == 2 else 3)
+            result = climb(level, pose)
             if result is not None:
                 results.append(result)
         if not results:
@@ -214,6 +234,28 @@ def _climbed(
                 poses.append(result.cam_from_model)
         poses = poses[: FINALISTS if index == 0 else 1]
     return poses[0]
+
+
+def _hopped(
+    level: PyramidLevel, pose: np.ndarray, points: np.ndarray, tell: Callable[[float], None] = lambda fraction: None
+) -> np.ndarray:
+    """The best end of climbs from a pose and from tilts around that end."""
+    best = climb(level, pose)
+    for hop in range(HOPS):
+        if best is None:
+            return pose
+        centre = best
+        pivot = transform_points(centre.cam_from_model, points).mean(axis=0)
+        for index in range(6):
+            tell((hop + index / 6) / HOPS)
+            angle = index * np.pi / 3
+            tilt = rotation_from_vector(np.radians(HOP_DEG) * np.array([np.cos(angle), np.sin(angle), 0.0]))
+            result = climb(level, turned_about(pivot, tilt) @ centre.cam_from_model)
+            if result is not None and result.score > best.score:
+                best = result
+        if best.score < LEAST_GAIN * centre.score:
+            break
+    return pose if best is None else best.cam_from_model
 
 
 def _judged(
@@ -229,24 +271,37 @@ def _judged(
     tests = belief(levels[0], levels[-1], pose, points, camera)
     moved_px = mean_distance_px(camera, points, start, pose)
     turned_deg = rotation_angle_deg(pose[:3, :3] @ start[:3, :3].T)
-    limit_px = max(LARGEST_HALVES_PX, levels[-1].px)
+    limit_px = max(LARGEST_HALVES_PX, LARGEST_HALVES_OF_LEVEL * levels[-1].px)
     explained = f"the shape explains {after.score:.0%} of the image's variation ({before.score:.0%} before)"
-    if after.score <= before.score:
-        reason = f"no better place was found near it ({explained})"
-    elif after.score < LEAST_SCORE:
-        reason = f"{explained}, too little to go by"
+    doubt = None
+    if after.score < LEAST_SCORE:
+        doubt = f"{explained}, too little to go by"
     elif tests.rivalry > LARGEST_RIVALRY:
-        reason = f"{explained}, but other places fit {tests.rivalry:.0%} as well as the best one"
+        doubt = f"{explained}, but other places fit {tests.rivalry:.0%} as well as the best one"
     elif tests.halves_px > limit_px:
-        reason = (
+        doubt = (
             f"{explained}, but two halves of the image put the surface {tests.halves_px:.1f} px apart "
             f"(at most {limit_px:.1f})"
         )
-    else:
+    accepted = doubt is None and after.score > before.score
+    if doubt is not None:
+        told = f"Refused, the pose is unchanged: {doubt}; bring it nearer by hand or with landmarks."
+    elif accepted:
         told = (
             f"Refined by {moved_px:.1f} px and {turned_deg:.2f} degrees: {explained}, two halves of the image agree "
             f"within {tests.halves_px:.1f} px, and elsewhere it fits {tests.rivalry:.0%} as well."
         )
-        return Refinement(pose, True, before, after, told, pose, moved_px, turned_deg, tests)
-    told = f"Refused, the pose is unchanged: {reason}; bring it nearer by hand or with landmarks."
-    return Refinement(start, False, before, after, told, pose, moved_px, turned_deg, tests)
+    else:
+        told = f"The pose is unchanged: the best one near it, {moved_px:.1f} px away, is no better ({explained})."
+    return Refinement(
+        cam_from_model=pose if accepted else start,
+        accepted=accepted,
+        before=before,
+        after=after,
+        told=told,
+        found=pose,
+        believed=doubt is None,
+        moved_px=moved_px,
+        turned_deg=turned_deg,
+        belief=tests,
+    )

@@ -8,7 +8,6 @@ import itertools
 
 import bpy
 import numpy as np
-import x11_capture
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
@@ -64,7 +63,7 @@ def scenario(user):
             user.view.view_camera_offset = (region_middle - middle * scale - at_zero) / per_offset
             yield from user.redraw()
             view = FrameView.of(scene, user.region(), user.view)
-            off |= distances(user, view, dots)
+            off |= distances((yield from user.look()), user.region(), view, dots)
         yield from user.picture(shown)
         user.facts[shown] = {"dots": len(off), "largest_px": round(max(off.values()), 4)}
         user.facts["magnification"] = round(view.magnification, 2)
@@ -113,10 +112,9 @@ def write_dotted_case(folder, dots, rng):
     return path
 
 
-def distances(user, view, dots):
+def distances(picture, region, view, dots):
     """By number of the dot in view: how far the middle of its bright spot in the window is from it, px of the frame."""
-    grey = x11_capture.capture().astype(float).mean(axis=2)[::-1]
-    region = user.region()
+    grey = picture.astype(float).mean(axis=2)[::-1]
     grey = grey[region.y : region.y + region.height, region.x : region.x + region.width]
     reach = 1.6 * RADIUS_PX * view.magnification
     off = {}

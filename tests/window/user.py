@@ -191,6 +191,17 @@ class User(Hands):
 
     # --- looking ----------------------------------------------------------------------------------------------------
 
+    def look(self) -> Generator[float, None, np.ndarray]:
+        """The picture of the window once two in a row are the same: what was drawn is on the screen by then."""
+        before = None
+        for _ in range(25):
+            now = x11_capture.capture()
+            if before is not None and np.array_equal(now, before):
+                return now
+            before = now
+            yield 0.2
+        raise AssertionError("expected a window that comes to rest")
+
     def picture(self, name: str) -> Action:
         """Keep a picture of the whole window under a name."""
         for area in self.window.screen.areas:

@@ -79,8 +79,7 @@ def play(blender: str, resources: Path, sample: Path, tmp_path: Path, run_in_win
 
     def run(scenario: Path, timeout_s: float) -> dict:
         own = tmp_path / "resources"
-        # links: the wheel alone has 150 MB
-        shutil.copytree(resources, own, copy_function=_link)
+        shutil.copytree(resources, own, copy_function=_copy)
         case = shutil.copytree(sample.parent, tmp_path / "case") / sample.name
         folders = {name: tmp_path / name for name in ("folder", "pictures", "temporary")}
         for folder in folders.values():
@@ -135,11 +134,13 @@ def _end_with_parent() -> None:
     ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
 
 
-def _link(source: str, target: str) -> None:
-    try:
-        os.link(source, target)
-    except OSError:
-        shutil.copy2(source, target)
+def _copy(source: str, target: str) -> None:
+    """Wheels, which are large, as links; Blender's own records as copies, since it writes into them."""
+    if source.endswith(".whl"):
+        with suppress(OSError):
+            os.link(source, target)
+            return
+    shutil.copy2(source, target)
 
 
 def _run_group(command: list[str], environment: dict[str, str], timeout_s: float) -> tuple[int | str, str]:

@@ -1,6 +1,6 @@
-"""Find the pose of a frame from landmarks, and say how sure it is.
+"""Find the pose of a frame from landmarks, and say how sure it is; or refine it against the image.
 
-    python scripts/align.py CASE.toml [--pairs PAIRS.csv] [--out ALIGNED.toml] [--json RESULT.json] [--picture PNG]
+    python scripts/align.py CASE.toml [--pairs PAIRS.csv] [--refine] [--out CASE] [--json JSON] [--picture PNG]
 
 Landmarks are those of --pairs (CSV or JSON: name, point of the mesh file, pixel of the undistorted frame), or else the
 case file's own. Prints the pose in both directions, the residual of every pair and the uncertainty. The case's pose may
@@ -17,16 +17,18 @@ import datetime
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TextIO
 
 from pipeline import __version__
 from pipeline.alignment.landmark_file import read_landmarks
 from pipeline.atomic_file import write_bytes_atomically
 from pipeline.blender.console import ArgumentParser, own_output, run_script
 from pipeline.blender.frame_overlay import frame_overlay
-from pipeline.blender.loading import load_case
+from pipeline.blender.loading import LoadedCase, load_case
 from pipeline.case import Case, read_case
 from pipeline.case_writer import write_case
 from pipeline.errors import InputError, RunError
+from pipeline.frames import inverse_rigid
 from pipeline.image_file import eight_bit, encode_png
 from pipeline.mesh_file import read_mesh
 
@@ -35,11 +37,14 @@ try:
         Alignment,
         complete_landmarks,
         off_surface,
+        pose_lines,
+        pose_table,
         provenance,
         report_lines,
         report_table,
     )
     from pipeline.alignment.pose_solver import solve_pose
+    from pipeline.alignment.refinement import refine_pose
     from pipeline.alignment.residual_marks import marked
 except ModuleNotFoundError as error:  # a Blender program without the extension
     if error.name != "cv2":
@@ -60,6 +65,10 @@ def main(argv: Sequence[str]) -> int:
         "--click-sigma-px", metavar="X", type=float, default=2.0,
         help="standard deviation of a click in each image direction (default 2)",
     )  # fmt: skip
+    parser.add_argument(
+        "--refine", action="store_true",
+        help="fit the surface to the image, from the landmarks' pose or, without landmarks, the case's",
+    )  # fmt: skip
     arguments = parser.parse(argv)
     if not HAS_OPENCV:
         raise RunError(
@@ -70,30 +79,49 @@ def main(argv: Sequence[str]) -> int:
     case = read_case(arguments.case)
     if arguments.pairs:
         case = replace(case, landmarks=read_landmarks(arguments.pairs, mm_per_unit=case.mm_per_unit))
-    alignment = aligned(case, arguments.click_sigma_px)
-    # before the rest of the case, whose pose would be blamed for landmarks of another mesh
-    told = landmarks_off_surface(alignment, case)
-    case = replace(
-        case,
-        cam_from_given=alignment.estimate.cam_from_model,
-        alignment=provenance(alignment, f"OneFrame {__version__}, align.py", datetime.date.today().isoformat()),
-    )
-    loaded = load_case(case)
-    for sentence in (*loaded.told, *told, *alignment.estimate.told):
+    tool, today = f"OneFrame {__version__}, align.py", datetime.date.today().isoformat()
+    alignment, told = None, []
+    if complete_landmarks(case.landmarks) or not arguments.refine:
+        alignment = aligned(case, arguments.click_sigma_px)
+        # before the rest of the case, whose pose would be blamed for landmarks of another mesh
+        told = [*landmarks_off_surface(alignment, case), *alignment.estimate.told]
+        record = provenance(alignment, tool, today)
+        case = replace(case, cam_from_given=alignment.estimate.cam_from_model, alignment=record)
+        output.write("\n".join(report_lines(alignment)) + "\n")
+    loaded = load_case(case, aligned=alignment is not None)
+    for sentence in (*loaded.told, *told):
         output.write(f"note: {sentence}\n")
-    output.write("\n".join(report_lines(alignment)) + "\n")
+    if arguments.refine:
+        case, loaded = refined(loaded, {"method": "refined", "tool": tool, "date": today}, output, alignment is None)
     if arguments.json:
-        text = json.dumps(report_table(alignment), indent=2, allow_nan=False) + "\n"
+        table = report_table(alignment) if alignment else {}
+        text = json.dumps({**table, **pose_table(case.cam_from_given)}, indent=2, allow_nan=False) + "\n"
         written(arguments.json, lambda path: write_bytes_atomically(path, text.encode()))
     if arguments.picture:
-        picture = encode_png(eight_bit(marked(frame_overlay(loaded), alignment)))
+        overlay = frame_overlay(loaded)
+        picture = encode_png(eight_bit(marked(overlay, alignment) if alignment else overlay))
         written(arguments.picture, lambda path: write_bytes_atomically(path, picture))
-        output.write(f"frame, overlay, residuals (10 times their length), 95 % ellipses: {arguments.picture}\n")
+        drawn = "frame, overlay, residuals (10 times their length), 95 % ellipses" if alignment else "frame, overlay"
+        output.write(f"{drawn}: {arguments.picture}\n")
     if arguments.out:
         written(arguments.out, lambda path: write_case(path, case))
         output.write(f"aligned case: {arguments.out}\n")
     output.flush()
     return 0
+
+
+def refined(loaded: LoadedCase, record: dict[str, object], output: TextIO, needed: bool) -> tuple[Case, LoadedCase]:
+    """Fit the surface to the image; where that is not believable the pose stays, and is refused if it is ``needed``."""
+    result = refine_pose(loaded.image, loaded.valid, loaded.case.camera, loaded.mesh, loaded.cam_from_model)
+    if not result.accepted:
+        if needed:
+            raise InputError(f"{loaded.case.path.name}: {result.told}")
+        output.write(f"note: {result.told}\n")
+        return loaded.case, loaded
+    cam_from_given = result.cam_from_model @ inverse_rigid(loaded.given_from_model)
+    output.write("\n".join([result.told, *pose_lines(cam_from_given)]) + "\n")
+    case = replace(loaded.case, cam_from_given=cam_from_given, alignment=record)
+    return case, replace(loaded, case=case, cam_from_model=result.cam_from_model)
 
 
 def aligned(case: Case, click_sigma_px: float) -> "Alignment":

@@ -68,11 +68,25 @@ def off_surface(alignment: Alignment, mesh_given: TriangleMesh) -> dict[str, flo
     return found
 
 
+def pose_lines(cam_from_given: np.ndarray) -> list[str]:
+    """A pose (4x4, mm) in both directions with all its digits."""
+    forth, back = _rows(cam_from_given), _rows(inverse_rigid(cam_from_given))
+    return [CONVENTION, "cam_from_model:", *forth, "model_from_cam:", *back]
+
+
+def pose_table(cam_from_given: np.ndarray) -> dict[str, object]:
+    """The same for JSON."""
+    return {
+        "convention": CONVENTION,
+        "cam_from_model": _plain(cam_from_given),
+        "model_from_cam": _plain(inverse_rigid(cam_from_given)),
+    }
+
+
 def report_lines(alignment: Alignment) -> list[str]:
     """The pose in both directions with all its digits, the residuals and the uncertainty."""
     estimate, uncertainty = alignment.estimate, alignment.estimate.uncertainty
-    lines = [CONVENTION, "cam_from_model:", *_rows(estimate.cam_from_model)]
-    lines += ["model_from_cam:", *_rows(inverse_rigid(estimate.cam_from_model))]
+    lines = pose_lines(estimate.cam_from_model)
     width = max(len("landmark"), *(len(landmark.name) for landmark in alignment.landmarks))
     lines.append(f"{'landmark':{width}}    du px    dv px   off px")
     for landmark, apart, inlier in zip(alignment.landmarks, estimate.residuals_px, estimate.inliers, strict=True):
@@ -114,9 +128,7 @@ def report_table(alignment: Alignment) -> dict[str, object]:
         )
     ]
     return {
-        "convention": CONVENTION,
-        "cam_from_model": _plain(estimate.cam_from_model),
-        "model_from_cam": _plain(inverse_rigid(estimate.cam_from_model)),
+        **pose_table(estimate.cam_from_model),
         "K": _plain(alignment.camera.k),
         "size": list(alignment.camera.size_wh),
         "pairs": pairs,

@@ -165,3 +165,18 @@ def test_a_blender_program_without_opencv_says_what_is_missing(case_path, tmp_pa
     else:
         assert ended.returncode == 3
         assert "expected OpenCV" in ended.stderr
+
+
+def test_an_image_that_shows_nothing_of_the_shape_refines_no_pose(case_path, tmp_path, align):
+    """The tiny frame is a pattern that has nothing to do with the surface."""
+    true = case_path.with_name("true.toml")
+    ended = align(true, "--refine", "--out", tmp_path / "refined.toml")
+    assert ended.returncode == 2, ended.stdout
+    assert ended.stderr.startswith("error: true.toml: ")
+    assert not (tmp_path / "refined.toml").exists()
+    # with landmarks there is a pose all the same
+    write_landmarks(tmp_path / "pairs.csv", clicked_landmarks(case_path))
+    ended = align(true, "--pairs", tmp_path / "pairs.csv", FINE, "--refine", "--out", tmp_path / "refined.toml")
+    assert ended.returncode == 0, ended.stderr
+    assert "note: " in ended.stdout
+    assert read_case(tmp_path / "refined.toml").alignment["method"] == "landmarks"

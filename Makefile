@@ -8,7 +8,7 @@ PYTHON ?= $(shell scripts/find_python.sh 3.13 3.11)
 PLATFORM ?= all
 RUN = $(VENV)/bin/python
 
-.PHONY: setup demo extension addon-dev test lint bench clean
+.PHONY: bench-alignment setup demo extension addon-dev test lint bench clean
 .DEFAULT_GOAL := demo
 
 setup: $(VENV)/.ready
@@ -45,6 +45,11 @@ lint: setup
 bench: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	$(RUN) scripts/benchmark.py
+
+bench-alignment: setup
+	@test -f demo/case/case.toml || $(RUN) scripts/make_sample.py --out demo/case
+	$(RUN) scripts/benchmark_alignment.py --trials 10000 --noise-px 2 --out demo/alignment.json
+	$(RUN) scripts/benchmark_refinement.py demo/case/case.toml --out demo/refinement --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
 
 clean:
 	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

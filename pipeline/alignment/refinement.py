@@ -41,6 +41,9 @@ LEAST_CONTRAST = 1e-3
 """Root mean square of the coarsest image less its local mean, code values 0..1."""
 LEAST_SCORE = 0.1
 LARGEST_RIVALRY = 0.5
+SHORT_TURN_DEG, LARGEST_TURN_DEG = 6.0, 15.0
+"""A climb that turned farther than the first may have found a wrong peak: search too. Farther than the second, where
+slanted views begin to fit anything, is refused."""
 LARGEST_HALVES_PX, LARGEST_HALVES_OF_LEVEL = 2.0, 0.7
 """The larger holds: pixels of the full image, and of the finest level."""
 LEAST_SURFACE_PX = 64
@@ -137,7 +140,7 @@ def refine_pose(
     if rivalry(levels[0], pose) <= LARGEST_RIVALRY:
         pose = _climbed([pose], levels[1:], points, camera, lambda fraction: tell(0.1 + 0.1 * fraction))
         near = judged(pose)
-        if near.believed:
+        if near.believed and near.turned_deg <= SHORT_TURN_DEG:
             tell(1.0)
             return near
     tell(0.25)
@@ -278,6 +281,8 @@ def _judged(
         doubt = f"{explained}, too little to go by"
     elif tests.rivalry > LARGEST_RIVALRY:
         doubt = f"{explained}, but other places fit {tests.rivalry:.0%} as well as the best one"
+    elif turned_deg > LARGEST_TURN_DEG:
+        doubt = f"{explained}, but {turned_deg:.0f} degrees away (at most {LARGEST_TURN_DEG:.0f})"
     elif tests.halves_px > limit_px:
         doubt = (
             f"{explained}, but two halves of the image put the surface {tests.halves_px:.1f} px apart "

@@ -14,7 +14,7 @@ from .pipeline.blender.export import export_coloured_surface
 from .pipeline.blender.source import colour_of, source_of
 from .pipeline.blender.surface_colour import colour_record, mark_unseen, put_colour, remove_colour
 from .pipeline.errors import InputError
-from .reporting import Reporting
+from .reporting import NeedsAlignment, Reporting
 
 MODES = [
     ("vertex", "Vertex Colours", "A colour at every vertex: as fine as the mesh is"),
@@ -27,7 +27,7 @@ FORMATS = [
 ]
 
 
-class ONEFRAME_OT_project_colour(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
     """Project the frame on the surface in the present pose; replaces the colours that are there"""
 
     bl_idname = "oneframe.project_colour"
@@ -35,10 +35,6 @@ class ONEFRAME_OT_project_colour(Reporting, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     mode: EnumProperty(name="As", description="How the surface holds the colours", items=MODES, default="vertex")
-
-    @classmethod
-    def poll(cls, context):
-        return _can_colour(cls, context)
 
     def run(self, context):
         scene = context.scene
@@ -106,7 +102,7 @@ class ONEFRAME_OT_plain_surface(Reporting, bpy.types.Operator):
         show_colour(context.window_manager, surface)
 
 
-class ONEFRAME_OT_export_surface(Reporting, bpy.types.Operator, ExportHelper):
+class ONEFRAME_OT_export_surface(NeedsAlignment, Reporting, bpy.types.Operator, ExportHelper):
     """Write the surface with the frame's colours, projected in the present pose, as GLB, OBJ or PLY"""
 
     bl_idname = "oneframe.export_surface"
@@ -121,10 +117,6 @@ class ONEFRAME_OT_export_surface(Reporting, bpy.types.Operator, ExportHelper):
     def filename_ext(self) -> str:
         """The extension that the file dialog gives the name."""
         return f".{self.file_format}"
-
-    @classmethod
-    def poll(cls, context):
-        return _can_colour(cls, context)
 
     def invoke(self, context, event):
         record = colour_record(gather.surface_of(context.scene))
@@ -189,13 +181,6 @@ def _show_in(shading: bpy.types.View3DShading, record: dict | None) -> None:
         shading.color_type = "TEXTURE" if record["mode"] == "texture" else "VERTEX"
     elif shading.light == "FLAT" and shading.color_type in ours:
         shading.light, shading.color_type = "STUDIO", "OBJECT"
-
-
-def _can_colour(cls: type, context: bpy.types.Context) -> bool:
-    if gather.is_set_up(context.scene):
-        return True
-    cls.poll_message_set("Set up a frame, a camera and a surface first")
-    return False
 
 
 def _is_coloured(cls: type, context: bpy.types.Context) -> bool:

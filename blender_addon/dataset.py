@@ -17,7 +17,7 @@ from .pipeline.case_writer import case_text, write_case
 from .pipeline.errors import InputError
 from .pipeline.options import DatasetOptions, merged_options
 from .provenance import recorded_case
-from .reporting import Reporting
+from .reporting import NeedsAlignment, Reporting
 
 SCRIPT = "render_dataset.py"
 PREVIEW_IMAGE = "OneFrame preview"
@@ -28,16 +28,12 @@ CONTACT_SHEET = "contact_sheet.png"
 POPUP_CHARACTERS = 90
 
 
-class ONEFRAME_OT_preview_poses(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_preview_poses(NeedsAlignment, Reporting, bpy.types.Operator):
     """Show the first poses of the dataset as cameras around the surface: orange ones see little that the frame saw"""
 
     bl_idname = "oneframe.preview_poses"
     bl_label = "Preview Poses"
     bl_options = {"REGISTER"}
-
-    @classmethod
-    def poll(cls, context):
-        return _is_set_up(cls, context)
 
     def run(self, context):
         planned = pose_preview.plan(context.scene, context.scene.oneframe.preview_poses)
@@ -63,16 +59,12 @@ class ONEFRAME_OT_hide_poses(Reporting, bpy.types.Operator):
         pose_preview.hide()
 
 
-class ONEFRAME_OT_preview_view(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_preview_view(NeedsAlignment, Reporting, bpy.types.Operator):
     """Render one view of the dataset as the run will; shown in the panel and in an Image Editor"""
 
     bl_idname = "oneframe.preview_view"
     bl_label = "Preview View"
     bl_options = {"REGISTER"}
-
-    @classmethod
-    def poll(cls, context):
-        return _is_set_up(cls, context)
 
     def run(self, context):
         scene = context.scene
@@ -116,7 +108,7 @@ class ONEFRAME_OT_enlarge_preview(Reporting, bpy.types.Operator):
         area.spaces.active.image = image
 
 
-class ONEFRAME_OT_render_dataset(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_render_dataset(NeedsAlignment, Reporting, bpy.types.Operator):
     """Save the case and render the dataset in the background; a run that was stopped goes on"""
 
     bl_idname = "oneframe.render_dataset"
@@ -129,7 +121,7 @@ class ONEFRAME_OT_render_dataset(Reporting, bpy.types.Operator):
         if job is not None and job.running:
             cls.poll_message_set("A run is under way: wait for it, or cancel it")
             return False
-        return _is_set_up(cls, context)
+        return super().poll(context)
 
     def invoke(self, context, event):
         if not context.scene.oneframe.case_path:
@@ -269,13 +261,6 @@ def _meaning(path: Path, case: Case) -> tuple[str, DatasetOptions]:
     """What a case says, however its options are ordered, whether they name their defaults, whoever found its pose."""
     bare = replace(case, dataset={}, alignment={})
     return case_text(path, bare), merged_options(case.dataset, argparse.Namespace(), case.path)
-
-
-def _is_set_up(cls: type, context: bpy.types.Context) -> bool:
-    if gather.is_set_up(context.scene):
-        return True
-    cls.poll_message_set("Set up a frame, a camera and a surface first")
-    return False
 
 
 def _job_changed(job: background_job.BackgroundJob) -> None:

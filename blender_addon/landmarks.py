@@ -13,7 +13,7 @@ from .landmark_gestures import is_alignment_view, landmark_under
 from .pipeline.alignment.landmark_file import read_landmarks, write_landmarks
 from .pipeline.case import MM_PER_UNIT
 from .pipeline.errors import InputError
-from .reporting import Reporting
+from .reporting import NeedsAlignment, Reporting
 
 OFF_SURFACE_MM = 0.5
 """Distance from the surface beyond which a point is not on it."""
@@ -22,18 +22,7 @@ FRESH = {"SKIP_SAVE"}
 """Options of properties that must not be those of the last call: a button would work on another landmark."""
 
 
-class _SetUp:
-    """Mixin: needs camera and surface."""
-
-    @classmethod
-    def poll(cls, context):
-        if not gather.is_set_up(context.scene):
-            cls.poll_message_set("Set up camera and surface first")
-            return False
-        return True
-
-
-class _HasLandmarks(_SetUp):
+class _HasLandmarks(NeedsAlignment):
     """Mixin: needs a landmark as well."""
 
     @classmethod
@@ -73,7 +62,7 @@ class _Halves:
         return landmark_edit.check_pixel(scene, np.array(self.pixel, float))
 
 
-class ONEFRAME_OT_landmark_set(_SetUp, _Halves, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_landmark_set(NeedsAlignment, _Halves, Reporting, bpy.types.Operator):
     """Add a landmark, or give one its surface point, its image point, or another name"""
 
     bl_idname = "oneframe.landmark_set"
@@ -103,7 +92,7 @@ class ONEFRAME_OT_landmark_set(_SetUp, _Halves, Reporting, bpy.types.Operator):
         landmark_edit.set_halves(scene, index, point_model=point, pixel=pixel)
 
 
-class ONEFRAME_OT_landmark_pin(_SetUp, _Halves, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_landmark_pin(NeedsAlignment, _Halves, Reporting, bpy.types.Operator):
     """Pull a point of the surface to a pixel; the other pairs hold the surface meanwhile"""
 
     bl_idname = "oneframe.landmark_pin"
@@ -225,7 +214,7 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting, bpy.types.Operator):
         return *solved.estimate.told, f"pose from {used}, RMS {solved.estimate.rms_px:.2f} px"
 
 
-class ONEFRAME_OT_import_landmarks(_SetUp, Reporting, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_import_landmarks(NeedsAlignment, Reporting, bpy.types.Operator, ImportHelper):
     """Read landmarks from a CSV or JSON file: surface points in the frame and units of the mesh file, pixels"""
 
     bl_idname = "oneframe.import_landmarks"

@@ -13,7 +13,7 @@ from .pipeline.blender.exact_values import exact, set_exact
 from .pipeline.blender.visible_surface import visible_surface
 from .pipeline.errors import InputError
 from .pose_text import pose_from_text, pose_rows, set_pose_given
-from .reporting import Reporting, redraw
+from .reporting import NeedsAlignment, Reporting, redraw
 
 AXES = [
     ("x", "Right", "Shift to the right in the image"),
@@ -81,15 +81,8 @@ def pivot_of(scene: bpy.types.Scene) -> tuple[np.ndarray, float]:
     return fresh, seen.radius_mm(fresh)
 
 
-class _Mover:
+class _Mover(NeedsAlignment):
     """What keys and drags share."""
-
-    @classmethod
-    def poll(cls, context):
-        if not gather.is_set_up(context.scene):
-            cls.poll_message_set("Set up camera and surface first")
-            return False
-        return True
 
     def _start(self, context):
         self._pivot, self._radius = pivot_of(context.scene)

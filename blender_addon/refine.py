@@ -16,7 +16,7 @@ from .pipeline.blender.loading import LoadedCase
 from .pipeline.blender.surface_colour import colour_record, vertex_codes
 from .pipeline.errors import InputError, RunError
 from .provenance import remember_refined
-from .reporting import Reporting, redraw
+from .reporting import NeedsAlignment, Reporting, redraw
 
 KEYS = Keys([Key("oneframe.refine", "F", keymap=OBJECT_MODE)])
 POLL_SECONDS = 0.1
@@ -93,19 +93,12 @@ def known_colours(scene: bpy.types.Scene) -> np.ndarray | None:
     return np.where(np.isnan(codes), np.nanmean(codes, axis=0), codes)
 
 
-class ONEFRAME_OT_refine(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
     """Refine the rough pose against the image; shown first: Enter keeps it, Esc goes back"""
 
     bl_idname = "oneframe.refine"
     bl_label = "Refine Pose"
     bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context):
-        if gather.is_set_up(context.scene):
-            return True
-        cls.poll_message_set("Set up a frame, a camera and a surface first")
-        return False
 
     def run(self, context):
         """Without a window: at once."""

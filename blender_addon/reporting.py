@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 import bpy
 
+from . import gather
 from .pipeline.errors import InputError, RunError
 
 
@@ -29,6 +30,18 @@ class Reporting:
             self.report({"INFO"}, sentence)
         redraw(context)
         return {"FINISHED"}
+
+
+class NeedsAlignment:
+    """Mixin: available once camera and surface are set up; before that, the button's tooltip says what is missing."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Called by Blender."""
+        if gather.is_set_up(context.scene):
+            return True
+        cls.poll_message_set("Set up a frame, a camera and a surface first")
+        return False
 
 
 def redraw(context: bpy.types.Context) -> None:

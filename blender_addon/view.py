@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProp
 from . import gather
 from .frame_view import FrameView, shows_frame, window_region
 from .keymap import OBJECT_MODE, Key, Keys
-from .reporting import redraw
+from .reporting import NeedsAlignment, redraw
 
 OPACITIES = (1.0, 0.6, 0.3, 0.0)
 MAGNIFICATIONS = (1 / 16, 64.0)
@@ -93,13 +93,12 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     )
 
 
-class _FrameTool:
+class _FrameTool(NeedsAlignment):
     """Works in 3D views that look through the frame's camera."""
 
     @classmethod
     def poll(cls, context):
-        if not gather.is_set_up(context.scene):
-            cls.poll_message_set("Set up camera and surface first")
+        if not super().poll(context):
             return False
         if not shows_frame(context):
             cls.poll_message_set("Look through the frame's camera first")

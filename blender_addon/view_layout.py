@@ -6,25 +6,27 @@ from mathutils import Vector
 from . import gather
 from .frame_view import window_region
 from .move import pivot_of
-from .reporting import Reporting
+from .reporting import NeedsAlignment, Reporting
 
 DISTANCES = 2.5
 """The orbit view's distance, in radii of the surface in view."""
 
 
-class ONEFRAME_OT_side_by_side(Reporting, bpy.types.Operator):
+class _In3DView(NeedsAlignment):
+    @classmethod
+    def poll(cls, context):
+        if context.space_data is None or context.space_data.type != "VIEW_3D":
+            cls.poll_message_set("Needs a 3D view")
+            return False
+        return super().poll(context)
+
+
+class ONEFRAME_OT_side_by_side(_In3DView, Reporting, bpy.types.Operator):
     """Show the frame on the left, and the surface in a view of its own, to be turned freely, on the right"""
 
     bl_idname = "oneframe.side_by_side"
     bl_label = "Side by Side"
     bl_options = {"REGISTER"}
-
-    @classmethod
-    def poll(cls, context):
-        if context.area is None or context.area.type != "VIEW_3D":
-            cls.poll_message_set("Needs a 3D view")
-            return False
-        return gather.is_set_up(context.scene)
 
     def run(self, context):
         known = set(context.screen.areas)
@@ -41,19 +43,12 @@ class ONEFRAME_OT_side_by_side(Reporting, bpy.types.Operator):
         turn_to_surface(context.scene, orbit)
 
 
-class ONEFRAME_OT_orbit_surface(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_orbit_surface(_In3DView, Reporting, bpy.types.Operator):
     """Leave the camera's view and look at the surface from nearby, to be turned freely; the pose stays"""
 
     bl_idname = "oneframe.orbit_surface"
     bl_label = "Orbit Surface"
     bl_options = {"REGISTER"}
-
-    @classmethod
-    def poll(cls, context):
-        if context.space_data is None or context.space_data.type != "VIEW_3D":
-            cls.poll_message_set("Needs a 3D view")
-            return False
-        return gather.is_set_up(context.scene)
 
     def run(self, context):
         context.space_data.lock_camera = False

@@ -1,0 +1,93 @@
+"""The surface moves by a key that is held and by a handle that is dragged: as far as asked for, one undo each."""
+
+import bpy
+import numpy as np
+
+bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
+
+from bl_ext.user_default.oneframe import gather
+from bl_ext.user_default.oneframe.frame_view import FrameView
+from bl_ext.user_default.oneframe.move import pivot_of
+from bl_ext.user_default.oneframe.pose_gizmo import GAP
+
+
+def scenario(user):
+    with user.context():
+        # an undo step of its own, as when a user opens it
+        bpy.ops.oneframe.open_case("EXEC_DEFAULT", True, filepath=str(user.case))
+    yield from user.redraw()
+    start = pose()
+
+    yield from user.move(user.middle())
+    for _ in range(3):
+        # a key that is held repeats its press
+        user.event("RIGHT_ARROW", "PRESS")
+        yield 0.1
+    user.event("RIGHT_ARROW", "RELEASE")
+    yield from user.until(lambda: moved(start)[0] > 2.5, "three steps to the right")
+    assert np.allclose(moved(start), [3, 0], atol=1e-6)
+    yield from user.key("Z", user.middle(), ctrl=True)
+    yield from user.until(lambda: np.array_equal(pose(), start), "all of them undone at once")
+
+    for mode, way, expected in (("shift", (40, -24), (40, 24)), ("depth", (0, 30), (0, 0))):
+        handle = handle_place(user, {"shift": (0, 0), "depth": (1, 1)}[mode])
+        per_px = view(user).magnification
+        yield from user.drag(handle, (handle[0] + way[0], handle[1] + way[1]))
+        yield from user.until(lambda: not np.array_equal(pose(), start), f"the surface dragged ({mode})")
+        yield from user.redraw()
+        # the pointer stands on whole pixels of the window
+        assert np.allclose(moved(start), np.array(expected) / per_px, atol=1.5 / per_px), (mode, moved(start))
+        yield from user.picture(mode)
+        if mode == "depth":
+            assert pose()[2, 3] > start[2, 3], "dragged up, the surface moves away"
+        yield from user.key("Z", user.middle(), ctrl=True)
+        yield from user.until(lambda: np.array_equal(pose(), start), f"the drag undone ({mode})")
+
+    handle = handle_place(user, (0, 0))
+    yield from user.move(handle)
+    user.event("LEFTMOUSE", "PRESS", handle)
+    yield 0.1
+    for step in range(1, 5):
+        user.event("MOUSEMOVE", "NOTHING", (handle[0] + 10 * step, handle[1]))
+        yield 0.1
+    yield from user.until(lambda: not np.array_equal(pose(), start), "the surface under the pointer")
+    yield from user.key("ESC")
+    yield from user.until(lambda: np.array_equal(pose(), start), "Esc puts it back")
+    user.event("LEFTMOUSE", "RELEASE")
+    yield 0.2
+
+    # in Edit mode the keys are Blender's, and the pose stays
+    bpy.context.view_layer.objects.active = bpy.context.scene.oneframe.surface
+    with user.context():
+        bpy.ops.object.mode_set(mode="EDIT")
+    yield from user.key("RIGHT_ARROW", user.middle())
+    with user.context():
+        bpy.ops.object.mode_set(mode="OBJECT")
+    assert np.array_equal(pose(), start)
+
+
+def pose():
+    return gather.cam_from_model(bpy.context.scene)
+
+
+def moved(start):
+    """By how many pixels of the frame the pivot has moved."""
+    scene = bpy.context.scene
+    pivot, _ = pivot_of(scene)
+    camera = gather.camera(scene)
+    before, after = (camera.project((each[:3, :3] @ pivot + each[:3, 3])[None])[0] for each in (start, pose()))
+    return after - before
+
+
+def view(user):
+    return FrameView.of(bpy.context.scene, user.region(), user.view)
+
+
+def handle_place(user, place):
+    """The middle of a handle in the window, by its place on the pad."""
+    scene, region = bpy.context.scene, user.region()
+    pivot, _ = pivot_of(scene)
+    now = pose()
+    pixel = gather.camera(scene).project((now[:3, :3] @ pivot + now[:3, 3])[None])[0]
+    x, y = view(user).region_from_px(pixel) + GAP * np.array([place[0] + 0.6, -place[1] - 0.6])
+    return region.x + x, region.y + y

@@ -110,6 +110,7 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     camera: PointerProperty(type=ONEFRAME_PG_camera)
     distortion_text: StringProperty(description="Distortion in use (JSON), exact")
     case_dataset_text: StringProperty(description="The case's [dataset] table as read (JSON)")
+    case_alignment_text: StringProperty(description="The case's [alignment] table as read (JSON)")
     camera_object: PointerProperty(type=bpy.types.Object, name="Camera", description="The frame's camera")
     surface: PointerProperty(type=bpy.types.Object, name="Surface", description="The surface that is aligned")
     landmarks: CollectionProperty(type=ONEFRAME_PG_landmark)

@@ -1,6 +1,7 @@
 """Where the present pose comes from, for the record in the case file."""
 
 import datetime
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +14,8 @@ from .pipeline.alignment.alignment_report import Alignment, provenance
 from .pipeline.blender.exact_values import exact, set_exact
 from .pipeline.case import Case
 
-REFINED = "oneframe_refined_pose"
-"""Custom property of the surface: the pose that the refinement gave."""
+REFINED, OPENED = "oneframe_refined_pose", "oneframe_opened_pose"
+"""Custom properties of the surface: the pose that the refinement gave, and the one that the opened case had."""
 
 
 def recorded_case(scene: bpy.types.Scene, path: Path) -> Case:
@@ -25,9 +26,12 @@ def recorded_case(scene: bpy.types.Scene, path: Path) -> Case:
 def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
     """The case file's table ``[alignment]``."""
     tool, date = f"OneFrame {__version__}, Blender {bpy.app.version_string}", datetime.date.today().isoformat()
-    surface = gather.surface_of(scene)
+    surface, pose = gather.surface_of(scene), gather.cam_from_model(scene)
+    opened, text = exact(surface, OPENED), scene.oneframe.case_alignment_text
+    if text and opened is not None and np.array_equal(opened, pose):
+        return json.loads(text)
     refined = exact(surface, REFINED)
-    if refined is not None and np.array_equal(refined, gather.cam_from_model(scene)):
+    if refined is not None and np.array_equal(refined, pose):
         return {"method": "refined", "tool": tool, "date": date}
     solved = estimate.solution(scene)
     if solved.estimate is None or estimate.departure(scene, solved) is not None:
@@ -36,6 +40,12 @@ def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
     used = tuple(landmarks[index] for index in solved.pairs.indices)
     alignment = Alignment(used, gather.camera(scene), solved.estimate, scene.oneframe.click_sigma_px)
     return provenance(alignment, tool, date)
+
+
+def remember_opened(scene: bpy.types.Scene, record: dict[str, object], cam_from_model: np.ndarray) -> None:
+    """The record that the opened case has of its pose (4x4, mm): holds for as long as the surface stays there."""
+    scene.oneframe.case_alignment_text = json.dumps(record) if record else ""
+    set_exact(gather.surface_of(scene), OPENED, cam_from_model)
 
 
 def remember_refined(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:

@@ -20,7 +20,7 @@ from .pipeline.mesh_file import read_mesh
 from .pipeline.pose_file import read_pose
 from .pose_text import set_pose_given
 from .properties import UNITS
-from .provenance import recorded_case
+from .provenance import recorded_case, remember_opened
 from .reporting import Reporting
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
@@ -42,6 +42,7 @@ class ONEFRAME_OT_open_case(Reporting, bpy.types.Operator, ImportHelper):
     def run(self, context):
         loaded = load_case(read_case(Path(self.filepath)), aligned=False)
         case_state.remember_case(context.scene, loaded, alignment_setup.set_up(context.scene, loaded))
+        remember_opened(context.scene, loaded.case.alignment, loaded.cam_from_model)
         case_state.look_through_camera(context)
         width, height = loaded.case.camera.size_wh
         return *loaded.told, f"{self.filepath}: frame {width} x {height} px, {len(loaded.mesh.faces)} triangles"

@@ -89,6 +89,16 @@ def test_a_case_that_is_opened_and_saved_is_the_same_to_the_last_bit(opened, cas
         assert np.allclose(one.pixel, other.pixel, rtol=0, atol=1e-5)
 
 
+def test_the_record_of_a_pose_holds_until_the_surface_moves(addon, case_path):
+    case_path.write_text(case_path.read_text() + '[alignment]\nmethod = "refined"\ntool = "align.py"\n')
+    bpy.ops.oneframe.open_case(filepath=str(case_path))
+    bpy.ops.oneframe.save_case(filepath=str(case_path))
+    assert read_case(case_path).alignment == {"method": "refined", "tool": "align.py"}
+    bpy.ops.oneframe.nudge(axis="x")
+    bpy.ops.oneframe.save_case(filepath=str(case_path))
+    assert read_case(case_path).alignment["method"] == "manual"
+
+
 def test_the_blend_file_keeps_everything(opened, case_path, tmp_path):
     first = updated_pose(opened)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "work.blend"))

@@ -140,7 +140,7 @@ def take_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: D
             _place_first(scene, surface)
         else:
             alignment_scene.set_pose(settings.camera_object, surface, pose)
-            alignment_scene.fit_clip(settings.camera_object, _radius(surface), pose)
+            alignment_scene.fit_clip(settings.camera_object, alignment_scene.radius_of(surface), pose)
     if settings.frame_path:
         _show(scene)
     look_through_camera(context)
@@ -231,7 +231,3 @@ def _place_first(scene: bpy.types.Scene, surface: bpy.types.Object) -> None:
     set_exact(surface, FIRST_POSE, pose)
     if camera_object is not None:
         alignment_scene.fit_clip(camera_object, mesh.radius, pose)
-
-
-def _radius(surface: bpy.types.Object) -> float:
-    return alignment_scene.edited_mesh(surface).radius

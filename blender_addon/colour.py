@@ -67,16 +67,24 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
         return sentences
 
 
-class ONEFRAME_OT_mark_unseen(Reporting, bpy.types.Operator):
+class _NeedsColour:
+    """Mixin: needs a surface that has been coloured."""
+
+    @classmethod
+    def poll(cls, context):
+        surface = context.scene.oneframe.surface
+        if surface is not None and colour_record(surface) is not None:
+            return True
+        cls.poll_message_set("Project colour on the surface first")
+        return False
+
+
+class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting, bpy.types.Operator):
     """Show surface that the frame did not see in blue, or in neutral grey"""
 
     bl_idname = "oneframe.mark_unseen"
     bl_label = "Mark Unseen Surface"
     bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context):
-        return _is_coloured(cls, context)
 
     def run(self, context):
         surface = gather.surface_of(context.scene)
@@ -84,16 +92,12 @@ class ONEFRAME_OT_mark_unseen(Reporting, bpy.types.Operator):
         mark_unseen(surface, not colour_record(surface)["unseen_marked"])
 
 
-class ONEFRAME_OT_plain_surface(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting, bpy.types.Operator):
     """Take the colours off the surface again"""
 
     bl_idname = "oneframe.plain_surface"
     bl_label = "Plain Surface"
     bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context):
-        return _is_coloured(cls, context)
 
     def run(self, context):
         surface = gather.surface_of(context.scene)
@@ -181,14 +185,6 @@ def _show_in(shading: bpy.types.View3DShading, record: dict | None) -> None:
         shading.color_type = "TEXTURE" if record["mode"] == "texture" else "VERTEX"
     elif shading.light == "FLAT" and shading.color_type in ours:
         shading.light, shading.color_type = "STUDIO", "OBJECT"
-
-
-def _is_coloured(cls: type, context: bpy.types.Context) -> bool:
-    surface = context.scene.oneframe.surface
-    if surface is not None and colour_record(surface) is not None:
-        return True
-    cls.poll_message_set("Project colour on the surface first")
-    return False
 
 
 def _check_object_mode(surface: bpy.types.Object) -> None:

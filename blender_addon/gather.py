@@ -17,7 +17,7 @@ from .pipeline.camera import PinholeCamera
 from .pipeline.case import MM_PER_UNIT, Case, Structure
 from .pipeline.distortion import Distortion
 from .pipeline.errors import InputError
-from .pipeline.frames import inverse_rigid
+from .pipeline.frames import inverse_rigid, transform_points
 from .pipeline.mesh import TriangleMesh
 from .pipeline.mesh_file import read_mesh
 
@@ -89,7 +89,7 @@ def landmarks_given(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
     given_from_model = np.eye(4) if found is None else given_from_model_of(found)
     landmarks = []
     for entry in scene.oneframe.landmarks:
-        point = given_from_model[:3, :3] @ np.array(entry.point, float) + given_from_model[:3, 3]
+        point = transform_points(given_from_model, np.array([entry.point], float))[0]
         landmarks.append(
             Landmark(
                 entry.name,
@@ -166,7 +166,7 @@ def loaded_case(scene: bpy.types.Scene, *, aligned: bool = True) -> LoadedCase:
     """
     settings = scene.oneframe
     wanted = case(scene, Path(bpy.path.abspath(settings.case_path) or "the scene"))
-    image, valid = frame(wanted)
+    image, valid = frame_at(scene, wanted.image)
     mesh, given_from_model, told = _surface(wanted.mesh, stamp(wanted.mesh), wanted.mm_per_unit)
     _check_unedited(surface_of(scene), mesh)
     pose = cam_from_model(scene)
@@ -180,13 +180,8 @@ def loaded_case(scene: bpy.types.Scene, *, aligned: bool = True) -> LoadedCase:
     return LoadedCase(wanted, image, valid, mesh, given_from_model, pose, structures, tuple(told))
 
 
-def frame(wanted: Case) -> tuple[np.ndarray, np.ndarray]:
-    """The undistorted frame and where it is valid, as :func:`load_frame` gives them."""
-    return _frame(wanted.image, stamp(wanted.image), wanted.camera, wanted.distortion)
-
-
 def frame_at(scene: bpy.types.Scene, path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """The undistorted frame of an image file with the scene's camera."""
+    """The undistorted frame of an image file with the scene's camera, as :func:`load_frame` gives it."""
     return _frame(path, stamp(path), camera(scene), distortion(scene))
 
 
@@ -213,14 +208,12 @@ def stamp(path: Path) -> tuple[int, int]:
 def _frame(
     path: Path, _stamp: tuple[int, int], camera: PinholeCamera, distortion: Distortion | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    wanted = Case(path, 1.0, path, camera, distortion, path, np.eye(4))
-    return load_frame(wanted)
+    return load_frame(path, camera, distortion, name=path.name)
 
 
 @lru_cache(maxsize=2)
 def _surface(path: Path, _stamp: tuple[int, int], mm_per_unit: float) -> tuple[TriangleMesh, np.ndarray, list[str]]:
-    camera = PinholeCamera(1, 1, 1.0, 1.0, 0.0, 0.0)
-    return load_surface(Case(path, mm_per_unit, path, camera, None, path, np.eye(4)))
+    return load_surface(path, mm_per_unit)
 
 
 @lru_cache(maxsize=16)

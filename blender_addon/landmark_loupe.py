@@ -5,10 +5,9 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from . import gather
 from .frame_view import FrameView, window_region
 from .landmark_gestures import Gesture
-from .pipeline.errors import InputError
+from .overlay import frame_image_of
 from .strokes import Colour, Strokes
 
 SIDE, APART = 170.0, 60.0
@@ -19,9 +18,15 @@ WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
 
 
 def draw(context: bpy.types.Context, gesture: Gesture) -> None:
-    """Draw the loupe for what is being dragged in the camera view."""
+    """Draw the loupe for what is being dragged in the camera view.
+
+    Raises
+    ------
+    InputError
+        There is no camera.
+    """
     scene, region = context.scene, window_region(context.area)
-    image = _frame_image(scene)
+    image = frame_image_of(scene)
     if image is None:
         return
     frame = FrameView.of(scene, region, context.space_data.region_3d)
@@ -65,12 +70,3 @@ def _draw_image(
     shader.bind()
     shader.uniform_sampler("image", gpu.texture.from_image(image))
     batch.draw(shader)
-
-
-def _frame_image(scene: bpy.types.Scene) -> bpy.types.Image | None:
-    try:
-        backgrounds = gather.camera_object_of(scene).data.background_images
-    except InputError:
-        return None
-    image = backgrounds[0].image if backgrounds else None
-    return image if image is not None and image.size[0] > 0 else None

@@ -12,6 +12,7 @@ from .pipeline.blender import alignment_scene
 from .pipeline.blender.exact_values import exact, set_exact
 from .pipeline.blender.visible_surface import visible_surface
 from .pipeline.errors import InputError
+from .pipeline.frames import transform_points
 from .pose_text import pose_from_text, pose_rows, set_pose_given
 from .reporting import NeedsAlignment, Reporting, redraw
 
@@ -71,10 +72,10 @@ def pivot_of(scene: bpy.types.Scene) -> tuple[np.ndarray, float]:
     fresh = seen.pivot_model
     if fresh is None:
         # out of sight: about its origin, so that it can be brought back
-        return np.zeros(3), alignment_scene.edited_mesh(surface).radius / 2
+        return np.zeros(3), alignment_scene.radius_of(surface) / 2
     kept = exact(surface, PIVOT)
     if kept is not None and kept.shape == (4,):
-        points_cam = np.stack([kept[:3], fresh]) @ pose[:3, :3].T + pose[:3, 3]
+        points_cam = transform_points(pose, np.stack([kept[:3], fresh]))
         drift = np.diff(camera.project(points_cam), axis=0)[0] / max(camera.size_wh)
         if np.abs(drift).max() < PIVOT_DRIFT:
             return kept[:3], float(kept[3])

@@ -114,6 +114,16 @@ class PinholeCamera:
         v, u = np.mgrid[: self.height, : self.width]
         return np.stack([u, v], axis=-1).astype(np.float64)
 
+    def coarse_grid(self, along: int) -> np.ndarray:
+        """``(N, 2)`` pixels, the centres of about square tiles, row by row: ``along`` of them on the longer side."""
+        step = max(self.size_wh) / along
+        columns, rows = (max(2, round(size / step)) for size in self.size_wh)
+        u, v = np.meshgrid(
+            (np.arange(columns) + 0.5) * self.width / columns - 0.5,
+            (np.arange(rows) + 0.5) * self.height / rows - 0.5,
+        )
+        return np.stack([u.ravel(), v.ravel()], axis=1)
+
     def contains(self, pixels: np.ndarray) -> np.ndarray:
         """``(N, 2)`` pixels -> ``(N,)`` bool: inside the outer edges of the image."""
         u, v = pixels[..., 0], pixels[..., 1]

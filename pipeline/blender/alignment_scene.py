@@ -14,7 +14,7 @@ from mathutils import Matrix
 
 from ..camera import PinholeCamera
 from ..errors import InputError
-from ..frames import CAM_FROM_OPENGL_CAM, checked_rigid, inverse_rigid, rigid
+from ..frames import CAM_FROM_OPENGL_CAM, checked_rigid, inverse_rigid, nearest_rotation, rigid
 from ..mesh import TriangleMesh, checked_mesh
 from .camera import SENSOR_MM, new_camera, set_clip, set_intrinsics
 from .exact_values import exact, set_exact
@@ -194,6 +194,13 @@ def edited_mesh(surface: bpy.types.Object) -> TriangleMesh:
     return checked_mesh(vertices.reshape(-1, 3), faces.reshape(-1, 3), surface.name)[0]
 
 
+def radius_of(surface: bpy.types.Object) -> float:
+    """Largest distance of a vertex from the surface object's origin, mm; of a large mesh far quicker than its faces."""
+    vertices = np.empty(3 * len(surface.data.vertices), np.float32)
+    surface.data.vertices.foreach_get("co", vertices)
+    return float(np.sqrt((vertices.reshape(-1, 3).astype(float) ** 2).sum(axis=1).max(initial=0.0)))
+
+
 def replace_mesh(surface: bpy.types.Object, mesh: TriangleMesh, given_from_model: np.ndarray) -> None:
     """Give the surface object another mesh (model frame) in place of its own."""
     old = surface.data
@@ -210,8 +217,7 @@ def replace_mesh(surface: bpy.types.Object, mesh: TriangleMesh, given_from_model
 def make_rigid(camera_object: bpy.types.Object | None, surface: bpy.types.Object) -> None:
     """Take scale, shear and mirroring out of the surface object; its origin stays where it is in the image."""
     world_from_model = np.array(surface.matrix_world, dtype=np.float64)
-    u, _, vt = np.linalg.svd(world_from_model[:3, :3])
-    rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    rotation = nearest_rotation(world_from_model[:3, :3])
     opengl_cam_from_world = np.eye(4) if camera_object is None else inverse_rigid(_placed(camera_object))
     cam_from_model = CAM_FROM_OPENGL_CAM @ opengl_cam_from_world @ rigid(rotation, world_from_model[:3, 3])
     surface.delta_scale = (1.0, 1.0, 1.0)

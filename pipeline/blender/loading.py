@@ -1,11 +1,13 @@
 """A case file -> everything in memory, checked, in the model frame."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from ..camera import PinholeCamera
 from ..case import Case, Structure
-from ..distortion import undistort
+from ..distortion import Distortion, undistort
 from ..errors import InputError
 from ..frames import rigid, transform_points
 from ..mesh import TriangleMesh
@@ -64,8 +66,8 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
         A file that cannot be used, an image of another size than the camera's, and, for an aligned case, a surface that
         lies behind the camera, outside the frame or at a distance that no microscope has.
     """
-    image, valid = load_frame(case)
-    mesh, given_from_model, told = load_surface(case)
+    image, valid = load_frame(case.image, case.camera, case.distortion, name=case.path.name)
+    mesh, given_from_model, told = load_surface(case.mesh, case.mm_per_unit)
     cam_from_model = case.cam_from_given @ given_from_model
     if aligned:
         check_pose(case, mesh, cam_from_model)
@@ -80,29 +82,32 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
     )
 
 
-def load_frame(case: Case) -> tuple[np.ndarray, np.ndarray]:
-    """The undistorted frame, ``(H, W, 3)`` float32 code values 0..1, and ``(H, W)`` bool, False where it shows nothing.
+def load_frame(
+    path: Path, camera: PinholeCamera, distortion: Distortion | None, *, name: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """The undistorted frame of a case called ``name``, as an array and where it is valid.
+
+    ``(H, W, 3)`` float32 code values 0..1, and ``(H, W)`` bool, False where it shows nothing.
 
     Raises
     ------
     InputError
         No image, or one of another size than the camera's.
     """
-    name = case.path.name
-    image, valid = read_image(case.image, f"{name}: [frame] image {case.image.name}")
+    image, valid = read_image(path, f"{name}: [frame] image {path.name}")
     height, width = image.shape[:2]
-    if (width, height) != case.camera.size_wh:
+    if (width, height) != camera.size_wh:
         raise InputError(
-            f"{name}: expected a frame of {case.camera.width}x{case.camera.height} px as [camera] size says, "
-            f"{case.image.name} has {width}x{height}; K belongs to one size: give the K of this image"
+            f"{name}: expected a frame of {camera.width}x{camera.height} px as [camera] size says, "
+            f"{path.name} has {width}x{height}; K belongs to one size: give the K of this image"
         )
-    if case.distortion is not None:
-        image, inside = undistort(image, case.camera, case.distortion)
+    if distortion is not None:
+        image, inside = undistort(image, camera, distortion)
         valid &= inside
     return image, valid
 
 
-def load_surface(case: Case) -> tuple[TriangleMesh, np.ndarray, list[str]]:
+def load_surface(path: Path, mm_per_unit: float) -> tuple[TriangleMesh, np.ndarray, list[str]]:
     """The surface in the model frame, mm; ``given_from_model`` (4x4); and sentences about what was dropped.
 
     Raises
@@ -110,8 +115,8 @@ def load_surface(case: Case) -> tuple[TriangleMesh, np.ndarray, list[str]]:
     InputError
         No usable mesh.
     """
-    given, told = read_mesh(case.mesh)
-    given = given.scaled(case.mm_per_unit)
+    given, told = read_mesh(path)
+    given = given.scaled(mm_per_unit)
     centre = given.vertices.mean(axis=0)
     return given.moved(-centre), rigid(translation=centre), told
 

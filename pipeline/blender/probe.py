@@ -22,13 +22,7 @@ class ViewProbe:
         depsgraph.update()
         self._tree = BVHTree.FromObject(surface_scene.surface_object, depsgraph)
         self._source = source
-        step = max(camera.size_wh) / GRID
-        columns, rows = (max(2, round(size / step)) for size in camera.size_wh)
-        u, v = np.meshgrid(
-            (np.arange(columns) + 0.5) * camera.width / columns - 0.5,
-            (np.arange(rows) + 0.5) * camera.height / rows - 0.5,
-        )
-        self._rays_cam = camera.rays_cam(np.stack([u.ravel(), v.ravel()], axis=1))
+        self._rays_cam = camera.rays_cam(camera.coarse_grid(GRID))
 
     def __call__(self, cam_from_model: np.ndarray) -> ViewStatistics:
         """Surface and observed fraction of the view, and the camera's distance to the surface."""

@@ -62,13 +62,7 @@ def first_hit(surface: bpy.types.Object, origin: Vector, direction: Vector) -> V
 
 def visible_surface(surface: bpy.types.Object, camera: PinholeCamera, cam_from_model: np.ndarray) -> VisibleSurface:
     """Cast a grid of rays from the camera at the surface object (evaluated, in Object mode); see :func:`first_hit`."""
-    step = max(camera.size_wh) / GRID
-    columns, rows = (max(2, round(size / step)) for size in camera.size_wh)
-    u, v = np.meshgrid(
-        (np.arange(columns) + 0.5) * camera.width / columns - 0.5,
-        (np.arange(rows) + 0.5) * camera.height / rows - 0.5,
-    )
-    pixels = np.stack([u.ravel(), v.ravel()], axis=1)
+    pixels = camera.coarse_grid(GRID)
     model_from_cam = inverse_rigid(cam_from_model)
     centre = Vector(camera_centre(cam_from_model))
     points, seen = [], []

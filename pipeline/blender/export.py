@@ -17,6 +17,7 @@ from ..mesh import TriangleMesh
 from ..mesh_export import write_obj, write_ply
 from ..srgb import linear_from_codes
 from ..texture_atlas import TextureAtlas
+from .data_blocks import temporary_data
 from .loading import LoadedCase
 from .mesh import new_mesh_object, set_corner_uv, set_vertex_colors
 from .source import colour_of, source_of
@@ -71,32 +72,24 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: str) -> l
 
 def _write_glb(path: Path, mesh: TriangleMesh, colour: VertexColours | TextureAtlas) -> None:
     """By Blender's own glTF exporter, from a scene of its own; the material is unlit: colours as recorded."""
-    before = set(bpy.data.images), set(bpy.data.materials), set(bpy.data.meshes), set(bpy.data.objects)
-    scene = bpy.data.scenes.new("oneframe export")
-    try:
-        with tempfile.TemporaryDirectory(prefix="oneframe-export-") as folder:
-            surface = new_mesh_object("surface", mesh)
-            scene.collection.objects.link(surface)
-            surface.data.materials.append(_unlit_material(surface, colour, Path(folder)))
-            partial = path.with_name(f".partial-{path.stem}.glb")
-            try:
-                with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
-                    bpy.ops.export_scene.gltf(
-                        filepath=str(partial),
-                        export_format="GLB",
-                        use_active_scene=True,
-                        export_vertex_color="ACTIVE",
-                        export_yup=True,
-                    )
-                partial.replace(path)
-            finally:
-                partial.unlink(missing_ok=True)
-    finally:
-        bpy.data.scenes.remove(scene)
-        blocks = (bpy.data.images, bpy.data.materials, bpy.data.meshes, bpy.data.objects)
-        bpy.data.batch_remove(
-            [block for kind, old in zip(blocks, before, strict=True) for block in kind if block not in old]
-        )
+    with temporary_data(), tempfile.TemporaryDirectory(prefix="oneframe-export-") as folder:
+        scene = bpy.data.scenes.new("oneframe export")
+        surface = new_mesh_object("surface", mesh)
+        scene.collection.objects.link(surface)
+        surface.data.materials.append(_unlit_material(surface, colour, Path(folder)))
+        partial = path.with_name(f".partial-{path.stem}.glb")
+        try:
+            with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
+                bpy.ops.export_scene.gltf(
+                    filepath=str(partial),
+                    export_format="GLB",
+                    use_active_scene=True,
+                    export_vertex_color="ACTIVE",
+                    export_yup=True,
+                )
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
 
 
 def _unlit_material(

@@ -17,6 +17,7 @@ from ..camera import PinholeCamera
 from ..frames import inverse_rigid, rigid
 from ..sample_surface import SampleSurface
 from .camera import new_camera, place_camera
+from .data_blocks import temporary_data
 from .mesh import new_mesh_object, set_vertex_colors
 from .versions import IS_5, new_node_material
 
@@ -53,9 +54,8 @@ def take_photographs(
     ------
     The path of each file once it is complete.
     """
-    existing = _data_blocks()
-    scene = bpy.data.scenes.new("sample photograph")
-    try:
+    with temporary_data():
+        scene = bpy.data.scenes.new("sample photograph")
         _set_render(scene, samples)
         _add_ambient(scene)
         # centred, so that single precision in Blender is spent near the surface
@@ -73,13 +73,6 @@ def take_photographs(
             bpy.data.images["Render Result"].save_render(str(partial), scene=scene)
             os.replace(partial, path)
             yield path
-    finally:
-        bpy.data.batch_remove(list(_data_blocks() - existing))
-
-
-def _data_blocks() -> set[bpy.types.ID]:
-    kinds = ("scenes", "worlds", "objects", "cameras", "lights", "meshes", "materials")
-    return {block for kind in kinds for block in getattr(bpy.data, kind)}
 
 
 def _set_render(scene: bpy.types.Scene, samples: int) -> None:

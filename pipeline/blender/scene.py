@@ -11,6 +11,7 @@ from ..camera import PinholeCamera
 from ..errors import InputError
 from ..mesh import TriangleMesh
 from .camera import new_camera, place_camera, set_clip
+from .data_blocks import data_blocks, remove_data
 from .material import OBSERVED_PASS, SurfaceColour, assign_colour
 from .mesh import new_mesh_object
 from .versions import ENGINE_IDS
@@ -98,16 +99,16 @@ class SurfaceScene:
     def close(self) -> None:
         """Remove the scene and all data that it brought."""
         own, self._own = self._own, []
-        bpy.data.batch_remove(own)
+        remove_data(own)
 
     @contextmanager
     def owning(self) -> Iterator[None]:
         """Data made inside the block is removed with the scene."""
-        existing = _data_blocks()
+        existing = set(data_blocks())
         try:
             yield
         finally:
-            self._own += [block for block in _data_blocks() if block not in existing]
+            self._own += [block for block in data_blocks() if block not in existing]
 
     def look_from(self, cam_from_model: np.ndarray) -> None:
         """Put the camera at a pose; clip planes enclose the surface's bounding sphere."""
@@ -117,11 +118,6 @@ class SurfaceScene:
         # margins far above single precision; a rasteriser's depth buffer wants near as far away as it can be
         near = max(0.99 * (depth - radius), 1e-4 * far)
         set_clip(self.camera_object, (near, far))
-
-
-def _data_blocks() -> list[bpy.types.ID]:
-    kinds = ("scenes", "objects", "meshes", "cameras", "materials", "images", "node_groups")
-    return [block for kind in kinds for block in getattr(bpy.data, kind)]
 
 
 def _set_exact_colour(scene: bpy.types.Scene) -> None:

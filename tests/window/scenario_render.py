@@ -9,6 +9,9 @@ bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
 from bl_ext.user_default.oneframe import background_job, gather
 
+VIEWS = 200
+"""More than are made while a picture of the window is taken."""
+
 
 def scenario(user):
     scene = bpy.context.scene
@@ -36,7 +39,7 @@ def scenario(user):
 
     out = user.folder / "dataset"
     settings.dataset_out = str(out)
-    settings.dataset.count, settings.dataset.scale = 40, 0.25
+    settings.dataset.count, settings.dataset.scale = VIEWS, 0.25
     with user.context():
         bpy.ops.oneframe.render_dataset()
     yield from user.until(lambda: len(views(out)) >= 3, "views of the running job", timeout_s=90)
@@ -45,17 +48,17 @@ def scenario(user):
         bpy.ops.oneframe.cancel_dataset()
     yield from user.until(lambda: not running(), "the job to end", timeout_s=30)
     kept = views(out)
-    assert 3 <= len(kept) < 40
+    assert 3 <= len(kept) < VIEWS
     yield 1.0
     assert views(out) == kept, "a cancelled job went on"
     user.facts["views when cancelled"] = len(kept)
 
     with user.context():
         bpy.ops.oneframe.render_dataset()
-    yield from user.until(lambda: not running(), "the dataset to be finished", timeout_s=120)
-    assert len(views(out)) == 40
+    yield from user.until(lambda: not running(), "the dataset to be finished", timeout_s=240)
+    assert len(views(out)) == VIEWS
     assert kept.items() <= views(out).items(), "views were rendered twice"
-    assert json.loads((out / "dataset.json").read_text())["count"] == 40
+    assert json.loads((out / "dataset.json").read_text())["count"] == VIEWS
     assert (out / "contact_sheet.png").is_file()
     yield from user.picture("5_finished")
 

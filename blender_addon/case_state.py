@@ -88,8 +88,7 @@ def take_frame(context: bpy.types.Context, path: Path, width: int, height: int) 
 def frame_warnings(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Sentences about a camera that does not belong to the frame."""
     size = frame_size(scene)
-    camera_object = scene.oneframe.camera_object
-    if size is None or camera_object is None or camera_object.name not in scene.objects:
+    if size is None or gather.present_camera(scene) is None:
         return ()
     camera = gather.camera(scene)
     if camera.size_wh != size:
@@ -121,16 +120,19 @@ def typed_camera(scene: bpy.types.Scene) -> tuple[PinholeCamera, Distortion | No
 
 
 def take_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Distortion | None) -> None:
-    """Make K the scene's camera."""
+    """Make K the scene's camera.
+
+    Raises
+    ------
+    InputError
+        The frame, which is to be shown through it, is no longer there.
+    """
     scene = context.scene
     settings = scene.oneframe
-    existing = settings.camera_object
-    if existing is not None and existing.name not in scene.objects:
-        existing = None
-    surface = settings.surface
-    pose = None
-    if surface is not None and surface.name in scene.objects:
-        pose = alignment_scene.pose_of(existing, surface)
+    if settings.frame_path:
+        gather.stamp(alignment_scene.absolute_path(settings.frame_path))
+    existing, surface = gather.present_camera(scene), gather.present_surface(scene)
+    pose = None if surface is None else alignment_scene.pose_of(existing, surface)
     alignment_scene.set_alignment_units(scene)
     settings.camera_object = alignment_scene.put_camera(scene, existing, camera)
     _remember_camera(scene, camera, distortion)
@@ -219,13 +221,11 @@ def _show(scene: bpy.types.Scene) -> None:
 
 def _place_first(scene: bpy.types.Scene, surface: bpy.types.Object) -> None:
     mesh = alignment_scene.edited_mesh(surface)
-    camera_object = scene.oneframe.camera_object
+    camera_object = gather.present_camera(scene)
     # before K is known: any camera will do, the pose is found again when K comes
     camera = PinholeCamera(1920, 1080, 12800, 12800, 959.5, 539.5)
-    if camera_object is not None and camera_object.name in scene.objects:
+    if camera_object is not None:
         camera = gather.camera(scene)
-    else:
-        camera_object = None
     pose = initial_pose(mesh, camera)
     alignment_scene.set_pose(camera_object, surface, pose)
     set_exact(surface, FIRST_POSE, pose)

@@ -14,7 +14,7 @@ from .pipeline.blender.export import export_coloured_surface
 from .pipeline.blender.source import colour_of, source_of
 from .pipeline.blender.surface_colour import colour_record, mark_unseen, put_colour, remove_colour
 from .pipeline.errors import InputError
-from .reporting import NeedsAlignment, Reporting
+from .reporting import NeedsAlignment, Reporting, ReportingFile
 
 MODES = [
     ("vertex", "Vertex Colours", "A colour at every vertex: as fine as the mesh is"),
@@ -106,7 +106,7 @@ class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting, bpy.types.Operator):
         show_colour(context.window_manager, surface)
 
 
-class ONEFRAME_OT_export_surface(NeedsAlignment, Reporting, bpy.types.Operator, ExportHelper):
+class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operator, ExportHelper):
     """Write the surface with the frame's colours, projected in the present pose, as GLB, OBJ or PLY"""
 
     bl_idname = "oneframe.export_surface"
@@ -141,7 +141,7 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, Reporting, bpy.types.Operator, 
         return True
 
     def run(self, context):
-        path = Path(bpy.path.abspath(self.filepath))
+        path = self.chosen_file()
         if path.suffix.lower() == ".glb" and "gltf" not in dir(bpy.ops.export_scene):
             raise InputError(
                 f"{path}: expected Blender's glTF exporter, it is switched off; switch on the add-on "

@@ -25,6 +25,20 @@ EDIT_TOLERANCE = 1e-5
 """Largest difference of a vertex from the file's, relative to the mesh's size, that is single precision."""
 
 
+def present_camera(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The frame's camera object, ``None`` if there is none or it was deleted."""
+    return _present(scene, scene.oneframe.camera_object, "CAMERA")
+
+
+def present_surface(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The surface object, ``None`` if there is none or it was deleted."""
+    return _present(scene, scene.oneframe.surface, "MESH")
+
+
+def _present(scene: bpy.types.Scene, found: bpy.types.Object | None, kind: str) -> bpy.types.Object | None:
+    return found if found is not None and found.name in scene.objects and found.type == kind else None
+
+
 def camera_object_of(scene: bpy.types.Scene) -> bpy.types.Object:
     """The frame's camera object.
 
@@ -33,8 +47,8 @@ def camera_object_of(scene: bpy.types.Scene) -> bpy.types.Object:
     InputError
         There is none, or it was deleted.
     """
-    found = scene.oneframe.camera_object
-    if found is None or found.name not in scene.objects:
+    found = present_camera(scene)
+    if found is None:
         raise InputError("expected a camera, none is set up; load K from a file, or type it and press Set Camera")
     return found
 
@@ -47,18 +61,15 @@ def surface_of(scene: bpy.types.Scene) -> bpy.types.Object:
     InputError
         There is none, or it was deleted.
     """
-    found = scene.oneframe.surface
-    if found is None or found.name not in scene.objects or found.type != "MESH":
+    found = present_surface(scene)
+    if found is None:
         raise InputError("expected a surface, none is in the scene; load a mesh, or undo if it was deleted")
     return found
 
 
 def is_set_up(scene: bpy.types.Scene) -> bool:
     """Whether camera and surface are there: what most tools need."""
-    settings = scene.oneframe
-    return all(
-        found is not None and found.name in scene.objects for found in (settings.camera_object, settings.surface)
-    )
+    return present_camera(scene) is not None and present_surface(scene) is not None
 
 
 def camera(scene: bpy.types.Scene) -> PinholeCamera:

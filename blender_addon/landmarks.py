@@ -1,7 +1,5 @@
 """Operators on landmarks that need no pointer, and those that work on the one under it."""
 
-from pathlib import Path
-
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, FloatVectorProperty, IntProperty, StringProperty
@@ -13,7 +11,7 @@ from .landmark_gestures import is_alignment_view, landmark_under
 from .pipeline.alignment.landmark_file import read_landmarks, write_landmarks
 from .pipeline.case import MM_PER_UNIT
 from .pipeline.errors import InputError
-from .reporting import NeedsAlignment, Reporting
+from .reporting import NeedsAlignment, Reporting, ReportingFile
 
 OFF_SURFACE_MM = 0.5
 """Distance from the surface beyond which a point is not on it."""
@@ -214,7 +212,7 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting, bpy.types.Operator):
         return *solved.estimate.told, f"pose from {used}, RMS {solved.estimate.rms_px:.2f} px"
 
 
-class ONEFRAME_OT_import_landmarks(NeedsAlignment, Reporting, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Operator, ImportHelper):
     """Read landmarks from a CSV or JSON file: surface points in the frame and units of the mesh file, pixels"""
 
     bl_idname = "oneframe.import_landmarks"
@@ -228,7 +226,7 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, Reporting, bpy.types.Operator
 
     def run(self, context):
         scene = context.scene
-        path = Path(self.filepath)
+        path = self.chosen_file()
         read = read_landmarks(path, mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
         present = gather.landmarks_given(scene) if self.keep else ()
         case_state.replace_landmarks(scene, (*present, *read))
@@ -236,7 +234,7 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, Reporting, bpy.types.Operator
         return f"{path.name}: {len(read)} landmarks", *off_surface(scene)
 
 
-class ONEFRAME_OT_export_landmarks(_HasLandmarks, Reporting, bpy.types.Operator, ExportHelper):
+class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Operator, ExportHelper):
     """Write the landmarks to a CSV or JSON file: surface points in the frame and units of the mesh file, pixels"""
 
     bl_idname = "oneframe.export_landmarks"
@@ -249,7 +247,7 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, Reporting, bpy.types.Operator,
 
     def run(self, context):
         scene = context.scene
-        path = Path(self.filepath)
+        path = self.chosen_file()
         try:
             write_landmarks(path, gather.landmarks_given(scene), mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
         except OSError as error:

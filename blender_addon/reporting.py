@@ -1,6 +1,7 @@
 """What all operators of the add-on share: errors become one sentence in Blender's status line, and nothing changes."""
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import bpy
 
@@ -30,6 +31,23 @@ class Reporting:
             self.report({"INFO"}, sentence)
         redraw(context)
         return {"FINISHED"}
+
+
+class ReportingFile(Reporting):
+    """Mixin of operators with a file dialog."""
+
+    def chosen_file(self) -> Path:
+        """The file that was chosen.
+
+        Raises
+        ------
+        InputError
+            None, or a folder.
+        """
+        path = Path(bpy.path.abspath(self.filepath))
+        if not path.name or path.is_dir():
+            raise InputError(f"expected a file, found {self.filepath or 'none'}; choose one, or give it a name")
+        return path
 
 
 class NeedsAlignment:

@@ -1,7 +1,5 @@
 """Operators that bring frame, camera, surface and structures into the scene, and open and save the case."""
 
-from pathlib import Path
-
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
@@ -21,7 +19,7 @@ from .pipeline.pose_file import read_pose
 from .pose_text import set_pose_given
 from .properties import UNITS
 from .provenance import recorded_case, remember_opened
-from .reporting import Reporting
+from .reporting import Reporting, ReportingFile
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
 VIDEOS = "*.mp4;*.avi;*.mov;*.mkv;*.m4v;*.mpg;*.mpeg;*.webm"
@@ -30,7 +28,7 @@ POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"
 
 
-class ONEFRAME_OT_open_case(Reporting, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
     """Open a case file: frame, K, surface, structures, pose and landmarks"""
 
     bl_idname = "oneframe.open_case"
@@ -40,7 +38,7 @@ class ONEFRAME_OT_open_case(Reporting, bpy.types.Operator, ImportHelper):
     filter_glob: StringProperty(default="*.toml", options={"HIDDEN"})
 
     def run(self, context):
-        loaded = load_case(read_case(Path(self.filepath)), aligned=False)
+        loaded = load_case(read_case(self.chosen_file()), aligned=False)
         case_state.remember_case(context.scene, loaded, alignment_setup.set_up(context.scene, loaded))
         remember_opened(context.scene, loaded.case.alignment, loaded.cam_from_model)
         case_state.look_through_camera(context)
@@ -48,7 +46,7 @@ class ONEFRAME_OT_open_case(Reporting, bpy.types.Operator, ImportHelper):
         return *loaded.told, f"{self.filepath}: frame {width} x {height} px, {len(loaded.mesh.faces)} triangles"
 
 
-class ONEFRAME_OT_save_case(Reporting, bpy.types.Operator, ExportHelper):
+class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):
     """Save frame, K, surface, pose and landmarks as the case file that render_dataset.py takes"""
 
     bl_idname = "oneframe.save_case"
@@ -72,13 +70,13 @@ class ONEFRAME_OT_save_case(Reporting, bpy.types.Operator, ExportHelper):
 
     def run(self, context):
         gather.check_mesh_unedited(context.scene)
-        path = Path(self.filepath)
+        path = self.chosen_file()
         write_case(path, recorded_case(context.scene, path))
         context.scene.oneframe.case_path = str(path)
         return (f"saved {path}",)
 
 
-class ONEFRAME_OT_load_frame(Reporting, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_load_frame(ReportingFile, bpy.types.Operator, ImportHelper):
     """Load the frame: one image of the microscope"""
 
     bl_idname = "oneframe.load_frame"
@@ -88,12 +86,12 @@ class ONEFRAME_OT_load_frame(Reporting, bpy.types.Operator, ImportHelper):
     filter_glob: StringProperty(default=IMAGES, options={"HIDDEN"})
 
     def run(self, context):
-        path = Path(self.filepath)
+        path = self.chosen_file()
         image, _ = read_image(path, path.name)
         return case_state.take_frame(context, path, image.shape[1], image.shape[0])
 
 
-class ONEFRAME_OT_load_video_frame(Reporting, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_load_video_frame(ReportingFile, bpy.types.Operator, ImportHelper):
     """Take one frame of a video: it is saved as a PNG beside the video, and loaded"""
 
     bl_idname = "oneframe.load_video_frame"
@@ -106,13 +104,13 @@ class ONEFRAME_OT_load_video_frame(Reporting, bpy.types.Operator, ImportHelper):
     def run(self, context):
         from .pipeline.video_frame import write_video_frame
 
-        path = write_video_frame(Path(self.filepath), self.frame_index)
+        path = write_video_frame(self.chosen_file(), self.frame_index)
         image, _ = read_image(path, path.name)
         told = case_state.take_frame(context, path, image.shape[1], image.shape[0])
         return (f"frame {self.frame_index} saved as {path}", *told)
 
 
-class ONEFRAME_OT_load_camera(Reporting, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_load_camera(ReportingFile, bpy.types.Operator, ImportHelper):
     """Load K: a case file, JSON, OpenCV YAML or XML, BOP camera.json, COLMAP cameras.txt, NumPy, Vision6D pickle"""
 
     bl_idname = "oneframe.load_camera"
@@ -122,7 +120,7 @@ class ONEFRAME_OT_load_camera(Reporting, bpy.types.Operator, ImportHelper):
     filter_glob: StringProperty(default=CAMERAS, options={"HIDDEN"})
 
     def run(self, context):
-        found = read_camera(Path(self.filepath))
+        found = read_camera(self.chosen_file())
         size = case_state.frame_size(context.scene) or found.size
         if size is None:
             raise InputError(f"{self.filepath}: this file holds no image size; load the frame first")
@@ -159,7 +157,7 @@ class ONEFRAME_OT_rescale_camera(Reporting, bpy.types.Operator):
         case_state.take_camera(context, camera.resized(*size), gather.distortion(scene))
 
 
-class ONEFRAME_OT_load_surface(Reporting, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_load_surface(ReportingFile, bpy.types.Operator, ImportHelper):
     """Load the surface that is to be aligned (PLY, OBJ, STL)"""
 
     bl_idname = "oneframe.load_surface"
@@ -170,13 +168,13 @@ class ONEFRAME_OT_load_surface(Reporting, bpy.types.Operator, ImportHelper):
     units: EnumProperty(name="Units", description="Unit of the numbers in the file", items=UNITS, default="mm")
 
     def run(self, context):
-        path = Path(self.filepath)
+        path = self.chosen_file()
         given, told = read_mesh(path)
         case_state.take_surface(context, path, given.scaled(MM_PER_UNIT[self.units]), self.units)
         return *told, f"{path.name}: {len(given.faces)} triangles"
 
 
-class ONEFRAME_OT_add_structure(Reporting, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper):
     """Load a structure (facial nerve, ossicles ...) that lies in the frame and units of the surface's file"""
 
     bl_idname = "oneframe.add_structure"
@@ -190,7 +188,7 @@ class ONEFRAME_OT_add_structure(Reporting, bpy.types.Operator, ImportHelper):
 
     def run(self, context):
         surface = gather.surface_of(context.scene)
-        path = Path(self.filepath)
+        path = self.chosen_file()
         given, told = read_mesh(path)
         offset = alignment_scene.given_from_model_of(surface)[:3, 3]
         mesh = given.scaled(MM_PER_UNIT[context.scene.oneframe.units]).moved(-offset)
@@ -199,7 +197,7 @@ class ONEFRAME_OT_add_structure(Reporting, bpy.types.Operator, ImportHelper):
         return told
 
 
-class ONEFRAME_OT_load_pose(Reporting, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
     """Load cam_from_model for the frame of the mesh file (NumPy as Vision6D writes it, text, JSON, a case file)"""
 
     bl_idname = "oneframe.load_pose"
@@ -209,7 +207,7 @@ class ONEFRAME_OT_load_pose(Reporting, bpy.types.Operator, ImportHelper):
     filter_glob: StringProperty(default=POSES, options={"HIDDEN"})
 
     def run(self, context):
-        cam_from_given, told = read_pose(Path(self.filepath))
+        cam_from_given, told = read_pose(self.chosen_file())
         set_pose_given(context.scene, cam_from_given)
         return (told,) if told else ()
 
@@ -225,7 +223,7 @@ class ONEFRAME_OT_remove_scale(Reporting, bpy.types.Operator):
         alignment_scene.make_rigid(gather.camera_object_of(context.scene), gather.surface_of(context.scene))
 
 
-class ONEFRAME_OT_save_edited_surface(Reporting, bpy.types.Operator, ExportHelper):
+class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportHelper):
     """Write the surface as it was edited in Blender to a PLY file, and use that file from now on"""
 
     bl_idname = "oneframe.save_edited_surface"
@@ -236,11 +234,12 @@ class ONEFRAME_OT_save_edited_surface(Reporting, bpy.types.Operator, ExportHelpe
     filter_glob: StringProperty(default="*.ply", options={"HIDDEN"})
 
     def run(self, context):
-        scene = context.scene
+        scene, path = context.scene, self.chosen_file()
+        if path.suffix.lower() != ".ply":
+            raise InputError(f"{path}: expected the name of a file *.ply, found {path.name!r}; take another name")
         surface = gather.surface_of(scene)
         mesh = alignment_scene.edited_mesh(surface)
         given = mesh.moved(alignment_scene.given_from_model_of(surface)[:3, 3])
-        path = Path(self.filepath)
         write_ply(path, given.scaled(1 / MM_PER_UNIT[scene.oneframe.units]))
         case_state.relink_surface(context, path)
         return (f"saved {path}: {len(mesh.faces)} triangles",)

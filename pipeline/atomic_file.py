@@ -1,5 +1,6 @@
 """Writing files so that a reader finds the old file or the whole new one, never a part of it."""
 
+import errno
 import os
 import secrets
 from pathlib import Path
@@ -17,6 +18,8 @@ def write_bytes_atomically(path: Path, data: bytes) -> None:
         The folder does not exist or cannot be written to, the disk is full, or ``path`` is a folder.
     """
     path = Path(path)
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     partial = path.with_name(f".partial-{secrets.token_hex(8)}")
     try:
         with open(partial, "xb") as file:

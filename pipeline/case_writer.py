@@ -30,7 +30,7 @@ def write_case(path: Path, case: Case, *, comment: str = "") -> None:
     Parameters
     ----------
     path
-        The file; its folder exists.
+        The file, ``*.toml``; its folder exists.
     case
         What it is to say; ``told`` is not written.
     comment
@@ -39,10 +39,13 @@ def write_case(path: Path, case: Case, *, comment: str = "") -> None:
     Raises
     ------
     InputError
-        Something in the case cannot be read back, such as two landmarks of one name or a number that is not finite.
+        Another extension, lest a wrong name replace the frame or the mesh; or something in the case that cannot be read
+        back, such as two landmarks of one name or a number that is not finite.
     OSError
         The file cannot be written.
     """
+    if path.suffix.lower() != ".toml":
+        raise InputError(f"{path}: expected the name of a case file, *.toml, found {path.name!r}; take another name")
     text = case_text(path, case, comment=comment)
     try:
         data = text.encode()

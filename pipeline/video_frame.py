@@ -87,8 +87,8 @@ def write_video_frame(path: Path, index: int, *, image: Path | None = None) -> P
         The file cannot be written.
     """
     path = Path(path)
-    image = image or path.with_name(f"{path.stem}_frame_{index:06d}.png")
     data = encode_png(read_video_frame(path, index))
+    image = image or path.with_name(f"{path.stem}_frame_{index:06d}.png")
     if image.exists() and image.read_bytes() != data:
         raise InputError(
             f"{image}: expected no such file, or this very frame, found another image; "

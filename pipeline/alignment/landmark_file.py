@@ -53,15 +53,18 @@ def read_landmarks(path: Path, *, mm_per_unit: float = 1.0) -> tuple[Landmark, .
 
 
 def write_landmarks(path: Path, landmarks: Sequence[Landmark], *, mm_per_unit: float = 1.0) -> None:
-    """Write landmarks (points in mm), whole or not at all, as JSON if ``path`` ends in ``.json``, else as CSV.
+    """Write landmarks (points in mm), whole or not at all, as ``*.csv`` or ``*.json``.
 
     Raises
     ------
     InputError
-        They could not be read again: two of one name, or a number that is not finite.
+        Another extension; or they could not be read again: two of one name, or a number that is not finite.
     OSError
         The file cannot be written.
     """
+    suffix = path.suffix.lower()
+    if suffix not in (".csv", ".json"):
+        raise InputError(f"{path}: expected the name of a file *.csv or *.json, found {path.name!r}; take another name")
     tables = [
         {"name": landmark.name}
         | ({} if landmark.point is None else {"surface": list(landmark.point)})
@@ -69,7 +72,7 @@ def write_landmarks(path: Path, landmarks: Sequence[Landmark], *, mm_per_unit: f
         for landmark in landmarks
     ]
     landmarks_from_tables(tables, f"{path.name}: landmark")
-    text = _json_text(landmarks, mm_per_unit) if path.suffix.lower() == ".json" else _csv_text(landmarks, mm_per_unit)
+    text = _json_text(landmarks, mm_per_unit) if suffix == ".json" else _csv_text(landmarks, mm_per_unit)
     write_bytes_atomically(path, text.encode())
 
 

@@ -1,5 +1,6 @@
 """The add-on sets up a case: what is opened, saved, typed, moved and refused, through its operators."""
 
+import functools
 import itertools
 import json
 
@@ -195,10 +196,11 @@ def test_a_surface_that_is_not_rigid_is_refused_until_it_is_made_right(opened, k
     origin = surface.matrix_world.translation.copy()
     surface.matrix_world = surface.matrix_world @ matrix
     bpy.context.view_layer.update()
-    for operator in (bpy.ops.oneframe.save_case, bpy.ops.oneframe.nudge, bpy.ops.oneframe.copy_pose):
-        arguments = {"filepath": str(tmp_path / "x.toml")} if operator is bpy.ops.oneframe.save_case else {}
+    operators = bpy.ops.oneframe
+    save = functools.partial(operators.save_case, filepath=str(tmp_path / "x.toml"))
+    for operator in (save, operators.nudge, operators.copy_pose):
         with pytest.raises(RuntimeError, match=kind):
-            operator(**arguments)
+            operator()
     assert not (tmp_path / "x.toml").exists()
     bpy.ops.oneframe.remove_scale()
     rotation = updated_pose(opened)[:3, :3]
@@ -306,16 +308,46 @@ def _mirrored_pose(folder):
     return bpy.ops.oneframe.load_pose, {"filepath": str(folder / "pose.npy")}, "reflection"
 
 
-@pytest.mark.parametrize(
-    "mistake", [_no_image, _no_video, _no_faces, _zero_k, _typed_zero_k, _moved_files, _mirrored_pose]
+def _no_name(folder):
+    return bpy.ops.oneframe.save_case, {"filepath": f"{folder}/"}, "expected a file"
+
+
+def _name_of_the_frame(folder):
+    return bpy.ops.oneframe.save_case, {"filepath": str(folder / "frame.png")}, "expected the name of a case file"
+
+
+def _name_of_the_mesh(folder):
+    return bpy.ops.oneframe.export_landmarks, {"filepath": str(folder / "surface.ply")}, r"csv or \*.json"
+
+
+def _name_of_the_case(folder):
+    return bpy.ops.oneframe.save_edited_surface, {"filepath": str(folder / "case.toml")}, r"a file \*.ply"
+
+
+def _lost_frame(folder):
+    (folder / "frame.png").unlink()
+    return bpy.ops.oneframe.set_camera, {}, "No such file"
+
+
+MISTAKES = (
+    *(_no_image, _no_video, _no_faces, _zero_k, _typed_zero_k, _moved_files, _mirrored_pose),
+    *(_no_name, _name_of_the_frame, _name_of_the_mesh, _name_of_the_case, _lost_frame),
 )
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_mistake_is_one_sentence_and_the_scene_unharmed(opened, case_path, mistake):
     operator, arguments, expected = mistake(case_path.parent)
-    before = snapshot(opened)
+    before, files = snapshot(opened), files_of(case_path.parent)
     with pytest.raises(RuntimeError, match=expected) as caught:
         operator(**arguments)
     assert "Traceback" not in str(caught.value)
     assert snapshot(opened) == before
+    assert files_of(case_path.parent) == files
+
+
+def files_of(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def test_a_frame_of_another_size_is_told(opened, case_path):

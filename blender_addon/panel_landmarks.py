@@ -7,6 +7,7 @@ from . import estimate, gather, landmark_tool
 from .estimate import Solution
 from .pipeline.alignment.uncertainty import PoseUncertainty
 from .pipeline.errors import InputError
+from .pipeline.two_digits import two_digits
 from .sentences import draw_sentence
 
 
@@ -105,7 +106,7 @@ def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: S
     if away is not None:
         draw_sentence(
             layout,
-            f"The pose is {away.turn_deg:.2g}° and {away.shift_mm:.2g} mm from the landmarks' pose, "
+            f"The pose is {two_digits(away.turn_deg)}° and {two_digits(away.shift_mm)} mm from the landmarks' pose, "
             f"up to {away.largest_px:.1f} px.",
             icon="INFO",
         )
@@ -130,7 +131,7 @@ def _draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty) -> 
         column = columns.column(align=True)
         column.scale_y = 0.8
         for name, deviation in zip(names, deviations, strict=True):
-            column.label(text=f"{name} ± {deviation:.2g}{unit}")
+            column.label(text=f"{name} ± {two_digits(deviation)}{unit}")
     draw_sentence(box, f"Weakest: {uncertainty.weakest}")
 
 

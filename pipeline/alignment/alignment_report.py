@@ -8,6 +8,7 @@ import numpy as np
 from ..camera import PinholeCamera
 from ..frames import inverse_rigid, transform_points
 from ..mesh import TriangleMesh
+from ..two_digits import two_digits
 from .landmarks import Landmark
 from .pose_solver import PoseEstimate
 
@@ -178,4 +179,4 @@ def _rows(matrix: np.ndarray) -> list[str]:
 
 
 def _three(values: np.ndarray) -> str:
-    return ", ".join(f"{value:.2g}" for value in values)
+    return ", ".join(map(two_digits, values))

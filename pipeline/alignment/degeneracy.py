@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InputError
+from ..two_digits import two_digits
 from .hypotheses import Hypothesis
 from .reprojection import Pairs
 from .uncertainty import PoseUncertainty
@@ -134,7 +135,8 @@ def check_fit(pairs: Pairs, found: list[Hypothesis], mirrored: Hypothesis | None
             raise UndeterminedPose(
                 "mirrored",
                 f"landmarks: no pose fits these {count} pairs as well as their mirror image does, to "
-                f"{mirrored.noise_px:.2g} px: the mesh is mirrored, or the points are; mirror it in one of its axes",
+                f"{two_digits(mirrored.noise_px)} px: the mesh is mirrored, or the points are; "
+                "mirror it in one of its axes",
                 candidates,
             )
     if found:
@@ -159,7 +161,7 @@ def ambiguity(
     """The refusal of pairs that fit several poses nearly equally, the most probable first."""
     candidates = [each.pose.matrix(0, pairs.pivot_model) for each in possible]
     best, second = possible[0], possible[1]
-    fits = f"landmarks: the pairs fit {len(possible)} poses, up to {turn_deg:.2g}° apart, nearly equally"
+    fits = f"landmarks: the pairs fit {len(possible)} poses, up to {two_digits(turn_deg)}° apart, nearly equally"
     if not np.array_equal(best.inliers, second.inliers):
         doubtful = [repr(names[index]) for index in np.flatnonzero(best.inliers != second.inliers).tolist()]
         advice = f"they differ on {', '.join(doubtful)}, at least one of which is wrong; check these, or add pairs"
@@ -187,7 +189,11 @@ def check_uncertainty(
     if turn_deg <= LARGEST_TURN_DEG and depth <= LARGEST_DEPTH:
         return
     count = len(pairs)
-    found = f"± {turn_deg:.2g}° of rotation" if turn_deg > LARGEST_TURN_DEG else f"± {100 * depth:.2g} % of distance"
+    found = (
+        f"± {two_digits(turn_deg)}° of rotation"
+        if turn_deg > LARGEST_TURN_DEG
+        else f"± {two_digits(100 * depth)} % of distance"
+    )
     kind, cause = _cause(pairs, float(np.linalg.norm(uncertainty.pivot_cam)), click_sigma_px)
     raise UndeterminedPose(
         kind, f"landmarks: {count} pairs leave the pose undetermined ({found}): {cause}", [cam_from_model]

@@ -8,6 +8,7 @@ import numpy as np
 from ..camera import PinholeCamera
 from ..errors import InputError
 from ..frames import rotation_angle_deg
+from ..two_digits import two_digits
 from .degeneracy import UndeterminedPose, ambiguity, check_fit, check_pairs, check_uncertainty, repeated_pairs
 from .hypotheses import Hypothesis, hypotheses
 from .reprojection import Pairs, Poses, residuals
@@ -182,7 +183,8 @@ def _chosen(
     if max(turns) <= CONTRADICTION_DEG and not any(_agree(found[0], each) for each in rivals):
         doubtful = " or ".join(repr(names[index]) for index in np.flatnonzero(found[0].inliers != rivals[0].inliers))
         return found[0], [
-            f"The pairs fit another pose, {turns[0]:.2g}° apart, nearly as well: check {doubtful}, and add pairs."
+            f"The pairs fit another pose, {two_digits(turns[0])}° apart, nearly as well: check {doubtful}, "
+            "and add pairs."
         ]
     if start is not None:
         present = _start(start, pairs)
@@ -241,7 +243,7 @@ def _warnings(
     if chosen.noise_px > DOUBTFUL * click_sigma_px:
         told.append(
             f"The residuals are larger than clicks of {click_sigma_px:g} px explain (they look like "
-            f"{chosen.noise_px:.2g} px): check the pairs, K and the mesh."
+            f"{two_digits(chosen.noise_px)} px): check the pairs, K and the mesh."
         )
     turn_deg, depth = uncertainty.largest_rotation_deg, uncertainty.relative_depth
     if turn_deg > VAGUE_TURN_DEG or depth > VAGUE_DEPTH:

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..camera import PinholeCamera
 from ..frames import transform_points
+from ..two_digits import two_digits
 from .f_distribution import f_quantile
 from .reprojection import Pairs, jacobian_at
 from .twist import twist_between
@@ -14,12 +15,12 @@ PRIOR_DOF = 3.0
 """What the stated click noise counts for, in degrees of freedom, against the residuals (2 for a pair, less 6)."""
 
 _FREEDOMS = (
-    "shift to the left or right ± {:.2g} mm",
-    "shift up or down ± {:.2g} mm",
-    "depth along the view ray ± {:.2g} mm",
-    "tilt about the image's horizontal axis ± {:.2g}°",
-    "turn about the image's vertical axis ± {:.2g}°",
-    "roll about the view ray ± {:.2g}°",
+    "shift to the left or right ± {} mm",
+    "shift up or down ± {} mm",
+    "depth along the view ray ± {} mm",
+    "tilt about the image's horizontal axis ± {}°",
+    "turn about the image's vertical axis ± {}°",
+    "roll about the view ray ± {}°",
 )
 
 
@@ -129,7 +130,7 @@ class PoseUncertainty:
         axes = self._view_axes()
         covariance = axes @ self.covariance @ axes.T
         deviation = np.sqrt(covariance[number, number])
-        return _FREEDOMS[number].format(deviation if number < 3 else np.degrees(deviation))
+        return _FREEDOMS[number].format(two_digits(deviation if number < 3 else np.degrees(deviation)))
 
     def pixel_covariances(
         self, points_model: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray

@@ -146,7 +146,9 @@ class RandomUser:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_any_use_ends_in_sentences(addon, write_tiny_case, tmp_path, capfd, seed):
+def test_any_use_ends_in_sentences(addon, write_tiny_case, tmp_path, monkeypatch, capfd, seed):
+    # where names without a folder lead
+    monkeypatch.chdir(tmp_path)
     case = write_tiny_case(tmp_path)
     case.write_text(case.read_text() + LANDMARKS + "\n[dataset]\ncount = 4\n")
     user = RandomUser(case, seed)

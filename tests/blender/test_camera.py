@@ -188,4 +188,6 @@ def test_a_closed_scene_leaves_nothing_behind(bumpy_mesh, frontal_pose, engine):
 def engines_of(name: str) -> list[bpy.types.RenderEngine]:
     """Blender's own instances of a render engine that is written in Python."""
     kinds = tuple(kind for kind in bpy.types.RenderEngine.__subclasses__() if getattr(kind, "bl_idname", None) == name)
-    return [found for found in gc.get_objects() if isinstance(found, kinds)]
+    gc.collect()
+    # isinstance would ask the objects themselves, of which some are left of operators that are gone
+    return [found for found in gc.get_objects() if issubclass(type(found), kinds)]

@@ -31,6 +31,11 @@ CAM_FROM_OPENGL_CAM = np.diag([1.0, -1.0, -1.0, 1.0])
 """The one axis flip: Blender's cameras and NeRF files have OpenGL axes, y up and looking along -z. Its own inverse."""
 
 
+def turned_about(pivot: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """``(4, 4)`` that turns by ``rotation`` (3, 3) and leaves ``pivot`` (3,) where it is."""
+    return rigid(rotation, pivot - rotation @ pivot)
+
+
 def inverse_rigid(b_from_a: np.ndarray) -> np.ndarray:
     """``(..., 4, 4)`` rigid ``b_from_a`` -> ``a_from_b``."""
     rotation = np.swapaxes(b_from_a[..., :3, :3], -1, -2)

@@ -43,6 +43,7 @@ from pipeline.frames import (
     rotation_angle_deg,
     rotation_from_vector,
     transform_points,
+    turned_about,
 )
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh_file import read_mesh
@@ -167,8 +168,8 @@ def disturbed(scene: Scene, angle_deg: float, percent: float, rng: np.random.Gen
     middle = transform_points(scene.cam_from_model, scene.points).mean(axis=0)
     axis, direction = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
     rotation = rotation_from_vector(np.radians(angle_deg) * axis)
-    about = rigid(rotation, middle - rotation @ middle)
-    return rigid(translation=percent / 100 * np.linalg.norm(middle) * direction) @ about @ scene.cam_from_model
+    moved = rigid(translation=percent / 100 * np.linalg.norm(middle) * direction)
+    return moved @ turned_about(middle, rotation) @ scene.cam_from_model
 
 
 def run_trial(scene: Scene, wrong: str, angle_deg: float, percent: float, rng: np.random.Generator) -> Trial:

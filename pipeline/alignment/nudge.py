@@ -6,7 +6,7 @@ import numpy as np
 
 from ..camera import PinholeCamera
 from ..errors import InputError
-from ..frames import rigid, rotation_from_vector, transform_points
+from ..frames import rigid, rotation_from_vector, transform_points, turned_about
 
 Axis = Literal["x", "y", "depth", "pitch", "yaw", "roll"]
 AXES: tuple[Axis, ...] = get_args(Axis)
@@ -72,4 +72,4 @@ def nudged(
     vector = np.zeros(3)
     vector[("pitch", "yaw", "roll").index(axis)] = step_px / rho_px
     rotation = rotation_from_vector(vector)
-    return rigid(rotation, pivot - rotation @ pivot) @ cam_from_model
+    return turned_about(pivot, rotation) @ cam_from_model

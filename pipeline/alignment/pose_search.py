@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from ..camera import PinholeCamera
-from ..frames import rigid, rotation_from_vector
+from ..frames import rigid, rotation_from_vector, turned_about
 from .appearance import Appearance, appearance, without_local_mean
 from .correlation import summed_correlation
 from .image_pyramid import PyramidLevel
@@ -201,11 +201,6 @@ def _pose(
     pose = turned_about(pivot_cam, rotation_from_vector(np.array([0.0, 0.0, -roll]))) @ tilted
     pose = rigid(translation=(view.scale - 1) * pivot_cam) @ pose
     return rigid(_turn(pivot_cam, level.camera.rays_cam(pivot_image[None])[0])) @ pose
-
-
-def turned_about(pivot: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """``(4, 4)`` that turns by ``rotation`` (3, 3) and leaves ``pivot`` (3,) where it is."""
-    return rigid(rotation, pivot - rotation @ pivot)
 
 
 def _turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:

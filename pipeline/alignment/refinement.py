@@ -14,14 +14,21 @@ import numpy as np
 from ..camera import PinholeCamera
 from ..depth_raster import rasterise_depth
 from ..errors import InputError
-from ..frames import checked_rigid, inverse_rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from ..frames import (
+    checked_rigid,
+    inverse_rigid,
+    rotation_angle_deg,
+    rotation_from_vector,
+    transform_points,
+    turned_about,
+)
 from ..mesh import TriangleMesh
 from ..vertex_clustering import cluster_vertices
 from .agreement import Agreement, Belief, agreement, belief, contrast, mean_distance_px
 from .appearance import RIM, Surface
 from .image_pyramid import PyramidLevel, pyramid
 from .local_refinement import LocalResult, climb
-from .pose_search import REACH, rivalry, search_poses, turned_about
+from .pose_search import REACH, rivalry, search_poses
 
 SIDES_PX = (70.0, 125.0, 220.0)
 """Square roots of the surface's area on the levels."""

@@ -4,7 +4,7 @@
 #   BLENDER=... a Blender program, for the tests that run inside one, and for addon-dev
 #   PLATFORM=.. for which computers `make extension` builds: all, current, or names (see its --help)
 VENV ?= .venv
-PYTHON ?= $(shell scripts/find_python.sh 3.13 3.11)
+PYTHON ?= $(shell scripts/dev/find_python.sh 3.13 3.11)
 PLATFORM ?= all
 RUN = $(VENV)/bin/python
 
@@ -28,11 +28,11 @@ demo: setup
 	@echo "look at demo/case/frame.png (the one frame), demo/dataset/contact_sheet.png and demo/dataset/video/trajectory.mp4"
 
 extension: setup
-	@$(RUN) scripts/build_extension.py --platform $(PLATFORM)
+	@$(RUN) scripts/dev/build_extension.py --platform $(PLATFORM)
 
 # the real Blender with this checkout's add-on and the sample case; BLENDER_FLAGS=... for Blender itself
 addon-dev: setup
-	@$(RUN) scripts/addon_dev.py --blender "$(BLENDER)" -- $(BLENDER_FLAGS)
+	@$(RUN) scripts/dev/addon_dev.py --blender "$(BLENDER)" -- $(BLENDER_FLAGS)
 
 test: setup
 	$(RUN) -m pytest $(PYTEST_FLAGS)
@@ -40,6 +40,7 @@ test: setup
 lint: setup
 	$(RUN) -m ruff format --check .
 	$(RUN) -m ruff check .
+	$(VENV)/bin/lint-imports --no-logo
 	$(RUN) -m mypy
 
 bench: setup

@@ -1,11 +1,26 @@
 """From one aligned frame and a CT-derived surface to posed views with exact ground truth.
 
-Modules are the nouns of the field, in the order in which data flows::
+A folder is a stage, in the order in which data flows; its files are the nouns of the field:
 
-    mesh -> camera -> case -> visibility -> colouring -> sampling -> blender.render -> dataset
+========================  =====================================================================
+``volume``                CT -> bone surface
+``surface``               the triangle mesh
+``video``                 microscope video -> frame
+``camera``                K and distortion
+``projection``            a mesh as a camera sees it: rasteriser, z-buffer, silhouette
+``case``                  one frame, K, surface, pose, structures, landmarks
+``alignment``             the pose of the frame: by hand, from landmarks, from the image itself
+``colour``                what the frame saw, on the surface
+``poses``                 new camera poses
+``dataset``               views on disk, their tables, and the check of both
+``evaluation``            how good it is
+``sample``                the built-in case
+``blender``               the same topics, where they need Blender
+========================  =====================================================================
 
-Everything in this package is pure (numpy and the standard library; ``cv2`` and ``skimage`` only in the modules
-that name them in their docstring). Code that needs Blender lives in :mod:`pipeline.blender`.
+Below them lie ``files`` and ``images``, :mod:`pipeline.transforms` (the conventions, as code), ``progress`` and
+``errors``. Everything is pure (numpy and the standard library; ``cv2``, ``skimage`` and ``scipy`` only in ``video``,
+``volume``, ``sample``, ``alignment``, ``evaluation`` and ``dataset.check``) except :mod:`pipeline.blender`.
 """
 
 __version__ = "0.1.0"

@@ -20,20 +20,23 @@ from dataclasses import replace
 from typing import TextIO
 
 from pipeline import __version__
-from pipeline.alignment.landmark_file import read_landmarks
-from pipeline.atomic_file import write_bytes_atomically
-from pipeline.blender.console import ArgumentParser, own_output, run_script
-from pipeline.blender.frame_overlay import frame_overlay
-from pipeline.blender.loading import LoadedCase, load_case
-from pipeline.case import Case, read_case
-from pipeline.case_writer import write_case
+from pipeline.blender.alignment.frame_overlay import frame_overlay
+from pipeline.blender.case.load_case import load_case
+from pipeline.blender.command_line import ArgumentParser, own_output, run_script
+from pipeline.case.case_file import Case, read_case
+from pipeline.case.case_writer import write_case
+from pipeline.case.landmark_file import read_landmarks
+from pipeline.case.loaded_case import LoadedCase
 from pipeline.errors import InputError, RunError
-from pipeline.frames import inverse_rigid
-from pipeline.image_file import eight_bit, encode_png
-from pipeline.mesh_file import read_mesh
+from pipeline.files.content import write_bytes_atomically
+from pipeline.images.pixel_values import eight_bit
+from pipeline.images.png import encode_png
+from pipeline.surface.mesh_reader import read_mesh
+from pipeline.transforms import inverse_rigid
 
 try:
-    from pipeline.alignment.alignment_report import (
+    from pipeline.alignment.landmarks.picture import marked
+    from pipeline.alignment.landmarks.report import (
         Alignment,
         complete_landmarks,
         off_surface,
@@ -43,9 +46,8 @@ try:
         report_lines,
         report_table,
     )
-    from pipeline.alignment.pose_solver import solve_pose
-    from pipeline.alignment.refinement import refine_pose
-    from pipeline.alignment.residual_marks import marked
+    from pipeline.alignment.landmarks.solver import solve_pose
+    from pipeline.alignment.refinement.refine import refine_pose
 except ModuleNotFoundError as error:  # a Blender program without the extension
     if error.name != "cv2":
         raise

@@ -25,18 +25,20 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from pipeline.blender.console import own_output, run_script
-from pipeline.blender.dataset_job import Job, OpenJob, available_cores, open_job, render_views
-from pipeline.blender.render import keep_freed_memory, render_view
-from pipeline.blender.scene import SurfaceScene
-from pipeline.blender.source import colour_of
-from pipeline.camera import PinholeCamera
-from pipeline.dataset import FramePaths
-from pipeline.frames import inverse_rigid, rigid
-from pipeline.image_file import eight_bit, encode_png
-from pipeline.mesh import TriangleMesh
-from pipeline.mesh_export import write_ply
-from pipeline.options import DatasetOptions, Shard
+from pipeline.blender.colour.reference_view import colour_of
+from pipeline.blender.command_line import own_output, run_script
+from pipeline.blender.dataset.job import Job, OpenJob, available_cores, open_job, render_views
+from pipeline.blender.render.engines import keep_freed_memory, render_view
+from pipeline.blender.render.surface_scene import SurfaceScene
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.dataset.folder import Shard
+from pipeline.dataset.layout import FramePaths
+from pipeline.dataset.options import DatasetOptions
+from pipeline.images.pixel_values import eight_bit
+from pipeline.images.png import encode_png
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.surface.mesh_writer import write_ply
+from pipeline.transforms import inverse_rigid, rigid
 
 CAMERA = PinholeCamera(640, 480, 3200.0, 3190.0, 322.5, 236.0)
 FRAME = CAMERA.resized(1280, 960)

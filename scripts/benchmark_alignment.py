@@ -26,13 +26,13 @@ from contextlib import suppress
 import cv2
 import numpy as np
 
-from pipeline.alignment.monte_carlo import MICROSCOPE, Errors, Trial, box_trial, run_trials, surface_trial
-from pipeline.alignment.pose_solver import UndeterminedPose, solve_pose
-from pipeline.blender.console import ArgumentParser, own_output, run_script
-from pipeline.blender.loading import load_case
-from pipeline.blender.source import source_of
-from pipeline.camera import PinholeCamera
-from pipeline.case import read_case
+from pipeline.alignment.landmarks.solver import UndeterminedPose, solve_pose
+from pipeline.blender.case.load_case import load_case
+from pipeline.blender.colour.reference_view import source_of
+from pipeline.blender.command_line import ArgumentParser, own_output, run_script
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.case.case_file import read_case
+from pipeline.evaluation.landmark_trials import MICROSCOPE, Errors, Trial, box_trial, run_trials, surface_trial
 
 STATED_SIGMA_PX = 2.0
 COUNTS = (4, 6, 8, 10)

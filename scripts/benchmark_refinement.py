@@ -29,14 +29,17 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline.alignment.refinement import refine_pose
-from pipeline.atomic_file import write_bytes_atomically
-from pipeline.camera import PinholeCamera
-from pipeline.case import read_case
-from pipeline.depth_raster import rasterise_depth
-from pipeline.distortion import undistort
+from pipeline.alignment.refinement.refine import refine_pose
+from pipeline.camera.distortion import undistort
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.case.case_file import read_case
 from pipeline.errors import InputError
-from pipeline.frames import (
+from pipeline.files.content import write_bytes_atomically
+from pipeline.progress import Progress
+from pipeline.projection.z_buffer import rasterise_depth
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.surface.mesh_reader import read_mesh
+from pipeline.transforms import (
     inverse_rigid,
     nearest_rotation,
     rigid,
@@ -45,9 +48,6 @@ from pipeline.frames import (
     transform_points,
     turned_about,
 )
-from pipeline.mesh import TriangleMesh
-from pipeline.mesh_file import read_mesh
-from pipeline.progress import Progress
 
 WRONG_IMAGES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "mirrored": lambda image: image[:, ::-1],

@@ -10,7 +10,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from pipeline.dataset_check import DEFAULT_VIEWS, check_dataset
+from pipeline.dataset.check.check_dataset import DEFAULT_VIEWS, check_dataset
 from pipeline.errors import InputError
 
 EXIT_WRONG, EXIT_INPUT, EXIT_STOPPED = 1, 2, 130

@@ -12,10 +12,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import argparse
 from collections.abc import Sequence
 
-from pipeline.blender.console import own_output, run_script
-from pipeline.blender.export import export_coloured_surface
-from pipeline.blender.loading import load_case
-from pipeline.case import read_case
+from pipeline.blender.case.load_case import load_case
+from pipeline.blender.colour.export import export_coloured_surface
+from pipeline.blender.command_line import own_output, run_script
+from pipeline.case.case_file import read_case
 
 
 def main(argv: Sequence[str]) -> int:

@@ -17,14 +17,16 @@ import csv
 import io
 from collections.abc import Sequence
 
-from pipeline.atomic_file import write_bytes_atomically
-from pipeline.blender.comparison import compare, read_photographs
-from pipeline.blender.console import own_output, run_script
-from pipeline.blender.loading import load_case
-from pipeline.case import read_case
-from pipeline.contact_sheet import contact_sheet
-from pipeline.image_file import eight_bit, encode_png
-from pipeline.options import COLOURS
+from pipeline.blender.case.load_case import load_case
+from pipeline.blender.command_line import own_output, run_script
+from pipeline.blender.evaluation.comparison import compare
+from pipeline.case.case_file import read_case
+from pipeline.dataset.options import COLOURS
+from pipeline.evaluation.photographs import read_photographs
+from pipeline.files.content import write_bytes_atomically
+from pipeline.images.contact_sheet import contact_sheet
+from pipeline.images.pixel_values import eight_bit
+from pipeline.images.png import encode_png
 
 
 def main(argv: Sequence[str]) -> int:

@@ -14,9 +14,9 @@ import argparse
 import time
 from collections.abc import Sequence
 
-from pipeline.blender.console import own_output, run_script
-from pipeline.blender.sample_case import write_sample_case
-from pipeline.sample_surface import sample_surface
+from pipeline.blender.command_line import own_output, run_script
+from pipeline.blender.sample.sample_case import write_sample_case
+from pipeline.sample.temporal_bone import sample_surface
 
 
 def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:

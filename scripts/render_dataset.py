@@ -16,12 +16,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import argparse
 from collections.abc import Sequence
 
-from pipeline.blender.console import ArgumentParser, end_with_input, own_output, run_script, script_command
-from pipeline.blender.dataset_job import Job
-from pipeline.blender.dataset_run import run, work
-from pipeline.case import read_case
+from pipeline.blender.command_line import ArgumentParser, end_with_input, own_output, run_script, script_command
+from pipeline.blender.dataset.job import Job
+from pipeline.blender.dataset.run import run, work
+from pipeline.case.case_file import read_case
+from pipeline.dataset.folder import parse_shard
+from pipeline.dataset.options import add_option_arguments, merged_options
 from pipeline.errors import InputError
-from pipeline.options import add_option_arguments, merged_options, parse_shard
 from pipeline.progress import LINE_SECONDS
 
 EXAMPLES = """

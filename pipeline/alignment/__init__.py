@@ -1,5 +1,5 @@
-"""Aligning a frame: from landmarks, pins and nudges to a pose with its uncertainty.
+"""The pose of the frame.
 
-Pure, like the package around it. ``landmarks`` and ``nudge`` need numpy only; what needs ``cv2`` names it in its
-docstring. ``skimage`` is not to be used here: the add-on carries these modules.
+In: a case, and what the user points at. Out: ``cam_from_model``, and how sure it is: by hand (``manual``), from
+landmarks (``landmarks``), from the image itself (``refinement``).
 """

@@ -1,4 +1,4 @@
-"""The only code below the add-on that needs Blender: scenes from data, renders to arrays, the dataset job.
+"""The stages that need Blender: the only code below the add-on that imports bpy.
 
-One Blender unit is one millimetre, the world is the ``model`` frame (see :mod:`pipeline.frames`).
+The same topics as beside it, and ``bridge``, where arrays become data-blocks.
 """

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.blender.sample_case import write_sample_case
-from pipeline.image_file import encode_png
-from pipeline.sample_surface import sample_surface
+from pipeline.blender.sample.sample_case import write_sample_case
+from pipeline.images.png import encode_png
+from pipeline.sample.temporal_bone import sample_surface
 
 HERE = Path(__file__).resolve().parent
 PICTURES = HERE.parents[1] / "build" / "window"

@@ -5,11 +5,11 @@ import numpy as np
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
-from bl_ext.user_default.oneframe import gather
-from bl_ext.user_default.oneframe.frame_view import FrameView, surface_point_at
-from bl_ext.user_default.oneframe.pipeline.blender import alignment_scene
-from bl_ext.user_default.oneframe.pipeline.case import read_case
-from bl_ext.user_default.oneframe.pipeline.frames import rigid, rotation_from_vector, transform_points
+from bl_ext.user_default.oneframe.pipeline.blender.alignment import alignment_scene
+from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
+from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_from_vector, transform_points
+from bl_ext.user_default.oneframe.state import from_scene
+from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_at
 
 FEATURES = [(170, 250), (330, 190), (800, 190), (860, 560), (460, 540), (150, 600), (640, 330), (560, 120)]
 """Pixels of the frame at which the user finds what can be told apart."""
@@ -23,8 +23,8 @@ def scenario(user):
     with user.context():
         bpy.ops.oneframe.open_case(filepath=str(user.case))
     yield from user.redraw()
-    camera = gather.camera(scene)
-    true_pose = gather.cam_from_model(scene)
+    camera = from_scene.camera(scene)
+    true_pose = from_scene.cam_from_model(scene)
     points = [surface_point_at(scene, pixel) for pixel in FEATURES]
     shown = visible_points(scene, camera)
     # 5 degrees and 12 mm off: about 200 px
@@ -55,7 +55,7 @@ def scenario(user):
     for pixel, point in zip(FEATURES, points, strict=True):
         if point is None or pairs == 6:
             continue
-        pose = gather.cam_from_model(scene)
+        pose = from_scene.cam_from_model(scene)
         seen = camera.project(transform_points(pose, point[None]))[0]
         hit = surface_point_at(scene, seen)
         # a feature that the pose at hand hides is left for another
@@ -72,16 +72,20 @@ def scenario(user):
     assert error_px(scene, camera, shown, true_pose) < 2.0, user.facts
     assert counted.actions <= MOST_ACTIONS
 
-    solved = gather.cam_from_model(scene)
+    solved = from_scene.cam_from_model(scene)
     yield from user.key("RIGHT_ARROW", user.middle())
-    yield from user.until(lambda: not np.array_equal(gather.cam_from_model(scene), solved), "the surface nudged")
-    nudged = gather.cam_from_model(scene)
+    yield from user.until(lambda: not np.array_equal(from_scene.cam_from_model(scene), solved), "the surface nudged")
+    nudged = from_scene.cam_from_model(scene)
     yield from user.key("Z", user.middle(), ctrl=True)
-    yield from user.until(lambda: np.array_equal(gather.cam_from_model(bpy.context.scene), solved), "the nudge undone")
+    yield from user.until(
+        lambda: np.array_equal(from_scene.cam_from_model(bpy.context.scene), solved), "the nudge undone"
+    )
     yield from user.key("Z", user.middle(), ctrl=True, shift=True)
-    yield from user.until(lambda: np.array_equal(gather.cam_from_model(bpy.context.scene), nudged), "the nudge redone")
+    yield from user.until(
+        lambda: np.array_equal(from_scene.cam_from_model(bpy.context.scene), nudged), "the nudge redone"
+    )
     yield from user.key("Z", user.middle(), ctrl=True)
-    yield from user.until(lambda: np.array_equal(gather.cam_from_model(bpy.context.scene), solved), "undone again")
+    yield from user.until(lambda: np.array_equal(from_scene.cam_from_model(bpy.context.scene), solved), "undone again")
     yield from user.key("Z", user.middle(), ctrl=True)
     yield from user.until(lambda: len(complete(bpy.context.scene)) == 5, "the last point undone")
     yield from user.key("Z", user.middle(), ctrl=True, shift=True)
@@ -93,11 +97,11 @@ def scenario(user):
     bpy.ops.wm.open_mainfile(filepath=str(user.folder / "work.blend"))
     yield from user.redraw()
     scene = bpy.context.scene
-    assert np.array_equal(gather.cam_from_model(scene), solved)
+    assert np.array_equal(from_scene.cam_from_model(scene), solved)
     assert len(complete(scene)) == 6
     saved = read_case(rough)
     assert saved.camera == true.camera
-    given = gather.case(scene, rough)
+    given = from_scene.case(scene, rough)
     assert np.array_equal(saved.cam_from_given, given.cam_from_given)
     yield from user.picture("4_reopened")
 
@@ -143,5 +147,7 @@ def visible_points(scene, camera):
 
 def error_px(scene, camera, points, true_pose):
     """Mean distance in the frame of surface points from where they should be."""
-    here, there = (camera.project(transform_points(pose, points)) for pose in (gather.cam_from_model(scene), true_pose))
+    here, there = (
+        camera.project(transform_points(pose, points)) for pose in (from_scene.cam_from_model(scene), true_pose)
+    )
     return float(np.linalg.norm(here - there, axis=1).mean())

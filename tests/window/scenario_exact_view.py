@@ -11,17 +11,22 @@ import numpy as np
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
-from bl_ext.user_default.oneframe.frame_view import FrameView
-from bl_ext.user_default.oneframe.gather import loaded_case
-from bl_ext.user_default.oneframe.pipeline.blender.render import render_view
-from bl_ext.user_default.oneframe.pipeline.blender.scene import SurfaceScene
-from bl_ext.user_default.oneframe.pipeline.camera import PinholeCamera
-from bl_ext.user_default.oneframe.pipeline.case import Case
-from bl_ext.user_default.oneframe.pipeline.case_writer import write_case
-from bl_ext.user_default.oneframe.pipeline.frames import inverse_rigid, rigid, rotation_from_vector, transform_points
-from bl_ext.user_default.oneframe.pipeline.image_file import encode_png
-from bl_ext.user_default.oneframe.pipeline.mesh import TriangleMesh
-from bl_ext.user_default.oneframe.pipeline.mesh_export import write_ply
+from bl_ext.user_default.oneframe.pipeline.blender.render.engines import render_view
+from bl_ext.user_default.oneframe.pipeline.blender.render.surface_scene import SurfaceScene
+from bl_ext.user_default.oneframe.pipeline.camera.pinhole import PinholeCamera
+from bl_ext.user_default.oneframe.pipeline.case.case_file import Case
+from bl_ext.user_default.oneframe.pipeline.case.case_writer import write_case
+from bl_ext.user_default.oneframe.pipeline.images.png import encode_png
+from bl_ext.user_default.oneframe.pipeline.surface.mesh import TriangleMesh
+from bl_ext.user_default.oneframe.pipeline.surface.mesh_writer import write_ply
+from bl_ext.user_default.oneframe.pipeline.transforms import (
+    inverse_rigid,
+    rigid,
+    rotation_from_vector,
+    transform_points,
+)
+from bl_ext.user_default.oneframe.state.from_scene import loaded_case
+from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 
 CAMERA = PinholeCamera(960, 720, 5100.0, 4980.0, 402.3, 415.8)
 CAM_FROM_MODEL = rigid(rotation_from_vector(np.array([0.3, -0.5, 1.1])), [2.0, -3.0, 300.0])

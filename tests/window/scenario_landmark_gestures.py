@@ -6,11 +6,12 @@ import numpy as np
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
-from bl_ext.user_default.oneframe import estimate, gather
-from bl_ext.user_default.oneframe.frame_view import FrameView, surface_point_at
-from bl_ext.user_default.oneframe.landmark_tool import TOOL
-from bl_ext.user_default.oneframe.pipeline.blender import alignment_scene
-from bl_ext.user_default.oneframe.pipeline.frames import rigid, rotation_from_vector, transform_points
+from bl_ext.user_default.oneframe.landmarks import solve
+from bl_ext.user_default.oneframe.landmarks.tool import TOOL
+from bl_ext.user_default.oneframe.pipeline.blender.alignment import alignment_scene
+from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_from_vector, transform_points
+from bl_ext.user_default.oneframe.state import from_scene
+from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_at
 
 FEATURES = np.array([(170, 250), (330, 190), (800, 190), (860, 560), (460, 540)], float)
 ADDON = "bl_ext.user_default.oneframe"
@@ -20,7 +21,7 @@ def scenario(user):
     with user.context():
         bpy.ops.oneframe.open_case(filepath=str(user.case))
     yield from user.redraw()
-    true = gather.cam_from_model(bpy.context.scene)
+    true = from_scene.cam_from_model(bpy.context.scene)
     points = np.array([surface_point_at(bpy.context.scene, pixel) for pixel in FEATURES])
     start = rigid(rotation_from_vector(np.radians([3.0, -2.5, 3.0])), [4.0, -3.0, 8.0]) @ true
     alignment_scene.set_pose(bpy.context.scene.oneframe.camera_object, bpy.context.scene.oneframe.surface, start)
@@ -47,17 +48,17 @@ def pull(user, points):
         on_screen = errors_px(points)[:count] * frame_view(user).magnification
         assert on_screen.max() < 2.5, (count, before, on_screen)
     yield from user.picture("1_pins")
-    pose = gather.cam_from_model(bpy.context.scene)
+    pose = from_scene.cam_from_model(bpy.context.scene)
     yield from user.key("Z", user.middle(), ctrl=True)
     yield from user.until(lambda: len(entries()) == len(points) - 1, "a pin undone")
     yield from user.key("Z", user.middle(), ctrl=True, shift=True)
     yield from user.until(lambda: len(entries()) == len(points), "a pin redone")
-    yield from user.until(lambda: np.array_equal(gather.cam_from_model(bpy.context.scene), pose), "its pose redone")
+    yield from user.until(lambda: np.array_equal(from_scene.cam_from_model(bpy.context.scene), pose), "its pose redone")
 
 
 def drag(user):
     """An image point follows the pointer, the pose follows it; Esc puts all back; Shift is ten times finer."""
-    pixel, pose = pixel_of(1), gather.cam_from_model(bpy.context.scene)
+    pixel, pose = pixel_of(1), from_scene.cam_from_model(bpy.context.scene)
     at = place(user, pixel)
     yield from user.move(at)
     user.event("LEFTMOUSE", "PRESS", at)
@@ -65,14 +66,16 @@ def drag(user):
     user.event("MOUSEMOVE", "NOTHING", (at[0] + 4, at[1] + 3))
     yield from user.until(lambda: not np.array_equal(pixel_of(1), pixel), "the image point to follow")
     yield from user.until(
-        lambda: not np.array_equal(gather.cam_from_model(bpy.context.scene), pose), "the pose to follow"
+        lambda: not np.array_equal(from_scene.cam_from_model(bpy.context.scene), pose), "the pose to follow"
     )
     yield from user.picture("2_drag")
     user.event("ESC", "PRESS", at)
     user.event("ESC", "RELEASE", at)
     yield from user.until(lambda: np.array_equal(pixel_of(1), pixel), "the drag taken back")
     user.event("LEFTMOUSE", "RELEASE", at)
-    yield from user.until(lambda: np.array_equal(gather.cam_from_model(bpy.context.scene), pose), "the pose put back")
+    yield from user.until(
+        lambda: np.array_equal(from_scene.cam_from_model(bpy.context.scene), pose), "the pose put back"
+    )
     yield 0.2
 
     user.event("MOUSEMOVE", "NOTHING", at)
@@ -118,7 +121,7 @@ def pick_elsewhere(user):
     yield from user.click(place(user, seen(np.array(entries()[-1].point, float)[None])[0]))
     yield from user.until(lambda: entries()[-1].has_pixel, "its image point")
     assert len(entries()) == count + 1
-    assert estimate.solution(bpy.context.scene).estimate is not None
+    assert solve.solution(bpy.context.scene).estimate is not None
 
 
 def disable_with_the_tool_in_hand(user):
@@ -149,8 +152,8 @@ def place(user, pixel):
 
 
 def seen(points):
-    pose = gather.cam_from_model(bpy.context.scene)
-    return gather.camera(bpy.context.scene).project(transform_points(pose, points))
+    pose = from_scene.cam_from_model(bpy.context.scene)
+    return from_scene.camera(bpy.context.scene).project(transform_points(pose, points))
 
 
 def errors_px(points):

@@ -5,10 +5,10 @@ import numpy as np
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
-from bl_ext.user_default.oneframe import gather
-from bl_ext.user_default.oneframe.frame_view import FrameView
-from bl_ext.user_default.oneframe.move import pivot_of
-from bl_ext.user_default.oneframe.pose_gizmo import GAP
+from bl_ext.user_default.oneframe.move.gizmo import GAP
+from bl_ext.user_default.oneframe.state import from_scene
+from bl_ext.user_default.oneframe.state.pivot import pivot_of
+from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 
 
 def scenario(user):
@@ -67,14 +67,14 @@ def scenario(user):
 
 
 def pose():
-    return gather.cam_from_model(bpy.context.scene)
+    return from_scene.cam_from_model(bpy.context.scene)
 
 
 def moved(start):
     """By how many pixels of the frame the pivot has moved."""
     scene = bpy.context.scene
     pivot, _ = pivot_of(scene)
-    camera = gather.camera(scene)
+    camera = from_scene.camera(scene)
     before, after = (camera.project((each[:3, :3] @ pivot + each[:3, 3])[None])[0] for each in (start, pose()))
     return after - before
 
@@ -88,6 +88,6 @@ def handle_place(user, place):
     scene, region = bpy.context.scene, user.region()
     pivot, _ = pivot_of(scene)
     now = pose()
-    pixel = gather.camera(scene).project((now[:3, :3] @ pivot + now[:3, 3])[None])[0]
+    pixel = from_scene.camera(scene).project((now[:3, :3] @ pivot + now[:3, 3])[None])[0]
     x, y = view(user).region_from_px(pixel) + GAP * np.array([place[0] + 0.6, -place[1] - 0.6])
     return region.x + x, region.y + y

@@ -7,7 +7,8 @@ import numpy as np
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
-from bl_ext.user_default.oneframe import background_job, gather
+from bl_ext.user_default.oneframe.dataset import background_job
+from bl_ext.user_default.oneframe.state import from_scene
 
 VIEWS = 200
 """More than are made while a picture of the window is taken."""
@@ -19,7 +20,7 @@ def scenario(user):
     with user.context():
         bpy.ops.oneframe.open_case(filepath=str(user.case))
     yield from user.open_sidebar("OneFrame")
-    pose = gather.cam_from_model(scene)
+    pose = from_scene.cam_from_model(scene)
     for mode in ("vertex", "texture"):
         with user.context():
             assert bpy.ops.oneframe.project_colour(mode=mode) == {"FINISHED"}
@@ -35,7 +36,7 @@ def scenario(user):
     with user.context():
         bpy.ops.oneframe.preview_view()
     yield from user.picture("3_preview")
-    assert np.array_equal(gather.cam_from_model(scene), pose)
+    assert np.array_equal(from_scene.cam_from_model(scene), pose)
 
     out = user.folder / "dataset"
     settings.dataset_out = str(out)

@@ -10,9 +10,9 @@ import x11_capture
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
-from bl_ext.user_default.oneframe import loupe
-from bl_ext.user_default.oneframe.frame_view import FrameView
-from bl_ext.user_default.oneframe.pipeline.blender.image import read_image
+from bl_ext.user_default.oneframe.landmarks import loupe
+from bl_ext.user_default.oneframe.pipeline.blender.bridge.image import read_image
+from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 
 STILL_PX = 1.0
 """How far the frame may move under the pointer while the wheel is turned, pixels of the screen."""

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts import addon_dev
+from scripts.dev import addon_dev
 
 pytestmark = pytest.mark.window
 

@@ -1,0 +1,227 @@
+"""Operators that put the frame's colours on the surface, show them, and write the coloured surface to a file."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+from bpy.props import EnumProperty, StringProperty
+from bpy_extras.io_utils import ExportHelper
+
+from ..pipeline.blender.colour.coverage import coverage_of
+from ..pipeline.blender.colour.export import export_coloured_surface
+from ..pipeline.blender.colour.reference_view import colour_of, source_of
+from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, put_colour, remove_colour
+from ..pipeline.errors import InputError
+from ..state import from_scene
+from ..ui.operator import NeedsAlignment, Reporting, ReportingFile
+
+MODES = [
+    ("vertex", "Vertex Colours", "A colour at every vertex: as fine as the mesh is"),
+    ("texture", "UV Texture", "A picture on the surface whose pixels are the frame's: full detail"),
+]
+FORMATS = [
+    ("glb", "GLB", "glTF in one file, in metres, y up: for viewers and game engines"),
+    ("obj", "OBJ", "With its picture beside it, in the frame and units of your mesh file"),
+    ("ply", "PLY", "In the frame and units of your mesh file"),
+]
+
+
+class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
+    """Project the frame on the surface in the present pose; replaces the colours that are there"""
+
+    bl_idname = "oneframe.project_colour"
+    bl_label = "Project Colour"
+    bl_options = {"REGISTER", "UNDO"}
+
+    mode: EnumProperty(name="As", description="How the surface holds the colours", items=MODES, default="vertex")
+
+    def run(self, context):
+        scene = context.scene
+        surface = from_scene.surface_of(scene)
+        _check_object_mode(surface)
+        before = colour_record(surface)
+        context.window_manager.progress_begin(0, 3)
+        try:
+            loaded = from_scene.loaded_case(scene)
+            source = source_of(loaded)
+            context.window_manager.progress_update(1)
+            colour, told = colour_of(source, self.mode)
+            context.window_manager.progress_update(2)
+            coverage = coverage_of(source, colour)
+        finally:
+            context.window_manager.progress_end()
+        sentences = [*loaded.told, *source.told, *told, coverage.told()]
+        record = {
+            "frame": str(loaded.case.image),
+            "cam_from_model": loaded.cam_from_model.tolist(),
+            "of_view": coverage.of_view,
+            "of_surface": coverage.of_surface,
+            "mean_error": coverage.mean_error,
+            "max_error": coverage.max_error,
+            "told": [*source.told, *told],
+        }
+        marked = before is None or before["unseen_marked"]
+        put_colour(surface, loaded.mesh, source, colour, mark_unseen=marked, record=record)
+        show_colour(context.window_manager, surface)
+        return sentences
+
+
+class _NeedsColour:
+    """Mixin: needs a surface that has been coloured."""
+
+    @classmethod
+    def poll(cls, context):
+        surface = context.scene.oneframe.surface
+        if surface is not None and colour_record(surface) is not None:
+            return True
+        cls.poll_message_set("Project colour on the surface first")
+        return False
+
+
+class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting, bpy.types.Operator):
+    """Show surface that the frame did not see in blue, or in neutral grey"""
+
+    bl_idname = "oneframe.mark_unseen"
+    bl_label = "Mark Unseen Surface"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def run(self, context):
+        surface = from_scene.surface_of(context.scene)
+        _check_object_mode(surface)
+        mark_unseen(surface, not colour_record(surface)["unseen_marked"])
+
+
+class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting, bpy.types.Operator):
+    """Take the colours off the surface again"""
+
+    bl_idname = "oneframe.plain_surface"
+    bl_label = "Plain Surface"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def run(self, context):
+        surface = from_scene.surface_of(context.scene)
+        _check_object_mode(surface)
+        remove_colour(surface)
+        show_colour(context.window_manager, surface)
+
+
+class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operator, ExportHelper):
+    """Write the surface with the frame's colours, projected in the present pose, as GLB, OBJ or PLY"""
+
+    bl_idname = "oneframe.export_surface"
+    bl_label = "Export Coloured Surface"
+    bl_options = {"REGISTER"}
+
+    filter_glob: StringProperty(default="*.glb;*.obj;*.ply", options={"HIDDEN"})
+    file_format: EnumProperty(name="Format", description="Kind of file", items=FORMATS, default="glb")
+    mode: EnumProperty(name="Colours", description="How the file holds the colours", items=MODES, default="texture")
+
+    @property
+    def filename_ext(self) -> str:
+        """The extension that the file dialog gives the name."""
+        return f".{self.file_format}"
+
+    def invoke(self, context, event):
+        record = colour_record(from_scene.surface_of(context.scene))
+        if record is not None:
+            self.mode = record["mode"]
+        self.filepath = self.filepath or "surface.glb"
+        return super().invoke(context, event)
+
+    def check(self, context):
+        """Called by the file dialog after every change: a chosen format changes the name's extension."""
+        path = Path(self.filepath)
+        if path.suffix.lower() == self.filename_ext:
+            return False
+        known = path.suffix.lower()[1:] in {name for name, _, _ in FORMATS}
+        self.filepath = str(path.with_suffix(self.filename_ext) if known else path) + (
+            "" if known else self.filename_ext
+        )
+        return True
+
+    def run(self, context):
+        path = self.chosen_file()
+        if path.suffix.lower() == ".glb" and "gltf" not in dir(bpy.ops.export_scene):
+            raise InputError(
+                f"{path}: expected Blender's glTF exporter, it is switched off; switch on the add-on "
+                '"glTF 2.0 format" in the preferences, or write OBJ or PLY'
+            )
+        try:
+            told = export_coloured_surface(from_scene.loaded_case(context.scene), path, colour=self.mode)
+        except OSError as error:
+            raise InputError(f"{path}: cannot write the file ({error.strerror}); choose another folder") from None
+        return (*told, f"saved {path}")
+
+
+def is_outdated(scene: bpy.types.Scene, record: dict) -> bool:
+    """Whether the colours on the surface come from another frame or pose than the present ones.
+
+    Raises
+    ------
+    InputError
+        No pose at present.
+    """
+    pose, frame = from_scene.cam_from_model(scene), from_scene.absolute_path(scene.oneframe.frame_path)
+    return record["frame"] != str(frame) or not np.array_equal(record["cam_from_model"], pose)
+
+
+def show_colour(manager: bpy.types.WindowManager, surface: bpy.types.Object) -> None:
+    """Have the Solid 3D views show the colours without light where there are any, else shapes in light.
+
+    Material Preview and Rendered show the material anyway; views that show something else on purpose are left alone.
+    """
+    record = colour_record(surface)
+    for window in manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                _show_in(area.spaces.active.shading, record)
+
+
+def _show_in(shading: bpy.types.View3DShading, record: dict | None) -> None:
+    ours = ("VERTEX", "TEXTURE")
+    if record is not None:
+        shading.light = "FLAT"
+        shading.color_type = "TEXTURE" if record["mode"] == "texture" else "VERTEX"
+    elif shading.light == "FLAT" and shading.color_type in ours:
+        shading.light, shading.color_type = "STUDIO", "OBJECT"
+
+
+def _check_object_mode(surface: bpy.types.Object) -> None:
+    if surface.mode != "OBJECT":
+        raise InputError(
+            f"{surface.name}: expected Object mode, it is in {surface.mode.replace('_', ' ').capitalize()} mode; "
+            "press Tab in the 3D view or choose Object Mode in its header, then do it again"
+        )
+
+
+@persistent
+def _after_undo(scene: bpy.types.Scene, *_: object) -> None:
+    """The views' shading is no part of Blender's undo: it follows the surface."""
+    surface = scene.oneframe.surface
+    if surface is not None:
+        show_colour(bpy.context.window_manager, surface)
+
+
+_CLASSES = (
+    ONEFRAME_OT_project_colour,
+    ONEFRAME_OT_mark_unseen,
+    ONEFRAME_OT_plain_surface,
+    ONEFRAME_OT_export_surface,
+)
+_HANDLERS = (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(_CLASSES)
+
+
+def register() -> None:
+    """Register operators and the handlers that follow undo."""
+    _register_classes()
+    for handlers in _HANDLERS:
+        handlers.append(_after_undo)
+
+
+def unregister() -> None:
+    """The opposite of :func:`register`."""
+    for handlers in _HANDLERS:
+        handlers.remove(_after_undo)
+    _unregister_classes()

@@ -1,0 +1,64 @@
+"""The Colour panel: projection, what it covers and how exact it is, export."""
+
+import bpy
+
+from ..pipeline.blender.colour.surface_colour import colour_record
+from ..pipeline.errors import InputError
+from ..ui.wrapped_text import draw_sentence
+from . import operators
+
+
+class ONEFRAME_PT_colour(bpy.types.Panel):
+    """The frame's colours on the surface"""
+
+    bl_idname = "ONEFRAME_PT_colour"
+    bl_label = "6  Colour"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "OneFrame"
+    bl_order = 5
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout, scene = self.layout, context.scene
+        layout.operator_context = "INVOKE_DEFAULT"
+        surface = scene.oneframe.surface
+        record = None if surface is None else colour_record(surface)
+        row = layout.row(align=True)
+        for mode, name, _ in operators.MODES:
+            icon = "GROUP_VCOL" if mode == "vertex" else "TEXTURE"
+            shown = record is not None and record["mode"] == mode
+            row.operator("oneframe.project_colour", text=name, icon=icon, depress=shown).mode = mode
+        if record is not None:
+            _draw_record(layout, scene, record)
+        layout.operator("oneframe.export_surface", text="Export GLB, OBJ, PLY", icon="EXPORT")
+
+
+def _draw_record(layout: bpy.types.UILayout, scene: bpy.types.Scene, record: dict) -> None:
+    row = layout.row(align=True)
+    marked = record["unseen_marked"]
+    row.operator(
+        "oneframe.mark_unseen", text="Unseen in Blue", icon="HIDE_OFF" if marked else "HIDE_ON", depress=marked
+    )
+    row.operator("oneframe.plain_surface", text="Plain", icon="MESH_UVSPHERE")
+    try:
+        if operators.is_outdated(scene, record):
+            draw_sentence(layout, "These colours are of another pose or frame: project again", icon="ERROR")
+    except InputError as error:
+        draw_sentence(layout, str(error), icon="ERROR")
+    column = layout.column(align=True)
+    for name, value in (
+        ("Coloured, of what is in view", f"{record['of_view']:.1%}"),
+        ("Seen, of the whole surface", f"{record['of_surface']:.1%}"),
+        ("Mean error of the frame", f"{record['mean_error']:.2f} / 255"),
+        ("Largest error", f"{record['max_error']:.1f} / 255"),
+    ):
+        split = column.split(factor=0.68)
+        split.label(text=name)
+        split.label(text=value)
+    for sentence in record["told"]:
+        draw_sentence(layout, sentence, icon="INFO")
+
+
+_CLASSES = (ONEFRAME_PT_colour,)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

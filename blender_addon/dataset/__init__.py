@@ -1,0 +1,1 @@
+"""Panel *Dataset*: poses, a preview, and the run in the background."""

@@ -1,0 +1,311 @@
+"""Operators of the dataset: poses and one view as previews, then the run in the background, and its result."""
+
+import argparse
+import textwrap
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty
+
+from ..pipeline.blender.colour.reference_view import source_of
+from ..pipeline.blender.dataset.view_renderer import ViewMaker
+from ..pipeline.case.case_file import Case, read_case
+from ..pipeline.case.case_writer import case_text, write_case
+from ..pipeline.dataset.options import DatasetOptions, merged_options
+from ..pipeline.errors import InputError
+from ..setup.alignment_record import recorded_case
+from ..state import from_scene
+from ..ui.operator import NeedsAlignment, Reporting
+from . import background_job, pose_preview
+
+SCRIPT = "render_dataset.py"
+PREVIEW_IMAGE = "OneFrame preview"
+PREVIEW_KEY, PREVIEW_TOLD = "oneframe_key", "oneframe_told"
+"""Custom properties of the preview's image: what it was made from, and a sentence about it."""
+THUMBNAIL_PX = 256
+CONTACT_SHEET = "contact_sheet.png"
+POPUP_CHARACTERS = 90
+
+
+class ONEFRAME_OT_preview_poses(NeedsAlignment, Reporting, bpy.types.Operator):
+    """Show the first poses of the dataset as cameras around the surface: orange ones see little that the frame saw"""
+
+    bl_idname = "oneframe.preview_poses"
+    bl_label = "Preview Poses"
+    bl_options = {"REGISTER"}
+
+    def run(self, context):
+        planned = pose_preview.plan(context.scene, context.scene.oneframe.preview_poses)
+        told = (
+            f"{len(planned.lines)} of {planned.count} poses: the frame saw {planned.observed.min():.0%} to "
+            f"{planned.observed.max():.0%} of the surface in view; {planned.attempts:.1f} poses tried for each"
+        )
+        return told, "turn the 3D view out of the camera (middle mouse button, or numpad 0) to see the poses around it"
+
+
+class ONEFRAME_OT_hide_poses(Reporting, bpy.types.Operator):
+    """Show the poses no more"""
+
+    bl_idname = "oneframe.hide_poses"
+    bl_label = "Hide Poses"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        return pose_preview.shown() is not None
+
+    def run(self, context):
+        pose_preview.hide()
+
+
+class ONEFRAME_OT_preview_view(NeedsAlignment, Reporting, bpy.types.Operator):
+    """Render one view of the dataset as the run will; shown in the panel and in an Image Editor"""
+
+    bl_idname = "oneframe.preview_view"
+    bl_label = "Preview View"
+    bl_options = {"REGISTER"}
+
+    def run(self, context):
+        scene = context.scene
+        options, index = pose_preview.dataset_options(scene), scene.oneframe.preview_view
+        key, loaded = _view_key(scene), from_scene.loaded_case(scene)
+        listed = pose_preview.given_poses(loaded, options)
+        count = options.count if listed is None else len(listed)
+        if index >= count:
+            raise InputError(f"view {index}: expected a view of the dataset, 0 to {count - 1}; lower the number")
+        with ViewMaker(loaded, source_of(loaded), options, listed) as maker:
+            made = maker.make(index)
+            told = maker.told
+        statistics = made.planned.statistics
+        sentence = (
+            f"view {index}: surface on {statistics.surface_fraction:.0%} of the image, the frame saw "
+            f"{made.rendered.observed.sum() / max(made.rendered.mask.sum(), 1):.0%} of it"
+        )
+        image = _put_preview(made.rendered.rgb, key, sentence)
+        _show_in_image_editors(context, image)
+        return *told, sentence
+
+
+class ONEFRAME_OT_enlarge_preview(Reporting, bpy.types.Operator):
+    """Show the previewed view at full size in a window of its own"""
+
+    bl_idname = "oneframe.enlarge_preview"
+    bl_label = "Enlarge Preview"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        return bpy.data.images.get(PREVIEW_IMAGE) is not None and not bpy.app.background
+
+    def run(self, context):
+        image = bpy.data.images[PREVIEW_IMAGE]
+        if _show_in_image_editors(context, image):
+            return
+        bpy.ops.wm.window_new()
+        area = max(context.window_manager.windows[-1].screen.areas, key=lambda area: area.width * area.height)
+        area.ui_type = "IMAGE_EDITOR"
+        area.spaces.active.image = image
+
+
+class ONEFRAME_OT_render_dataset(NeedsAlignment, Reporting, bpy.types.Operator):
+    """Save the case and render the dataset in the background; a run that was stopped goes on"""
+
+    bl_idname = "oneframe.render_dataset"
+    bl_label = "Render Dataset"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        job = background_job.current()
+        if job is not None and job.running:
+            cls.poll_message_set("A run is under way: wait for it, or cancel it")
+            return False
+        return super().poll(context)
+
+    def invoke(self, context, event):
+        if not context.scene.oneframe.case_path:
+            self.report({"INFO"}, "Save the case first, then press Render Dataset again")
+            bpy.ops.oneframe.save_case("INVOKE_DEFAULT")
+            return {"CANCELLED"}
+        return self.execute(context)
+
+    def run(self, context):
+        scene = context.scene
+        settings = scene.oneframe
+        if not settings.case_path:
+            raise InputError("expected a saved case, this one has no file yet; press Save Case first")
+        # before anything is written: all that the run would refuse
+        from_scene.loaded_case(scene)
+        pose_preview.dataset_options(scene)
+        case_path = from_scene.absolute_path(settings.case_path)
+        told = _save_if_changed(scene, case_path)
+        if not settings.dataset_out:
+            settings.dataset_out = str(case_path.parent / "dataset")
+        out = from_scene.absolute_path(settings.dataset_out)
+        arguments = [str(case_path), "--out", str(out), "--progress-seconds", "1", "--end-with-input"]
+        background_job.start(SCRIPT, arguments, out)
+        return *told, f"rendering to {out} in the background; you can go on working"
+
+
+class ONEFRAME_OT_cancel_dataset(Reporting, bpy.types.Operator):
+    """Stop the run; the views that are finished stay, and Render Dataset goes on from there"""
+
+    bl_idname = "oneframe.cancel_dataset"
+    bl_label = "Cancel Run"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        job = background_job.current()
+        return job is not None and job.running
+
+    def run(self, context):
+        background_job.current().cancel()
+
+
+class ONEFRAME_OT_open_result(Reporting, bpy.types.Operator):
+    """Open the dataset's folder, or its contact sheet, outside Blender"""
+
+    bl_idname = "oneframe.open_result"
+    bl_label = "Open Dataset"
+    bl_options = {"REGISTER"}
+
+    contact_sheet: BoolProperty(name="Contact sheet", description="Open the picture of many views", default=False)
+
+    @classmethod
+    def poll(cls, context):
+        return result_folder(context.scene) is not None
+
+    def run(self, context):
+        folder = result_folder(context.scene)
+        path = folder / CONTACT_SHEET if self.contact_sheet else folder
+        if not path.exists():
+            raise InputError(f"{path}: expected this file, it is not there yet; the run writes it at its end")
+        bpy.ops.wm.path_open(filepath=str(path))
+        return (str(path),)
+
+
+def result_folder(scene: bpy.types.Scene) -> Path | None:
+    """The dataset's folder if it exists."""
+    text = scene.oneframe.dataset_out
+    path = from_scene.absolute_path(text) if text else None
+    return path if path is not None and path.is_dir() else None
+
+
+def preview(scene: bpy.types.Scene) -> tuple[bpy.types.Image, str, bool] | None:
+    """The previewed view's image, a sentence about it, and whether the scene has changed since; ``None`` for none."""
+    image = bpy.data.images.get(PREVIEW_IMAGE)
+    if image is None or PREVIEW_KEY not in image:
+        return None
+    try:
+        outdated = image[PREVIEW_KEY] != _view_key(scene)
+    except InputError:
+        outdated = True
+    return image, image.get(PREVIEW_TOLD, ""), outdated
+
+
+def _view_key(scene: bpy.types.Scene) -> str:
+    return f"{pose_preview.content_key(scene, pose_preview.dataset_options(scene))} {scene.oneframe.preview_view}"
+
+
+def _put_preview(rgb: np.ndarray, key: str, sentence: str) -> bpy.types.Image:
+    """Put ``(H, W, 3)`` code values into the preview's image and its thumbnail."""
+    height, width = rgb.shape[:2]
+    image = bpy.data.images.get(PREVIEW_IMAGE)
+    if image is None or tuple(image.size) != (width, height):
+        if image is not None:
+            bpy.data.images.remove(image)
+        image = bpy.data.images.new(PREVIEW_IMAGE, width, height)
+    rgba = np.ones((height, width, 4), np.float32)
+    rgba[..., :3] = rgb[::-1]
+    image.pixels.foreach_set(rgba.ravel())
+    image.update()
+    step = max(1, -(-max(width, height) // THUMBNAIL_PX))
+    small = np.ascontiguousarray(rgba[::step, ::step])
+    thumbnail = image.preview_ensure()
+    thumbnail.image_size = small.shape[1::-1]
+    thumbnail.image_pixels_float.foreach_set(small.ravel())
+    image[PREVIEW_KEY], image[PREVIEW_TOLD] = key, sentence
+    return image
+
+
+def _show_in_image_editors(context: bpy.types.Context, image: bpy.types.Image) -> bool:
+    """Show an image in the Image Editors that show nothing else of the user's; whether there is one."""
+    found = False
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "IMAGE_EDITOR" and area.ui_type == "IMAGE_EDITOR":
+                space = area.spaces.active
+                if space.image is None or space.image == image:
+                    space.image, found = image, True
+                    area.tag_redraw()
+    return found
+
+
+def _save_if_changed(scene: bpy.types.Scene, path: Path) -> tuple[str, ...]:
+    """Save the case unless its file says the same already, comments and all."""
+    wanted = recorded_case(scene, path)
+    if path.exists():
+        try:
+            same = _meaning(path, read_case(path)) == _meaning(path, wanted)
+        except InputError:
+            same = False
+        if same:
+            return ()
+    write_case(path, wanted)
+    return (f"saved {path}",)
+
+
+def _meaning(path: Path, case: Case) -> tuple[str, DatasetOptions]:
+    """What a case says, however its options are ordered, whether they name their defaults, whoever found its pose."""
+    bare = replace(case, dataset={}, alignment={})
+    return case_text(path, bare), merged_options(case.dataset, argparse.Namespace(), case.path)
+
+
+def _job_changed(job: background_job.BackgroundJob) -> None:
+    """Redraw the panel; when the run has failed, say so where the user is."""
+    manager = bpy.context.window_manager
+    for window in manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
+    # without a window Blender cannot open a menu, and does not say so
+    if job.running or not job.error or bpy.app.background or not manager.windows:
+        return
+
+    def draw(menu: bpy.types.UIPopupMenu, _context: bpy.types.Context) -> None:
+        for line in textwrap.wrap(job.error, POPUP_CHARACTERS):
+            menu.layout.label(text=line)
+
+    with bpy.context.temp_override(window=manager.windows[0]):
+        manager.popup_menu(draw, title="The dataset run has ended early", icon="ERROR")
+
+
+_CLASSES = (
+    ONEFRAME_OT_preview_poses,
+    ONEFRAME_OT_hide_poses,
+    ONEFRAME_OT_preview_view,
+    ONEFRAME_OT_enlarge_preview,
+    ONEFRAME_OT_render_dataset,
+    ONEFRAME_OT_cancel_dataset,
+    ONEFRAME_OT_open_result,
+)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(_CLASSES)
+
+
+def register() -> None:
+    """Register the operators, and follow the background run."""
+    _register_classes()
+    background_job.on_change(_job_changed)
+
+
+def unregister() -> None:
+    """The opposite of :func:`register`; the preview's picture goes too."""
+    image = bpy.data.images.get(PREVIEW_IMAGE)
+    if image is not None:
+        bpy.data.images.remove(image)
+    _unregister_classes()

@@ -1,0 +1,172 @@
+"""The Dataset panel: options, previews, the run and its result."""
+
+import bpy
+
+from ..pipeline.errors import InputError
+from ..ui.wrapped_text import draw_sentence
+from . import background_job, operators, pose_preview
+
+SAMPLER_OPTIONS = {
+    "cone": ("cone_deg", "roll_deg", "distance_min", "distance_max", "shift_mm"),
+    "gaussian": ("sigma_deg", "sigma_mm"),
+    "shell": ("polar_deg", "roll_deg", "distance_min", "distance_max"),
+    "trajectory": ("cone_deg", "roll_deg", "distance_min", "distance_max"),
+}
+"""The options that each sampler heeds."""
+CONSTRAINTS = ("min_observed", "min_surface", "min_clearance_mm")
+RENDERING = ("colour", "engine", "samples", "scale", "float_depth", "video")
+LABELS = {
+    "cone_deg": "Tilt, up to (°)",
+    "roll_deg": "Roll, up to (°)",
+    "distance_min": "Nearest, factor",
+    "distance_max": "Farthest, factor",
+    "shift_mm": "Shift, up to (mm)",
+    "sigma_deg": "Rotation σ (°)",
+    "sigma_mm": "Translation σ (mm)",
+    "polar_deg": "Angle, up to (°)",
+    "min_observed": "Least observed",
+    "min_surface": "Least surface",
+    "min_clearance_mm": "Clearance (mm)",
+    "samples": "Rays at edges",
+    "scale": "Size, factor",
+    "float_depth": "Float depth too",
+    "video": "Also a video",
+    "video_frames": "Video frames",
+}
+
+
+class _DatasetPanel:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "OneFrame"
+    bl_options = {"DEFAULT_CLOSED"}
+
+
+class ONEFRAME_PT_dataset(_DatasetPanel, bpy.types.Panel):
+    """A dataset of posed views"""
+
+    bl_idname = "ONEFRAME_PT_dataset"
+    bl_label = "7  Dataset"
+    bl_order = 6
+
+    def draw(self, context):
+        layout, settings = self.layout, context.scene.oneframe
+        layout.use_property_split, layout.use_property_decorate = True, False
+        options = settings.dataset
+        column = layout.column(align=True)
+        column.prop(options, "count", text="Views")
+        column.prop(options, "seed")
+        column = layout.column(align=True)
+        column.prop(options, "sampler", text="Poses")
+        for name in SAMPLER_OPTIONS[options.sampler]:
+            column.prop(options, name, text=LABELS[name])
+        try:
+            pose_preview.dataset_options(context.scene)
+        except InputError as error:
+            draw_sentence(layout, str(error), icon="ERROR")
+
+
+class ONEFRAME_PT_dataset_options(_DatasetPanel, bpy.types.Panel):
+    """What a view must show, and how it is rendered"""
+
+    bl_idname = "ONEFRAME_PT_dataset_options"
+    bl_parent_id = "ONEFRAME_PT_dataset"
+    bl_label = "More options"
+
+    def draw(self, context):
+        layout, options = self.layout, context.scene.oneframe.dataset
+        layout.use_property_split, layout.use_property_decorate = True, False
+        for names in (CONSTRAINTS, RENDERING):
+            column = layout.column(align=True)
+            for name in names:
+                column.prop(options, name, text=LABELS.get(name))
+        if options.video:
+            column.prop(options, "video_frames", text=LABELS["video_frames"])
+
+
+class ONEFRAME_PT_dataset_preview(_DatasetPanel, bpy.types.Panel):
+    """Poses as cameras around the surface, and one view"""
+
+    bl_idname = "ONEFRAME_PT_dataset_preview"
+    bl_parent_id = "ONEFRAME_PT_dataset"
+    bl_label = "Preview"
+    bl_options = set()
+
+    def draw(self, context):
+        layout, scene = self.layout, context.scene
+        row = layout.row(align=True)
+        row.operator("oneframe.preview_poses", text="Poses", icon="OUTLINER_OB_CAMERA")
+        row.prop(scene.oneframe, "preview_poses", text="")
+        row.operator("oneframe.hide_poses", text="", icon="X")
+        planned = pose_preview.shown()
+        if planned is not None:
+            if pose_preview.is_current(scene):
+                low, high = planned.observed.min(), planned.observed.max()
+                layout.label(text=f"Frame saw {low:.0%} (orange) to {high:.0%} (green)")
+            else:
+                draw_sentence(layout, "The case has changed since: preview the poses again", icon="ERROR")
+        row = layout.row(align=True)
+        row.operator("oneframe.preview_view", text="View", icon="IMAGE_DATA")
+        row.prop(scene.oneframe, "preview_view", text="")
+        row.operator("oneframe.enlarge_preview", text="", icon="FULLSCREEN_ENTER")
+        found = operators.preview(scene)
+        if found is not None:
+            image, sentence, outdated = found
+            if outdated:
+                draw_sentence(layout, "The case has changed since: preview the view again", icon="ERROR")
+            else:
+                layout.template_icon(image.preview_ensure().icon_id, scale=9)
+                draw_sentence(layout, sentence)
+
+
+class ONEFRAME_PT_dataset_run(_DatasetPanel, bpy.types.Panel):
+    """The run in the background"""
+
+    bl_idname = "ONEFRAME_PT_dataset_run"
+    bl_parent_id = "ONEFRAME_PT_dataset"
+    bl_label = "Run"
+    bl_options = set()
+
+    def draw(self, context):
+        layout, scene = self.layout, context.scene
+        layout.prop(scene.oneframe, "dataset_out", text="")
+        layout.operator_context = "INVOKE_DEFAULT"
+        job = background_job.current()
+        if job is None or not job.running:
+            layout.operator("oneframe.render_dataset", icon="RENDER_ANIMATION")
+        if job is not None:
+            _draw_job(layout, job)
+        if operators.result_folder(scene) is not None:
+            row = layout.row(align=True)
+            row.operator("oneframe.open_result", text="Open Folder", icon="FILE_FOLDER").contact_sheet = False
+            row.operator("oneframe.open_result", text="Contact Sheet", icon="IMAGE_REFERENCE").contact_sheet = True
+
+
+def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> None:
+    progress = job.progress
+    if job.running:
+        if progress is None:
+            layout.progress(factor=0.0, text="starting Blender in the background")
+        else:
+            left = f", {progress.left} left" if progress.left else ""
+            text = f"{progress.count} / {progress.total} {progress.noun}{left}"
+            layout.progress(factor=progress.count / max(progress.total, 1), text=text)
+        row = layout.row()
+        row.enabled = not job.cancelled
+        row.operator("oneframe.cancel_dataset", text="Stopping ..." if job.cancelled else "Cancel", icon="CANCEL")
+    elif job.cancelled:
+        count = progress.count if progress is not None else 0
+        draw_sentence(layout, f"Cancelled; about {count} views are finished. Render Dataset goes on.", icon="INFO")
+    elif job.error:
+        draw_sentence(layout, job.error, icon="ERROR")
+    else:
+        draw_sentence(layout, job.lines[-1] if job.lines else str(job.out), icon="CHECKMARK")
+
+
+_CLASSES = (
+    ONEFRAME_PT_dataset,
+    ONEFRAME_PT_dataset_preview,
+    ONEFRAME_PT_dataset_options,
+    ONEFRAME_PT_dataset_run,
+)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

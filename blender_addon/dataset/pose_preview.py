@@ -1,0 +1,216 @@
+"""The first poses of the dataset as camera frusta around the surface, drawn in 3D views.
+
+The poses come from the planner of the dataset run itself. They are kept together with all that they depend on, and are
+drawn only while that is what the scene says: never out of date, also after undo.
+"""
+
+import argparse
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+
+from ..pipeline.blender.colour.reference_view import Source, source_of
+from ..pipeline.blender.dataset.view_renderer import ViewMaker, view_camera
+from ..pipeline.camera.pinhole import PinholeCamera
+from ..pipeline.case.loaded_case import LoadedCase
+from ..pipeline.dataset.options import DatasetOptions, merged_options
+from ..pipeline.errors import InputError
+from ..pipeline.poses.constraints import Planned
+from ..pipeline.poses.pose_file import read_poses
+from ..pipeline.transforms import inverse_rigid, transform_points
+from ..state import from_scene
+from ..ui.frame_view import shows_frame
+
+LENGTH = 0.10
+"""Of a frustum, relative to the camera's distance from the middle of what the frame shows."""
+LINE_WIDTH = 1.5
+LEAST_COLOUR, MOST_COLOUR = np.array([1.0, 0.35, 0.05]), np.array([0.1, 0.85, 0.45])
+"""Of the view that shows the least of what the frame saw, and of the one that shows the most."""
+LEAST_RANGE = 0.01
+"""Shares that differ by less are drawn alike."""
+_EDGES = np.array([[0, 1], [0, 2], [0, 3], [0, 4], [1, 2], [2, 3], [3, 4], [4, 1], [1, 5], [5, 2]])
+
+
+@dataclass(frozen=True)
+class PlannedPoses:
+    """The first poses of a dataset.
+
+    Attributes
+    ----------
+    key
+        All that they depend on.
+    count
+        Number of views of the whole dataset.
+    lines
+        ``(N, 10, 2, 3)`` ends of the frusta's lines, model frame, mm.
+    observed, surface
+        ``(N,)`` shares of the surface in view that the frame saw, and of the view that shows surface, 0..1.
+    attempts
+        Mean number of poses tried for one that meets the constraints.
+    """
+
+    key: str
+    count: int
+    lines: np.ndarray
+    observed: np.ndarray
+    surface: np.ndarray
+    attempts: float
+
+
+_planned: PlannedPoses | None = None
+_batch: tuple[PlannedPoses, gpu.types.GPUBatch] | None = None
+_handle: object = None
+
+
+def dataset_options(scene: bpy.types.Scene) -> DatasetOptions:
+    """The options of the run, as the script reads them from the saved case.
+
+    Raises
+    ------
+    InputError
+        Options that do not go together.
+    """
+    case_path = Path(bpy.path.abspath(scene.oneframe.case_path) or "the scene")
+    return merged_options(from_scene.dataset_table(scene), argparse.Namespace(), case_path)
+
+
+def content_key(scene: bpy.types.Scene, options: DatasetOptions) -> str:
+    """A text that changes with everything that a view of the dataset depends on.
+
+    Raises
+    ------
+    InputError
+        No camera, no surface, or a file that is not there.
+    """
+    settings = scene.oneframe
+    files = [
+        from_scene.absolute_path(path)
+        for path in (settings.frame_path, from_scene.surface_of(scene).oneframe.mesh_path)
+    ]
+    if options.poses is not None:
+        files.append(Path(options.poses))
+    stamps = [(str(path), *from_scene.stamp(path)) for path in files]
+    pose = from_scene.cam_from_model(scene).tobytes()
+    content = (options, pose, from_scene.camera(scene), settings.distortion_text, settings.units, stamps)
+    return hashlib.sha256(repr(content).encode()).hexdigest()
+
+
+def pose_key(scene: bpy.types.Scene) -> str:
+    """The same for the poses alone, which colours and files do not change."""
+    plain = DatasetOptions()
+    kept = ("colour", "engine", "samples", "float_depth", "video", "video_frames")
+    return content_key(scene, replace(dataset_options(scene), **{name: getattr(plain, name) for name in kept}))
+
+
+def given_poses(loaded: LoadedCase, options: DatasetOptions) -> np.ndarray | None:
+    """``(N, 4, 4)`` explicit poses of the options, or ``None``."""
+    if options.poses is None:
+        return None
+    mm_per_unit = loaded.case.mm_per_unit
+    return read_poses(options.poses, given_from_model=loaded.given_from_model, mm_per_unit=mm_per_unit)[0]
+
+
+def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
+    """Plan the first views of the dataset, and show them from now on.
+
+    Raises
+    ------
+    InputError
+        The scene is no case, or no pose meets the constraints.
+    """
+    global _planned
+    # colours do not matter for the poses: take those that are ready at once
+    options = replace(dataset_options(scene), colour="projective", engine="cycles", samples=1)
+    key, loaded = pose_key(scene), from_scene.loaded_case(scene)
+    listed = given_poses(loaded, options)
+    count = options.count if listed is None else len(listed)
+    source = source_of(loaded)
+    with ViewMaker(loaded, source, options, listed) as maker:
+        planned = [maker.plan(index) for index in range(min(number, count))]
+    lines = frusta(planned, view_camera(loaded, options), source)
+    statistics = [view.statistics for view in planned]
+    _planned = PlannedPoses(
+        key,
+        count,
+        lines,
+        np.array([each.observed_fraction for each in statistics]),
+        np.array([each.surface_fraction for each in statistics]),
+        float(np.mean([view.attempts for view in planned])),
+    )
+    return _planned
+
+
+def frusta(planned: list[Planned], camera: PinholeCamera, source: Source) -> np.ndarray:
+    """``(N, 10, 2, 3)`` ends of the lines of each pose's frustum, model frame, mm; a roof tells where up is."""
+    width, height = camera.size_wh
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height], [width / 2, -height / 4]]) - 0.5
+    rays = np.concatenate([np.zeros((1, 3)), camera.rays_cam(corners)])
+    lines = np.empty((len(planned), len(_EDGES), 2, 3))
+    for number, view in enumerate(planned):
+        pivot_cam = transform_points(view.cam_from_model, source.pivot_model[None])[0]
+        length = LENGTH * float(np.linalg.norm(pivot_cam))
+        lines[number] = transform_points(inverse_rigid(view.cam_from_model), length * rays)[_EDGES]
+    return lines
+
+
+def hide() -> None:
+    """Show no poses any more."""
+    global _planned, _batch
+    _planned = _batch = None
+
+
+def shown() -> PlannedPoses | None:
+    """The poses that were planned last, up to date or not."""
+    return _planned
+
+
+def is_current(scene: bpy.types.Scene) -> bool:
+    """Whether they are what the scene says now."""
+    try:
+        return _planned is not None and _planned.key == pose_key(scene)
+    except InputError:
+        return False
+
+
+def _draw() -> None:
+    global _batch
+    context = bpy.context
+    scene = context.scene
+    # in the camera's own view the frusta would lie around the eye
+    if _planned is None or shows_frame(context) or not is_current(scene):
+        return
+    shader = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR")
+    if _batch is None or _batch[0] is not _planned:
+        low, high = _planned.observed.min(), _planned.observed.max()
+        share = (_planned.observed[:, None] - low) / max(high - low, LEAST_RANGE)
+        colours = np.concatenate([LEAST_COLOUR * (1 - share) + MOST_COLOUR * share, np.ones_like(share)], axis=1)
+        vertices = _planned.lines.reshape(-1, 3).astype(np.float32)
+        per_vertex = np.repeat(colours, 2 * len(_EDGES), axis=0).astype(np.float32)
+        _batch = _planned, batch_for_shader(shader, "LINES", {"pos": vertices, "color": per_vertex})
+    gpu.state.depth_test_set("LESS_EQUAL")
+    with gpu.matrix.push_pop():
+        gpu.matrix.multiply_matrix(from_scene.surface_of(scene).matrix_world)
+        shader.bind()
+        shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+        shader.uniform_float("lineWidth", LINE_WIDTH * context.preferences.system.ui_scale)
+        _batch[1].draw(shader)
+    gpu.state.depth_test_set("NONE")
+
+
+def register() -> None:
+    """Draw in all 3D views."""
+    global _handle
+    _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
+
+
+def unregister() -> None:
+    """The opposite of :func:`register`; forgets the poses."""
+    global _handle
+    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
+    _handle = None
+    hide()

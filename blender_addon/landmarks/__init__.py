@@ -1,0 +1,1 @@
+"""Panel *Landmarks*: the pose from pairs of points, and how sure it is."""

@@ -1,0 +1,72 @@
+"""The frame enlarged around an image point while it is dragged, whatever the surface hides and the view's zoom is."""
+
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+
+from ..ui.frame_view import FrameView, window_region
+from ..ui.strokes import Colour, Strokes
+from ..view.overlay import frame_image_of
+from .gestures import Gesture
+
+SIDE, APART = 170.0, 60.0
+"""Size of the loupe and its distance from the point, in pixels at interface scale 1."""
+ENLARGED = 3.0
+"""How much larger than the view's zoom; never less than this many screen pixels for a frame pixel."""
+WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
+
+
+def draw(context: bpy.types.Context, gesture: Gesture) -> None:
+    """Draw the loupe for what is being dragged in the camera view.
+
+    Raises
+    ------
+    InputError
+        There is no camera.
+    """
+    scene, region = context.scene, window_region(context.area)
+    image = frame_image_of(scene)
+    if image is None:
+        return
+    frame = FrameView.of(scene, region, context.space_data.region_3d)
+    strokes = Strokes()
+    scale = ENLARGED * max(1.0, frame.magnification)
+    half_px = SIDE * strokes.unit / 2 / scale
+    pixel = frame.px_from_region(gesture.at)
+    centre = _beside(gesture.at, region, strokes.unit)
+    _draw_image(image, frame, centre, pixel, half_px, SIDE * strokes.unit / 2)
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * SIDE * strokes.unit / 2
+    strokes.line(centre + corners, WHITE, width=1.5, closed=True)
+    strokes.cross(centre, 4, 16, WHITE, width=1.5)
+    strokes.text(
+        centre - np.array([SIDE / 2 - 6, SIDE / 2 - 8]) * strokes.unit,
+        f"{pixel[0]:.1f}, {pixel[1]:.1f} px",
+        WHITE,
+    )
+    strokes.draw()
+
+
+def _beside(at: np.ndarray, region: bpy.types.Region, unit: float) -> np.ndarray:
+    """Centre of the loupe: above the point, to the side where there is room."""
+    reach = (APART + SIDE / 2) * unit
+    # the headers lie over the view's upper edge
+    size = np.array([region.width, region.height - 60 * unit])
+    direction = np.where(at + reach + SIDE * unit / 2 < size, 1.0, -1.0)
+    return np.asarray(at, float) + direction * reach
+
+
+def _draw_image(
+    image: bpy.types.Image, frame: FrameView, centre: np.ndarray, pixel: np.ndarray, half_px: float, half: float
+) -> None:
+    size = np.array(frame.camera.size_wh, float)
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+    # pixel (0, 0) is the centre of the top-left pixel, texture coordinates count from the lower left corner
+    texture_at = (pixel + corners * [half_px, -half_px] + 0.5) / size
+    texture_at[:, 1] = 1 - texture_at[:, 1]
+    shader = gpu.shader.from_builtin("IMAGE_SCENE_LINEAR_TO_REC709_SRGB")
+    positions = np.float32(centre + corners * half)
+    batch = batch_for_shader(shader, "TRI_FAN", {"pos": positions, "texCoord": np.float32(texture_at)})
+    shader.bind()
+    shader.uniform_sampler("image", gpu.texture.from_image(image))
+    batch.draw(shader)

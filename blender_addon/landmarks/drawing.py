@@ -1,0 +1,142 @@
+"""Draws the landmarks over the 3D views, as far as they agree with the pose. Looks things up, changes nothing."""
+
+import bpy
+import numpy as np
+
+from ..pipeline.alignment.manual.picking import waits
+from ..pipeline.errors import InputError
+from ..state import from_scene
+from ..ui import frame_view
+from ..ui.strokes import Colour, Strokes
+from . import drag_loupe, edit, gestures, solve, tool, uncertainty_drawing
+from .marks import LandmarkView, Mark, marks_of
+from .solve import Solution
+
+GOOD: Colour = (0.35, 0.8, 1.0, 1.0)
+FAIR: Colour = (1.0, 0.78, 0.15, 1.0)
+BAD: Colour = (1.0, 0.2, 0.15, 1.0)
+OFF: Colour = (0.6, 0.6, 0.6, 0.8)
+HALF: Colour = (1.0, 1.0, 1.0, 1.0)
+"""Residual as clicks scatter; larger; outlier; left out; other half not picked yet."""
+FAIR_FROM, BAD_FROM = 2.5, 5.0
+"""Residuals in standard deviations of a click."""
+DIMMED = 0.3
+"""Opacity of a mark behind the surface."""
+RING, CROSS = 6.0, (3.0, 10.0)
+
+
+def picture(context: bpy.types.Context) -> Strokes:
+    """All that is drawn into the context's 3D view.
+
+    Raises
+    ------
+    InputError
+        The scene holds no alignment that can be drawn.
+    """
+    scene, strokes = context.scene, Strokes()
+    view = LandmarkView.of(context)
+    solved = solve.solution(scene)
+    marks = marks_of(scene, view)
+    if solved.estimate is not None:
+        uncertainty_drawing.add_uncertainty(strokes, scene, view, solved)
+    hidden = _hidden(scene, view, marks)
+    residuals = solve.residuals_px(scene)
+    for mark in marks:
+        _add_mark(strokes, scene, mark, solved, residuals.get(mark.index), hidden[mark.index])
+    return strokes
+
+
+def _hidden(scene: bpy.types.Scene, view: LandmarkView, marks: list[Mark]) -> list[bool]:
+    shown = [mark for mark in marks if mark.surface is not None]
+    points = np.array([scene.oneframe.landmarks[mark.index].point[:] for mark in shown], float).reshape(-1, 3)
+    behind = [False] * len(marks)
+    for mark, is_behind in zip(shown, view.hidden(scene, points, [mark.surface for mark in shown]), strict=True):
+        behind[mark.index] = bool(is_behind)
+    return behind
+
+
+def _add_mark(
+    strokes: Strokes,
+    scene: bpy.types.Scene,
+    mark: Mark,
+    solved: Solution,
+    residual: np.ndarray | None,
+    is_hidden: bool,
+) -> None:
+    entry = scene.oneframe.landmarks[mark.index]
+    colour = _colour(entry, residual, solved, mark.index, scene.oneframe.click_sigma_px)
+    is_active = mark.index == scene.oneframe.landmark_index
+    width = 2.5 if is_active else 1.5
+    text = entry.name
+    if mark.image is not None:
+        strokes.cross(mark.image, *CROSS, colour, width=width)
+        if mark.surface is not None and residual is not None:
+            strokes.arrow(mark.surface, mark.image, colour, width=width)
+            text += f"  {np.linalg.norm(residual):.1f} px"
+    if mark.surface is not None:
+        ring = (*colour[:3], colour[3] * (DIMMED if is_hidden else 1.0))
+        strokes.circle(mark.surface, RING, ring, width=width)
+        if is_active:
+            strokes.circle(mark.surface, RING + 3.5, (*HALF[:3], 0.9 * ring[3]), width=1.0)
+    place = mark.surface if mark.image is None else mark.image
+    if place is not None:
+        strokes.text(place + np.array([13, 6]) * strokes.unit, text, colour)
+
+
+def _colour(
+    entry: bpy.types.PropertyGroup, residual: np.ndarray | None, solved: Solution, index: int, click_sigma_px: float
+) -> Colour:
+    if not entry.enabled:
+        return OFF
+    if residual is None:
+        return HALF
+    if solved.is_outlier(index):
+        return BAD
+    size = float(np.linalg.norm(residual)) / click_sigma_px
+    if solved.estimate is not None and not size <= BAD_FROM:
+        return BAD
+    # as long as no pose is known, a large residual is nobody's fault
+    return GOOD if size <= FAIR_FROM else FAIR
+
+
+def _draw_view() -> None:
+    context = bpy.context
+    scene = context.scene
+    if not scene.oneframe.show_landmarks or not scene.oneframe.landmarks or not from_scene.is_set_up(scene):
+        return
+    try:
+        picture(context).draw()
+        gesture = gestures.running()
+        if gesture is not None and gesture.moves != "point" and frame_view.shows_frame(context):
+            drag_loupe.draw(context, gesture)
+    except InputError:
+        # the panel says what is wrong
+        return
+
+
+def _draw_pointer(xy: tuple[int, int]) -> None:
+    """What a click does next, beside the pointer while the tool is in hand."""
+    context = bpy.context
+    if context.space_data is None or not tool.is_active(context) or not from_scene.is_set_up(context.scene):
+        return
+    landmarks = edit.landmarks_model(context.scene)
+    if gestures.running() is not None or not waits(landmarks):
+        return
+    strokes = Strokes()
+    strokes.text(np.array(xy) + np.array([18, -26]) * strokes.unit, tool.step_sentence(context), HALF)
+    strokes.draw()
+
+
+_handles: list = []
+
+
+def register() -> None:
+    """Draw from now on."""
+    _handles.append(bpy.types.SpaceView3D.draw_handler_add(_draw_view, (), "WINDOW", "POST_PIXEL"))
+    _handles.append(bpy.types.WindowManager.draw_cursor_add(_draw_pointer, (), "VIEW_3D", "WINDOW"))
+
+
+def unregister() -> None:
+    """Draw no more."""
+    bpy.types.WindowManager.draw_cursor_remove(_handles.pop())
+    bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")

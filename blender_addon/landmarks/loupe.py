@@ -1,0 +1,126 @@
+"""A magnifier beside the pointer while landmarks are picked: the frame in its view, the surface in all others."""
+
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+from mathutils import Matrix
+
+from ..pipeline.errors import InputError
+from ..state import from_scene
+from ..ui.frame_view import FrameView, shows_frame
+from ..view.overlay import Composite, frame_image_of, picture_of, projection_of
+from . import gestures, tool
+
+TOOL = tool.TOOL
+"""The workspace tool that it belongs to."""
+TIMES = 6.0
+"""Magnification: screen pixels per pixel of the frame; of other views, times larger."""
+LEAST_TIMES = 1.5
+"""Where the view of the frame is zoomed in so far that less is left, there is no loupe."""
+SIZE_PX = 180
+AWAY_PX = 28
+"""How far the loupe stays from the pointer."""
+
+_PICTURE = -1
+_handle: object | None = None
+
+
+def is_wanted(context: bpy.types.Context) -> bool:
+    """Whether the loupe is to be shown: landmarks are being picked, and it is not switched off."""
+    return from_scene.is_set_up(context.scene) and context.scene.oneframe_view.loupe and tool.is_active(context)
+
+
+def draw_loupe(pointer: tuple[int, int]) -> None:
+    """Draw beside the pointer (window px); called by Blender for the region under it, whenever it moves."""
+    context = bpy.context
+    region = context.region
+    if region is None or context.region_data is None or not is_wanted(context):
+        return
+    at = np.array([pointer[0] - region.x + 0.5, pointer[1] - region.y + 0.5])
+    in_frame = shows_frame(context) and frame_image_of(context.scene) is not None
+    gesture = gestures.running()
+    if gesture is not None:
+        if gesture.moves != "point" and in_frame:
+            # a mark in the frame that is dragged brings a loupe of its own
+            return
+        in_frame, at = False, gesture.at
+    if not ((at >= 0).all() and (at < (region.width, region.height)).all()):
+        return
+    try:
+        _draw(context, region, at, in_frame)
+    except InputError:
+        # told in the panel
+        return
+
+
+def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, in_frame: bool) -> None:
+    scene = context.scene
+    size = round(SIZE_PX * context.preferences.system.ui_scale)
+    # Blender draws cursors in pixels of the window
+    left, below, *target = gpu.state.viewport_get()
+    low = np.array(corner(region, *at, size)) + np.array([region.x - left, region.y - below])
+    seen, times = None, TIMES
+    if in_frame:
+        frame_view = FrameView.of(scene, region, context.region_data)
+        times = TIMES / frame_view.magnification
+        if times < LEAST_TIMES:
+            # the view itself is a loupe
+            return
+        offset = low + size / 2 - times * (at - frame_view.offset)
+        seen = FrameView(frame_view.camera, times * frame_view.scale, offset)
+    projection = projection_of(scene, region, context.region_data, frame=in_frame)
+    projection = projection.narrowed(*at, times, size, size)
+    view = scene.oneframe_view
+    contour = in_frame and view.contour
+    picture = picture_of(_PICTURE, size, size)
+    if contour or not in_frame:
+        picture.draw(projection, from_scene.surface_of(scene), view.crease_deg if contour else None)
+    mode = "FRAME" if in_frame else "PICTURE"
+    image = frame_image_of(scene) if in_frame else None
+    composite = Composite(mode, seen, image, picture, contour, tuple(low), target_encodes=False)
+    composite.draw(view, tuple(low), tuple(low + size))
+    with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+        width, height = target
+        gpu.matrix.load_identity()
+        clip_from_px = ((2 / width, 0, 0, -1), (0, 2 / height, 0, -1), (0, 0, -1, 0), (0, 0, 0, 1))
+        gpu.matrix.load_projection_matrix(Matrix(clip_from_px))
+        _draw_cross(*low, size)
+
+
+def corner(region: bpy.types.Region, x: float, y: float, size: int) -> tuple[float, float]:
+    """Lower left corner in the region: up and left of the pointer (texts stand right); elsewhere without room there."""
+    low_x = x - AWAY_PX - size if x - AWAY_PX - size >= 0 else x + AWAY_PX
+    low_y = y + AWAY_PX if y + AWAY_PX + size < region.height else y - AWAY_PX - size
+    return round(max(low_x, 0)), round(max(low_y, 0))
+
+
+def _draw_cross(low_x: float, low_y: float, size: int) -> None:
+    """Cross-hair with a gap, so that the spot itself stays free; dark under bright, readable on anything."""
+    x, y, high_x, high_y = low_x + size / 2, low_y + size / 2, low_x + size, low_y + size
+    gap = size / 15
+    cross = [(low_x, y), (x - gap, y), (x + gap, y), (high_x, y), (x, low_y), (x, y - gap), (x, y + gap), (x, high_y)]
+    rim = [(low_x, low_y), (high_x, low_y), (high_x, low_y), (high_x, high_y)]
+    rim += [(high_x, high_y), (low_x, high_y), (low_x, high_y), (low_x, low_y)]
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    gpu.state.blend_set("ALPHA")
+    batch = batch_for_shader(shader, "LINES", {"pos": cross + rim})
+    for width, colour in ((3.0, (0.0, 0.0, 0.0, 0.6)), (1.0, (1.0, 1.0, 1.0, 0.9))):
+        gpu.state.line_width_set(width)
+        shader.uniform_float("color", colour)
+        batch.draw(shader)
+    gpu.state.line_width_set(1.0)
+    gpu.state.blend_set("NONE")
+
+
+def register() -> None:
+    """Draw it with the cursor of 3D views."""
+    global _handle
+    _handle = bpy.types.WindowManager.draw_cursor_add(draw_loupe, (), "VIEW_3D", "WINDOW")
+
+
+def unregister() -> None:
+    """Draw it no more."""
+    global _handle
+    bpy.types.WindowManager.draw_cursor_remove(_handle)
+    _handle = None

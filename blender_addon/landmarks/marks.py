@@ -1,0 +1,129 @@
+"""Where the landmarks lie in a 3D view: the same for drawing them and for finding the one under the pointer."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from bpy_extras import view3d_utils
+
+from ..pipeline.transforms import transform_points
+from ..state import from_scene
+from ..ui import frame_view
+from ..ui.frame_view import FrameView
+
+REACH = 11.0
+"""How near to a mark, in region pixels at an interface scale of 1, a press is on it."""
+HIDDEN_BEYOND = 2e-3
+"""Part of a surface point's distance by which another part of the surface must lie before it to hide it."""
+
+
+@dataclass(frozen=True)
+class LandmarkView:
+    """A 3D view as landmarks see it.
+
+    Attributes
+    ----------
+    region, region_3d
+        Valid during one event or one drawing, never kept longer.
+    frame
+        The frame's place in the region if the view looks through its camera, else ``None``.
+    cam_from_model
+        ``(4, 4)`` the present pose, mm.
+    """
+
+    region: bpy.types.Region
+    region_3d: bpy.types.RegionView3D
+    frame: FrameView | None
+    cam_from_model: np.ndarray
+
+    @classmethod
+    def of(cls, context: bpy.types.Context) -> "LandmarkView":
+        """The view of a context whose area is a 3D view."""
+        region, region_3d = frame_view.window_region(context.area), context.space_data.region_3d
+        frame = FrameView.of(context.scene, region, region_3d) if frame_view.shows_frame(context) else None
+        return cls(region, region_3d, frame, from_scene.cam_from_model(context.scene))
+
+    def region_from_model(self, scene: bpy.types.Scene, points_model: np.ndarray) -> np.ndarray:
+        """``(N, 3)`` points of the surface -> ``(N, 2)`` region pixels at the present pose; NaN behind the eye."""
+        if self.frame is not None:
+            points_cam = transform_points(self.cam_from_model, points_model)
+            return self.frame.region_from_px(self.frame.camera.project(points_cam))
+        clip_from_model = np.array(self.region_3d.perspective_matrix) @ world_from_model(scene)
+        clip = points_model @ clip_from_model[:3].T[:3] + clip_from_model[:3, 3]
+        w = points_model @ clip_from_model[3, :3] + clip_from_model[3, 3]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            half = np.array([self.region.width, self.region.height]) / 2
+            region = (1 + clip[:, :2] / w[:, None]) * half
+        return np.where(w[:, None] > 0, region, np.nan)
+
+    def surface_point(self, scene: bpy.types.Scene, at: np.ndarray) -> np.ndarray | None:
+        """``(3,)`` the surface point (model frame, mm) seen at a region pixel, or ``None``."""
+        if self.frame is not None:
+            return frame_view.surface_point_at(scene, self.frame.px_from_region(at))
+        origin = view3d_utils.region_2d_to_origin_3d(self.region, self.region_3d, at)
+        direction = view3d_utils.region_2d_to_vector_3d(self.region, self.region_3d, at)
+        return frame_view.surface_point(scene, origin, direction)
+
+    def hidden(self, scene: bpy.types.Scene, points_model: np.ndarray, region: np.ndarray) -> np.ndarray:
+        """``(N,)`` bool: another part of the surface lies before the point; in Edit mode that is not known."""
+        if from_scene.surface_of(scene).mode == "EDIT":
+            return np.zeros(len(points_model), bool)
+        eye_from_model = np.array(self.region_3d.view_matrix) @ world_from_model(scene)
+        found = np.zeros(len(points_model), bool)
+        for index, (point, at) in enumerate(zip(points_model, region, strict=True)):
+            if not np.isfinite(at).all():
+                continue
+            seen = self.surface_point(scene, at)
+            if seen is None:
+                continue
+            # depth along the view, which grows away from the eye
+            depth, seen_depth = -(transform_points(eye_from_model, np.stack([point, seen]))[:, 2])
+            found[index] = depth - seen_depth > HIDDEN_BEYOND * max(abs(depth), 1.0)
+        return found
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A landmark's two marks in a region, in region pixels; ``None`` where it has none."""
+
+    index: int
+    image: np.ndarray | None
+    surface: np.ndarray | None
+
+
+def world_from_model(scene: bpy.types.Scene) -> np.ndarray:
+    """``(4, 4)`` of the surface at the present pose."""
+    return np.array(from_scene.surface_of(scene).matrix_world, dtype=np.float64)
+
+
+def marks_of(scene: bpy.types.Scene, view: LandmarkView) -> list[Mark]:
+    """The marks of all landmarks in a view."""
+    entries = scene.oneframe.landmarks
+    points = np.array([entry.point[:] for entry in entries], float).reshape(-1, 3)
+    surface = view.region_from_model(scene, points)
+    marks = []
+    for index, entry in enumerate(entries):
+        image = None
+        if view.frame is not None and entry.has_pixel:
+            image = view.frame.region_from_px(np.array(entry.pixel[:], float))
+        shown = entry.has_point and np.isfinite(surface[index]).all()
+        marks.append(Mark(index, image, surface[index] if shown else None))
+    return marks
+
+
+def nearest(marks: Sequence[Mark], half: str, at: np.ndarray) -> int | None:
+    """Index of the landmark whose mark of a half (``image`` or ``surface``) is within reach of a region pixel."""
+    reach = REACH * bpy.context.preferences.system.ui_scale
+    best = None
+    for mark in marks:
+        place = getattr(mark, half)
+        if place is not None and (distance := float(np.linalg.norm(place - at))) <= reach:
+            best, reach = mark.index, distance
+    return best
+
+
+def under(marks: Sequence[Mark], at: np.ndarray) -> int | None:
+    """Index of the landmark of which any mark is within reach of a region pixel; image points first."""
+    found = nearest(marks, "image", at)
+    return nearest(marks, "surface", at) if found is None else found

@@ -1,0 +1,293 @@
+"""Operators on landmarks that need no pointer, and those that work on the one under it."""
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty, FloatVectorProperty, IntProperty, StringProperty
+from bpy_extras.io_utils import ExportHelper, ImportHelper
+from mathutils import Vector
+
+from ..pipeline.case.case_file import MM_PER_UNIT
+from ..pipeline.case.landmark_file import read_landmarks, write_landmarks
+from ..pipeline.errors import InputError
+from ..state import events, from_scene, to_scene
+from ..ui.operator import NeedsAlignment, Reporting, ReportingFile
+from . import edit, solve
+from .gestures import is_alignment_view, landmark_under
+
+OFF_SURFACE_MM = 0.5
+"""Distance from the surface beyond which a point is not on it."""
+INDEX = "Number in the list, counted from 0; -1 for the active one"
+FRESH = {"SKIP_SAVE"}
+"""Options of properties that must not be those of the last call: a button would work on another landmark."""
+
+
+class _HasLandmarks(NeedsAlignment):
+    """Mixin: needs a landmark as well."""
+
+    @classmethod
+    def poll(cls, context):
+        if not super().poll(context):
+            return False
+        if not context.scene.oneframe.landmarks:
+            cls.poll_message_set("There are no landmarks")
+            return False
+        return True
+
+
+class _Halves:
+    """Mixin: a surface point and an image point as properties, each taken only if it is given."""
+
+    point: FloatVectorProperty(
+        name="Surface point",
+        description="Point on the surface, in its own frame (model), mm",
+        size=3,
+        precision=4,
+        options=FRESH,
+    )
+    pixel: FloatVectorProperty(
+        name="Image point",
+        description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
+        size=2,
+        precision=3,
+        options=FRESH,
+    )
+
+    def given_point(self):
+        return np.array(self.point, float) if self.properties.is_property_set("point") else None
+
+    def given_pixel(self, scene):
+        if not self.properties.is_property_set("pixel"):
+            return None
+        return edit.check_pixel(scene, np.array(self.pixel, float))
+
+
+class ONEFRAME_OT_landmark_set(NeedsAlignment, _Halves, Reporting, bpy.types.Operator):
+    """Add a landmark, or give one its surface point, its image point, or another name"""
+
+    bl_idname = "oneframe.landmark_set"
+    bl_label = "Set Landmark"
+    bl_options = {"REGISTER", "UNDO"}
+
+    index: IntProperty(
+        name="Number",
+        description="Number in the list, counted from 0; -1 for the one that waits for this half, or a new one",
+        default=-1,
+        min=-1,
+        options=FRESH,
+    )
+    name: StringProperty(name="Name", description="Its name; empty to keep it", options=FRESH)
+
+    def run(self, context):
+        scene = context.scene
+        point, pixel = self.given_point(), self.given_pixel(scene)
+        if self.index >= 0:
+            index = edit.checked_index(scene, self.index)
+        elif (point is None) == (pixel is None):
+            index = edit.add(scene)
+        else:
+            index = edit.target(scene, "point" if pixel is None else "pixel")
+        if self.name:
+            scene.oneframe.landmarks[index].name = self.name
+        edit.set_halves(scene, index, point_model=point, pixel=pixel)
+
+
+class ONEFRAME_OT_landmark_pin(NeedsAlignment, _Halves, Reporting, bpy.types.Operator):
+    """Pull a point of the surface to a pixel; the other pairs hold the surface meanwhile"""
+
+    bl_idname = "oneframe.landmark_pin"
+    bl_label = "Pull Pin"
+    bl_options = {"REGISTER", "UNDO"}
+
+    index: IntProperty(
+        name="Number",
+        description="Number in the list, counted from 0; -1 for a new one",
+        default=-1,
+        min=-1,
+        options=FRESH,
+    )
+
+    def run(self, context):
+        scene = context.scene
+        point, pixel = self.given_point(), self.given_pixel(scene)
+        pose = from_scene.cam_from_model(scene)
+        if pixel is None:
+            raise InputError("expected a pixel to pull the pin to, found none")
+        if self.index >= 0:
+            index = edit.checked_index(scene, self.index)
+            if point is None and not scene.oneframe.landmarks[index].has_point:
+                raise InputError("expected a landmark with a surface point; pick that first")
+        elif point is None:
+            raise InputError("expected the surface point of a new pin, found none")
+        else:
+            index = edit.add(scene)
+        with events.untold():
+            scene.oneframe.landmarks[index].enabled = True
+            edit.set_halves(scene, index, point_model=point, pixel=pixel)
+        solve.pull(scene, pose)
+        events.landmarks_changed(scene)
+
+
+class _One:
+    """Mixin: works on one landmark: by its index, or on the one under the pointer when a key or click calls it."""
+
+    elsewhere = {"PASS_THROUGH"}
+
+    def invoke(self, context, event):
+        if not self.at_pointer:
+            return self.execute(context)
+        if not is_alignment_view(context):
+            return {"PASS_THROUGH"}
+        try:
+            found = landmark_under(context, event)
+        except InputError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if found is None:
+            if self.elsewhere == {"CANCELLED"}:
+                self.report({"INFO"}, "no landmark under the pointer")
+            return self.elsewhere
+        self.index = found
+        return self.execute(context)
+
+
+class ONEFRAME_OT_landmark_remove(_One, _HasLandmarks, Reporting, bpy.types.Operator):
+    """Delete a landmark"""
+
+    bl_idname = "oneframe.landmark_remove"
+    bl_label = "Delete Landmark"
+    bl_options = {"REGISTER", "UNDO"}
+
+    index: IntProperty(name="Number", description=INDEX, default=-1, min=-1, options=FRESH)
+    at_pointer: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
+    # with this tool in hand the key must not delete the surface because a mark was missed by a pixel
+    elsewhere = {"CANCELLED"}
+
+    def run(self, context):
+        edit.remove(context.scene, edit.checked_index(context.scene, self.index))
+
+
+class ONEFRAME_OT_landmark_toggle(_One, _HasLandmarks, Reporting, bpy.types.Operator):
+    """Use a landmark for the pose, or leave it out"""
+
+    bl_idname = "oneframe.landmark_toggle"
+    bl_label = "Use Landmark or Not"
+    bl_options = {"REGISTER", "UNDO"}
+
+    index: IntProperty(name="Number", description=INDEX, default=-1, min=-1, options=FRESH)
+    at_pointer: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
+
+    def run(self, context):
+        scene = context.scene
+        index = edit.checked_index(scene, self.index)
+        entry = scene.oneframe.landmarks[index]
+        scene.oneframe.landmark_index = index
+        # the property tells of its change
+        entry.enabled = not entry.enabled
+
+
+class ONEFRAME_OT_landmarks_clear(_HasLandmarks, Reporting, bpy.types.Operator):
+    """Delete all landmarks; the pose stays"""
+
+    bl_idname = "oneframe.landmarks_clear"
+    bl_label = "Delete All Landmarks"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def run(self, context):
+        to_scene.replace_landmarks(context.scene, ())
+
+
+class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting, bpy.types.Operator):
+    """Move the surface to the pose that the landmarks say"""
+
+    bl_idname = "oneframe.solve_landmarks"
+    bl_label = "Solve"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def run(self, context):
+        scene = context.scene
+        # a scaled surface is to be refused, not to be made rigid in passing
+        from_scene.cam_from_model(scene)
+        solved = solve.solution(scene)
+        solve.apply(scene, solved)
+        used = f"{int(solved.estimate.inliers.sum())} of {len(solved.pairs.names)} pairs"
+        return *solved.estimate.told, f"pose from {used}, RMS {solved.estimate.rms_px:.2f} px"
+
+
+class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Operator, ImportHelper):
+    """Read landmarks from a CSV or JSON file: surface points in the frame and units of the mesh file, pixels"""
+
+    bl_idname = "oneframe.import_landmarks"
+    bl_label = "Import Landmarks"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: StringProperty(default="*.csv;*.json", options={"HIDDEN"})
+    keep: BoolProperty(
+        name="Keep present ones", description="Add to the landmarks that are there, instead of replacing them"
+    )
+
+    def run(self, context):
+        scene = context.scene
+        path = self.chosen_file()
+        read = read_landmarks(path, mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
+        present = from_scene.landmarks_given(scene) if self.keep else ()
+        to_scene.replace_landmarks(scene, (*present, *read))
+        events.landmarks_changed(scene)
+        return f"{path.name}: {len(read)} landmarks", *off_surface(scene)
+
+
+class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Operator, ExportHelper):
+    """Write the landmarks to a CSV or JSON file: surface points in the frame and units of the mesh file, pixels"""
+
+    bl_idname = "oneframe.export_landmarks"
+    bl_label = "Export Landmarks"
+    bl_options = {"REGISTER"}
+
+    filename_ext = ".csv"
+    check_extension = None
+    filter_glob: StringProperty(default="*.csv;*.json", options={"HIDDEN"})
+
+    def run(self, context):
+        scene = context.scene
+        path = self.chosen_file()
+        try:
+            write_landmarks(path, from_scene.landmarks_given(scene), mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
+        except OSError as error:
+            raise InputError(f"{path}: cannot write the file ({error.strerror}); choose another folder") from None
+        return (f"saved {path}: {len(scene.oneframe.landmarks)} landmarks",)
+
+
+def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """A sentence if points of landmarks do not lie on the surface."""
+    surface = from_scene.surface_of(scene)
+    off = []
+    for entry in scene.oneframe.landmarks:
+        if not entry.has_point:
+            continue
+        try:
+            found, nearest, _, _ = surface.closest_point_on_mesh(Vector(entry.point))
+        except RuntimeError:  # Blender's only way to say that the object is not in the view layer
+            found = False
+        if not found:
+            return ("whether the points lie on the surface cannot be checked: show it, and leave Edit mode",)
+        distance = (nearest - Vector(entry.point)).length
+        if distance > OFF_SURFACE_MM:
+            off.append(f"{entry.name} ({distance:.1f} mm)")
+    if not off:
+        return ()
+    return (
+        f"expected points on the surface, these lie off it: {', '.join(off)}; check the units and the mesh they were "
+        "picked on",
+    )
+
+
+_CLASSES = (
+    ONEFRAME_OT_landmark_set,
+    ONEFRAME_OT_landmark_pin,
+    ONEFRAME_OT_landmark_remove,
+    ONEFRAME_OT_landmark_toggle,
+    ONEFRAME_OT_landmarks_clear,
+    ONEFRAME_OT_solve_landmarks,
+    ONEFRAME_OT_import_landmarks,
+    ONEFRAME_OT_export_landmarks,
+)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

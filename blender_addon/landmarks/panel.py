@@ -1,0 +1,155 @@
+"""The Landmarks panel: the list, what it says about the pose, and how certain that is."""
+
+import bpy
+import numpy as np
+
+from ..pipeline.alignment.landmarks.covariance import PoseUncertainty
+from ..pipeline.errors import InputError
+from ..pipeline.files.numbers import two_digits
+from ..state import from_scene
+from ..ui.wrapped_text import draw_sentence
+from . import solve, tool
+from .solve import Solution
+
+
+class ONEFRAME_UL_landmarks(bpy.types.UIList):
+    """A landmark a row: use, name, residual"""
+
+    bl_idname = "ONEFRAME_UL_landmarks"
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+        row = layout.row(align=True)
+        row.prop(item, "enabled", text="")
+        row.prop(item, "name", text="", emboss=False)
+        text, symbol = _row_text(context.scene, item, index)
+        value = row.row()
+        value.alignment = "RIGHT"
+        value.active = item.enabled
+        value.label(text=text, icon=symbol)
+
+
+class ONEFRAME_PT_landmarks(bpy.types.Panel):
+    """Pairs of points that say the pose"""
+
+    bl_idname = "ONEFRAME_PT_landmarks"
+    bl_label = "4  Landmarks"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "OneFrame"
+    bl_order = 3
+
+    @classmethod
+    def poll(cls, context):
+        return from_scene.is_set_up(context.scene)
+
+    def draw_header_preset(self, context):
+        settings = context.scene.oneframe
+        icon = "HIDE_OFF" if settings.show_landmarks else "HIDE_ON"
+        self.layout.prop(settings, "show_landmarks", text="", icon=icon, emboss=False)
+
+    def draw(self, context):
+        layout, settings = self.layout, context.scene.oneframe
+        layout.operator_context = "INVOKE_DEFAULT"
+        row = layout.row()
+        row.enabled = context.mode == "OBJECT"
+        in_hand = tool.is_active(context)
+        pick = row.operator("wm.tool_set_by_id", text="Pick Landmarks", icon="EYEDROPPER", depress=in_hand)
+        pick.name = tool.TOOL
+        if in_hand:
+            draw_sentence(layout, tool.step_sentence(context), icon="INFO")
+        row = layout.row()
+        row.template_list(
+            ONEFRAME_UL_landmarks.bl_idname, "", settings, "landmarks", settings, "landmark_index", rows=5
+        )
+        column = row.column(align=True)
+        column.operator("oneframe.landmark_set", text="", icon="ADD")
+        column.operator("oneframe.landmark_remove", text="", icon="REMOVE")
+        column.separator()
+        column.operator("oneframe.landmarks_clear", text="", icon="TRASH")
+        column.separator()
+        column.operator("oneframe.import_landmarks", text="", icon="IMPORT")
+        column.operator("oneframe.export_landmarks", text="", icon="EXPORT")
+        layout.prop(settings, "click_sigma_px", text="Click accuracy, px")
+        layout.prop(settings, "live_solve", text="Solve at every change", toggle=True)
+        if not settings.landmarks:
+            return
+        try:
+            _draw_solution(layout, context.scene, solve.solution(context.scene))
+        except InputError as error:
+            draw_sentence(layout, str(error), icon="ERROR")
+
+
+class ONEFRAME_PT_landmark_keys(bpy.types.Panel):
+    """Mouse and keys of the landmark tool"""
+
+    bl_idname = "ONEFRAME_PT_landmark_keys"
+    bl_parent_id = "ONEFRAME_PT_landmarks"
+    bl_label = "Mouse and keys"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "OneFrame"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        for keys, text in tool.KEYS:
+            split = self.layout.split(factor=0.45)
+            split.label(text=keys)
+            split.label(text=text)
+        draw_sentence(self.layout, "In a view that is not the camera's, a click picks on the surface.")
+
+
+def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: Solution) -> None:
+    if solved.estimate is None:
+        draw_sentence(layout, solved.refusal, icon="INFO")
+        return
+    found, away = solved.estimate, solve.departure(scene, solved)
+    layout.label(text=f"RMS {found.rms_px:.2f} px, {int(found.inliers.sum())} of {len(solved.pairs.names)} pairs")
+    if away is not None:
+        draw_sentence(
+            layout,
+            f"The pose is {two_digits(away.turn_deg)}° and {two_digits(away.shift_mm)} mm from the landmarks' pose, "
+            f"up to {away.largest_px:.1f} px.",
+            icon="INFO",
+        )
+    row = layout.row()
+    row.enabled = away is not None
+    row.operator("oneframe.solve_landmarks", icon="CHECKMARK")
+    _draw_uncertainty(layout.box(), found.uncertainty)
+    for sentence in found.told:
+        draw_sentence(layout, sentence, icon="ERROR")
+
+
+def _draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty) -> None:
+    box.label(text="Uncertainty (standard deviations)")
+    columns = box.row(align=True)
+    kinds = zip(
+        (("Tilt", "Turn", "Roll"), ("Right", "Down", "Depth")),
+        (uncertainty.rotation_deg, uncertainty.translation_mm),
+        ("°", " mm"),
+        strict=True,
+    )
+    for names, deviations, unit in kinds:
+        column = columns.column(align=True)
+        column.scale_y = 0.8
+        for name, deviation in zip(names, deviations, strict=True):
+            column.label(text=f"{name} ± {two_digits(deviation)}{unit}")
+    draw_sentence(box, f"Weakest: {uncertainty.weakest}")
+
+
+def _row_text(scene: bpy.types.Scene, item: bpy.types.PropertyGroup, index: int) -> tuple[str, str]:
+    if not item.has_pixel:
+        return "frame?" if item.has_point else "both?", "NONE"
+    if not item.has_point:
+        return "surface?", "NONE"
+    try:
+        residual = solve.residuals_px(scene)[index]
+        outlier = item.enabled and solve.solution(scene).is_outlier(index)
+    except InputError:
+        return "", "NONE"
+    if not np.isfinite(residual).all():
+        return "behind camera", "ERROR"
+    return f"{np.linalg.norm(residual):.1f} px", "ERROR" if outlier else "NONE"
+
+
+_CLASSES = (ONEFRAME_UL_landmarks, ONEFRAME_PT_landmarks, ONEFRAME_PT_landmark_keys)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -1,0 +1,110 @@
+"""Draws how uncertain the landmarks leave the pose: ellipses where the surface may lie, the weakest direction."""
+
+import bpy
+import numpy as np
+
+from ..pipeline.alignment.landmarks.confidence_region import ellipse_outlines
+from ..pipeline.alignment.landmarks.covariance import PoseUncertainty
+from ..pipeline.alignment.landmarks.reprojection import moved_by
+from ..pipeline.blender.alignment.visible_surface import visible_surface
+from ..pipeline.camera.pinhole import PinholeCamera
+from ..pipeline.transforms import inverse_rigid, transform_points
+from ..state import from_scene
+from ..ui.strokes import Colour, Strokes
+from .marks import LandmarkView
+from .solve import Solution
+
+UNSURE: Colour = (0.87, 0.68, 1.0, 1.0)
+SAMPLES = 7
+"""Points of the surface in view at which it is shown, besides the landmarks and their middle."""
+EDGE = 0.08
+"""Part of the frame's size at its edges that these keep clear of."""
+MAGNIFICATIONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+LONGEST_PX, SHORTEST_PX = 45.0, 6.0
+"""The weakest direction is drawn as many times longer as keeps it below this on the screen; a speck is left out."""
+LEGEND, LINE = (70.0, 34.0), 20.0
+"""Lower left corner of the legend, and the height of a line."""
+
+
+def add_uncertainty(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkView, solved: Solution) -> None:
+    """Add ellipses (in the view of the frame) and arrows to what is drawn into a view."""
+    uncertainty = solved.estimate.uncertainty
+    samples = _samples(scene, view.cam_from_model)
+    factor = _add_weakest(strokes, scene, view, uncertainty, np.vstack([samples, uncertainty.pivot_model]))
+    times = f", arrows {factor} x" if factor > 1 else ", arrows" if factor == 1 else ""
+    legend = [f"Weakest direction: {uncertainty.weakest}{times}"]
+    if view.frame is not None:
+        _add_ellipses(strokes, scene, view, uncertainty, samples, width=1.0)
+        _add_ellipses(strokes, scene, view, uncertainty, solved.pairs.points_model, width=1.5)
+        legend.append("Ellipses: 95 % of where the surface may lie")
+    for number, text in enumerate(legend):
+        strokes.text((np.array(LEGEND) + np.array([0, LINE * number])) * strokes.unit, text, UNSURE)
+
+
+def _add_ellipses(
+    strokes: Strokes,
+    scene: bpy.types.Scene,
+    view: LandmarkView,
+    uncertainty: PoseUncertainty,
+    points_model: np.ndarray,
+    *,
+    width: float,
+) -> None:
+    covariances = uncertainty.pixel_covariances(points_model, view.frame.camera, view.cam_from_model)
+    outlines = ellipse_outlines(covariances, uncertainty.ellipse_scale())
+    for centre, outline in zip(view.region_from_model(scene, points_model), outlines, strict=True):
+        strokes.line(centre + outline * view.frame.scale, UNSURE, width=width, closed=True)
+
+
+def _add_weakest(
+    strokes: Strokes,
+    scene: bpy.types.Scene,
+    view: LandmarkView,
+    uncertainty: PoseUncertainty,
+    points_model: np.ndarray,
+) -> int:
+    """Double arrows: where one standard deviation either way takes the points; how many times enlarged, 0 for none."""
+    pose, twist = view.cam_from_model, uncertainty.weakest_twist
+    ways = []
+    for sign in (1, -1):
+        # moved as the camera sees it, in the axes of the surface as it stands now
+        moved = inverse_rigid(pose) @ moved_by(sign * twist, pose, uncertainty.pivot_model)
+        ways.append(transform_points(moved, points_model) - points_model)
+    here = view.region_from_model(scene, points_model)
+    longest = np.linalg.norm(view.region_from_model(scene, points_model + ways[0]) - here, axis=1)
+    limit = LONGEST_PX * strokes.unit / max(float(np.nanmax(longest, initial=0.0)), 1e-9)
+    factor = max([magnification for magnification in MAGNIFICATIONS if magnification <= limit], default=1)
+    plus, minus = (view.region_from_model(scene, points_model + factor * way) for way in ways)
+    drawn = 0
+    for middle, *ends in zip(here, plus, minus, strict=True):
+        if not np.linalg.norm(ends[0] - ends[1]) >= SHORTEST_PX * strokes.unit:
+            continue
+        for end in ends:
+            strokes.arrow(middle, end, UNSURE, width=1.5, head=7)
+        drawn = factor
+    return drawn
+
+
+def _samples(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> np.ndarray:
+    """``(N, 3)`` points of the surface that the frame shows, far from each other and from its edges, model frame."""
+    camera = from_scene.camera(scene)
+    seen = visible_surface(from_scene.surface_of(scene), camera, cam_from_model)
+    inner = np.flatnonzero(_is_inner(seen.pixels, camera))
+    return seen.points_model[inner[_spread(seen.pixels[inner], SAMPLES)]]
+
+
+def _is_inner(pixels: np.ndarray, camera: PinholeCamera) -> np.ndarray:
+    margin = EDGE * max(camera.size_wh)
+    return ((pixels > margin) & (pixels < np.array(camera.size_wh) - margin)).all(axis=1)
+
+
+def _spread(pixels: np.ndarray, count: int) -> list[int]:
+    """Indices of points far from each other: each next one is the farthest from those chosen (Gonzalez 1985)."""
+    if len(pixels) == 0:
+        return []
+    chosen = [int(np.argmax(((pixels - pixels.mean(axis=0)) ** 2).sum(axis=1)))]
+    nearest = np.full(len(pixels), np.inf)
+    while len(chosen) < min(count, len(pixels)):
+        nearest = np.minimum(nearest, ((pixels - pixels[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(np.argmax(nearest)))
+    return chosen

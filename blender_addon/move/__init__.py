@@ -1,0 +1,1 @@
+"""Panel *Move*: the pose by keys, handles and numbers."""

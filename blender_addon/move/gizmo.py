@@ -1,0 +1,79 @@
+"""Handles at the pivot, in the view through the frame's camera: drag to shift, roll, tilt, or change the depth."""
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..landmarks import tool
+from ..pipeline.errors import InputError
+from ..state import from_scene
+from ..state.pivot import pivot_of
+from ..ui.frame_view import FrameView, shows_frame
+
+_HANDLES = (
+    ("shift", "VIEW_PAN", (0, 0)),
+    ("roll", "FILE_REFRESH", (1, 0)),
+    ("tilt", "ORIENTATION_GIMBAL", (0, 1)),
+    ("depth", "ZOOM_ALL", (1, 1)),
+)
+"""Mode of the drag, icon, place on the pad right below the pivot."""
+
+SIZE, GAP = 28.0, 34.0
+"""Pixels at interface scale 1."""
+
+
+class ONEFRAME_GGT_pose(bpy.types.GizmoGroup):
+    """Handles to move the surface"""
+
+    bl_idname = "ONEFRAME_GGT_pose"
+    bl_label = "Move the surface"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options = {"PERSISTENT", "SCALE"}
+
+    @classmethod
+    def poll(cls, context):
+        settings = context.scene.oneframe
+        if not settings.show_gizmo or not from_scene.is_set_up(context.scene) or not shows_frame(context):
+            return False
+        # its handles would take the clicks of whoever picks near the pivot
+        return not tool.is_active(context)
+
+    def setup(self, context):
+        self._handles = []
+        for mode, icon, place in _HANDLES:
+            handle = self.gizmos.new("GIZMO_GT_button_2d")
+            handle.icon = icon
+            handle.draw_options = {"BACKDROP", "OUTLINE"}
+            handle.color, handle.alpha = (0.05, 0.05, 0.05), 0.55
+            handle.color_highlight, handle.alpha_highlight = (0.2, 0.45, 0.8), 0.9
+            handle.scale_basis = SIZE / 2
+            handle.use_draw_modal = True
+            handle.target_set_operator("oneframe.drag_pose").mode = mode
+            self._handles.append((handle, place))
+
+    def draw_prepare(self, context):
+        scene = context.scene
+        try:
+            pivot, _ = pivot_of(scene)
+            pose = from_scene.cam_from_model(scene)
+            view = FrameView.of(scene, context.region, context.region_data)
+        except InputError:
+            # the panel says why
+            for handle, _ in self._handles:
+                handle.hide = True
+            return
+        pixel = view.camera.project((pose[:3, :3] @ pivot + pose[:3, 3])[None])[0]
+        scale = context.preferences.system.ui_scale
+        size = np.array([context.region.width, context.region.height], float)
+        place_at = view.region_from_px(np.nan_to_num(pixel))
+        # in reach even if the surface is not
+        place_at = np.clip(place_at, 2 * GAP * scale, size - 2 * GAP * scale)
+        for handle, place in self._handles:
+            handle.hide = False
+            right, down = place
+            x, y = place_at + scale * GAP * np.array([right + 0.6, -down - 0.6])
+            handle.matrix_basis = Matrix.Translation((x, y, 0.0))
+
+
+register, unregister = bpy.utils.register_classes_factory((ONEFRAME_GGT_pose,))

@@ -1,0 +1,221 @@
+"""Moving the surface in steps of image pixels: keys, buttons, and drags of the gizmo."""
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty, EnumProperty, FloatProperty
+
+from ..pipeline.alignment.manual.nudge import nudged
+from ..pipeline.blender.alignment import alignment_scene
+from ..pipeline.errors import InputError
+from ..state import from_scene
+from ..state.pivot import keep_pivot, pivot_of
+from ..state.pose_text import pose_from_text, pose_rows, set_pose_given
+from ..ui.frame_view import FrameView, shows_frame, window_region
+from ..ui.keymap import OBJECT_MODE, Key, Keys
+from ..ui.operator import NeedsAlignment, Reporting, redraw
+
+AXES = [
+    ("x", "Right", "Shift to the right in the image"),
+    ("y", "Down", "Shift downwards in the image"),
+    ("depth", "Farther", "Move away from the camera, along the view ray through the pivot"),
+    ("pitch", "Tilt", "Tilt about the image's horizontal axis"),
+    ("yaw", "Turn", "Turn about the image's vertical axis"),
+    ("roll", "Roll", "Roll clockwise about the view ray through the pivot"),
+]
+STEPS = {"fine": 0.1, "normal": 1.0, "coarse": 10.0}
+"""Pixels."""
+
+# the key for the negative step, then for the positive one
+_KEY_PAIRS = {
+    "x": ("LEFT_ARROW", "RIGHT_ARROW"),
+    "y": ("UP_ARROW", "DOWN_ARROW"),
+    "depth": ("PAGE_UP", "PAGE_DOWN"),
+    "pitch": ("I", "K"),
+    "yaw": ("L", "J"),
+    "roll": ("COMMA", "PERIOD"),
+}
+_KEYBOARD = {key for pair in _KEY_PAIRS.values() for key in pair}
+KEYS = Keys(
+    Key(
+        "oneframe.nudge",
+        key,
+        shift=step == "fine",
+        ctrl=step == "coarse",
+        properties=(("axis", axis), ("step_px", sign * size)),
+        keymap=OBJECT_MODE,
+    )
+    for axis, pair in _KEY_PAIRS.items()
+    for key, sign in zip(pair, (-1, 1), strict=True)
+    for step, size in STEPS.items()
+)
+
+
+class _Mover(NeedsAlignment):
+    """What keys and drags share."""
+
+    def _start(self, context):
+        self._pivot, self._radius = pivot_of(context.scene)
+        self._first = from_scene.cam_from_model(context.scene)
+        keep_pivot(context.scene, self._pivot, self._radius)
+
+    def _move(self, context, pose, axis, step_px):
+        return nudged(pose, from_scene.camera(context.scene), self._pivot, axis, step_px, self._radius)
+
+    def _place(self, context, pose):
+        scene = context.scene
+        alignment_scene.set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), pose)
+        redraw(context)
+
+
+class ONEFRAME_OT_nudge(_Mover, Reporting, bpy.types.Operator):
+    """Move the surface by a step that is given in pixels of the frame; hold the key to repeat"""
+
+    bl_idname = "oneframe.nudge"
+    bl_label = "Nudge Surface"
+    bl_options = {"REGISTER", "UNDO"}
+
+    axis: EnumProperty(name="Axis", items=AXES, description="Along or about which axis of the camera")
+    step_px: FloatProperty(
+        name="Step", description="Step in pixels of the frame; negative for the other way", default=1.0, precision=2
+    )
+
+    def run(self, context):
+        self._start(context)
+        self._place(context, self._move(context, self._first, self.axis, self.step_px))
+
+    def invoke(self, context, event):
+        if event.type in _KEYBOARD and not shows_frame(context):
+            return {"PASS_THROUGH"}
+        ended = self.execute(context)
+        if ended != {"FINISHED"} or event.value != "PRESS" or event.type in ("LEFTMOUSE", "RET"):
+            return ended
+        # one undo step for as long as the key is held
+        self._key = event.type
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == self._key and event.value == "RELEASE":
+            return {"FINISHED"}
+        if event.type == self._key and event.value == "PRESS":
+            pose = from_scene.cam_from_model(context.scene)
+            self._place(context, self._move(context, pose, self.axis, self.step_px))
+            return {"RUNNING_MODAL"}
+        if event.type in ("MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "NONE", "TIMER", "WINDOW_DEACTIVATE"):
+            return {"FINISHED"} if event.type == "WINDOW_DEACTIVATE" else {"PASS_THROUGH"}
+        # another key: this gesture is over, and the key is not to be lost
+        return {"FINISHED", "PASS_THROUGH"}
+
+
+class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
+    """Drag the surface with the mouse; Shift: ten times finer, Esc or right click: as before"""
+
+    bl_idname = "oneframe.drag_pose"
+    bl_label = "Drag Surface"
+    bl_options = {"REGISTER", "UNDO", "BLOCKING", "GRAB_CURSOR"}
+
+    mode: EnumProperty(
+        name="Mode",
+        items=[
+            ("shift", "Shift", "Shift in the image plane"),
+            ("tilt", "Tilt", "Tilt and turn about the image's axes"),
+            ("roll", "Roll", "Roll about the view ray"),
+            ("depth", "Depth", "Up: farther, down: nearer"),
+        ],
+    )
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and shows_frame(context)
+
+    def run(self, context):
+        raise InputError("expected a drag with the mouse; use Nudge Surface from scripts")
+
+    def invoke(self, context, event):
+        try:
+            self._start(context)
+        except InputError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self._last = self._pointer(context, event)
+        self._pose = self._first
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type in ("ESC", "RIGHTMOUSE"):
+            self._place(context, self._first)
+            return {"CANCELLED"}
+        if event.type in ("LEFTMOUSE", "RET") and event.value in ("RELEASE", "PRESS"):
+            return {"FINISHED"}
+        if event.type == "MOUSEMOVE":
+            pointer = self._pointer(context, event)
+            moved = (pointer - self._last) * (0.1 if event.shift else 1.0)
+            for axis, step_px in self._steps(context, pointer, moved):
+                self._pose = self._move(context, self._pose, axis, step_px)
+            self._last = pointer
+            self._place(context, self._pose)
+        return {"RUNNING_MODAL"}
+
+    def _steps(self, context, pointer, moved):
+        if self.mode == "shift":
+            return ("x", moved[0]), ("y", moved[1])
+        if self.mode == "tilt":
+            # what is nearer than the pivot follows the pointer
+            return ("yaw", -moved[0]), ("pitch", moved[1])
+        if self.mode == "depth":
+            return (("depth", -moved[1]),)
+        camera = from_scene.camera(context.scene)
+        pivot_cam = self._pose[:3, :3] @ self._pivot + self._pose[:3, 3]
+        arm = pointer - camera.project(pivot_cam[None])[0]
+        length = max(float(np.linalg.norm(arm)), 1.0)
+        # the arc in pixels at the pointer, as the same angle at the radius that a step of "roll" is measured at
+        arc = (arm[0] * moved[1] - arm[1] * moved[0]) / length
+        return (("roll", arc / length * self._radius * camera.fx / pivot_cam[2]),)
+
+    def _pointer(self, context, event):
+        region = window_region(context.area)
+        view = FrameView.of(context.scene, region, context.area.spaces.active.region_3d)
+        return view.px_from_region(np.array([event.mouse_x - region.x, event.mouse_y - region.y], float))
+
+
+class ONEFRAME_OT_copy_pose(Reporting, bpy.types.Operator):
+    """Copy the pose to the clipboard as four rows of numbers at full precision, for the mesh as it was given"""
+
+    bl_idname = "oneframe.copy_pose"
+    bl_label = "Copy Pose"
+
+    inverse: BoolProperty(name="Inverse", description="Copy model_from_cam instead of cam_from_model", default=False)
+
+    def run(self, context):
+        context.window_manager.clipboard = "\n".join(pose_rows(context.scene, inverse=self.inverse))
+        return ("the pose is in the clipboard",)
+
+
+class ONEFRAME_OT_paste_pose(Reporting, bpy.types.Operator):
+    """Take cam_from_model from the clipboard: 16 or 12 numbers, row by row, for the mesh as it was given"""
+
+    bl_idname = "oneframe.paste_pose"
+    bl_label = "Paste Pose"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def run(self, context):
+        pose, told = pose_from_text(context.window_manager.clipboard)
+        set_pose_given(context.scene, pose)
+        return (told,) if told else ()
+
+
+_CLASSES = (ONEFRAME_OT_nudge, ONEFRAME_OT_drag_pose, ONEFRAME_OT_copy_pose, ONEFRAME_OT_paste_pose)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(_CLASSES)
+
+
+def register() -> None:
+    """Register operators and keys."""
+    _register_classes()
+    KEYS.register()
+
+
+def unregister() -> None:
+    """The opposite of :func:`register`."""
+    KEYS.unregister()
+    _unregister_classes()

@@ -1,0 +1,115 @@
+"""The Pose panel: nudges with their keys, and the pose as it stands, in both directions."""
+
+import bpy
+
+from ..pipeline.errors import InputError
+from ..pipeline.transforms import inverse_rigid
+from ..state import from_scene
+from ..state.pose_text import pose_given
+from ..ui.keymap import binding
+from ..ui.wrapped_text import draw_sentence
+from .operators import STEPS
+
+_PAIRS = (
+    ("x", -1, "Left", "Right", "TRIA_LEFT", "TRIA_RIGHT"),
+    ("y", -1, "Up", "Down", "TRIA_UP", "TRIA_DOWN"),
+    ("depth", -1, "Nearer", "Farther", "ZOOM_IN", "ZOOM_OUT"),
+    ("pitch", -1, "Tilt up", "Tilt down", "TRIA_UP_BAR", "TRIA_DOWN_BAR"),
+    ("yaw", 1, "Turn left", "Turn right", "TRIA_LEFT_BAR", "TRIA_RIGHT_BAR"),
+    ("roll", -1, "Roll left", "Roll right", "LOOP_BACK", "LOOP_FORWARDS"),
+)
+"""Axis, sign of the first button's step, the two buttons' texts and icons."""
+
+_SHORT = {
+    "Left Arrow": "\N{LEFTWARDS ARROW}",
+    "Right Arrow": "\N{RIGHTWARDS ARROW}",
+    "Up Arrow": "\N{UPWARDS ARROW}",
+    "Down Arrow": "\N{DOWNWARDS ARROW}",
+    "Page Up": "PgUp",
+    "Page Down": "PgDn",
+}
+
+
+class ONEFRAME_PT_pose(bpy.types.Panel):
+    """Move the surface in steps of image pixels; the pose at full precision"""
+
+    bl_idname = "ONEFRAME_PT_pose"
+    bl_label = "3  Move"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "OneFrame"
+    bl_order = 2
+
+    @classmethod
+    def poll(cls, context):
+        return from_scene.is_set_up(context.scene)
+
+    def draw(self, context):
+        layout = self.layout
+        settings = context.scene.oneframe
+        layout.operator_context = "EXEC_DEFAULT"
+        row = layout.row(align=True)
+        row.prop(settings, "step", expand=True)
+        step_px = STEPS[settings.step]
+        column = layout.column(align=True)
+        for axis, first, back, forth, back_icon, forth_icon in _PAIRS:
+            row = column.row(align=True)
+            for text, icon, sign in ((back, back_icon, first), (forth, forth_icon, -first)):
+                nudge = row.operator("oneframe.nudge", text=text, icon=icon)
+                nudge.axis, nudge.step_px = axis, sign * step_px
+            keys = row.row(align=True)
+            keys.enabled = False
+            bindings = (binding("oneframe.nudge", axis=axis, step_px=sign * 1.0) for sign in (first, -first))
+            keys.label(text="  ".join(_SHORT.get(key, key) for key in bindings))
+        layout.label(text="Ctrl: 10 px, Shift: 0.1 px, hold: repeat", icon="INFO")
+        layout.prop(settings, "show_gizmo")
+
+
+class _Matrix:
+    """A matrix for the mesh as it was given, read from the objects at every redraw."""
+
+    bl_parent_id = "ONEFRAME_PT_pose"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "OneFrame"
+    inverse = False
+
+    def draw(self, context):
+        layout, scene = self.layout, context.scene
+        try:
+            pose = pose_given(scene)
+        except InputError as error:
+            draw_sentence(layout, str(error), icon="ERROR")
+            return
+        if self.inverse:
+            pose = inverse_rigid(pose)
+        rows = layout.column(align=True)
+        rows.scale_y = 0.8
+        for row in pose[:3, :3]:
+            rows.label(text="  ".join(f"{value:.8f}" for value in row))
+        rows.label(text="  ".join(f"{value:.6f}" for value in pose[:3, 3]) + f" {scene.oneframe.units}")
+        row = layout.row(align=True)
+        row.operator("oneframe.copy_pose", icon="COPYDOWN").inverse = self.inverse
+        if not self.inverse:
+            row.operator("oneframe.paste_pose", icon="PASTEDOWN")
+            row.operator("oneframe.load_pose", text="", icon="FILE_FOLDER")
+
+
+class ONEFRAME_PT_cam_from_model(_Matrix, bpy.types.Panel):
+    """The pose of the surface in the camera's frame"""
+
+    bl_idname = "ONEFRAME_PT_cam_from_model"
+    bl_label = "cam_from_model"
+
+
+class ONEFRAME_PT_model_from_cam(_Matrix, bpy.types.Panel):
+    """The pose of the camera in the surface's frame"""
+
+    bl_idname = "ONEFRAME_PT_model_from_cam"
+    bl_label = "model_from_cam (inverse)"
+    bl_options = {"DEFAULT_CLOSED"}
+    inverse = True
+
+
+_CLASSES = (ONEFRAME_PT_pose, ONEFRAME_PT_cam_from_model, ONEFRAME_PT_model_from_cam)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

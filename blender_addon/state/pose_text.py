@@ -1,0 +1,53 @@
+"""The pose as text, as the case file has it: for the mesh as it was given, in its units, at full precision."""
+
+import bpy
+import numpy as np
+
+from ..pipeline.blender.alignment import alignment_scene
+from ..pipeline.case.case_file import MM_PER_UNIT
+from ..pipeline.transforms import checked_rigid, inverse_rigid
+from . import from_scene
+
+
+def pose_given(scene: bpy.types.Scene) -> np.ndarray:
+    """``cam_from_model`` (4x4) for the mesh file's own frame and units, as it stands in a case file."""
+    surface = from_scene.surface_of(scene)
+    cam_from_given = from_scene.cam_from_model(scene) @ inverse_rigid(alignment_scene.given_from_model_of(surface))
+    cam_from_given[:3, 3] /= MM_PER_UNIT[scene.oneframe.units]
+    return cam_from_given
+
+
+def pose_rows(scene: bpy.types.Scene, *, inverse: bool = False) -> list[str]:
+    """Four rows of four numbers each, which read back to the same pose."""
+    pose = pose_given(scene)
+    if inverse:
+        pose = inverse_rigid(pose)
+    return [" ".join(f"{value!r}" for value in row) for row in pose.tolist()]
+
+
+def pose_from_text(text: str) -> tuple[np.ndarray, str | None]:
+    """The opposite of :func:`pose_rows`; brackets and commas are allowed, 12 numbers as well as 16.
+
+    Raises
+    ------
+    InputError
+        Not a rigid transform.
+    """
+    words = text.translate(str.maketrans("[](),;", "      ")).split()
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        values = []
+    if len(values) == 12:
+        values += [0.0, 0.0, 0.0, 1.0]
+    matrix: object = np.reshape(values, (4, 4)) if len(values) == 16 else text[:40]
+    return checked_rigid(matrix, "the clipboard's pose")
+
+
+def set_pose_given(scene: bpy.types.Scene, cam_from_given: np.ndarray) -> None:
+    """Move the surface to a pose for the mesh file's own frame and units."""
+    camera_object, surface = from_scene.camera_object_of(scene), from_scene.surface_of(scene)
+    cam_from_given = cam_from_given.copy()
+    cam_from_given[:3, 3] *= MM_PER_UNIT[scene.oneframe.units]
+    given_from_model = alignment_scene.given_from_model_of(surface)
+    alignment_scene.set_pose(camera_object, surface, cam_from_given @ given_from_model)

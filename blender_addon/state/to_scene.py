@@ -1,0 +1,233 @@
+"""Puts frame, camera and surface into the scene one by one, in any order, and keeps what belongs together together."""
+
+import json
+from dataclasses import astuple
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..pipeline.alignment.manual.initial_pose import initial_pose
+from ..pipeline.blender.alignment import alignment_scene
+from ..pipeline.blender.bridge.exact_values import exact, set_exact
+from ..pipeline.camera.distortion import Distortion, checked_distortion
+from ..pipeline.camera.pinhole import PinholeCamera
+from ..pipeline.case.case_file import MM_PER_UNIT
+from ..pipeline.case.landmarks import Landmark
+from ..pipeline.case.loaded_case import LoadedCase
+from ..pipeline.errors import InputError
+from ..pipeline.surface.mesh import TriangleMesh
+from ..pipeline.transforms import inverse_rigid, rigid, transform_points
+from . import events, from_scene
+
+FIRST_POSE = "oneframe_first_pose"
+"""Custom property of the surface: the pose that it got for want of a better one; replaced when K comes later."""
+
+
+def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment_scene.AlignmentObjects) -> None:
+    """Fill the scene's settings from an opened case whose objects are in the scene."""
+    case, settings = loaded.case, scene.oneframe
+    settings.case_path, settings.frame_path = str(case.path.resolve()), str(case.image.resolve())
+    settings.frame_size = case.camera.size_wh
+    settings.units = next(unit for unit, factor in MM_PER_UNIT.items() if factor == case.mm_per_unit)
+    settings.camera_object, settings.surface = objects.camera, objects.surface
+    _remember_camera(scene, case.camera, case.distortion)
+    objects.surface.oneframe.role, objects.surface.oneframe.mesh_path = "SURFACE", str(case.mesh.resolve())
+    for structure, child in zip(case.structures, objects.structures, strict=True):
+        child.oneframe.role, child.oneframe.mesh_path = "STRUCTURE", str(structure.mesh.resolve())
+    settings.case_dataset_text = json.dumps(case.dataset)
+    for entry in settings.dataset.bl_rna.properties:
+        if entry.identifier not in ("rna_type", "name"):
+            settings.dataset.property_unset(entry.identifier)
+    for name, value in case.dataset.items():
+        if hasattr(settings.dataset, name):
+            setattr(settings.dataset, name, value)
+    replace_landmarks(scene, case.landmarks)
+
+
+def replace_landmarks(scene: bpy.types.Scene, landmarks: tuple[Landmark, ...]) -> None:
+    """Landmarks in the frame of the mesh file, mm, in place of those that are there; the pose stays."""
+    settings = scene.oneframe
+    model_from_given = np.eye(4)
+    if settings.surface is not None:
+        model_from_given = inverse_rigid(alignment_scene.given_from_model_of(settings.surface))
+    with events.untold():
+        settings.landmarks.clear()
+        for landmark in landmarks:
+            entry = settings.landmarks.add()
+            entry.name, entry.enabled = landmark.name, landmark.enabled
+            entry.has_point, entry.has_pixel = landmark.point is not None, landmark.pixel is not None
+            if landmark.point is not None:
+                entry.point = transform_points(model_from_given, np.array([landmark.point]))[0]
+            if landmark.pixel is not None:
+                entry.pixel = landmark.pixel
+        settings.landmark_index = 0
+
+
+def frame_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
+    """(width, height) of the frame that is loaded, ``None`` without one."""
+    size = tuple(scene.oneframe.frame_size)
+    return size if all(size) else None
+
+
+def take_frame(context: bpy.types.Context, path: Path, width: int, height: int) -> tuple[str, ...]:
+    """Make an image file the frame; returns warnings where K does not fit it."""
+    scene = context.scene
+    settings = scene.oneframe
+    settings.frame_path, settings.frame_size = str(path.resolve()), (width, height)
+    typed = settings.camera
+    if settings.camera_object is None:
+        typed.width, typed.height = width, height
+        typed.cx, typed.cy = (width - 1) / 2, (height - 1) / 2
+    else:
+        _show(scene)
+    look_through_camera(context)
+    return frame_warnings(scene)
+
+
+def frame_warnings(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """Sentences about a camera that does not belong to the frame."""
+    size = frame_size(scene)
+    if size is None or from_scene.present_camera(scene) is None:
+        return ()
+    camera = from_scene.camera(scene)
+    if camera.size_wh != size:
+        return (
+            f"K is for {camera.width} x {camera.height} px, the frame has {size[0]} x {size[1]}: "
+            "load the K of this frame, or correct the fields and press Set Camera",
+        )
+    return ()
+
+
+def typed_camera(scene: bpy.types.Scene) -> tuple[PinholeCamera, Distortion | None]:
+    """K from the panel's fields.
+
+    Raises
+    ------
+    InputError
+        A value that no camera has.
+    """
+    typed = scene.oneframe.camera
+    k = [[typed.fx, 0, typed.cx], [0, typed.fy, typed.cy], [0, 0, 1]]
+    camera = PinholeCamera.from_matrix(k, size=(typed.width, typed.height), pixel_origin=typed.pixel_origin, where="K")
+    if not typed.distortion.strip():
+        return camera, None
+    try:
+        values = [float(word) for word in typed.distortion.replace(",", " ").split()]
+    except ValueError:
+        raise InputError(f"distortion: expected numbers k1, k2, p1, p2, k3, found {typed.distortion!r}") from None
+    return camera, checked_distortion(values, camera, "distortion")
+
+
+def take_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Distortion | None) -> None:
+    """Make K the scene's camera.
+
+    Raises
+    ------
+    InputError
+        The frame, which is to be shown through it, is no longer there.
+    """
+    scene = context.scene
+    settings = scene.oneframe
+    if settings.frame_path:
+        from_scene.stamp(alignment_scene.absolute_path(settings.frame_path))
+    existing, surface = from_scene.present_camera(scene), from_scene.present_surface(scene)
+    pose = None if surface is None else alignment_scene.pose_of(existing, surface)
+    alignment_scene.set_alignment_units(scene)
+    settings.camera_object = alignment_scene.put_camera(scene, existing, camera)
+    _remember_camera(scene, camera, distortion)
+    if pose is not None:
+        first = exact(surface, FIRST_POSE)
+        if first is not None and np.array_equal(first, pose):
+            _place_first(scene, surface)
+        else:
+            alignment_scene.set_pose(settings.camera_object, surface, pose)
+            alignment_scene.fit_clip(settings.camera_object, alignment_scene.radius_of(surface), pose)
+    if settings.frame_path:
+        _show(scene)
+    look_through_camera(context)
+
+
+def take_surface(context: bpy.types.Context, path: Path, given: TriangleMesh, units: str) -> None:
+    """Make a mesh (frame of its file, mm) the surface; structures and landmarks of another surface go with it."""
+    scene = context.scene
+    settings = scene.oneframe
+    old = settings.surface
+    if old is not None:
+        alignment_scene.remove_objects([*old.children, old])
+    centre = given.vertices.mean(axis=0)
+    alignment_scene.set_alignment_units(scene)
+    surface = alignment_scene.put_surface(scene, given.moved(-centre), rigid(translation=centre), np.eye(4))
+    surface.oneframe.role, surface.oneframe.mesh_path = "SURFACE", str(path.resolve())
+    settings.surface, settings.units = surface, units
+    _place_first(scene, surface)
+    replace_landmarks(scene, ())
+    look_through_camera(context)
+
+
+def relink_surface(context: bpy.types.Context, path: Path) -> None:
+    """The surface now lies in another file, whose vertices have another mean: the model frame follows."""
+    scene = context.scene
+    settings = scene.oneframe
+    pose, surface = from_scene.cam_from_model(scene), settings.surface
+    landmarks = from_scene.landmarks_given(scene)
+    given_from_old = alignment_scene.given_from_model_of(surface)
+    mesh = alignment_scene.edited_mesh(surface)
+    shift = mesh.vertices.mean(axis=0)
+    old_from_new = rigid(translation=shift)
+    alignment_scene.replace_mesh(surface, mesh.moved(-shift), given_from_old @ old_from_new)
+    for child in surface.children:
+        child.location = [value - offset for value, offset in zip(child.location, shift, strict=True)]
+    alignment_scene.set_pose(settings.camera_object, surface, pose @ old_from_new)
+    surface.oneframe.mesh_path = str(path.resolve())
+    replace_landmarks(scene, landmarks)
+
+
+def look_through_camera(context: bpy.types.Context) -> None:
+    """Turn the 3D view (the largest, if the operator was not called from one) to the camera; nothing else changes."""
+    scene = context.scene
+    if scene.oneframe.camera_object is None or context.screen is None:
+        return
+    views = [area for area in context.screen.areas if area.type == "VIEW_3D"]
+    if not views or any(area.spaces.active.region_3d.view_perspective == "CAMERA" for area in views):
+        return
+    area = context.area if context.area in views else max(views, key=lambda area: area.width * area.height)
+    space = area.spaces.active
+    space.region_3d.view_perspective = "CAMERA"
+    # a lock would move the camera with the view
+    space.lock_camera = False
+    space.shading.color_type = "OBJECT"
+
+
+def _remember_camera(scene: bpy.types.Scene, camera: PinholeCamera, distortion: Distortion | None) -> None:
+    typed = scene.oneframe.camera
+    typed.width, typed.height = camera.size_wh
+    typed.fx, typed.fy, typed.cx, typed.cy = camera.fx, camera.fy, camera.cx, camera.cy
+    typed.pixel_origin = "center"
+    values = () if distortion is None else astuple(distortion)
+    typed.distortion = ", ".join(f"{value:g}" for value in values)
+    scene.oneframe.distortion_text = json.dumps(values) if values else ""
+
+
+def _show(scene: bpy.types.Scene) -> None:
+    """The frame behind the camera, undistorted if the lens needs it and K fits."""
+    settings = scene.oneframe
+    path = alignment_scene.absolute_path(settings.frame_path)
+    undistorted = None
+    if settings.distortion_text and not frame_warnings(scene):
+        undistorted, _ = from_scene.frame_at(scene, path)
+    alignment_scene.show_frame(settings.camera_object, alignment_scene.frame_image(path, undistorted))
+
+
+def _place_first(scene: bpy.types.Scene, surface: bpy.types.Object) -> None:
+    mesh = alignment_scene.edited_mesh(surface)
+    camera_object = from_scene.present_camera(scene)
+    # before K is known: any camera will do, the pose is found again when K comes
+    camera = PinholeCamera(1920, 1080, 12800, 12800, 959.5, 539.5)
+    if camera_object is not None:
+        camera = from_scene.camera(scene)
+    pose = initial_pose(mesh, camera)
+    alignment_scene.set_pose(camera_object, surface, pose)
+    set_exact(surface, FIRST_POSE, pose)
+    if camera_object is not None:
+        alignment_scene.fit_clip(camera_object, mesh.radius, pose)

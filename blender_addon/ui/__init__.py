@@ -1,0 +1,1 @@
+"""What all topics draw and click with."""

@@ -1,0 +1,1 @@
+"""Panel *View*: surface and frame, seen against each other."""

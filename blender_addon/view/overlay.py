@@ -1,0 +1,193 @@
+"""Draws over the views that look through the frame's camera: contour, blink, swipe, difference.
+
+It is drawn when Blender has drawn its objects and before gizmos, texts and other tools' marks, which so stay on top.
+"""
+
+from dataclasses import dataclass
+
+import bpy
+import gpu
+import numpy as np
+
+from ..pipeline.errors import InputError
+from ..state import from_scene
+from ..ui.frame_view import FrameView, shows_frame
+from . import overlay_mesh
+from .overlay_passes import Projection, SurfacePicture, rectangle
+from .overlay_shaders import MODES, composite_shader
+
+BLINK_S = 0.25
+"""Half a period: 2 Hz."""
+
+_pictures: dict[int, SurfacePicture] = {}
+_handle: object | None = None
+_blink_shows_frame = True
+
+
+@dataclass(frozen=True)
+class Composite:
+    """What is put over the frame's rectangle.
+
+    Attributes
+    ----------
+    mode
+        One of ``MODES`` of the shaders.
+    seen
+        Where the frame's pixels lie in the target.
+    image
+        The frame; ``None`` only for modes that do not show it.
+    picture
+        Of the surface, its lower left corner at ``origin`` of the target.
+    contour
+        Whether its lines are drawn.
+    target_encodes
+        Whether the target is in sRGB space and encodes what shaders write, as a 3D view's overlays do.
+    """
+
+    mode: str
+    seen: FrameView | None
+    image: bpy.types.Image | None
+    picture: SurfacePicture
+    contour: bool
+    origin: tuple[float, float] = (0.0, 0.0)
+    target_encodes: bool = True
+
+    def draw(self, view: bpy.types.PropertyGroup, low: tuple[float, float], high: tuple[float, float]) -> None:
+        """Draw the rectangle between two corners (px of the active viewport) with the scene's settings ``view``."""
+        shader = composite_shader()
+        shader.bind()
+        frame = self.picture.picture if self.image is None else gpu.texture.from_image(self.image)
+        shader.uniform_sampler("frame", frame)
+        shader.uniform_sampler("picture", self.picture.picture)
+        shader.uniform_sampler("lines", self.picture.lines)
+        size, scale, offset = (1.0, 1.0), (1.0, 1.0), (0.0, 0.0)
+        if self.seen is not None:
+            size, scale, offset = self.seen.camera.size_wh, self.seen.scale.tolist(), self.seen.offset.tolist()
+        shader.uniform_float("frame_size", size)
+        shader.uniform_float("frame_scale", scale)
+        shader.uniform_float("frame_offset", offset)
+        shader.uniform_float("picture_origin", self.origin)
+        shader.uniform_float("line_colour", (*view.contour_color, 1.0))
+        shader.uniform_float("line_px", max(1.0, bpy.context.preferences.system.pixel_size))
+        shader.uniform_float("split_px", view.split * size[0] - 0.5)
+        shader.uniform_float("gain", view.gain)
+        shader.uniform_float("opacity", view.opacity)
+        shader.uniform_float("white", self.picture.white)
+        shader.uniform_int("mode", MODES.index(self.mode))
+        shader.uniform_bool("contour", (self.contour,))
+        shader.uniform_bool("target_encodes", (self.target_encodes,))
+        shader.uniform_bool("coloured", (self.picture.coloured,))
+        gpu.state.depth_test_set("NONE")
+        gpu.state.blend_set("ALPHA")
+        rectangle(shader, low, high, gpu.state.viewport_get()[2:]).draw(shader)
+        gpu.state.blend_set("NONE")
+
+
+def frame_image_of(scene: bpy.types.Scene) -> bpy.types.Image | None:
+    """The frame as Blender shows it behind the camera; ``None`` if there is none or its file is gone."""
+    backgrounds = from_scene.camera_object_of(scene).data.background_images
+    image = backgrounds[0].image if backgrounds else None
+    return image if image is not None and image.size[0] else None
+
+
+def projection_of(
+    scene: bpy.types.Scene, region: bpy.types.Region, region_3d: bpy.types.RegionView3D, *, frame: bool
+) -> Projection:
+    """How a region sees the world; ``frame`` says whether it looks through the frame's camera."""
+    mm_per_px = 1 / from_scene.camera(scene).fx if frame else 0.0
+    return Projection(
+        region.width, region.height, region_3d.view_matrix.copy(), region_3d.window_matrix.copy(), mm_per_px
+    )
+
+
+def draw_view() -> None:
+    """Draw over the view that Blender is drawing now (a POST_VIEW draw handler)."""
+    context = bpy.context
+    scene = context.scene
+    if not from_scene.is_set_up(scene) or not shows_frame(context):
+        return
+    view, region = scene.oneframe_view, context.region
+    mode = view.comparison
+    if mode == "NONE" and not shows_opacity(context.space_data.shading) and not view.wireframe and view.opacity < 1:
+        mode = "FADE"
+    if mode == "NONE" and not view.contour:
+        return
+    try:
+        seen = FrameView.of(scene, region, context.region_data)
+        image = frame_image_of(scene)
+        projection = projection_of(scene, region, context.region_data, frame=True)
+    except InputError:
+        # told in the panel
+        return
+    if image is None:
+        mode = "NONE"
+    if mode == "BLINK":
+        _keep_blinking()
+        mode = "FRAME" if _blink_shows_frame else "SURFACE"
+    picture = picture_of(region.as_pointer(), region.width, region.height)
+    picture.draw(projection, from_scene.surface_of(scene), view.crease_deg if view.contour else None)
+    low, high = frame_rectangle(seen, region)
+    if (low < high).all():
+        Composite(mode, seen, image, picture, view.contour).draw(view, tuple(low), tuple(high))
+
+
+def shows_opacity(shading: bpy.types.View3DShading) -> bool:
+    """Whether Blender itself shows the opacity of an object's colour; in all other shading the frame is drawn over."""
+    return shading.type == "WIREFRAME" or (shading.type == "SOLID" and shading.color_type == "OBJECT")
+
+
+def picture_of(key: int, width: int, height: int) -> SurfacePicture:
+    """The picture that belongs to a region (or a loupe), made anew when its size has changed."""
+    kept = _pictures.get(key)
+    if kept is None or kept.size != (width, height):
+        if len(_pictures) > 8:
+            _pictures.clear()
+        kept = _pictures[key] = SurfacePicture(width, height)
+    return kept
+
+
+def frame_rectangle(seen: FrameView, region: bpy.types.Region) -> tuple[np.ndarray, np.ndarray]:
+    """Lower left and upper right corner (region px) of what the region shows of the frame."""
+    width, height = seen.camera.size_wh
+    corners = seen.region_from_px([[-0.5, height - 0.5], [width - 0.5, -0.5]])
+    low, high = np.clip(corners, 0, [region.width, region.height])
+    return low, high
+
+
+def _keep_blinking() -> None:
+    if not bpy.app.timers.is_registered(_blink):
+        bpy.app.timers.register(_blink, first_interval=BLINK_S)
+
+
+def _blink() -> float | None:
+    """The other half of blinking, in all views that blink; ends with the last of them."""
+    global _blink_shows_frame
+    # turned here and not read off a clock, which drawings that take longer would follow at random
+    _blink_shows_frame = not _blink_shows_frame
+    blinking = False
+    for window in bpy.context.window_manager.windows:
+        if window.scene.oneframe_view.comparison != "BLINK":
+            continue
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D" and area.spaces.active.region_3d.view_perspective == "CAMERA":
+                area.tag_redraw()
+                blinking = True
+    return BLINK_S if blinking else None
+
+
+def register() -> None:
+    """Start drawing."""
+    global _handle
+    overlay_mesh.register()
+    _handle = bpy.types.SpaceView3D.draw_handler_add(draw_view, (), "WINDOW", "POST_VIEW")
+
+
+def unregister() -> None:
+    """Stop drawing, and free the card's memory."""
+    global _handle
+    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
+    _handle = None
+    if bpy.app.timers.is_registered(_blink):
+        bpy.app.timers.unregister(_blink)
+    _pictures.clear()
+    overlay_mesh.unregister()

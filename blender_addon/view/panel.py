@@ -1,0 +1,87 @@
+"""The View panel: what shows how surface and frame agree, each with its key."""
+
+import bpy
+
+from ..pipeline.errors import InputError
+from ..state import from_scene
+from ..ui.frame_view import shows_frame
+from ..ui.keymap import draw_key
+from ..ui.wrapped_text import draw_sentence
+from .overlay import frame_image_of
+
+
+class ONEFRAME_PT_view(bpy.types.Panel):
+    """How surface and frame are shown together"""
+
+    bl_idname = "ONEFRAME_PT_view"
+    bl_label = "2  View"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "OneFrame"
+    bl_order = 1
+
+    @classmethod
+    def poll(cls, context):
+        return from_scene.is_set_up(context.scene)
+
+    def draw(self, context):
+        layout, scene = self.layout, context.scene
+        row = layout.row(align=True)
+        row.operator("oneframe.side_by_side", icon="WINDOW")
+        if shows_frame(context):
+            row.operator("oneframe.orbit_surface", text="Orbit", icon="ORIENTATION_VIEW")
+        if not shows_frame(context):
+            layout.operator("oneframe.show_frame", icon="OUTLINER_OB_CAMERA")
+            return
+        view = scene.oneframe_view
+        try:
+            self._draw(context, layout, view)
+        except InputError as error:
+            draw_sentence(layout, str(error), icon="ERROR")
+
+    def _draw(self, context, layout, view):
+        row = layout.row(align=True)
+        row.prop(view, "opacity", slider=True)
+        _key(row, "oneframe.cycle_opacity", icon="FILE_REFRESH")
+        _toggle(layout, "oneframe.toggle_wireframe", view.wireframe, "MOD_WIREFRAME")
+        _toggle(layout, "oneframe.toggle_contour", view.contour, "MOD_EDGESPLIT")
+        if view.contour:
+            row = layout.row(align=True)
+            row.prop(view, "contour_color", text="")
+            row.prop(view, "crease_deg", text="Crease over (°)")
+        if frame_image_of(context.scene) is None:
+            draw_sentence(layout, "no frame is loaded, or its file has moved; load the frame", icon="INFO")
+        _toggle(layout, "oneframe.toggle_blink", view.comparison == "BLINK", "HIDE_OFF")
+        _toggle(layout, "oneframe.toggle_swipe", view.comparison == "SWIPE", "ARROW_LEFTRIGHT")
+        if view.comparison == "SWIPE":
+            layout.prop(view, "split", slider=True)
+        _toggle(layout, "oneframe.toggle_difference", view.comparison == "DIFFERENCE", "SELECT_DIFFERENCE")
+        if view.comparison == "DIFFERENCE":
+            layout.prop(view, "gain")
+        self._draw_zoom(layout)
+        layout.prop(view, "loupe")
+
+    def _draw_zoom(self, layout):
+        row = layout.row(align=True)
+        row.operator("oneframe.zoom_frame", text="1 : 1").magnification = 1.0
+        draw_key(row, "oneframe.zoom_frame", magnification=1.0)
+        row.operator("view3d.view_center_camera", text="Fit")
+        draw_key(row, "view3d.view_center_camera")
+        column = layout.column(align=True)
+        column.enabled = False
+        column.label(text="Wheel: zoom to the pointer")
+        column.label(text="Shift + middle button: pan")
+
+
+def _toggle(layout: bpy.types.UILayout, operator: str, on: bool, icon: str) -> None:
+    row = layout.row(align=True)
+    row.operator(operator, icon=icon, depress=on)
+    draw_key(row, operator)
+
+
+def _key(row: bpy.types.UILayout, operator: str, icon: str) -> None:
+    row.operator(operator, text="", icon=icon)
+    draw_key(row, operator)
+
+
+register, unregister = bpy.utils.register_classes_factory((ONEFRAME_PT_view,))

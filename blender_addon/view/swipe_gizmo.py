@@ -1,0 +1,87 @@
+"""The grip on the line between frame and surface of the swipe: a gizmo, so that dragging it reaches no tool."""
+
+import bpy
+import gpu
+from gpu_extras.presets import draw_circle_2d
+
+from ..state import from_scene
+from ..ui.frame_view import FrameView, shows_frame
+from ..ui.operator import redraw
+
+GRIP_PX = 9.0
+"""Radius of the grip; it can be caught a little outside, too."""
+
+
+class ONEFRAME_GT_split(bpy.types.Gizmo):
+    """Drag the line between frame and surface"""
+
+    bl_idname = "ONEFRAME_GT_split"
+
+    def draw(self, context):
+        grip = _grip(context)
+        colour = (1.0, 0.75, 0.2, 1.0) if self.is_highlight or self.is_modal else (1.0, 1.0, 1.0, 1.0)
+        gpu.state.blend_set("ALPHA")
+        gpu.state.line_width_set(3.0)
+        draw_circle_2d(grip, (0.0, 0.0, 0.0, 0.6), _radius(context) + 1)
+        gpu.state.line_width_set(2.0)
+        draw_circle_2d(grip, colour, _radius(context))
+        draw_circle_2d(grip, colour, _radius(context) / 3)
+        gpu.state.line_width_set(1.0)
+        gpu.state.blend_set("NONE")
+
+    def test_select(self, context, location):
+        x, y = _grip(context)
+        near = (location[0] - x) ** 2 + (location[1] - y) ** 2 < (1.5 * _radius(context)) ** 2
+        return 0 if near else -1
+
+    def invoke(self, context, event):
+        self._before = context.scene.oneframe_view.split
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event, tweak):
+        seen = FrameView.of(context.scene, context.region, context.region_data)
+        px = seen.px_from_region([event.mouse_region_x, event.mouse_region_y])[0]
+        context.scene.oneframe_view.split = (px + 0.5) / seen.camera.width
+        redraw(context)
+        return {"RUNNING_MODAL"}
+
+    def exit(self, context, cancel):
+        if cancel:
+            context.scene.oneframe_view.split = self._before
+
+
+class ONEFRAME_GGT_split(bpy.types.GizmoGroup):
+    """The grip of the swipe"""
+
+    bl_idname = "ONEFRAME_GGT_split"
+    bl_label = "Swipe"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options = {"PERSISTENT", "SHOW_MODAL_ALL"}
+
+    @classmethod
+    def poll(cls, context):
+        return (
+            from_scene.is_set_up(context.scene)
+            and context.scene.oneframe_view.comparison == "SWIPE"
+            and shows_frame(context)
+        )
+
+    def setup(self, _context):
+        gizmo = self.gizmos.new(ONEFRAME_GT_split.bl_idname)
+        gizmo.use_draw_modal = True
+
+
+def _grip(context: bpy.types.Context) -> tuple[float, float]:
+    """Where the grip is in the region: on the line, at half height of what is seen."""
+    seen = FrameView.of(context.scene, context.region, context.region_data)
+    width = seen.camera.width
+    x = seen.region_from_px([context.scene.oneframe_view.split * width - 0.5, 0.0])[0]
+    return float(x), context.region.height / 2
+
+
+def _radius(context: bpy.types.Context) -> float:
+    return GRIP_PX * context.preferences.system.ui_scale
+
+
+register, unregister = bpy.utils.register_classes_factory((ONEFRAME_GT_split, ONEFRAME_GGT_split))

@@ -1,0 +1,182 @@
+"""A pose found from landmarks, as it is told: lines for a person, a table for a program, a record for the case file."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...camera.pinhole import PinholeCamera
+from ...case.landmarks import Landmark
+from ...files.numbers import two_digits
+from ...surface.mesh import TriangleMesh
+from ...transforms import inverse_rigid, transform_points
+from .solver import PoseEstimate
+
+CONVENTION = (
+    "cam_from_model maps points of the mesh file (mm) to a camera with OpenCV axes: x right, y down, z forward; "
+    "pixel (0, 0) is the centre of the top-left pixel of the undistorted frame"
+)
+
+OFF_SURFACE = 0.03
+"""A landmark farther from the surface's vertices than this part of its diagonal, plus an edge, does not lie on it."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """A pose and what it was found from, in the frame of the mesh file.
+
+    Attributes
+    ----------
+    landmarks
+        N complete, enabled landmarks, in the order of the estimate's residuals.
+    camera
+        Intrinsics.
+    estimate
+        Solved with points of the mesh file's frame, so that its ``cam_from_model`` is ``cam_from_given``.
+    click_sigma_px
+        What was assumed of a click.
+    """
+
+    landmarks: tuple[Landmark, ...]
+    camera: PinholeCamera
+    estimate: PoseEstimate
+    click_sigma_px: float
+
+    @property
+    def points_given(self) -> np.ndarray:
+        """``(N, 3)`` mm."""
+        return np.array([landmark.point for landmark in self.landmarks])
+
+    @property
+    def pixels(self) -> np.ndarray:
+        """``(N, 2)`` as clicked."""
+        return np.array([landmark.pixel for landmark in self.landmarks])
+
+
+def complete_landmarks(landmarks: Sequence[Landmark]) -> tuple[Landmark, ...]:
+    """Those that take part: enabled, with point and pixel."""
+    return tuple(each for each in landmarks if each.enabled and each.point is not None and each.pixel is not None)
+
+
+def off_surface(alignment: Alignment, mesh_given: TriangleMesh) -> dict[str, float]:
+    """Names of the landmarks that do not lie on the surface, and their distances from its nearest vertex in mm."""
+    limit = OFF_SURFACE * float(np.linalg.norm(np.ptp(mesh_given.bounds, axis=0))) + mesh_given.median_edge
+    found = {}
+    for landmark, point in zip(alignment.landmarks, alignment.points_given, strict=True):
+        distance = float(np.sqrt(((mesh_given.vertices - point) ** 2).sum(axis=1).min()))
+        if distance > limit:
+            found[landmark.name] = distance
+    return found
+
+
+def pose_lines(cam_from_given: np.ndarray) -> list[str]:
+    """A pose (4x4, mm) in both directions with all its digits."""
+    forth, back = _rows(cam_from_given), _rows(inverse_rigid(cam_from_given))
+    return [CONVENTION, "cam_from_model:", *forth, "model_from_cam:", *back]
+
+
+def pose_table(cam_from_given: np.ndarray) -> dict[str, object]:
+    """The same for JSON."""
+    return {
+        "convention": CONVENTION,
+        "cam_from_model": _plain(cam_from_given),
+        "model_from_cam": _plain(inverse_rigid(cam_from_given)),
+    }
+
+
+def report_lines(alignment: Alignment) -> list[str]:
+    """The pose in both directions with all its digits, the residuals and the uncertainty."""
+    estimate, uncertainty = alignment.estimate, alignment.estimate.uncertainty
+    lines = pose_lines(estimate.cam_from_model)
+    width = max(len("landmark"), *(len(landmark.name) for landmark in alignment.landmarks))
+    lines.append(f"{'landmark':{width}}    du px    dv px   off px")
+    for landmark, apart, inlier in zip(alignment.landmarks, estimate.residuals_px, estimate.inliers, strict=True):
+        numbers = "".join(f"{value:9.2f}" for value in (*apart, np.linalg.norm(apart)))
+        lines.append(f"{landmark.name:{width}}{numbers}{'' if inlier else '   left out'}")
+    lines += [
+        f"residuals: rms {estimate.rms_px:.2f} px over {estimate.inliers.sum()} of {len(estimate.inliers)} landmarks, "
+        f"clicks taken as {uncertainty.sigma_px:.2f} px uncertain",
+        f"standard deviations about camera x, y, z: {_three(uncertainty.rotation_deg)} degrees",
+        f"standard deviations along camera x, y, z: {_three(uncertainty.translation_mm)} mm",
+        f"weakest: {uncertainty.weakest}",
+    ]
+    return lines
+
+
+def report_table(alignment: Alignment) -> dict[str, object]:
+    """The same for JSON: lengths in mm, angles in degrees, ``None`` where a pair lies behind the camera."""
+    estimate, uncertainty = alignment.estimate, alignment.estimate.uncertainty
+    predicted = alignment.camera.project(transform_points(estimate.cam_from_model, alignment.points_given))
+    pairs = [
+        {
+            "name": landmark.name,
+            "surface": _plain(point),
+            "pixel": _plain(pixel),
+            "predicted": _plain(shown),
+            "residual_px": _plain(apart),
+            "inlier": bool(inlier),
+            "standard_deviation_px": _plain(np.sqrt(np.diag(covariance))),
+        }
+        for landmark, point, pixel, shown, apart, inlier, covariance in zip(
+            alignment.landmarks,
+            alignment.points_given,
+            alignment.pixels,
+            predicted,
+            estimate.residuals_px,
+            estimate.inliers,
+            uncertainty.pixel_covariances(alignment.points_given, alignment.camera, estimate.cam_from_model),
+            strict=True,
+        )
+    ]
+    return {
+        **pose_table(estimate.cam_from_model),
+        "K": _plain(alignment.camera.k),
+        "size": list(alignment.camera.size_wh),
+        "pairs": pairs,
+        "rms_px": estimate.rms_px,
+        "click_sigma_px": alignment.click_sigma_px,
+        "uncertainty": {
+            "of": "twist in camera axes about the pivot: translation (mm), then rotation (radians)",
+            "pivot": _plain(uncertainty.pivot_model),
+            "covariance": _plain(uncertainty.covariance),
+            "degrees_of_freedom": uncertainty.dof,
+            "noise_px": uncertainty.sigma_px,
+            "standard_deviation_deg": _plain(uncertainty.rotation_deg),
+            "standard_deviation_mm": _plain(uncertainty.translation_mm),
+            "weakest": uncertainty.weakest,
+            "weakest_twist": _plain(uncertainty.weakest_twist),
+        },
+        "told": list(estimate.told),
+    }
+
+
+def provenance(alignment: Alignment, tool: str, date: str) -> dict[str, object]:
+    """The record for a case file: see :mod:`.provenance`."""
+    estimate, uncertainty = alignment.estimate, alignment.estimate.uncertainty
+    return {
+        "method": "landmarks",
+        "tool": tool,
+        "date": date,
+        "pairs": int(estimate.inliers.sum()),
+        "rms_px": estimate.rms_px,
+        "click_sigma_px": alignment.click_sigma_px,
+        "standard_deviation_deg": _plain(uncertainty.rotation_deg),
+        "standard_deviation_mm": _plain(uncertainty.translation_mm),
+        "weakest": uncertainty.weakest,
+    }
+
+
+def _plain(values: np.ndarray) -> object:
+    """Lists of Python floats; JSON has no NaN."""
+    if values.ndim > 1:
+        return [_plain(row) for row in values]
+    return [float(value) if np.isfinite(value) else None for value in values]
+
+
+def _rows(matrix: np.ndarray) -> list[str]:
+    # repr of a Python float is the shortest text that reads back to the same number
+    return [f"  {row}," for row in matrix.tolist()]
+
+
+def _three(values: np.ndarray) -> str:
+    return ", ".join(map(two_digits, values))

@@ -1,0 +1,29 @@
+"""The frame with what its pose says lies in it: the surface's outline and the structures, to judge an alignment by."""
+
+import numpy as np
+
+from ...case.loaded_case import LoadedCase
+from ...images.overlay import Layer, overlaid
+from ..render.engines import render_view
+from ..render.surface_scene import SurfaceScene
+
+
+def frame_overlay(loaded: LoadedCase, surface_depth_mm: np.ndarray | None = None) -> np.ndarray:
+    """``(H, W, 3)`` float32 values 0..1.
+
+    Parameters
+    ----------
+    loaded
+        The case, at its pose.
+    surface_depth_mm
+        ``(H, W)`` depth of the surface in the frame, 0 where it is not; rendered if left out.
+    """
+    camera = loaded.case.camera
+    if surface_depth_mm is None:
+        with SurfaceScene(loaded.mesh, camera, None) as scene:
+            surface_depth_mm = render_view(scene, loaded.cam_from_model).depth_mm
+    layers = []
+    for structure, mesh in loaded.structures:
+        with SurfaceScene(mesh, camera, None) as scene:
+            layers.append(Layer(render_view(scene, loaded.cam_from_model).depth_mm, structure.color))
+    return overlaid(loaded.image, surface_depth_mm, layers)

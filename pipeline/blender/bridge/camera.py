@@ -1,0 +1,107 @@
+"""Pinhole camera <-> Blender camera: the intrinsics, exactly.
+
+Blender spans ``sensor_width`` over the larger of width and height in *pixel aspect* units (``sensor_fit='AUTO'``), so
+with aspects ax, ay >= 1 and S = max(W ax, H ay)::
+
+    lens    = fx ax sensor_width / S
+    shift_x = ((W - 1) / 2 - cx) ax / S
+    shift_y = (cy - (H - 1) / 2) ay / S
+
+where -1 is the half pixel between "origin at the centre of the top-left pixel" and the image's corner. All of it is
+stored in single precision: a relative error of 1e-7, below 1e-3 px everywhere in a 1920 px frame.
+"""
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...camera.pinhole import PinholeCamera
+from ...errors import InputError
+from ...transforms import CAM_FROM_OPENGL_CAM, inverse_rigid
+
+SENSOR_MM = 36.0
+MIN_LENS_MM = 1.0
+MAX_PIXEL_ASPECT = 200.0
+
+
+def new_camera(
+    scene: bpy.types.Scene, camera: PinholeCamera, *, clip_mm: tuple[float, float], name: str = "camera"
+) -> bpy.types.Object:
+    """A camera object with these intrinsics, linked to the scene, made its active camera.
+
+    Parameters
+    ----------
+    scene
+        Resolution and pixel aspect are set on it, since Blender keeps them there.
+    camera
+        Intrinsics, pixels.
+    clip_mm
+        Nearest and farthest distance that is rendered, along the optical axis.
+    """
+    camera_object = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+    scene.collection.objects.link(camera_object)
+    scene.camera = camera_object
+    set_intrinsics(scene, camera_object, camera)
+    set_clip(camera_object, clip_mm)
+    return camera_object
+
+
+def set_intrinsics(scene: bpy.types.Scene, camera_object: bpy.types.Object, camera: PinholeCamera) -> None:
+    """Give a camera object (and the scene's resolution and pixel aspect) the intrinsics of ``camera``.
+
+    Raises
+    ------
+    InputError
+        fx and fy so different, or a focal length so short, that Blender's camera cannot hold them.
+    """
+    aspect_x, aspect_y = max(1.0, camera.fy / camera.fx), max(1.0, camera.fx / camera.fy)
+    if max(aspect_x, aspect_y) > MAX_PIXEL_ASPECT:
+        raise InputError(
+            f"K: expected fx and fy within a factor of {MAX_PIXEL_ASPECT:g}, found {camera.fx:g} and {camera.fy:g}; "
+            "check the intrinsics"
+        )
+    span = max(camera.width * aspect_x, camera.height * aspect_y)
+    data = camera_object.data
+    data.type = "PERSP"
+    data.sensor_fit = "AUTO"
+    # a very short lens would fall below Blender's 1 mm: a larger sensor gives the same field of view
+    data.sensor_width = max(SENSOR_MM, 1.01 * MIN_LENS_MM * span / (camera.fx * aspect_x))
+    # read back: what Blender stores in single precision is what the lens must be computed from
+    data.lens = camera.fx * aspect_x * data.sensor_width / span
+    data.shift_x = ((camera.width - 1) / 2 - camera.cx) * aspect_x / span
+    data.shift_y = (camera.cy - (camera.height - 1) / 2) * aspect_y / span
+    data.dof.use_dof = False
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = camera.width, camera.height, 100
+    render.pixel_aspect_x, render.pixel_aspect_y = aspect_x, aspect_y
+
+
+def camera_from_blender(scene: bpy.types.Scene, camera_object: bpy.types.Object) -> PinholeCamera:
+    """The intrinsics that Blender's settings amount to: the inverse of :func:`set_intrinsics`."""
+    render, data = scene.render, camera_object.data
+    width, height = render.resolution_x, render.resolution_y
+    aspect_x, aspect_y = render.pixel_aspect_x, render.pixel_aspect_y
+    span = max(width * aspect_x, height * aspect_y)
+    return PinholeCamera(
+        width,
+        height,
+        fx=data.lens / data.sensor_width * span / aspect_x,
+        fy=data.lens / data.sensor_width * span / aspect_y,
+        cx=(width - 1) / 2 - data.shift_x * span / aspect_x,
+        cy=(height - 1) / 2 + data.shift_y * span / aspect_y,
+    )
+
+
+def set_clip(camera_object: bpy.types.Object, clip_mm: tuple[float, float]) -> None:
+    """Set the nearest and farthest rendered distance along the optical axis, mm."""
+    camera_object.data.clip_start, camera_object.data.clip_end = clip_mm
+
+
+def place_camera(camera_object: bpy.types.Object, cam_from_model: np.ndarray) -> None:
+    """Put a camera object where ``cam_from_model`` (4x4, mm) says."""
+    camera_object.matrix_world = Matrix(inverse_rigid(cam_from_model) @ CAM_FROM_OPENGL_CAM)
+
+
+def cam_from_model_of(camera_object: bpy.types.Object) -> np.ndarray:
+    """The pose of a camera object as ``cam_from_model``: the inverse of :func:`place_camera`."""
+    return inverse_rigid(np.array(camera_object.matrix_world, dtype=np.float64) @ CAM_FROM_OPENGL_CAM)

@@ -1,0 +1,80 @@
+"""Data-blocks that a piece of work brings into the open file, and their removal."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+
+from ...surface.mesh import TriangleMesh
+
+_KINDS = ("scenes", "worlds", "objects", "meshes", "cameras", "lights", "materials", "images", "node_groups")
+
+
+_OF_BLENDER = ("RENDER_RESULT", "COMPOSITING")
+"""Images that Blender makes and keeps for itself."""
+
+
+def data_blocks() -> list[bpy.types.ID]:
+    """All data-blocks of the kinds that the pipeline makes."""
+    return [
+        block
+        for kind in _KINDS
+        for block in getattr(bpy.data, kind)
+        if not (kind == "images" and block.type in _OF_BLENDER)
+    ]
+
+
+def remove_data(blocks: Iterable[bpy.types.ID]) -> None:
+    """Remove data-blocks, scenes with all that a render engine has kept of them."""
+    others = []
+    for block in blocks:
+        if isinstance(block, bpy.types.Scene):
+            # else the engine's dependency graph outlives its scene: the next removal of anything reads freed memory
+            block.render.use_persistent_data = False
+            # unlike batch_remove, gives a window that shows the scene another one
+            bpy.data.scenes.remove(block)
+        else:
+            others.append(block)
+    bpy.data.batch_remove(others)
+
+
+@contextmanager
+def temporary_data() -> Iterator[None]:
+    """What is made inside the block is removed at its end."""
+    existing = set(data_blocks())
+    try:
+        yield
+    finally:
+        remove_data(block for block in data_blocks() if block not in existing)
+
+
+def new_mesh_object(name: str, mesh: TriangleMesh) -> bpy.types.Object:
+    """A mesh object at the world's origin, not linked to any collection; vertex and face order are kept."""
+    data = bpy.data.meshes.new(name)
+    data.vertices.add(len(mesh.vertices))
+    data.vertices.foreach_set("co", mesh.vertices.astype(np.float32).ravel())
+    data.loops.add(mesh.faces.size)
+    data.loops.foreach_set("vertex_index", mesh.faces.ravel())
+    data.polygons.add(len(mesh.faces))
+    data.polygons.foreach_set("loop_start", np.arange(0, mesh.faces.size, 3, dtype=np.int32))
+    data.update(calc_edges=True)
+    return bpy.data.objects.new(name, data)
+
+
+def set_vertex_colors(mesh_object: bpy.types.Object, name: str, rgba: np.ndarray) -> None:
+    """Store ``(V, 4)`` float values as a point colour attribute, as they are (32 bit, no colour space)."""
+    attribute = mesh_object.data.color_attributes.new(name, "FLOAT_COLOR", "POINT")
+    attribute.data.foreach_set("color", np.ascontiguousarray(rgba, dtype=np.float32).ravel())
+
+
+def set_corner_uv(mesh_object: bpy.types.Object, name: str, uv: np.ndarray) -> None:
+    """Store ``(F, 3, 2)`` texture coordinates (origin bottom-left) as a UV map."""
+    layer = mesh_object.data.uv_layers.new(name=name, do_init=False)
+    layer.uv.foreach_set("vector", np.ascontiguousarray(uv, dtype=np.float32).ravel())
+
+
+def set_corner_vectors(mesh_object: bpy.types.Object, name: str, vectors: np.ndarray) -> None:
+    """Store ``(F, 3, 3)`` float vectors, one per corner of each triangle, as an attribute."""
+    attribute = mesh_object.data.attributes.new(name, "FLOAT_VECTOR", "CORNER")
+    attribute.data.foreach_set("vector", np.ascontiguousarray(vectors, dtype=np.float32).ravel())

@@ -1,0 +1,70 @@
+"""Images through Blender's own readers, and arrays to Blender images: code values, never colour managed."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...errors import InputError
+from ...images.image_check import check_image_file
+
+
+def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
+    """Read an image file as code values between 0 and 1.
+
+    Returns
+    -------
+    ``(H, W, 3)`` float32 RGB, 8-bit values divided by 255 and 16-bit ones by 65535 (grey is repeated), top row first;
+    ``(H, W)`` bool, False where the file's alpha is 0: pixels that show nothing, such as the rim of a circular field.
+
+    Raises
+    ------
+    InputError
+        The file is missing, cut off, or no image that Blender can read.
+    """
+    where = where or str(path)
+    check_image_file(path, where)
+    try:
+        image = bpy.data.images.load(str(path.resolve()), check_existing=False)
+    except RuntimeError as error:
+        raise InputError(f"{where}: expected an image, Blender cannot read it ({_one_line(error)})") from None
+    try:
+        image.colorspace_settings.name = "Non-Color"
+        # straight alpha, or 16-bit colours would be multiplied by it
+        image.alpha_mode = "CHANNEL_PACKED"
+        width, height = image.size
+        channels = image.channels
+        if width == 0 or height == 0 or channels == 0:
+            raise InputError(f"{where}: expected an image, Blender cannot decode it; open and save it again as PNG")
+        values = np.empty(width * height * channels, np.float32)
+        image.pixels.foreach_get(values)
+    finally:
+        bpy.data.images.remove(image)
+    values = values.reshape(height, width, channels)[::-1]
+    colours = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)
+    valid = values[..., 3] > 0 if channels == 4 else np.ones((height, width), dtype=bool)
+    return np.ascontiguousarray(colours), np.ascontiguousarray(valid)
+
+
+def new_float_image(name: str, rgba: np.ndarray) -> bpy.types.Image:
+    """A Blender image that holds ``(H, W, 4)`` float values as they are, top row first, for lookups in shaders."""
+    height, width = rgba.shape[:2]
+    image = bpy.data.images.new(name, width, height, alpha=True, float_buffer=True, is_data=True)
+    image.colorspace_settings.name = "Non-Color"
+    image.alpha_mode = "CHANNEL_PACKED"
+    image.use_half_precision = False
+    image.pixels.foreach_set(np.ascontiguousarray(rgba[::-1], dtype=np.float32).ravel())
+    image.update()
+    return image
+
+
+def new_packed_image(name: str, png: bytes, *, width: int, height: int) -> bpy.types.Image:
+    """A Blender image that is saved inside the .blend file, from a PNG in memory; its codes are sRGB."""
+    image = bpy.data.images.new(name, width, height)
+    image.source = "FILE"
+    image.pack(data=png, data_len=len(png))
+    return image
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

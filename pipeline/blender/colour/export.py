@@ -1,0 +1,116 @@
+"""The coloured surface as a file for other programs: GLB, OBJ or PLY, with a texture or vertex colours.
+
+PLY and OBJ keep the frame and units of the mesh that the user gave; GLB is in metres with y up, as glTF demands.
+"""
+
+import tempfile
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...case.loaded_case import LoadedCase
+from ...colour.texture_atlas import TextureAtlas
+from ...colour.vertex_colours import VertexColours
+from ...errors import InputError
+from ...files.content import write_bytes_atomically
+from ...images.pixel_values import eight_bit, linear_from_codes
+from ...images.png import encode_png
+from ...surface.mesh import TriangleMesh
+from ...surface.mesh_writer import write_obj, write_ply
+from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colors, temporary_data
+from ..bridge.versions import new_node_material
+from .reference_view import colour_of, source_of
+
+FORMATS = (".glb", ".obj", ".ply")
+
+
+def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: str) -> list[str]:
+    """Write the surface with the frame's colours; an OBJ or a textured PLY gets its picture beside it.
+
+    Parameters
+    ----------
+    loaded
+        The case.
+    path
+        ``.glb``, ``.obj`` or ``.ply``.
+    colour
+        ``"texture"`` or ``"vertex"`` (not for OBJ, which has no colours at vertices).
+
+    Returns
+    -------
+    Sentences to tell: resolution and coverage.
+
+    Raises
+    ------
+    InputError
+        Another extension, or a colour that the format cannot hold.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        raise InputError(f"{path}: expected a file name that ends in {', '.join(FORMATS)}, found {path.suffix!r}")
+    if colour not in ("texture", "vertex") or (suffix == ".obj" and colour == "vertex"):
+        raise InputError(f"{path}: a {suffix} file cannot hold {colour} colours; use texture")
+    source = source_of(loaded)
+    surface_colour, told = colour_of(source, colour)
+    given = source.mesh.moved(loaded.given_from_model[:3, 3])
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if suffix == ".glb":
+        _write_glb(path, given.scaled(1e-3), surface_colour)
+        return [*source.told, *told]
+    given = given.scaled(1 / loaded.case.mm_per_unit)
+    if isinstance(surface_colour, TextureAtlas):
+        picture = path.with_suffix(".png")
+        write_bytes_atomically(picture, encode_png(eight_bit(surface_colour.image)))
+        write = write_ply if suffix == ".ply" else write_obj
+        write(path, given, uv=surface_colour.uv, texture=picture.name)
+    else:
+        write_ply(path, given, colors=eight_bit(surface_colour.rgb), normals=given.vertex_normals)
+    return [*source.told, *told]
+
+
+def _write_glb(path: Path, mesh: TriangleMesh, colour: VertexColours | TextureAtlas) -> None:
+    """By Blender's own glTF exporter, from a scene of its own; the material is unlit: colours as recorded."""
+    with temporary_data(), tempfile.TemporaryDirectory(prefix="oneframe-export-") as folder:
+        scene = bpy.data.scenes.new("oneframe export")
+        surface = new_mesh_object("surface", mesh)
+        scene.collection.objects.link(surface)
+        surface.data.materials.append(_unlit_material(surface, colour, Path(folder)))
+        partial = path.with_name(f".partial-{path.stem}.glb")
+        try:
+            with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
+                bpy.ops.export_scene.gltf(
+                    filepath=str(partial),
+                    export_format="GLB",
+                    use_active_scene=True,
+                    export_vertex_color="ACTIVE",
+                    export_yup=True,
+                )
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+
+
+def _unlit_material(
+    surface: bpy.types.Object, colour: VertexColours | TextureAtlas, folder: Path
+) -> bpy.types.Material:
+    material = new_node_material("frame")
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    if isinstance(colour, TextureAtlas):
+        set_corner_uv(surface, "UVMap", colour.uv)
+        file = folder / "frame.png"
+        file.write_bytes(encode_png(eight_bit(colour.image)))
+        node = nodes.new("ShaderNodeTexImage")
+        node.image = bpy.data.images.load(str(file))
+        node.image.pack()
+    else:
+        # glTF holds vertex colours linear, the frame's code values are sRGB
+        rgba = np.concatenate([linear_from_codes(colour.rgb), np.ones((len(colour.rgb), 1))], axis=1)
+        set_vertex_colors(surface, "Color", rgba)
+        node = nodes.new("ShaderNodeVertexColor")
+        node.layer_name = "Color"
+    # the exporter takes a background shader for "unlit"
+    unlit, output = nodes.new("ShaderNodeBackground"), nodes.new("ShaderNodeOutputMaterial")
+    links.new(node.outputs["Color"], unlit.inputs["Color"])
+    links.new(unlit.outputs["Background"], output.inputs["Surface"])
+    return material

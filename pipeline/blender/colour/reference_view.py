@@ -1,0 +1,93 @@
+"""The aligned frame as a source of colour: what it saw of the surface, by a render of its own pose."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...case.loaded_case import LoadedCase
+from ...colour.source_view import SourceView
+from ...colour.texture_atlas import bake_atlas, classify_faces
+from ...colour.vertex_colours import colour_vertices
+from ...dataset.view import RenderedView
+from ...errors import InputError
+from ...projection.z_buffer import inverse_depth_map
+from ...surface.mesh import TriangleMesh
+from ...transforms import inverse_rigid, transform_points
+from ..render.engines import render_view
+from ..render.material import SurfaceColour
+from ..render.surface_scene import SurfaceScene
+
+
+@dataclass(frozen=True)
+class Source:
+    """The frame's view of the surface.
+
+    Attributes
+    ----------
+    mesh
+        The surface, model frame, its front sides turned to the frame.
+    view
+        Image, camera, pose and inverse depth.
+    pivot_model
+        ``(3,)`` mm: the surface point at the centre of what the frame shows; poses are drawn around it.
+    told
+        Sentences about what was found.
+    """
+
+    mesh: TriangleMesh
+    view: SourceView
+    pivot_model: np.ndarray
+    told: tuple[str, ...]
+
+
+def source_of(loaded: LoadedCase) -> Source:
+    """Render the frame's own pose to find what it saw.
+
+    Raises
+    ------
+    InputError
+        No pixel of the frame shows the surface.
+    """
+    camera, cam_from_model, mesh, told = loaded.case.camera, loaded.cam_from_model, loaded.mesh, []
+    seen = _geometry(mesh, camera, cam_from_model)
+    name = loaded.case.path.name
+    if not (seen.mask & loaded.valid).any():
+        raise InputError(f"{name}: expected the surface in the frame, no pixel shows it; align the pose first")
+    front = seen.observed[seen.mask].mean()
+    if front < 0.5:
+        mesh = mesh.flipped()
+        told.append(f"{name}: the frame sees the back of {1 - front:.0%} of the surface; its faces were flipped")
+    view = SourceView(camera, cam_from_model, loaded.image, inverse_depth_map(seen.depth_mm, loaded.valid))
+    v, u = np.nonzero(seen.mask & loaded.valid)
+    nearest = np.argmin((u - u.mean()) ** 2 + (v - v.mean()) ** 2)
+    pixel = np.array([[u[nearest], v[nearest]]], float)
+    pivot_cam = camera.rays_cam(pixel) * seen.depth_mm[v[nearest], u[nearest]]
+    pivot_model = transform_points(inverse_rigid(cam_from_model), pivot_cam)[0]
+    return Source(mesh, view, pivot_model, tuple(told))
+
+
+def colour_of(source: Source, mode: str) -> tuple[SurfaceColour, list[str]]:
+    """The surface's colour in a mode (``projective``, ``texture``, ``vertex``), and sentences to tell."""
+    view, mesh = source.view, source.mesh
+    if mode == "projective":
+        return view, []
+    if mode == "texture":
+        faces_seen = classify_faces(mesh, view.camera, view.cam_from_model, view.observed)
+        atlas = bake_atlas(mesh, view.camera, view.cam_from_model, view.image, view.observed, faces_seen)
+        return atlas, atlas.told()
+    colours = colour_vertices(mesh, view)
+    spacing_px = (
+        mesh.median_edge
+        * view.camera.fx
+        / np.linalg.norm(transform_points(view.cam_from_model, source.pivot_model[None]))
+    )
+    told = (
+        f"vertex colours: {colours.observed.sum()} of {len(colours.observed)} vertices seen by the frame, "
+        f"{spacing_px:.1f} px apart (median): detail finer than that is lost"
+    )
+    return colours, [told]
+
+
+def _geometry(mesh: TriangleMesh, camera: object, cam_from_model: np.ndarray) -> RenderedView:
+    with SurfaceScene(mesh, camera, None) as surface_scene:
+        return render_view(surface_scene, cam_from_model)

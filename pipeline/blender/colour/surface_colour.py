@@ -1,0 +1,231 @@
+"""The frame's colours on the user's own surface object, as the viewport, the editors and other add-ons show them.
+
+Vertex colours become a point colour attribute, the texture a UV map and an image packed into the .blend file; a
+material shows either without light. Blender holds colours linear where it does not hold 8-bit files, so the frame's
+code values are converted: under the view transform Standard the screen shows the frame's own values.
+
+Everything is remembered on the object itself: what lies on it, from which pose, and the material that it had before.
+"""
+
+import json
+from collections.abc import Mapping
+
+import bpy
+import numpy as np
+
+from ...colour.texture_atlas import TextureAtlas
+from ...colour.vertex_colours import NEUTRAL, VertexColours, colour_vertices
+from ...images.pixel_values import codes_from_linear, eight_bit, linear_from_codes
+from ...images.png import encode_png
+from ...surface.mesh import TriangleMesh
+from ..bridge.data_blocks import set_corner_uv, set_vertex_colors
+from ..bridge.image import new_packed_image
+from ..bridge.node_tree import Nodes
+from ..bridge.versions import new_node_material
+from ..render.material import COLOUR_ATTRIBUTE, OBSERVED_LEAST, UV_MAP
+from .reference_view import Source
+
+OBSERVED_ATTRIBUTE = "frame_observed"
+"""Boolean attribute of the vertices: the frame saw it."""
+MATERIAL, TEXTURE, MARKED_TEXTURE = "OneFrame colour", "OneFrame texture", "OneFrame texture (unseen marked)"
+RECORD, PLAIN_MATERIAL = "oneframe_colour", "oneframe_plain_material"
+"""Custom properties of the object: what lies on it (JSON), and the material before."""
+UNSEEN = (0.10, 0.25, 1.0)
+"""Code values (0..1) that mark surface which the frame did not see: a blue that no bone, blood or mucosa has."""
+COLOUR_NODE = "frame"
+
+
+def put_colour(
+    surface: bpy.types.Object,
+    mesh: TriangleMesh,
+    source: Source,
+    colour: VertexColours | TextureAtlas,
+    *,
+    mark_unseen: bool,
+    record: Mapping[str, object],
+) -> None:
+    """Colour an object in place of what this function put on it before.
+
+    Parameters
+    ----------
+    surface
+        The object, in Object mode; its mesh has the vertices and faces of ``mesh``, in that order.
+    mesh
+        The surface as loaded: the front sides that ``source.mesh`` has may be the other ones.
+    source, colour
+        What the frame saw, and the colours made from it.
+    mark_unseen
+        Show what the frame did not see in :data:`UNSEEN`, else in neutral grey.
+    record
+        What to remember with it, JSON types; ``mode`` and ``unseen_marked`` are added.
+    """
+    remove_colour(surface)
+    flipped = source.mesh.faces is not mesh.faces and not np.array_equal(source.mesh.faces, mesh.faces)
+    textured = isinstance(colour, TextureAtlas)
+    # beside a texture too: Solid's attribute colours, and whoever asks for the colour of a vertex
+    vertices = colour_vertices(source.mesh, source.view) if textured else colour
+    _set_colour_attribute(surface, vertices, mark_unseen)
+    material = _textured(surface, colour, mark_unseen, flipped) if textured else _vertex_coloured(mark_unseen, flipped)
+    flags = surface.data.attributes.new(OBSERVED_ATTRIBUTE, "BOOLEAN", "POINT")
+    flags.data.foreach_set("value", np.ascontiguousarray(vertices.observed))
+    material.cycles.emission_sampling = "NONE"
+    if not surface.data.materials:
+        surface.data.materials.append(None)
+    plain = surface.data.materials[0]
+    if plain is not None:
+        surface[PLAIN_MATERIAL] = plain
+    surface.data.materials[0] = material
+    surface[RECORD] = json.dumps({**record, "mode": "texture" if textured else "vertex", "unseen_marked": mark_unseen})
+    surface.data.update()
+
+
+def remove_colour(surface: bpy.types.Object) -> None:
+    """Take everything that :func:`put_colour` brought away again; the object is as plain as before."""
+    data = surface.data
+    for name in (COLOUR_ATTRIBUTE, OBSERVED_ATTRIBUTE, UV_MAP):
+        attribute = data.attributes.get(name)
+        if attribute is not None:
+            data.attributes.remove(attribute)
+    plain = surface.get(PLAIN_MATERIAL)
+    own = _own_materials(surface)
+    for number, material in enumerate(data.materials):
+        if material in own:
+            data.materials[number] = plain
+    # also what a surface that has been deleted has left
+    _remove_unused([material for material in bpy.data.materials if material.get(RECORD)])
+    for name in (RECORD, PLAIN_MATERIAL):
+        if name in surface:
+            del surface[name]
+    data.update()
+
+
+def colour_record(surface: bpy.types.Object) -> dict | None:
+    """What was remembered with the colours that lie on an object; ``None`` for a plain one."""
+    text = surface.get(RECORD)
+    if not isinstance(text, str):
+        return None
+    try:
+        record = json.loads(text)
+    except ValueError:
+        return None
+    return record if isinstance(record, dict) else None
+
+
+def mark_unseen(surface: bpy.types.Object, mark: bool) -> None:
+    """Show what the frame did not see in :data:`UNSEEN` (``mark``) or in neutral grey; plain objects stay so."""
+    record = colour_record(surface)
+    if record is None:
+        return
+    # none if the user has emptied the slot
+    for material in _own_materials(surface):
+        nodes = material.node_tree.nodes
+        _set_unseen_input(nodes, mark)
+        if record["mode"] == "texture" and record["unseen_marked"] != mark:
+            shown, other = nodes[COLOUR_NODE], nodes[COLOUR_NODE + " other"]
+            shown.image, other.image = other.image, shown.image
+    attribute = surface.data.color_attributes.get(COLOUR_ATTRIBUTE)
+    if attribute is not None:
+        rgba = np.empty(4 * len(attribute.data), np.float32)
+        attribute.data.foreach_get("color", rgba)
+        rgba = rgba.reshape(-1, 4)
+        rgba[rgba[:, 3] == 0, :3] = linear_from_codes(_unseen_codes(mark))
+        attribute.data.foreach_set("color", rgba.ravel())
+        surface.data.update()
+    surface[RECORD] = json.dumps({**record, "unseen_marked": mark})
+
+
+def vertex_codes(surface: bpy.types.Object) -> np.ndarray | None:
+    """``(V, 3)`` float32 code values 0..1 of the colours on an object, NaN where unseen; ``None`` for a plain one."""
+    attribute = surface.data.color_attributes.get(COLOUR_ATTRIBUTE)
+    if attribute is None or attribute.domain != "POINT" or len(attribute.data) != len(surface.data.vertices):
+        return None
+    rgba = np.empty(4 * len(attribute.data), np.float32)
+    attribute.data.foreach_get("color", rgba)
+    rgba = rgba.reshape(-1, 4)
+    return np.where(rgba[:, 3:] > 0, codes_from_linear(rgba[:, :3]), np.nan).astype(np.float32)
+
+
+def _set_colour_attribute(surface: bpy.types.Object, colour: VertexColours, mark: bool) -> None:
+    codes = np.where(colour.observed[:, None], colour.rgb, _unseen_codes(mark))
+    rgba = np.concatenate([linear_from_codes(codes), colour.observed[:, None]], axis=1)
+    set_vertex_colors(surface, COLOUR_ATTRIBUTE, rgba)
+    attributes = surface.data.color_attributes
+    attributes.active_color_name = COLOUR_ATTRIBUTE
+    attributes.render_color_index = attributes.active_color_index
+
+
+def _vertex_coloured(mark: bool, flipped: bool) -> bpy.types.Material:
+    material, nodes = _new_material()
+    attribute = nodes.add("ShaderNodeAttribute", name=COLOUR_NODE, attribute_name=COLOUR_ATTRIBUTE)
+    # a point is observed if all three vertices of its triangle are
+    observed = nodes.math("GREATER_THAN", attribute.outputs["Alpha"], OBSERVED_LEAST)
+    _shine(material, nodes, attribute.outputs["Color"], observed, mark, flipped)
+    return material
+
+
+def _textured(surface: bpy.types.Object, atlas: TextureAtlas, mark: bool, flipped: bool) -> bpy.types.Material:
+    # the corners of a flipped face come in the opposite order
+    set_corner_uv(surface, UV_MAP, atlas.uv[:, ::-1] if flipped else atlas.uv)
+    layer = surface.data.uv_layers[UV_MAP]
+    layer.active = layer.active_render = True
+    images = []
+    for name, marked in ((TEXTURE, False), (MARKED_TEXTURE, True)):
+        codes = np.where(atlas.observed[..., None], atlas.image, np.float32(_unseen_codes(marked)))
+        png = encode_png(eight_bit(codes))
+        images.append(new_packed_image(name, png, width=codes.shape[1], height=codes.shape[0]))
+    material, nodes = _new_material()
+    uv = nodes.add("ShaderNodeUVMap", uv_map=UV_MAP)
+    shown = nodes.add("ShaderNodeTexImage", name=COLOUR_NODE, image=images[mark], extension="EXTEND")
+    # holds the other picture, so that it is saved with the file
+    nodes.add("ShaderNodeTexImage", name=COLOUR_NODE + " other", image=images[not mark], extension="EXTEND")
+    nodes.link(uv.outputs["UV"], shown.inputs["Vector"])
+    # what Solid's texture mode shows
+    material.node_tree.nodes.active = shown
+    _shine(material, nodes, shown.outputs["Color"], 1.0, mark, flipped)
+    return material
+
+
+def _new_material() -> tuple[bpy.types.Material, Nodes]:
+    material = new_node_material(MATERIAL)
+    material[RECORD] = True
+    return material, Nodes(material.node_tree)
+
+
+def _shine(
+    material: bpy.types.Material,
+    nodes: Nodes,
+    colour: bpy.types.NodeSocket,
+    observed: bpy.types.NodeSocket | float,
+    mark: bool,
+    flipped: bool,
+) -> None:
+    """The material shines with the colour; back sides, which the frame never saw, with that of unseen surface."""
+    backfacing = nodes.add("ShaderNodeNewGeometry").outputs["Backfacing"]
+    front = nodes.math("MULTIPLY", backfacing, 1.0) if flipped else nodes.math("SUBTRACT", 1.0, backfacing)
+    flag = nodes.math("MULTIPLY", front, observed)
+    mixed = nodes.mixed(flag, (0.0, 0.0, 0.0, 1.0), colour)
+    mixed.node.name = "unseen"
+    _set_unseen_input(material.node_tree.nodes, mark)
+    emission, output = nodes.add("ShaderNodeEmission"), nodes.add("ShaderNodeOutputMaterial")
+    nodes.link(mixed, emission.inputs["Color"])
+    nodes.link(emission.outputs["Emission"], output.inputs["Surface"])
+
+
+def _set_unseen_input(nodes: bpy.types.Nodes, mark: bool) -> None:
+    nodes["unseen"].inputs[6].default_value = (*linear_from_codes(_unseen_codes(mark)), 1.0)
+
+
+def _unseen_codes(mark: bool) -> np.ndarray:
+    return np.array(UNSEEN if mark else (NEUTRAL,) * 3)
+
+
+def _own_materials(surface: bpy.types.Object) -> list[bpy.types.Material]:
+    return [material for material in surface.data.materials if material is not None and material.get(RECORD)]
+
+
+def _remove_unused(materials: list[bpy.types.Material]) -> None:
+    """Remove materials that nothing uses any more, and their pictures."""
+    for material in {m for m in materials if m.users == 0}:
+        images = [node.image for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeTexImage"]
+        bpy.data.materials.remove(material)
+        bpy.data.batch_remove([image for image in images if image is not None and image.users == 0])

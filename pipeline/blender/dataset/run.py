@@ -1,0 +1,151 @@
+"""A whole dataset run, start to end: what ``render_dataset.py`` and the add-on's background job call."""
+
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TextIO
+
+from ...dataset.folder import RECORD, RunFolder, check_identity
+from ...dataset.layout import finished_frames
+from ...errors import RunError
+from ...progress import LINE_SECONDS, Progress
+from ..render.engines import check_engine, keep_freed_memory
+from . import finish
+from .job import Job, OpenJob, available_cores, open_job, render_views, write_error
+from .view_renderer import ViewMaker
+from .workers import WorkerPool, assigned_frames, tell_finished
+
+Tell = Callable[[str], None]
+
+
+def run(
+    job: Job,
+    *,
+    workers: int,
+    worker_command: Sequence[str],
+    stream: TextIO,
+    progress_seconds: float = LINE_SECONDS,
+) -> None:
+    """Render what is missing of a job's views and, when all of the dataset is there, its tables.
+
+    Parameters
+    ----------
+    job
+        What to render.
+    workers
+        Processes, this one included; 0 for one a core.
+    worker_command
+        Starts another process that calls :func:`work` with the same job.
+    stream
+        Where progress and sentences about the run go.
+    progress_seconds
+        Time between lines of progress where there is no terminal.
+
+    Raises
+    ------
+    InputError
+        Anything that the user gave and that cannot be used.
+    RunError
+        The folder is in use or holds another dataset, or a file cannot be written. Finished views stay.
+    """
+
+    def tell(sentence: str) -> None:
+        stream.write(sentence + "\n")
+        stream.flush()
+
+    check_engine(job.options.engine)
+    opened = open_job(job)
+    with RunFolder(job.out, opened.identity(), job.shard) as folder:
+        try:
+            complete = finish.is_complete(opened)
+            if not complete or finish.lacks_video(opened):
+                complete = _render_missing(opened, workers, worker_command, tell, stream, progress_seconds)
+        except OSError as error:
+            raise write_error(error, job.out) from error
+        if complete:
+            folder.finish()
+    if complete:
+        for sentence in (*finish.summary(opened), f"dataset of {opened.count} views: {job.out}"):
+            tell(sentence)
+    elif job.shard.count == 1:
+        raise RunError(
+            f"{job.out}: finished views have vanished; leave the folder alone and run the same command again"
+        )
+    else:
+        tell(
+            f"part {job.shard.index}/{job.shard.count}: {len(opened.frames)} views are finished; when all parts lie in "
+            "one folder, the same command without --shard writes the tables"
+        )
+
+
+def _render_missing(
+    opened: OpenJob,
+    workers: int,
+    worker_command: Sequence[str],
+    tell: Tell,
+    stream: TextIO,
+    progress_seconds: float,
+) -> bool:
+    """Render, then write the tables that can be written, and the video; whether the whole dataset is there."""
+    out = opened.job.out
+    done = finished_frames(out, opened.frames)
+    missing = [index for index in opened.frames if index not in done]
+    workers = min(workers or available_cores(), max(1, len(missing)))
+    lock = threading.Lock()
+    settings = {"stream": stream, "line_seconds": progress_seconds}
+    progress = Progress(len(opened.frames), "views", finished=len(done), **settings)
+
+    def finished(_index: int) -> None:
+        with lock:
+            progress.advance()
+
+    keep_freed_memory()
+    pool = WorkerPool(missing, finished)
+    try:
+        pool.start(worker_command, workers - 1)
+        with opened.maker(threads=_threads(workers)) as maker:
+            for sentence in (*opened.told, *maker.told):
+                tell(sentence)
+            complete = finish.is_complete(opened)
+            if not complete:
+                finish.write_model_files(opened, maker)
+                render_views(maker, out, pool.frames(), finished)
+                progress.close()
+                complete = finish.write_finished_scenes(opened, maker)
+                if complete:
+                    finish.write_dataset_tables(opened, maker)
+                    tell(f"contact sheet: {out / 'contact_sheet.png'}")
+            if complete and finish.lacks_video(opened):
+                shown = Progress(opened.job.options.video_frames, "video frames", **settings)
+                tell(f"video: {_video(opened, maker, shown)}")
+    finally:
+        pool.stop()
+    for sentence in pool.told:
+        sys.stderr.write(sentence + "\n")
+    return complete
+
+
+def _video(opened: OpenJob, maker: ViewMaker, progress: Progress) -> Path:
+    path = finish.write_trajectory_video(opened, maker, progress)
+    progress.close()
+    return path
+
+
+def work(job: Job, *, workers: int, stream: TextIO) -> None:
+    """Be one of ``workers`` processes: render the views whose numbers come in through the standard input."""
+    # first of all, so that the input is watched while everything is loaded
+    frames = assigned_frames()
+    # Ctrl-C reaches all processes of a terminal: the parent decides
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    keep_freed_memory()
+    opened = open_job(job)
+    # the files may have changed since the run began: what it says that it is made of is what it must be made of
+    check_identity(job.out / RECORD, opened.identity())
+    with opened.maker(threads=_threads(workers)) as maker:
+        render_views(maker, job.out, frames, lambda index: tell_finished(index, stream))
+
+
+def _threads(workers: int) -> int:
+    return max(1, available_cores() // (workers or available_cores()))

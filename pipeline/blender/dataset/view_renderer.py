@@ -1,0 +1,223 @@
+"""One view of a dataset from its number: pose, render, ground truth. The same for any worker, shard or order."""
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from ...camera.pinhole import PinholeCamera
+from ...case.loaded_case import LoadedCase
+from ...dataset.options import DatasetOptions
+from ...dataset.view import RenderedView, depth_scale_for, mask_statistics, view_files
+from ...errors import InputError
+from ...poses.constraints import Constraints, Planned, plan_given_poses, plan_pose
+from ...poses.distributions import Cone, Gaussian, PoseDistribution, Reference, Shell, Trajectory
+from ...projection.silhouette import SilhouetteEdges, silhouette_statistics
+from ..colour.reference_view import Source, colour_of
+from ..render.anti_aliasing import EdgeSampler
+from ..render.engines import render_view
+from ..render.surface_scene import SurfaceScene
+from .view_probe import ViewProbe
+
+
+@dataclass(frozen=True)
+class MadeView:
+    """A rendered view and how its pose was found."""
+
+    planned: Planned
+    rendered: RenderedView
+
+
+class ViewMaker:
+    """Makes views of one dataset; building it prepares everything that they share. Use as a context manager."""
+
+    def __init__(
+        self,
+        loaded: LoadedCase,
+        source: Source,
+        options: DatasetOptions,
+        given_poses: np.ndarray | None,
+        *,
+        threads: int = 0,
+    ) -> None:
+        """Prepare colour, scene, probe and pose distribution.
+
+        Parameters
+        ----------
+        loaded, source
+            The case and what its frame saw.
+        options
+            The run's options.
+        given_poses
+            ``(N, 4, 4)`` explicit ``cam_from_model``, or ``None`` to draw them.
+        threads
+            Render threads, 0 for one a core.
+        """
+        self._options = options
+        self.camera = view_camera(loaded, options)
+        self.source = source
+        colour, told = colour_of(source, options.colour)
+        self.told = (*loaded.told, *source.told, *told)
+        # rasterisers average many samples at little cost
+        at_edges = options.samples > 1 and options.engine == "cycles"
+        self._scene = SurfaceScene(
+            source.mesh,
+            self.camera,
+            colour,
+            engine=options.engine,
+            samples=1 if at_edges else options.samples,
+            filtered=at_edges,
+            threads=threads,
+        )
+        self._sampler = (
+            EdgeSampler(self._scene, source.view, source.pivot_model, colour, self.camera, options.samples)
+            if at_edges
+            else None
+        )
+        self._probe = ViewProbe(self._scene, source, self.camera)
+        self._edges = SilhouetteEdges.of(source.mesh)
+        self._given = given_poses
+        reference = Reference(loaded.cam_from_model, source.pivot_model)
+        self._trajectory = Trajectory(
+            reference=reference,
+            cone_deg=options.cone_deg,
+            roll_deg=options.roll_deg,
+            # the path starts at the frame's own distance
+            distance_min=min(options.distance_min, 1.0),
+            distance_max=max(options.distance_max, 1.0),
+        )
+        self._distribution = _distribution(options, reference, self.camera)
+        self._constraints = Constraints(
+            min_surface=options.min_surface,
+            min_observed=options.min_observed,
+            min_clearance_mm=options.min_clearance_mm,
+        )
+        self.depth_scale = depth_scale_for(_farthest_mm(source, options, reference, given_poses))
+
+    def __enter__(self) -> "ViewMaker":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._scene.close()
+
+    def plan(self, index: int) -> Planned:
+        """The pose of view ``index``; depends on the case, the options and (seed, index) only.
+
+        Raises
+        ------
+        InputError
+            No pose meets the constraints.
+        """
+        if self._given is not None:
+            return plan_given_poses(self._given[index : index + 1], self._constraints, self._probe)[0][0]
+        if self._options.sampler == "trajectory":
+            pose = self._trajectory.pose_at(index / self._options.count)
+            return plan_given_poses(pose[None], self._constraints, self._probe)[0][0]
+        return plan_pose(self._distribution, self._constraints, self._probe, seed=self._options.seed, index=index)
+
+    def make(self, index: int) -> MadeView:
+        """Plan and render view ``index``."""
+        planned = self.plan(index)
+        return MadeView(planned, self.render(planned.cam_from_model))
+
+    def render(self, cam_from_model: np.ndarray) -> RenderedView:
+        """Render any pose."""
+        if self._sampler is not None:
+            return self._sampler.render(cam_from_model)
+        return render_view(self._scene, cam_from_model)
+
+    def video_poses(self) -> np.ndarray:
+        """``(video_frames, 4, 4)`` poses of the video's trajectory."""
+        return self._trajectory.poses(self._options.video_frames)
+
+    def encode(self, made: MadeView) -> tuple[dict[str, bytes], dict]:
+        """The files of a view by kind, and its record; touches no Blender data, so any thread may call it."""
+        rendered, cam_from_model = made.rendered, made.planned.cam_from_model
+        depth_scale = self.depth_scale
+        farthest = float(rendered.depth_mm.max())
+        if farthest > depth_scale * 65535:
+            depth_scale = depth_scale_for(farthest)
+        files = view_files(
+            rendered.rgb,
+            rendered.depth_mm,
+            rendered.observed,
+            depth_scale=depth_scale,
+            float_depth=self._options.float_depth,
+        )
+        mask = rendered.mask
+        visible = mask_statistics(mask)
+        silhouette = silhouette_statistics(self._edges, self.camera, cam_from_model)
+        inside = visible["px_count_visib"]
+        # rays and scan lines may disagree on a pixel whose centre an edge crosses: the image is what counts inside
+        whole = silhouette.px_count_all - silhouette.px_count_inside + inside
+        record = {
+            "cam_R_m2c": cam_from_model[:3, :3].ravel().tolist(),
+            "cam_t_m2c": cam_from_model[:3, 3].tolist(),
+            "depth_scale": depth_scale,
+            "gt_info": {
+                "bbox_obj": list(silhouette.bbox_obj) if inside else [-1, -1, -1, -1],
+                "bbox_visib": visible["bbox_visib"],
+                "px_count_all": whole,
+                "px_count_valid": inside,
+                "px_count_visib": inside,
+                "visib_fract": inside / whole if whole else 0.0,
+            },
+            "px_count_observed": int(np.count_nonzero(rendered.observed)),
+            "attempts": made.planned.attempts,
+            "rejections": asdict(made.planned.rejections),
+            "rle_counts": visible["rle_counts"],
+        }
+        return files, record
+
+
+def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:
+    """The intrinsics of the views: the frame's, at the size that the options ask for.
+
+    Raises
+    ------
+    InputError
+        The scaled image would have no pixels.
+    """
+    camera = loaded.case.camera
+    if options.scale == 1.0:
+        return camera
+    width, height = (round(size * options.scale) for size in camera.size_wh)
+    if min(width, height) < 1:
+        raise InputError(f"--scale: expected views of at least 1 px, {options.scale:g} makes {width}x{height}")
+    return camera.resized(width, height)
+
+
+def _distribution(options: DatasetOptions, reference: Reference, camera: PinholeCamera) -> PoseDistribution | None:
+    distances = {"distance_min": options.distance_min, "distance_max": options.distance_max}
+    match options.sampler:
+        case "cone":
+            return Cone(
+                reference=reference,
+                cone_deg=options.cone_deg,
+                roll_deg=options.roll_deg,
+                shift_mm=options.shift_mm,
+                **distances,
+            )
+        case "gaussian":
+            return Gaussian(reference=reference, sigma_deg=options.sigma_deg, sigma_mm=options.sigma_mm)
+        case "shell":
+            middle = camera.rays_cam(np.array([[(camera.width - 1) / 2, (camera.height - 1) / 2]]))[0]
+            return Shell(
+                reference=reference,
+                max_polar_deg=options.polar_deg,
+                roll_deg=options.roll_deg,
+                look_ray_cam=tuple(middle),
+                **distances,
+            )
+    return None
+
+
+def _farthest_mm(
+    source: Source, options: DatasetOptions, reference: Reference, given_poses: np.ndarray | None
+) -> float:
+    """A distance that surface in the dataset's views hardly ever exceeds (a view that does gets its own scale)."""
+    reach = source.mesh.radius + float(np.linalg.norm(source.pivot_model))
+    if given_poses is not None:
+        return float(given_poses[:, 2, 3].max()) + source.mesh.radius
+    if options.sampler == "gaussian":
+        return reference.distance_mm + reach + 4 * options.sigma_mm
+    return reference.distance_mm * max(options.distance_max, 1.0) + reach

@@ -1,0 +1,154 @@
+"""More processes for one job: each worker is the same script once more, fed with view numbers through its input.
+
+A worker gets a number a line and answers with "finished: number" when that view is on disk; other lines of its output
+are Blender's. When its input ends, which also happens when the parent dies in any way, it ends too, wherever it is.
+"""
+
+import os
+import queue
+import subprocess
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from typing import TextIO
+
+from ...errors import InputError, RunError
+from ..command_line import EXIT_INPUT, EXIT_RUN
+
+_FINISHED = "finished: "
+
+AHEAD = 2
+"""Views a worker has been given and not finished: one in work, one waiting, so that it never idles."""
+
+
+class WorkerPool:
+    """Workers that take views from a common queue; the parent takes from it as well."""
+
+    def __init__(self, frames: Sequence[int], finished: Callable[[int], None]) -> None:
+        """Nothing runs yet; ``finished`` is called with a view's number, from any thread."""
+        self._frames = deque(frames)
+        self._finished = finished
+        self._threads: list[threading.Thread] = []
+        self._processes: list[subprocess.Popen[str]] = []
+        self._failure: Exception | None = None
+        self.told: list[str] = []
+
+    def start(self, command: Sequence[str], count: int) -> None:
+        """Start ``count`` workers with a command."""
+        for number in range(count):
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                bufsize=1,
+                encoding="utf-8",
+                errors="replace",
+            )
+            thread = threading.Thread(target=self._feed, args=(process, number + 1), daemon=True)
+            self._processes.append(process)
+            self._threads.append(thread)
+            thread.start()
+
+    def frames(self) -> Iterator[int]:
+        """Views for the parent itself, until none is left and no worker holds one."""
+        while True:
+            self._check()
+            try:
+                yield self._frames.popleft()
+                continue
+            except IndexError:
+                pass
+            for thread in self._threads:
+                thread.join()
+            self._check()
+            if not self._frames:
+                return
+
+    def stop(self) -> None:
+        """End all workers at once."""
+        self._frames.clear()
+        for process in self._processes:
+            process.kill()
+        for thread in self._threads:
+            thread.join()
+
+    def _check(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+
+    def _feed(self, process: subprocess.Popen[str], number: int) -> None:
+        given: set[int] = set()
+        errors: deque[str] = deque(maxlen=20)
+        reader = threading.Thread(target=lambda: errors.extend(process.stderr or ()), daemon=True)
+        reader.start()
+        try:
+            self._give(process, given)
+            for line in process.stdout or ():
+                if line.startswith(_FINISHED):
+                    index = int(line.removeprefix(_FINISHED))
+                    given.discard(index)
+                    self._finished(index)
+                    self._give(process, given)
+        except BrokenPipeError:
+            # it died: its exit code tells more; if it lives, nobody listens to this process: let it go
+            process.kill()
+        code = process.wait()
+        reader.join()
+        # what it held goes back to the others
+        self._frames.extendleft(sorted(given, reverse=True))
+        told = [line for line in errors if line.startswith("error: ")] or [*errors]
+        last = told[-1].strip().removeprefix("error: ") if told else ""
+        if code == EXIT_INPUT:
+            self._failure = InputError(last)
+        elif code == EXIT_RUN:
+            self._failure = RunError(last)
+        elif code != 0:
+            how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
+            self.told.append(f"worker {number} {how}; the others go on {f'({last})' if last else ''}".rstrip())
+
+    def _give(self, process: subprocess.Popen[str], given: set[int]) -> None:
+        stream = process.stdin
+        if stream is None or stream.closed:
+            return
+        while len(given) < AHEAD:
+            try:
+                index = self._frames.popleft()
+            except IndexError:
+                if not given:
+                    stream.close()
+                return
+            given.add(index)
+            stream.write(f"{index}\n")
+        stream.flush()
+
+
+def tell_finished(index: int, stream: TextIO) -> None:
+    """A worker's answer: this view is on disk."""
+    stream.write(f"{_FINISHED}{index}\n")
+    stream.flush()
+
+
+def assigned_frames(stream: TextIO = sys.stdin) -> Iterator[int | None]:
+    """A worker's views from its input, ``None`` now and then while it waits; does not end by itself.
+
+    The process ends with its input, at once: the parent ends it when nothing is left to do, or has died.
+    """
+    lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+
+    def read() -> None:
+        for line in stream:
+            lines.put(line)
+        os._exit(0)
+
+    threading.Thread(target=read, daemon=True).start()
+
+    def frames() -> Iterator[int | None]:
+        while True:
+            try:
+                yield int(lines.get(timeout=0.1))
+            except queue.Empty:
+                yield None
+
+    return frames()

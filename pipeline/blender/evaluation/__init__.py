@@ -1,0 +1,4 @@
+"""Views beside photographs of the same poses.
+
+In: a case and posed photographs. Out: figures and pictures.
+"""

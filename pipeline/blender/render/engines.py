@@ -1,0 +1,201 @@
+"""Render one view of a surface to arrays: colour, depth and observed surface from the same rays.
+
+Cycles' passes are taken from memory while its own render call is still open. Eevee and Workbench are built into
+Blender and give their passes only to a file, so theirs go through an uncompressed EXR in a temporary folder.
+"""
+
+import ctypes
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...colour.vertex_colours import NEUTRAL
+from ...dataset.view import RenderedView
+from ...errors import InputError, RunError
+from ...images.exr import ExrError, read_exr
+from ..bridge.versions import ENGINE_IDS, set_multilayer_exr
+from .material import COLOUR_ATTRIBUTE, OBSERVED_ATTRIBUTE, OBSERVED_PASS
+from .surface_scene import SurfaceScene
+
+_TRIAL_ENDED = "trial render ended"
+
+
+_BACKGROUND_MM = 1e9  # Blender's depth of "nothing" is 1e10
+
+
+def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> RenderedView:
+    """Render the surface from a pose (4x4, mm)."""
+    surface_scene.look_from(cam_from_model)
+    if surface_scene.engine == "cycles":
+        passes = _render_cycles(surface_scene.scene)
+    elif surface_scene.engine == "workbench":
+        passes = _render_workbench(surface_scene)
+    else:
+        passes = _render_to_file(surface_scene.scene)
+    combined, depth = passes["Combined"], passes["Depth"][..., 0]
+    # Eevee 4.5 gives the background the depth of the far clip plane
+    depth = np.where((depth < _BACKGROUND_MM) & (combined[..., 3] > 0), depth, np.float32(0))
+    # with several samples the flag is their mean, also of those beside the pixel's centre
+    flag = np.where(depth > 0, passes[OBSERVED_PASS][..., 0], np.float32(0))
+    return RenderedView(combined[..., :3], depth, flag > 0.5, flag > 1.5)
+
+
+def _render_cycles(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
+    with _open_result() as results, interrupts_held_back():
+        bpy.ops.render.render(scene=scene.name)
+    if not results:
+        raise RuntimeError("Cycles ended without a result")
+    return results[-1]
+
+
+@contextmanager
+def _open_result() -> Iterator[list[dict[str, np.ndarray]]]:
+    """Collect the passes of Cycles renders inside the block.
+
+    Cycles is a render engine written in Python around a library; Blender looks its ``render`` up at every call, and a
+    render result can be read by its engine alone. So for the length of the block that method reads the result as well.
+    """
+    import cycles
+
+    engine, original = cycles.CyclesRender, cycles.CyclesRender.render
+    results: list[dict[str, np.ndarray]] = []
+
+    def render_and_read(self: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
+        original(self, depsgraph)
+        result = self.get_result()
+        results.append({p.name: _pass_array(p, result.resolution_y) for p in result.layers[0].passes})
+
+    engine.render = render_and_read
+    try:
+        yield results
+    finally:
+        engine.render = original
+
+
+def _pass_array(render_pass: bpy.types.RenderPass, height: int) -> np.ndarray:
+    values = np.empty(len(render_pass.rect) * render_pass.channels, np.float32)
+    render_pass.rect.foreach_get(values)
+    return values.reshape(height, -1, render_pass.channels)[::-1]
+
+
+def _render_workbench(surface_scene: SurfaceScene) -> dict[str, np.ndarray]:
+    """Workbench runs no shaders and has no pass for the observed flag: a second render draws it as the colour.
+
+    That one leaves back sides out, so where its depth differs from the first one's, the first shows a back side.
+    """
+    scene = surface_scene.scene
+    attributes, shading = surface_scene.surface_object.data.color_attributes, scene.display.shading
+    coloured = OBSERVED_ATTRIBUTE in attributes
+    passes = _render_to_file(scene)
+    shading.show_backface_culling = True
+    if coloured:
+        attributes.active_color_name = OBSERVED_ATTRIBUTE
+    try:
+        flags = _render_to_file(scene)
+    finally:
+        shading.show_backface_culling = False
+        if coloured:
+            attributes.active_color_name = COLOUR_ATTRIBUTE
+    observed = flags["Depth"] == passes["Depth"]
+    if coloured:
+        # its buffers are half floats: 1 may come out as the value before
+        observed &= flags["Combined"][..., :1] > 0.999
+        unseen = np.float32(NEUTRAL) * passes["Combined"][..., 3:]
+        passes["Combined"][..., :3] = np.where(observed, passes["Combined"][..., :3], unseen)
+    return passes | {OBSERVED_PASS: observed.astype(np.float32)}
+
+
+def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
+    set_multilayer_exr(scene)
+    with tempfile.TemporaryDirectory(prefix="oneframe-") as folder:
+        path = Path(folder) / "view.exr"
+        scene.render.filepath = str(path)
+        try:
+            with interrupts_held_back():
+                bpy.ops.render.render(scene=scene.name, write_still=True)
+            channels = read_exr(path)
+        except (RuntimeError, OSError, ExrError) as error:
+            reason = " ".join(str(error).split())
+            raise RunError(
+                f"{folder}: cannot hold a render ({reason}); is the disk of temporary files full?"
+            ) from error
+    passes: dict[str, list[np.ndarray]] = {}
+    for suffix in "RXVZGYBZA":
+        for name, plane in channels.items():
+            _, pass_name, channel = name.rsplit(".", 2)
+            if channel == suffix and not (pass_name in passes and any(plane is p for p in passes[pass_name])):
+                passes.setdefault(pass_name, []).append(plane)
+    return {name: np.stack(planes, axis=-1) for name, planes in passes.items()}
+
+
+@contextmanager
+def interrupts_held_back() -> Iterator[None]:
+    """Hold Ctrl-C back until a render has ended, then raise KeyboardInterrupt.
+
+    Otherwise Python would raise it inside of Cycles' own code, where Blender swallows it; and Blender's own handler
+    breaks the render off and hands over half a picture as if it were whole.
+    """
+    in_main_thread = threading.current_thread() is threading.main_thread()
+    if not in_main_thread or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield  # somebody else's handler, or none
+        return
+    received: list[int] = []
+    previous = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, previous)
+    if received:
+        raise KeyboardInterrupt
+
+
+def check_engine(engine: str) -> None:
+    """Check that an engine can render here at all, by a trial in a process of its own.
+
+    Without an OpenGL context Blender does not report an error: the process ends at once.
+
+    Raises
+    ------
+    InputError
+        It cannot.
+    """
+    if engine == "cycles":
+        return
+    trial = (
+        f"import bpy; scene = bpy.context.scene; scene.render.engine = {ENGINE_IDS['workbench']!r}; "
+        f"scene.render.resolution_x = scene.render.resolution_y = 8; bpy.ops.render.render(); print({_TRIAL_ENDED!r})"
+    )
+    command = [sys.executable, "-c", trial]
+    if not bpy.app.module:
+        command = [bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", trial]
+    ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+    if _TRIAL_ENDED not in ended.stdout:
+        raise InputError(
+            f"--engine {engine}: expected an OpenGL context, this machine gives none to Blender; "
+            "install Mesa's software OpenGL (libegl1, libgl1-mesa-dri) or a graphics driver, or use --engine cycles"
+        )
+
+
+def keep_freed_memory() -> None:
+    """Let the C library reuse large buffers from frame to frame instead of returning them to the system.
+
+    Otherwise every frame's buffers are mapped, zeroed page by page and unmapped again: a tenth of a 1-sample frame.
+    Only glibc has the switch; elsewhere nothing happens.
+    """
+    if sys.platform != "linux":
+        return
+    m_trim_threshold, m_mmap_threshold = -1, -3
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (OSError, AttributeError):
+        return
+    mallopt(m_mmap_threshold, 1 << 30)
+    mallopt(m_trim_threshold, 1 << 30)

@@ -1,0 +1,137 @@
+"""Surface colour as emission: the three colour modes as shader nodes, each with its observed flag.
+
+All modes end in the same two values, a colour and a flag that is 1 where the frame saw the shaded point. The surface
+shines with the colour, or with :data:`pipeline.colour.vertex_colours.NEUTRAL` where the flag is 0; the flag goes to
+the pass :data:`OBSERVED_PASS`. Nothing is lit, so colours pass through as code values. Back sides are never observed.
+"""
+
+import bpy
+import numpy as np
+
+from ...colour.source_view import SourceView
+from ...colour.texture_atlas import TextureAtlas
+from ...colour.vertex_colours import NEUTRAL, VertexColours
+from ...surface.mesh import TriangleMesh
+from ...transforms import transform_points
+from ..bridge.data_blocks import set_corner_uv, set_corner_vectors, set_vertex_colors
+from ..bridge.image import new_float_image
+from ..bridge.node_tree import Nodes
+from ..bridge.versions import new_node_material
+
+OBSERVED_PASS = "observed"
+COLOUR_ATTRIBUTE = "frame_colour"
+OBSERVED_ATTRIBUTE = "frame_observed"
+UV_MAP = "frame_uv"
+PROJECTION_ATTRIBUTE = "frame_projection"
+FRAME_IMAGE, FILTERED_IMAGE = "frame image", "filtered image"
+"""Names of the shader's image nodes, see :func:`assign_colour`."""
+OBSERVED_LEAST = 0.9999
+"""An interpolated flag of at least this much says that all it was interpolated from is observed."""
+NEUTRAL_RGBA = (NEUTRAL, NEUTRAL, NEUTRAL, 1.0)
+_NOWHERE = (-1.0, -1.0, 1.0)  # projects outside the frame
+
+SurfaceColour = VertexColours | TextureAtlas | SourceView
+
+
+def assign_colour(
+    mesh_object: bpy.types.Object, mesh: TriangleMesh, colour: SurfaceColour | None, *, filtered: bool = False
+) -> None:
+    """Give the object the material of a colour mode.
+
+    Parameters
+    ----------
+    mesh_object, mesh
+        The surface in Blender and as it came.
+    colour
+        ``None`` makes it plain neutral, for geometry alone; the observed flag then tells front sides from back sides.
+    filtered
+        Take colours (not the observed flag) by cubic B-spline from the image of the node :data:`FILTERED_IMAGE`, which
+        is for the caller to replace, see :mod:`pipeline.colour.footprint_filter`; its alpha is added to the flag of
+        observed points. Vertex colours have no image.
+    """
+    material = new_node_material("surface")
+    nodes = Nodes(material.node_tree)
+    match colour:
+        case None:
+            rgb, flag, addition = None, 1.0, None
+        case VertexColours():
+            rgb, flag, addition = _vertex_colour(nodes, mesh_object, colour)
+        case TextureAtlas():
+            rgb, flag, addition = _texture(nodes, mesh_object, colour, filtered)
+        case SourceView():
+            rgb, flag, addition = _projection(nodes, mesh_object, mesh, colour, filtered)
+    geometry = nodes.add("ShaderNodeNewGeometry")
+    flag = nodes.math("GREATER_THAN", flag, geometry.outputs["Backfacing"])
+    observed_pass = nodes.add("ShaderNodeOutputAOV", aov_name=OBSERVED_PASS)
+    passed = flag if addition is None else nodes.math("MULTIPLY_ADD", flag, addition, flag)
+    nodes.link(passed, observed_pass.inputs["Value"])
+    emission = nodes.add("ShaderNodeEmission", Color=NEUTRAL_RGBA)
+    if rgb is not None:
+        nodes.link(nodes.mixed(flag, NEUTRAL_RGBA, rgb), emission.inputs["Color"])
+    output = nodes.add("ShaderNodeOutputMaterial")
+    nodes.link(emission.outputs["Emission"], output.inputs["Surface"])
+    # else Cycles builds a light distribution over all triangles and samples it
+    material.cycles.emission_sampling = "NONE"
+    mesh_object.data.materials.clear()
+    mesh_object.data.materials.append(material)
+
+
+def _vertex_colour(nodes: Nodes, mesh_object: bpy.types.Object, colour: VertexColours) -> tuple:
+    rgba = np.concatenate([colour.rgb, colour.observed[:, None]], axis=1)
+    # Workbench draws attributes, not materials, and of these their colour only
+    set_vertex_colors(mesh_object, OBSERVED_ATTRIBUTE, np.repeat(rgba[:, 3:], 4, axis=1))
+    set_vertex_colors(mesh_object, COLOUR_ATTRIBUTE, rgba)
+    mesh_object.data.color_attributes.active_color_name = COLOUR_ATTRIBUTE
+    attribute = nodes.add("ShaderNodeAttribute", attribute_name=COLOUR_ATTRIBUTE)
+    # a point is observed if all three vertices of its triangle are
+    return attribute.outputs["Color"], nodes.math("GREATER_THAN", attribute.outputs["Alpha"], OBSERVED_LEAST), None
+
+
+def _texture(nodes: Nodes, mesh_object: bpy.types.Object, atlas: TextureAtlas, filtered: bool) -> tuple:
+    set_corner_uv(mesh_object, UV_MAP, atlas.uv)
+    rgba = np.concatenate([atlas.image, atlas.observed[..., None]], axis=2)
+    uv = nodes.add("ShaderNodeUVMap", uv_map=UV_MAP)
+    rgb, flag, addition = _looked_up(nodes, new_float_image("frame_atlas", rgba), uv.outputs["UV"], filtered)
+    # a point is observed if all texels of non-zero weight are
+    return rgb, nodes.math("GREATER_THAN", flag, OBSERVED_LEAST), addition
+
+
+def _projection(
+    nodes: Nodes, mesh_object: bpy.types.Object, mesh: TriangleMesh, source: SourceView, filtered: bool
+) -> tuple:
+    """The pinhole projection per shaded point, and the rule of :mod:`pipeline.colour.source_view`.
+
+    The homogeneous pixel (s z, t z, z), with (s, t) in Blender's texture coordinates, is an affine function of the
+    surface point: interpolated over a triangle of any size and divided by z it is the exact projection.
+    """
+    camera = source.camera
+    points_cam = transform_points(source.cam_from_model, mesh.vertices)
+    z = points_cam[:, 2]
+    s = (camera.fx * points_cam[:, 0] + (camera.cx + 0.5) * z) / camera.width
+    t = z - (camera.fy * points_cam[:, 1] + (camera.cy + 0.5) * z) / camera.height
+    corners = np.stack([s, t, z], axis=1)[mesh.faces]
+    corners[~source.facing_faces(mesh)] = _NOWHERE
+    set_corner_vectors(mesh_object, PROJECTION_ATTRIBUTE, corners)
+    rgba = np.concatenate([source.image, source.inverse_depth[..., None]], axis=2)
+
+    homogeneous = nodes.add("ShaderNodeAttribute", attribute_name=PROJECTION_ATTRIBUTE).outputs["Vector"]
+    separate = nodes.add("ShaderNodeSeparateXYZ")
+    nodes.link(homogeneous, separate.inputs[0])
+    depth = separate.outputs["Z"]
+    pixel = nodes.scaled(homogeneous, nodes.math("DIVIDE", 1.0, depth))
+    rgb, inverse_depth, addition = _looked_up(nodes, new_float_image("frame", rgba), pixel, filtered)
+    ratio = nodes.math("MULTIPLY", depth, inverse_depth)
+    return rgb, nodes.math("COMPARE", ratio, 1.0, source.depth_tolerance), addition
+
+
+def _looked_up(nodes: Nodes, image: bpy.types.Image, coordinates: bpy.types.NodeSocket, filtered: bool) -> tuple:
+    """Colour and alpha of an image (outside of it alpha is 0), and the alpha of the filtered image or ``None``."""
+    exact = nodes.add("ShaderNodeTexImage", name=FRAME_IMAGE, image=image, interpolation="Linear", extension="CLIP")
+    nodes.link(coordinates, exact.inputs["Vector"])
+    if not filtered:
+        return exact.outputs["Color"], exact.outputs["Alpha"], None
+    smooth = nodes.add(
+        "ShaderNodeTexImage", name=FILTERED_IMAGE, image=image, interpolation="Cubic", extension="EXTEND"
+    )
+    nodes.link(coordinates, smooth.inputs["Vector"])
+    return smooth.outputs["Color"], exact.outputs["Alpha"], smooth.outputs["Alpha"]

@@ -1,0 +1,125 @@
+"""Colours of a surface along any rays, by the same rule as its material, without a render.
+
+A Geometry Nodes modifier shoots the rays: the vertices of a point mesh are ray directions when it begins and colours
+when it ends. Objects and scene are of its own, so that a render of the surface never sees them nor is updated because
+of them. A ray costs about as much as two of Cycles' samples, but it can be any ray.
+"""
+
+import bpy
+import numpy as np
+
+from ...colour.source_view import SourceView
+from ...colour.texture_atlas import TextureAtlas
+from ...colour.vertex_colours import VertexColours
+from ..bridge.node_tree import Nodes
+from .material import (
+    COLOUR_ATTRIBUTE,
+    FRAME_IMAGE,
+    NEUTRAL_RGBA,
+    OBSERVED_LEAST,
+    PROJECTION_ATTRIBUTE,
+    UV_MAP,
+    SurfaceColour,
+)
+from .surface_scene import SurfaceScene
+
+_FARTHEST_MM = 1e9
+
+
+class SurfaceRays:
+    """Shoots rays at the surface of a scene, and is removed with it."""
+
+    def __init__(self, surface_scene: SurfaceScene, colour: SurfaceColour) -> None:
+        with surface_scene.owning():
+            self._scene = bpy.data.scenes.new("oneframe rays")
+            self._points = bpy.data.meshes.new("rays")
+            self._object = bpy.data.objects.new("rays", self._points)
+            self._scene.collection.objects.link(self._object)
+            modifier = self._object.modifiers.new("rays", "NODES")
+            modifier.node_group, self._origin = _ray_nodes(surface_scene.surface_object, colour)
+
+    def colours(self, origin_model: np.ndarray, directions_model: np.ndarray) -> np.ndarray:
+        """``(3,)`` origin in mm, ``(N, 3)`` directions of any length -> ``(N, 3)`` float32; black without a hit."""
+        points, count = self._points, len(directions_model)
+        if count == 0:
+            return np.zeros((0, 3), np.float32)
+        if len(points.vertices) != count:
+            points.clear_geometry()
+            points.vertices.add(count)
+        points.vertices.foreach_set("co", np.ascontiguousarray(directions_model, np.float32).ravel())
+        points.update()
+        self._origin.vector = origin_model
+        layer = self._scene.view_layers[0]
+        layer.update()
+        colours = np.empty(3 * count, np.float32)
+        self._object.evaluated_get(layer.depsgraph).data.vertices.foreach_get("co", colours)
+        return colours.reshape(-1, 3)
+
+
+def _ray_nodes(surface: bpy.types.Object, colour: SurfaceColour) -> tuple[bpy.types.NodeTree, bpy.types.Node]:
+    """The modifier's node group, and the node that holds the rays' origin."""
+    group = bpy.data.node_groups.new("rays", "GeometryNodeTree")
+    for direction in ("INPUT", "OUTPUT"):
+        group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+    nodes = Nodes(group)
+    rays, target = nodes.add("NodeGroupInput"), nodes.add("GeometryNodeObjectInfo", Object=surface)
+    origin, direction = nodes.add("FunctionNodeInputVector"), nodes.add("GeometryNodeInputPosition")
+    kind, name = _attribute_of(colour)
+    attribute = nodes.add("GeometryNodeInputNamedAttribute", data_type=kind, Name=name)
+    hit = nodes.add("GeometryNodeRaycast", data_type=kind)
+    hit.inputs["Ray Length"].default_value = _FARTHEST_MM
+    nodes.link(target.outputs["Geometry"], hit.inputs["Target Geometry"])
+    nodes.link(attribute.outputs["Attribute"], hit.inputs["Attribute"])
+    # not linked, it would be the position of the point itself
+    nodes.link(origin.outputs["Vector"], hit.inputs["Source Position"])
+    nodes.link(direction.outputs["Position"], hit.inputs["Ray Direction"])
+    image = None if isinstance(colour, VertexColours) else _image_of(surface)
+    rgb, observed = _shaded(nodes, hit.outputs["Attribute"], colour, image)
+    front = nodes.math("LESS_THAN", nodes.dot(hit.outputs["Hit Normal"], direction.outputs["Position"]), 0.0)
+    rgb = nodes.mixed(nodes.math("MULTIPLY", observed, front), NEUTRAL_RGBA, rgb)
+    moved, end = nodes.add("GeometryNodeSetPosition"), nodes.add("NodeGroupOutput")
+    nodes.link(rays.outputs[0], moved.inputs["Geometry"])
+    nodes.link(nodes.scaled(rgb, hit.outputs["Is Hit"]), moved.inputs["Position"])
+    nodes.link(moved.outputs["Geometry"], end.inputs[0])
+    return group, origin
+
+
+def _attribute_of(colour: SurfaceColour) -> tuple[str, str]:
+    match colour:
+        case VertexColours():
+            return "FLOAT_COLOR", COLOUR_ATTRIBUTE
+        case TextureAtlas():
+            return "FLOAT_VECTOR", UV_MAP
+        case SourceView():
+            return "FLOAT_VECTOR", PROJECTION_ATTRIBUTE
+
+
+def _image_of(surface: bpy.types.Object) -> bpy.types.Image:
+    return surface.data.materials[0].node_tree.nodes[FRAME_IMAGE].image
+
+
+def _shaded(
+    nodes: Nodes, attribute: bpy.types.NodeSocket, colour: SurfaceColour, image: bpy.types.Image | None
+) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
+    """Colour and observed flag of a hit, as :mod:`pipeline.blender.render.material` has them."""
+
+    def looked_up(coordinates: bpy.types.NodeSocket) -> bpy.types.Node:
+        node = nodes.add("GeometryNodeImageTexture", Image=image, interpolation="Linear", extension="CLIP")
+        nodes.link(coordinates, node.inputs["Vector"])
+        return node
+
+    match colour:
+        case VertexColours():
+            channels = nodes.add("FunctionNodeSeparateColor")
+            nodes.link(attribute, channels.inputs["Color"])
+            return attribute, nodes.math("GREATER_THAN", channels.outputs["Alpha"], OBSERVED_LEAST)
+        case TextureAtlas():
+            texel = looked_up(attribute)
+            return texel.outputs["Color"], nodes.math("GREATER_THAN", texel.outputs["Alpha"], OBSERVED_LEAST)
+        case SourceView():
+            separate = nodes.add("ShaderNodeSeparateXYZ")
+            nodes.link(attribute, separate.inputs[0])
+            depth = separate.outputs["Z"]
+            texel = looked_up(nodes.scaled(attribute, nodes.math("DIVIDE", 1.0, depth)))
+            ratio = nodes.math("MULTIPLY", depth, texel.outputs["Alpha"])
+            return texel.outputs["Color"], nodes.math("COMPARE", ratio, 1.0, colour.depth_tolerance)

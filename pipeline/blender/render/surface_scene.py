@@ -1,0 +1,168 @@
+"""A Blender scene from data: one surface, one camera, settings under which colours and geometry stay exact."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import TracebackType
+
+import bpy
+import numpy as np
+
+from ...camera.pinhole import PinholeCamera
+from ...errors import InputError
+from ...surface.mesh import TriangleMesh
+from ..bridge.camera import new_camera, place_camera, set_clip
+from ..bridge.data_blocks import data_blocks, new_mesh_object, remove_data
+from ..bridge.versions import ENGINE_IDS
+from .material import OBSERVED_PASS, SurfaceColour, assign_colour
+
+POINT_FILTER_PX = 0.01
+"""Width of the pixel filter with one sample: a point at the pixel's centre (0 is not allowed)."""
+
+LARGEST_VIEW_PX = 8192**2
+"""Cycles renders larger images in tiles of at most 8192 x 8192 px, by way of files that its result is not read from."""
+
+
+class SurfaceScene:
+    """A coloured surface before a pinhole camera, in a Blender scene of its own; use as a context manager.
+
+    Attributes
+    ----------
+    scene, camera_object, surface_object
+        The Blender objects; removed with all their data on exit, so that an open file is left as it was.
+    """
+
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        camera: PinholeCamera,
+        colour: SurfaceColour | None,
+        *,
+        engine: str = "cycles",
+        samples: int = 1,
+        filtered: bool = False,
+        threads: int = 0,
+    ) -> None:
+        """Build the scene.
+
+        Parameters
+        ----------
+        mesh
+            The surface, model frame.
+        camera
+            Intrinsics of the views.
+        colour
+            Where the surface's colour comes from; ``None`` for geometry alone.
+        engine
+            ``"cycles"`` is exact, the others are rasterisers that need OpenGL.
+        samples
+            Samples a pixel: 1 is a point sample at the pixel's centre, more average over the pixel's square.
+        filtered
+            Take colours from an image to be set, see :func:`pipeline.blender.render.material.assign_colour`.
+        threads
+            Render threads, 0 for one a core.
+
+        Raises
+        ------
+        InputError
+            Views of more than :data:`LARGEST_VIEW_PX`.
+        """
+        if camera.width * camera.height > LARGEST_VIEW_PX:
+            raise InputError(
+                f"view: expected at most {LARGEST_VIEW_PX / 1e6:.0f} million pixels, found {camera.width}x"
+                f"{camera.height}; take a smaller frame or --scale"
+            )
+        self._own: list[bpy.types.ID] = []
+        with self.owning():
+            self._mesh = mesh
+            self.scene = bpy.data.scenes.new("oneframe")
+            self.surface_object = new_mesh_object("surface", mesh)
+            self.scene.collection.objects.link(self.surface_object)
+            assign_colour(self.surface_object, mesh, colour, filtered=filtered)
+            self.camera_object = new_camera(self.scene, camera, clip_mm=(1.0, 1000.0))
+            self.engine = engine
+            _set_exact_colour(self.scene)
+            _set_passes(self.scene)
+            _set_sampling(self.scene, engine, samples)
+            self.scene.render.threads_mode = "FIXED" if threads else "AUTO"
+            if threads:
+                self.scene.render.threads = threads
+
+    def __enter__(self) -> "SurfaceScene":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Remove the scene and all data that it brought."""
+        own, self._own = self._own, []
+        remove_data(own)
+
+    @contextmanager
+    def owning(self) -> Iterator[None]:
+        """Data made inside the block is removed with the scene."""
+        existing = set(data_blocks())
+        try:
+            yield
+        finally:
+            self._own += [block for block in data_blocks() if block not in existing]
+
+    def look_from(self, cam_from_model: np.ndarray) -> None:
+        """Put the camera at a pose; clip planes enclose the surface's bounding sphere."""
+        place_camera(self.camera_object, cam_from_model)
+        depth, radius = float(cam_from_model[2, 3]), self._mesh.radius
+        far = max(1.01 * (depth + radius), 1e-3 * radius)
+        # margins far above single precision; a rasteriser's depth buffer wants near as far away as it can be
+        near = max(0.99 * (depth - radius), 1e-4 * far)
+        set_clip(self.camera_object, (near, far))
+
+
+def _set_exact_colour(scene: bpy.types.Scene) -> None:
+    """No tone curve, no exposure, no dither, no post-processing, transparent background."""
+    scene.view_settings.view_transform = "Raw"
+    scene.view_settings.look = "None"
+    scene.view_settings.exposure, scene.view_settings.gamma = 0.0, 1.0
+    render = scene.render
+    render.dither_intensity = 0.0
+    render.film_transparent = True
+    render.use_compositing = render.use_sequencer = False
+    render.use_motion_blur = render.use_stamp = False
+    render.use_border = render.use_simplify = False
+    # keeps the ray tracing structure between frames: without it each frame costs several times more
+    render.use_persistent_data = True
+
+
+def _set_passes(scene: bpy.types.Scene) -> None:
+    layer = scene.view_layers[0]
+    layer.use_pass_combined = layer.use_pass_z = True
+    observed = layer.aovs.add()
+    observed.name, observed.type = OBSERVED_PASS, "VALUE"
+
+
+def _set_sampling(scene: bpy.types.Scene, engine: str, samples: int) -> None:
+    scene.render.engine = ENGINE_IDS[engine]
+    filter_px = POINT_FILTER_PX if samples == 1 else 1.0
+    if engine == "cycles":
+        cycles = scene.cycles
+        cycles.device = "CPU"
+        cycles.samples = samples
+        cycles.use_adaptive_sampling = cycles.use_denoising = cycles.use_auto_tile = False
+        # since 5.x tiles cannot be switched off
+        cycles.tile_size = 8192
+        cycles.pixel_filter_type, cycles.filter_width = "BOX", filter_px
+        cycles.seed, cycles.use_animated_seed = 0, False
+        cycles.max_bounces = cycles.transparent_max_bounces = 0
+        cycles.use_light_tree = cycles.caustics_reflective = cycles.caustics_refractive = False
+        cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
+    elif engine == "eevee":
+        scene.render.filter_size = POINT_FILTER_PX if samples == 1 else 1.0
+        scene.eevee.taa_render_samples = samples
+        scene.eevee.use_raytracing = scene.eevee.use_shadows = False
+    else:
+        shading = scene.display.shading
+        shading.light, shading.color_type = "FLAT", "VERTEX"
+        shading.show_cavity = shading.show_shadows = shading.show_object_outline = False
+        shading.show_backface_culling = shading.show_specular_highlight = False
+        scene.display.render_aa = "OFF"

@@ -1,0 +1,76 @@
+"""Pictures -> MP4, by Blender's sequencer."""
+
+import errno
+import struct
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...files.content import write_bytes_atomically
+from ...images.pixel_values import eight_bit
+from ...images.png import encode_png
+from ..bridge.data_blocks import temporary_data
+from ..bridge.versions import new_image_strip, set_mp4
+
+FRAMES_PER_SECOND = 24
+
+
+def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
+    """Encode ``(H, W, 3)`` float images (code values 0..1) as H.264; nothing is left behind if that fails.
+
+    H.264 needs even sides: an odd one gets its last row or column twice.
+
+    Raises
+    ------
+    OSError
+        A file cannot be written.
+    """
+    with tempfile.TemporaryDirectory(prefix="oneframe-video-") as folder:
+        files, shape = [], (0, 0)
+        for number, image in enumerate(images):
+            padded = np.pad(image, ((0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)), mode="edge")
+            shape = padded.shape[:2]
+            file = Path(folder) / f"{number:06d}.png"
+            file.write_bytes(encode_png(eight_bit(padded)))
+            files.append(file)
+        written = Path(folder) / "video.mp4"
+        with temporary_data():
+            scene = bpy.data.scenes.new("oneframe video")
+            _set_up(scene, files, width=shape[1], height=shape[0])
+            scene.render.filepath = str(written)
+            bpy.ops.render.render(animation=True, scene=scene.name)
+        data = written.read_bytes()
+    # Blender does not tell when the disk is full
+    if not _is_whole(data):
+        raise OSError(errno.EIO, "Blender wrote a damaged video; is the disk of temporary files full?", str(written))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes_atomically(path, data)
+
+
+def _is_whole(mp4: bytes) -> bool:
+    """Whether the boxes of an MP4 end where the file ends, and the index is among them."""
+    position, kinds = 0, set()
+    while position + 16 <= len(mp4):
+        size, kind, long_size = struct.unpack_from(">I4sQ", mp4, position)
+        kinds.add(kind)
+        position += max(long_size if size == 1 else size, 8)
+    return position == len(mp4) and b"moov" in kinds
+
+
+def _set_up(scene: bpy.types.Scene, files: list[Path], *, width: int, height: int) -> None:
+    strip = new_image_strip(scene, str(files[0]), channel=1, frame_start=1)
+    for file in files[1:]:
+        strip.elements.append(file.name)
+    strip.frame_final_duration = len(files)
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
+    render.fps, render.fps_base = FRAMES_PER_SECOND, 1.0
+    render.use_sequencer, render.use_compositing = True, False
+    scene.frame_start, scene.frame_end = 1, len(files)
+    # both ends are sRGB code values: nothing to convert
+    scene.view_settings.view_transform = "Standard"
+    scene.sequencer_colorspace_settings.name = "sRGB"
+    set_mp4(scene)

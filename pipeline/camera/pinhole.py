@@ -1,0 +1,154 @@
+"""The pinhole camera: intrinsics K, projection and viewing rays, with (0, 0) at the centre of the top-left pixel."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ..errors import InputError
+
+PixelOrigin = Literal["center", "corner"]
+
+
+@dataclass(frozen=True)
+class PinholeCamera:
+    """A pinhole camera without skew or distortion.
+
+    Attributes
+    ----------
+    width, height
+        Image size in pixels.
+    fx, fy
+        Focal lengths in pixels.
+    cx, cy
+        Principal point in pixels; (0, 0) is the centre of the top-left pixel, so the image spans -0.5 .. width - 0.5.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+    @classmethod
+    def from_matrix(
+        cls,
+        k: object,
+        *,
+        size: tuple[int, int],
+        pixel_origin: PixelOrigin = "center",
+        where: str = "K",
+    ) -> "PinholeCamera":
+        """Check a 3x3 intrinsic matrix and a ``(width, height)`` size as a user gives them.
+
+        Raises
+        ------
+        InputError
+            Wrong shape, not finite, focal length not positive, skew, a last row other than 0 0 1, a size that is not
+            two positive integers, or a principal point so far outside the image that it must be a mistake.
+        """
+        try:
+            matrix = np.array(k, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{where}: expected 3 rows of 3 numbers, found something else ({error})") from None
+        if matrix.shape != (3, 3):
+            raise InputError(f"{where}: expected a 3x3 matrix, found shape {matrix.shape}")
+        if not np.isfinite(matrix).all():
+            raise InputError(f"{where}: expected finite numbers, found NaN or infinity")
+        if not np.allclose(matrix[2], [0, 0, 1]) or matrix[1, 0] != 0:
+            raise InputError(f"{where}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found {matrix.tolist()}")
+        if matrix[0, 1] != 0:
+            raise InputError(
+                f"{where}: expected no skew, found {matrix[0, 1]:g}; Blender's camera has none: "
+                "rectify the frame to a skew-free K (warp it with K_new @ inv(K)) and give K_new"
+            )
+        fx, fy = float(matrix[0, 0]), float(matrix[1, 1])
+        if fx <= 0 or fy <= 0:
+            raise InputError(f"{where}: expected positive focal lengths in pixels, found fx = {fx:g}, fy = {fy:g}")
+        if pixel_origin not in ("center", "corner"):
+            raise InputError(f'{where}: expected pixel_origin "center" or "corner", found {pixel_origin!r}')
+        width, height = _checked_size(size, where)
+        shift = 0.5 if pixel_origin == "corner" else 0.0
+        cx, cy = float(matrix[0, 2]) - shift, float(matrix[1, 2]) - shift
+        if abs(cx - width / 2) > 5 * width or abs(cy - height / 2) > 5 * height:
+            raise InputError(
+                f"{where}: expected the principal point near the {width}x{height} image, found ({cx:g}, {cy:g})"
+            )
+        return cls(width, height, fx, fy, cx, cy)
+
+    @property
+    def k(self) -> np.ndarray:
+        """``(3, 3)`` px_from_cam, pixel origin at the centre of the top-left pixel."""
+        return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
+
+    @property
+    def size_wh(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+        return self.width, self.height
+
+    @property
+    def shape_hw(self) -> tuple[int, int]:
+        """(height, width): the shape of an image array."""
+        return self.height, self.width
+
+    def project(self, points_cam: np.ndarray) -> np.ndarray:
+        """``(N, 3)`` camera-frame points -> ``(N, 2)`` pixels; NaN for points at or behind the centre of projection.
+
+        The equation of Zhang & Noble: (u, v, w) = K X, pixel = (u / w, v / w).
+        """
+        z = points_cam[..., 2:3]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            pixels = points_cam[..., :2] / z * [self.fx, self.fy] + [self.cx, self.cy]
+        return np.where(z > 0, pixels, np.nan)
+
+    def rays_cam(self, pixels: np.ndarray) -> np.ndarray:
+        """``(N, 2)`` pixels -> ``(N, 3)`` ray directions in the camera frame, scaled so that z = 1."""
+        directions = np.empty((*pixels.shape[:-1], 3))
+        directions[..., :2] = (pixels - [self.cx, self.cy]) / [self.fx, self.fy]
+        directions[..., 2] = 1.0
+        return directions
+
+    def pixel_grid(self) -> np.ndarray:
+        """``(height, width, 2)`` coordinates of all pixel centres."""
+        v, u = np.mgrid[: self.height, : self.width]
+        return np.stack([u, v], axis=-1).astype(np.float64)
+
+    def coarse_grid(self, along: int) -> np.ndarray:
+        """``(N, 2)`` pixels, the centres of about square tiles, row by row: ``along`` of them on the longer side."""
+        step = max(self.size_wh) / along
+        columns, rows = (max(2, round(size / step)) for size in self.size_wh)
+        u, v = np.meshgrid(
+            (np.arange(columns) + 0.5) * self.width / columns - 0.5,
+            (np.arange(rows) + 0.5) * self.height / rows - 0.5,
+        )
+        return np.stack([u.ravel(), v.ravel()], axis=1)
+
+    def contains(self, pixels: np.ndarray) -> np.ndarray:
+        """``(N, 2)`` pixels -> ``(N,)`` bool: inside the outer edges of the image."""
+        u, v = pixels[..., 0], pixels[..., 1]
+        return (u >= -0.5) & (u <= self.width - 0.5) & (v >= -0.5) & (v <= self.height - 0.5)
+
+    def resized(self, width: int, height: int) -> "PinholeCamera":
+        """The same view with another number of pixels: c' = (c + 0.5) s - 0.5."""
+        sx, sy = width / self.width, height / self.height
+        return replace(
+            self,
+            width=width,
+            height=height,
+            fx=self.fx * sx,
+            fy=self.fy * sy,
+            cx=(self.cx + 0.5) * sx - 0.5,
+            cy=(self.cy + 0.5) * sy - 0.5,
+        )
+
+
+def _checked_size(size: object, where: str) -> tuple[int, int]:
+    try:
+        width, height = (float(side) for side in size)  # type: ignore[attr-defined]
+        whole = width.is_integer() and height.is_integer()
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{where}: expected size = [width, height] in pixels, found {size!r}") from None
+    if not whole or not (1 <= width <= 65536 and 1 <= height <= 65536):
+        raise InputError(f"{where}: expected size = [width, height], whole pixels from 1 to 65536, found {size!r}")
+    return int(width), int(height)

@@ -1,0 +1,233 @@
+"""The case file: one frame, its camera, surface and pose, read strictly from TOML.
+
+Reading stops at paths and numbers; the files they name are opened by :mod:`pipeline.blender.case.load_case`.
+"""
+
+import re
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..camera.distortion import Distortion, checked_distortion
+from ..camera.pinhole import PinholeCamera
+from ..errors import InputError
+from ..files.numbers import MM_PER_UNIT, WrittenFloat, millimetres
+from ..files.tables import check_keys
+from ..transforms import checked_rigid
+from .alignment_record import checked_provenance
+from .landmarks import Landmark, landmarks_from_tables
+
+_TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "frame": (("image",), ()),
+    "camera": (("size", "K"), ("pixel_origin", "distortion")),
+    "surface": (("mesh",), ()),
+    "pose": (("cam_from_model",), ()),
+    "structures": (("name", "mesh"), ("color",)),
+}
+"""Table -> its required and its optional keys."""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """An anatomical structure that overlays show: a name, a mesh file in the surface's frame, an sRGB colour 0..1."""
+
+    name: str
+    mesh: Path
+    color: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A checked case file.
+
+    Attributes
+    ----------
+    path
+        The TOML file.
+    mm_per_unit
+        Factor from the units of meshes and translations to millimetres.
+    image
+        The frame's file.
+    camera, distortion
+        Intrinsics with the pixel origin at the centre of the top-left pixel; OpenCV distortion or ``None``.
+    mesh
+        The surface's file.
+    cam_from_given
+        4x4, mm: the pose as given, for the frame of the mesh file.
+    structures
+        What overlays show beside the surface.
+    dataset
+        The raw ``[dataset]`` table: options of the run, checked by :mod:`pipeline.dataset.options`.
+    landmarks
+        Points of the surface (mm, ``given``) with their pixels in the undistorted frame.
+    alignment
+        Where the pose comes from: see :mod:`pipeline.case.alignment_record`.
+    told
+        Sentences about what was corrected.
+    """
+
+    path: Path
+    mm_per_unit: float
+    image: Path
+    camera: PinholeCamera
+    distortion: Distortion | None
+    mesh: Path
+    cam_from_given: np.ndarray
+    structures: tuple[Structure, ...] = ()
+    dataset: dict[str, object] = field(default_factory=dict)
+    told: tuple[str, ...] = ()
+    landmarks: tuple[Landmark, ...] = ()
+    alignment: dict[str, object] = field(default_factory=dict)
+
+    def input_files(self) -> dict[str, Path]:
+        """All files that the results depend on, by a name that does not depend on where they lie."""
+        files = {"case": self.path, "frame": self.image, "surface": self.mesh}
+        return files | {f"structure {structure.name}": structure.mesh for structure in self.structures}
+
+
+def read_case(path: Path) -> Case:
+    """Read and check a case file.
+
+    Raises
+    ------
+    InputError
+        Missing or not TOML, an unknown or missing key, a value of the wrong kind.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"{path}: expected a case file, it does not exist; correct the path") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot read the case file ({error.strerror})") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path.name}: expected TOML, found a mistake: {error}") from None
+    return case_from_text(text, path)
+
+
+def case_from_text(text: str, path: Path) -> Case:
+    """The case that a file of this text would be, if it lay at ``path``.
+
+    Raises
+    ------
+    InputError
+        As :func:`read_case`.
+    """
+    name = path.name
+    table = _parsed(text, name)
+    check_keys(
+        table, ("units", "frame", "camera", "surface", "pose"), ("structures", "landmarks", "alignment", "dataset"),
+        f"{name}: ",
+    )  # fmt: skip
+    if not isinstance(table["units"], str) or table["units"] not in MM_PER_UNIT:
+        raise InputError(f'{name}: expected units = "mm" or "m", found {table["units"]!r}')
+    mm_per_unit = MM_PER_UNIT[table["units"]]
+    frame, camera, surface, pose = (_table(table, key, name) for key in ("frame", "camera", "surface", "pose"))
+    intrinsics, distortion = checked_camera(camera, f"{name}: [camera]")
+    cam_from_given, told = checked_rigid(pose["cam_from_model"], f"{name}: [pose] cam_from_model")
+    cam_from_given[:3, 3] = [millimetres(row[3], mm_per_unit) for row in pose["cam_from_model"][:3]]
+    if not np.isfinite(cam_from_given).all():
+        raise InputError(f"{name}: [pose] cam_from_model: expected a translation in {table['units']}, it is too long")
+    return Case(
+        path=path,
+        mm_per_unit=mm_per_unit,
+        image=_path(path, frame["image"], f"{name}: [frame] image"),
+        camera=intrinsics,
+        distortion=distortion,
+        mesh=_path(path, surface["mesh"], f"{name}: [surface] mesh"),
+        cam_from_given=cam_from_given,
+        structures=_structures(path, table.get("structures", [])),
+        dataset=_dataset(table.get("dataset", {}), name),
+        told=(told,) if told else (),
+        landmarks=landmarks_from_tables(
+            table.get("landmarks", []),
+            f"{name}: [[landmarks]]",
+            mm_per_unit=mm_per_unit,
+            pixel_origin=camera.get("pixel_origin", "center"),
+        ),
+        alignment=checked_provenance(table.get("alignment", {}), f"{name}: [alignment]"),
+    )
+
+
+def checked_camera(table: dict, where: str) -> tuple[PinholeCamera, Distortion | None]:
+    """The camera of a checked table ``[camera]``, with the pixel origin at the centre of the top-left pixel.
+
+    Raises
+    ------
+    InputError
+        See :meth:`PinholeCamera.from_matrix` and :func:`pipeline.camera.distortion.checked_distortion`.
+    """
+    camera = PinholeCamera.from_matrix(
+        table["K"], size=table["size"], pixel_origin=table.get("pixel_origin", "center"), where=f"{where} K"
+    )
+    if "distortion" not in table:
+        return camera, None
+    return camera, checked_distortion(table["distortion"], camera, f"{where} distortion")
+
+
+def _parsed(text: str, name: str) -> dict:
+    try:
+        table = tomllib.loads(text, parse_float=WrittenFloat)
+        _check_integers(table)
+        return table
+    except (ValueError, RecursionError) as error:  # tomllib's are ValueErrors
+        raise InputError(f"{name}: expected TOML, found a mistake: {error}") from None
+
+
+def _check_integers(value: object) -> None:
+    """TOML's integers have 64 bits; Python reads longer ones, which no float can hold."""
+    if isinstance(value, int) and abs(value) >= 2**63:
+        raise ValueError("an integer of more than 64 bits")
+    if isinstance(value, dict | list):
+        for part in value.values() if isinstance(value, dict) else value:
+            _check_integers(part)
+
+
+def _table(table: dict, key: str, name: str) -> dict:
+    if not isinstance(table[key], dict):
+        raise InputError(f"{name}: expected a table [{key}], found {table[key]!r}")
+    required, optional = _TABLES[key]
+    check_keys(table[key], required, optional, f"{name}: [{key}] ")
+    return table[key]
+
+
+def _structures(path: Path, entries: object) -> tuple[Structure, ...]:
+    name = path.name
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise InputError(f"{name}: expected a list of tables [[structures]], found {entries!r}")
+    structures = []
+    for index, entry in enumerate(entries):
+        where = f"{name}: [[structures]] number {index + 1}: "
+        check_keys(entry, *_TABLES["structures"], where)
+        if not isinstance(entry["name"], str) or not entry["name"]:
+            raise InputError(f"{where}expected a name, found {entry['name']!r}")
+        color = entry.get("color", "#ffffff")
+        if not isinstance(color, str) or not re.fullmatch(r"#[0-9a-fA-F]{6}", color):
+            raise InputError(f'{where}expected color = "#rrggbb", found {color!r}')
+        red, green, blue = (int(color[at : at + 2], 16) / 255 for at in (1, 3, 5))
+        structures.append(Structure(entry["name"], _path(path, entry["mesh"], f"{where}mesh"), (red, green, blue)))
+    names = [structure.name for structure in structures]
+    if len(set(names)) != len(names):
+        raise InputError(f"{name}: expected a different name for each of the [[structures]], found {names}")
+    return tuple(structures)
+
+
+def _dataset(table: object, name: str) -> dict[str, object]:
+    if not isinstance(table, dict):
+        raise InputError(f"{name}: expected a table [dataset], found {table!r}")
+    return {key: _plain(value) for key, value in table.items()}
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _plain(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [_plain(part) for part in value]
+    return float(value) if isinstance(value, float) else value
+
+
+def _path(case_path: Path, value: object, where: str) -> Path:
+    if not isinstance(value, str) or not value or "\0" in value:
+        raise InputError(f"{where}: expected a file name, found {value!r}")
+    return case_path.parent / value

@@ -1,0 +1,184 @@
+"""Writing the case file that :func:`pipeline.case.case_file.read_case` reads back to the last bit."""
+
+import json
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import astuple
+from datetime import date, time
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..files.content import write_bytes_atomically
+from ..files.numbers import MM_PER_UNIT, length_text
+from .alignment_record import checked_provenance
+from .case_file import Case, Structure, case_from_text
+from .landmarks import Landmark
+
+UNIT_OF = {factor: unit for unit, factor in MM_PER_UNIT.items()}
+
+
+def write_case(path: Path, case: Case, *, comment: str = "") -> None:
+    """Write a case as TOML, whole or not at all.
+
+    Numbers come back to the last bit, colours of structures as 8-bit codes. Files are named relative to the folder of
+    ``path`` (whatever the folder of ``case.path`` is), unless they lie on another drive.
+
+    Parameters
+    ----------
+    path
+        The file, ``*.toml``; its folder exists.
+    case
+        What it is to say; ``told`` is not written.
+    comment
+        Lines to stand first in the file.
+
+    Raises
+    ------
+    InputError
+        Another extension, lest a wrong name replace the frame or the mesh; or something in the case that cannot be read
+        back, such as two landmarks of one name or a number that is not finite.
+    OSError
+        The file cannot be written.
+    """
+    if path.suffix.lower() != ".toml":
+        raise InputError(f"{path}: expected the name of a case file, *.toml, found {path.name!r}; take another name")
+    text = case_text(path, case, comment=comment)
+    try:
+        data = text.encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{path.name}: expected names in Unicode, found one that is not; rename the file") from None
+    case_from_text(text, path)
+    write_bytes_atomically(path, data)
+
+
+def case_text(path: Path, case: Case, *, comment: str = "") -> str:
+    """The text of :func:`write_case`."""
+    folder = path.parent
+    blocks = [
+        [*(f"# {line}" for line in comment.splitlines()), f'units = "{UNIT_OF[case.mm_per_unit]}"'],
+        ["[frame]", f"image = {_file(case.image, folder)}"],
+        _camera_lines(case),
+        ["[surface]", f"mesh = {_file(case.mesh, folder)}"],
+        [
+            "[pose]",
+            "# OpenCV axes (x right, y down, z forward), frame of the mesh file",
+            f"cam_from_model = {_rows(_pose_texts(case.cam_from_given, case.mm_per_unit))}",
+        ],
+    ]
+    if case.alignment:
+        provenance = checked_provenance(case.alignment, f"{path.name}: [alignment]")
+        blocks.append(["[alignment]", *_pairs(provenance)])
+    blocks += [_landmark_lines(landmark, case.mm_per_unit) for landmark in case.landmarks]
+    blocks += [_structure_lines(structure, folder) for structure in case.structures]
+    if case.dataset:
+        blocks.append(["[dataset]", *_pairs(_moved(case.dataset, case.path.parent, folder))])
+    return "\n\n".join("\n".join(lines) for lines in blocks) + "\n"
+
+
+def _camera_lines(case: Case) -> list[str]:
+    lines = [
+        "[camera]",
+        f"size = {toml_value(case.camera.size_wh)}",
+        f"K = {_rows([[repr(value) for value in row] for row in case.camera.k.tolist()])}",
+        'pixel_origin = "center"  # (0, 0) is the centre of the top-left pixel',
+    ]
+    if case.distortion is not None:
+        lines.append(f"distortion = {toml_value(astuple(case.distortion))}  # OpenCV: k1, k2, p1, p2, k3")
+    return lines
+
+
+def _landmark_lines(landmark: Landmark, mm_per_unit: float) -> list[str]:
+    lines = ["[[landmarks]]", f"name = {toml_value(landmark.name)}"]
+    if landmark.point is not None:
+        lines.append(f"surface = [{', '.join(length_text(value, mm_per_unit) for value in landmark.point)}]")
+    if landmark.pixel is not None:
+        lines.append(f"pixel = {toml_value([float(value) for value in landmark.pixel])}")
+    if not landmark.enabled:
+        lines.append("enabled = false")
+    return lines
+
+
+def _structure_lines(structure: Structure, folder: Path) -> list[str]:
+    codes = [round(min(max(value, 0.0), 1.0) * 255) for value in structure.color]
+    return [
+        "[[structures]]",
+        f"name = {toml_value(structure.name)}",
+        f"mesh = {_file(structure.mesh, folder)}",
+        f'color = "#{bytes(codes).hex()}"',
+    ]
+
+
+def _pose_texts(cam_from_given: np.ndarray, mm_per_unit: float) -> list[list[str]]:
+    texts = [[repr(value) for value in row] for row in cam_from_given.tolist()]
+    for row in range(3):
+        texts[row][3] = length_text(float(cam_from_given[row, 3]), mm_per_unit)
+    return texts
+
+
+def _rows(texts: Iterable[Sequence[str]]) -> str:
+    return "[\n" + "".join(f"  [{', '.join(row)}],\n" for row in texts) + "]"
+
+
+def _pairs(table: Mapping[str, object]) -> list[str]:
+    return [f"{_key(key)} = {toml_value(value)}" for key, value in table.items()]
+
+
+def _moved(dataset: Mapping[str, object], folder: Path, new_folder: Path) -> dict[str, object]:
+    """The table as it must read in another folder: ``poses`` names a file relative to the case."""
+    poses = dataset.get("poses")
+    if folder == new_folder or not isinstance(poses, str):
+        return dict(dataset)
+    return {**dataset, "poses": relative_name(folder / poses, new_folder)}
+
+
+def _file(path: Path, folder: Path) -> str:
+    return toml_value(relative_name(path, folder))
+
+
+def relative_name(path: Path, folder: Path) -> str:
+    """A file's name as seen from a folder, with slashes on every system; whole if the file lies on another drive."""
+    try:
+        return path.relative_to(folder).as_posix()
+    except ValueError:
+        # ".." leads out of where a link points to, so no folder on the way may be a link
+        return walked(Path(os.path.realpath(path.parent)) / path.name, Path(os.path.realpath(folder)))
+
+
+def walked(path: PurePath, folder: PurePath) -> str:
+    """The way from one absolute folder to a file, up and down, with slashes."""
+    if path.anchor != folder.anchor:
+        return path.as_posix()
+    shared = 0
+    while path.parts[: shared + 1] == folder.parts[: shared + 1] and shared < len(folder.parts):
+        shared += 1
+    return "/".join([".."] * (len(folder.parts) - shared) + list(path.parts[shared:]))
+
+
+def toml_value(value: Any) -> str:
+    """A value as TOML 1.0; tables are written inline."""
+    match value:
+        case bool():
+            return str(value).lower()
+        case str():
+            return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+        case int():
+            return str(int(value))
+        case float():
+            return repr(float(value))
+        case date() | time():
+            return value.isoformat()
+        case Mapping():
+            return "{" + ", ".join(_pairs(value)) + "}"
+        case list() | tuple():
+            return f"[{', '.join(map(toml_value, value))}]"
+        case np.generic() | np.ndarray():
+            return toml_value(value.tolist())
+    raise InputError(f"expected a value that TOML can hold, found {value!r}")
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else toml_value(key)

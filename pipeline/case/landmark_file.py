@@ -1,0 +1,172 @@
+"""Landmark files: CSV for spreadsheets, JSON for programs.
+
+The CSV has a header ``name,x,y,z,u,v,enabled`` (any order; commas or semicolons; other columns are ignored), the JSON
+is a list of ``{"name", "surface": [x, y, z], "pixel": [u, v], "enabled"}``, as in a case file. Points are in the frame
+and units of the mesh file, pixels in the undistorted frame with (0, 0) at the centre of the top-left pixel. Cells or
+entries that are missing make a landmark of which only the point, or only the pixel, is known.
+"""
+
+import csv
+import difflib
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..errors import InputError
+from ..files.content import decoded, file_content, write_bytes_atomically
+from ..files.numbers import WrittenFloat, length_text
+from .landmarks import Landmark, landmark_from_table, landmarks_from_tables
+
+COLUMNS = ("name", "x", "y", "z", "u", "v", "enabled")
+_TRUTHS = {"": True, "true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
+
+
+def read_landmarks(path: Path, *, mm_per_unit: float = 1.0) -> tuple[Landmark, ...]:
+    """Read landmarks; JSON if the file begins as such, else CSV.
+
+    Parameters
+    ----------
+    path
+        The file.
+    mm_per_unit
+        Factor from the unit of the points, that of the mesh file, to millimetres.
+
+    Returns
+    -------
+    Points in mm.
+
+    Raises
+    ------
+    InputError
+        No file, no header, a missing or doubtful number, a name that stands twice; the line is named.
+    """
+    path = Path(path)
+    text = decoded(file_content(path, "landmarks"))
+    if text is None:
+        raise InputError(f"{path.name}: expected landmarks as CSV or JSON, found another kind of file")
+    if text.lstrip().startswith(("[", "{")):
+        return _from_json(text, path.name, mm_per_unit)
+    return _from_csv(text, path.name, mm_per_unit)
+
+
+def write_landmarks(path: Path, landmarks: Sequence[Landmark], *, mm_per_unit: float = 1.0) -> None:
+    """Write landmarks (points in mm), whole or not at all, as ``*.csv`` or ``*.json``.
+
+    Raises
+    ------
+    InputError
+        Another extension; or they could not be read again: two of one name, or a number that is not finite.
+    OSError
+        The file cannot be written.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (".csv", ".json"):
+        raise InputError(f"{path}: expected the name of a file *.csv or *.json, found {path.name!r}; take another name")
+    tables = [
+        {"name": landmark.name}
+        | ({} if landmark.point is None else {"surface": list(landmark.point)})
+        | ({} if landmark.pixel is None else {"pixel": list(landmark.pixel)})
+        for landmark in landmarks
+    ]
+    landmarks_from_tables(tables, f"{path.name}: landmark")
+    text = _json_text(landmarks, mm_per_unit) if suffix == ".json" else _csv_text(landmarks, mm_per_unit)
+    write_bytes_atomically(path, text.encode())
+
+
+def _from_json(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
+    try:
+        entries = json.loads(text, parse_float=WrittenFloat)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{name}: expected JSON, found a mistake: {error}") from None
+    return landmarks_from_tables(entries, f"{name}: landmark", mm_per_unit=mm_per_unit)
+
+
+def _json_text(landmarks: Sequence[Landmark], mm_per_unit: float) -> str:
+    lines = []
+    for landmark in landmarks:
+        parts = [f'"name": {json.dumps(landmark.name, ensure_ascii=False)}']
+        if landmark.point is not None:
+            parts.append(f'"surface": [{", ".join(length_text(value, mm_per_unit) for value in landmark.point)}]')
+        if landmark.pixel is not None:
+            parts.append(f'"pixel": [{", ".join(repr(float(value)) for value in landmark.pixel)}]')
+        parts.append(f'"enabled": {str(landmark.enabled).lower()}')
+        lines.append(f"  {{{', '.join(parts)}}}")
+    return "[\n" + ",\n".join(lines) + "\n]\n"
+
+
+def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
+    header = next((line for line in text.splitlines() if line.strip()), "")
+    rows = csv.reader(io.StringIO(text), delimiter=";" if header.count(";") > header.count(",") else ",", strict=True)
+    names: list[str] = []
+    found: dict[str, tuple[int, Landmark]] = {}
+    try:
+        for cells in rows:
+            place = f"{name}: line {rows.line_num}: "
+            if not any(cell.strip() for cell in cells):
+                continue
+            if not names:
+                names = _checked_header(cells, place)
+                continue
+            if len(cells) > len(names):
+                raise InputError(
+                    f"{place}expected at most {len(names)} cells, as in the header, found {len(cells)}; "
+                    "write decimal points, not commas"
+                )
+            landmark = landmark_from_table(_table(names, cells, place), place, mm_per_unit=mm_per_unit)
+            line, _ = found.setdefault(landmark.name, (rows.line_num, landmark))
+            if line != rows.line_num:
+                raise InputError(f"{place}expected another name, {landmark.name!r} stands in line {line}; rename one")
+    except csv.Error as error:
+        raise InputError(f"{name}: line {rows.line_num}: expected CSV, found a mistake: {error}") from None
+    if not names:
+        raise InputError(f"{name}: expected a header {','.join(COLUMNS)}, found none")
+    return tuple(landmark for _, landmark in found.values())
+
+
+def _checked_header(cells: list[str], place: str) -> list[str]:
+    names = [cell.strip().lower() for cell in cells]
+    for wanted in COLUMNS:
+        if names.count(wanted) > 1:
+            raise InputError(f"{place}expected one column {wanted!r}, found {names.count(wanted)}")
+        if wanted not in names and wanted != "enabled":
+            raise InputError(f"{place}expected a header {','.join(COLUMNS)}, found no column {wanted!r}")
+    if "enabled" not in names and (near := difflib.get_close_matches("enabled", names, n=1)):
+        raise InputError(f"{place}expected a column 'enabled', found {near[0]!r}; correct its name")
+    return names
+
+
+def _table(names: list[str], cells: list[str], place: str) -> dict[str, object]:
+    """A row as the table of a landmark."""
+    row = dict.fromkeys(COLUMNS, "") | {name: cell.strip() for name, cell in zip(names, cells, strict=False)}
+    entry: dict[str, object] = {"name": row["name"]}
+    for key, parts in (("surface", ("x", "y", "z")), ("pixel", ("u", "v"))):
+        if any(row[part] for part in parts):
+            entry[key] = [_number(row[part], f"{place}{part}: ") for part in parts]
+    if row["enabled"].lower() not in _TRUTHS:
+        raise InputError(f"{place}expected enabled = true or false, found {row['enabled']!r}")
+    return entry | {"enabled": _TRUTHS[row["enabled"].lower()]}
+
+
+def _number(text: str, place: str) -> float:
+    try:
+        if "_" in text:  # Python's, not a number's
+            raise ValueError
+        return WrittenFloat(text)
+    except ValueError:
+        found = "an empty cell" if not text else repr(text)
+        hint = "; write a decimal point" if "," in text else ""
+        raise InputError(f"{place}expected a number, found {found}{hint}") from None
+
+
+def _csv_text(landmarks: Sequence[Landmark], mm_per_unit: float) -> str:
+    lines = io.StringIO(newline="")
+    table = csv.writer(lines, lineterminator="\n")
+    table.writerow(COLUMNS)
+    for landmark in landmarks:
+        point = (
+            ["", "", ""] if landmark.point is None else [length_text(value, mm_per_unit) for value in landmark.point]
+        )
+        pixel = ["", ""] if landmark.pixel is None else [repr(float(value)) for value in landmark.pixel]
+        table.writerow([landmark.name, *point, *pixel, str(landmark.enabled).lower()])
+    return lines.getvalue()

@@ -1,0 +1,116 @@
+"""Landmarks as a list of tables ``{name, surface, pixel, enabled}``: in case files and in landmark files alike."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..camera.pinhole import PixelOrigin
+from ..errors import InputError
+from ..files.numbers import millimetres
+from ..files.tables import check_keys
+
+
+@dataclass(frozen=True)
+class Landmark:
+    """One point of the surface and the pixel where it is seen; either may still be missing.
+
+    `point` is in mm, in a `Case` in the frame `given`. `pixel` is in the UNDISTORTED frame, in px, with (0, 0) at the
+    centre of the top-left pixel. A landmark that is not `enabled` is kept, but takes no part in the alignment.
+    """
+
+    name: str
+    point: tuple[float, float, float] | None
+    pixel: tuple[float, float] | None
+    enabled: bool = True
+
+
+_NOT_IN_NAMES = re.compile("[\x00-\x1f\x7f\ud800-\udfff]")
+"""Line breaks and other control characters, and what is no Unicode."""
+
+
+def landmarks_from_tables(
+    entries: object, where: str, *, mm_per_unit: float = 1.0, pixel_origin: PixelOrigin = "center"
+) -> tuple[Landmark, ...]:
+    """Check landmarks as a user gives them.
+
+    Parameters
+    ----------
+    entries
+        List of tables with ``name`` and, as far as they are known, ``surface`` = [x, y, z] in the mesh file's frame and
+        units and ``pixel`` = [u, v] px in the undistorted frame; ``enabled`` is true if it is not there.
+    where
+        Names the list in messages, e.g. ``"case.toml: [[landmarks]]"``.
+    mm_per_unit
+        Factor from the units of ``surface`` to millimetres.
+    pixel_origin
+        Where ``pixel`` has its (0, 0).
+
+    Returns
+    -------
+    Points in mm, pixels with (0, 0) at the centre of the top-left pixel.
+
+    Raises
+    ------
+    InputError
+        An unknown or missing key, a value of the wrong kind, a number that is not finite, a name that stands twice.
+    """
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise InputError(f"{where}: expected a list of tables with name, surface and pixel, found {entries!r}")
+    landmarks: dict[str, Landmark] = {}
+    for number, entry in enumerate(entries, start=1):
+        landmark = landmark_from_table(
+            entry, f"{where} number {number}: ", mm_per_unit=mm_per_unit, pixel_origin=pixel_origin
+        )
+        if landmark.name in landmarks:
+            raise InputError(
+                f"{where}: expected a different name for each landmark, found {landmark.name!r} twice; rename one"
+            )
+        landmarks[landmark.name] = landmark
+    return tuple(landmarks.values())
+
+
+def landmark_from_table(
+    entry: Mapping[str, Any], place: str, *, mm_per_unit: float = 1.0, pixel_origin: PixelOrigin = "center"
+) -> Landmark:
+    """One landmark; ``place`` begins the messages. White space around the name is dropped.
+
+    Raises
+    ------
+    InputError
+        As :func:`landmarks_from_tables`.
+    """
+    check_keys(entry, ("name",), ("surface", "pixel", "enabled"), place)
+    name, point, pixel = entry["name"], None, None
+    if not isinstance(name, str) or not name.strip() or _NOT_IN_NAMES.search(name):
+        raise InputError(f"{place}expected a name, found {name!r}")
+    if "surface" in entry:
+        x, y, z = _numbers(entry["surface"], 3, f"{place}expected surface = [x, y, z]")
+        point = (millimetres(x, mm_per_unit), millimetres(y, mm_per_unit), millimetres(z, mm_per_unit))
+        if not np.isfinite(point).all():
+            raise InputError(f"{place}expected surface = [x, y, z] on the surface, found {entry['surface']!r}")
+    if "pixel" in entry:
+        shift = 0.5 if pixel_origin == "corner" else 0.0
+        u, v = _numbers(entry["pixel"], 2, f"{place}expected pixel = [u, v]")
+        pixel = (float(u) - shift, float(v) - shift)
+    enabled = entry.get("enabled", True)
+    if not isinstance(enabled, bool):
+        raise InputError(f"{place}expected enabled = true or false, found {enabled!r}")
+    return Landmark(name.strip(), point, pixel, enabled)
+
+
+def _numbers(values: Any, count: int, expected: str) -> list[float]:
+    is_list = isinstance(values, list) and len(values) == count
+    if not is_list or not all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+        raise InputError(f"{expected}, {count} numbers, found {values!r}")
+    try:
+        finite = bool(np.isfinite([float(value) for value in values]).all())
+    except OverflowError:
+        finite = False
+    if not finite:
+        raise InputError(f"{expected}, {count} finite numbers, found {values!r}")
+    return values

@@ -1,0 +1,104 @@
+"""Loaded case."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..surface.mesh import TriangleMesh
+from ..surface.mesh_reader import read_mesh
+from ..transforms import rigid, transform_points
+from .case_file import Case, Structure
+
+NEAREST_MM, FARTHEST_MM = 2.0, 30_000.0
+"""Working distances outside of this are taken for a mistake of the units; a factor of 1000 always falls outside."""
+
+
+@dataclass(frozen=True)
+class LoadedCase:
+    """A case in memory.
+
+    Attributes
+    ----------
+    case
+        The case file.
+    image, valid
+        ``(H, W, 3)`` float32 code values 0..1 of the undistorted frame; ``(H, W)`` bool, False where it shows nothing.
+    mesh
+        The surface in the model frame (demeaned), mm.
+    given_from_model
+        4x4, the translation by the mean of the given vertices.
+    cam_from_model
+        4x4, the pose of the frame.
+    structures
+        What overlays show, in the model frame.
+    told
+        Sentences about what was corrected or dropped.
+    """
+
+    case: Case
+    image: np.ndarray
+    valid: np.ndarray
+    mesh: TriangleMesh
+    given_from_model: np.ndarray
+    cam_from_model: np.ndarray
+    structures: tuple[tuple[Structure, TriangleMesh], ...]
+    told: tuple[str, ...]
+
+
+def load_surface(path: Path, mm_per_unit: float) -> tuple[TriangleMesh, np.ndarray, list[str]]:
+    """The surface in the model frame, mm; ``given_from_model`` (4x4); and sentences about what was dropped.
+
+    Raises
+    ------
+    InputError
+        No usable mesh.
+    """
+    given, told = read_mesh(path)
+    given = given.scaled(mm_per_unit)
+    centre = given.vertices.mean(axis=0)
+    return given.moved(-centre), rigid(translation=centre), told
+
+
+def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> None:
+    """Check that a pose (4x4, mm) shows the surface (model frame) to the frame's camera, at a plausible distance.
+
+    Raises
+    ------
+    InputError
+        It does not.
+    """
+    name = case.path.name
+    points_cam = transform_points(cam_from_model, mesh.vertices)
+    depth = points_cam[:, 2]
+    in_front = depth > 0
+    if not in_front.any():
+        raise InputError(
+            f"{name}: expected the surface in front of the camera, all of it lies behind (depth {depth.min():.4g} to "
+            f"{depth.max():.4g} mm); cam_from_model maps the mesh to OpenCV axes (z forward): "
+            "invert the matrix if it is model_from_cam, negate its 2nd and 3rd row if its axes are OpenGL's, "
+            "and give mesh and translation in the same unit"
+        )
+    distance = float(np.median(depth[in_front]))
+    if not NEAREST_MM <= distance <= FARTHEST_MM:
+        raise InputError(
+            f"{name}: expected a working distance of {NEAREST_MM:g} mm to {FARTHEST_MM / 1000:g} m, the surface is "
+            f"{distance:.4g} mm away: wrong units suspected; units is "
+            f'"{"mm" if case.mm_per_unit == 1 else "m"}", is that what the mesh and the pose are in?'
+        )
+    camera = case.camera
+    extent_px = 2 * mesh.radius / distance * min(camera.fx, camera.fy)
+    ratio = extent_px / max(camera.size_wh)
+    if not 1 / 200 <= ratio <= 200:
+        raise InputError(
+            f"{name}: expected a surface about as large as the frame, it spans {extent_px:.3g} px of "
+            f"{max(camera.size_wh)}: wrong units suspected; are mesh and translation in the same unit?"
+        )
+    pixels = camera.project(points_cam[in_front])
+    u, v = pixels[:, 0], pixels[:, 1]
+    if u.max() < -0.5 or v.max() < -0.5 or u.min() > camera.width - 0.5 or v.min() > camera.height - 0.5:
+        raise InputError(
+            f"{name}: expected the surface in the frame, it projects to u {u.min():.0f} to {u.max():.0f}, "
+            f"v {v.min():.0f} to {v.max():.0f} px of {camera.width}x{camera.height}; align the pose first"
+        )

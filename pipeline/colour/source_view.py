@@ -1,0 +1,84 @@
+"""What the source frame saw: the one visibility rule that every colour mode uses.
+
+The frame saw a surface point X of a face if all of these hold, with z the depth of X and (u, v) its pixel:
+
+* X is in front of the camera and (u, v) lies inside the grid of pixel centres;
+* the face's front side is turned to the camera, by at most :data:`MAX_INCIDENCE_DEG` off its normal;
+* z * w(u, v) = 1 within :data:`TOLERANCE_PX` / f, where w is the *inverse* depth map of the surface seen from the
+  frame, interpolated bilinearly: the same four pixels, with the same weights, that the colour is taken from.
+
+Notes
+-----
+Inverse depth is affine in (u, v) on a plane, so the interpolation is exact inside a face and only creases need the
+tolerance: it is :data:`TOLERANCE_PX` pixel footprints (z / f each) of depth, enough for a crease of 80 degrees inside
+a pixel. Because the test shares the footprint of the colour lookup, it also refuses a point whose colour would mix in
+another surface: a foreign pixel of weight a, deeper or nearer by the relative step s, passes only if a s < tolerance.
+Frame pixels that show nothing (background, transparent) have w = 0 and so spoil every lookup that they take part in.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera.pinhole import PinholeCamera
+from ..images.pixel_values import sample_bilinear
+from ..surface.mesh import TriangleMesh
+from ..transforms import camera_centre, transform_points
+
+TOLERANCE_PX = 1.5
+"""Depth tolerance in pixel footprints: a wrongly accepted point is displaced by less than about one pixel."""
+
+
+MAX_INCIDENCE_DEG = 87.0
+"""Faces seen at a flatter angle are stretched more than 19 times: what the frame holds of them is no colour."""
+
+
+@dataclass(frozen=True)
+class SourceView:
+    """The frame as a source of colour: image, camera, pose, and the inverse depth of the surface in it.
+
+    Attributes
+    ----------
+    camera, cam_from_model
+        Intrinsics and pose of the frame.
+    image
+        ``(H, W, 3)`` float32 code values divided by the largest one (0..1, not linearised).
+    inverse_depth
+        ``(H, W)`` float32, 1/mm at the pixel centres; 0 where the frame shows no surface or is masked out.
+    """
+
+    camera: PinholeCamera
+    cam_from_model: np.ndarray
+    image: np.ndarray
+    inverse_depth: np.ndarray
+
+    @property
+    def depth_tolerance(self) -> float:
+        """Relative depth tolerance."""
+        return TOLERANCE_PX / min(self.camera.fx, self.camera.fy)
+
+    def project(self, points_model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """``(N, 3)`` model points -> ``(N, 2)`` pixels (NaN behind the camera) and ``(N,)`` depth in mm."""
+        points_cam = transform_points(self.cam_from_model, points_model)
+        return self.camera.project(points_cam), points_cam[:, 2]
+
+    def unoccluded(self, points_model: np.ndarray) -> np.ndarray:
+        """``(N, 3)`` points on the surface -> ``(N,)`` bool: inside the frame and not hidden; facing is not tested."""
+        pixels, z = self.project(points_model)
+        surface = sample_bilinear(self.inverse_depth, pixels)
+        with np.errstate(invalid="ignore"):
+            return np.abs(z * surface - 1) <= self.depth_tolerance
+
+    def observed(self, points_model: np.ndarray, normals_model: np.ndarray) -> np.ndarray:
+        """``(N, 3)`` surface points and their unit face normals -> ``(N,)`` bool: seen by the frame."""
+        return self.unoccluded(points_model) & self.facing(points_model, normals_model)
+
+    def facing(self, points_model: np.ndarray, normals_model: np.ndarray) -> np.ndarray:
+        """``(N, 3)`` points and unit normals -> ``(N,)`` bool: the front side is turned to the frame's camera."""
+        to_camera = camera_centre(self.cam_from_model) - points_model
+        cosine = (to_camera * normals_model).sum(axis=1)
+        return cosine >= np.cos(np.radians(MAX_INCIDENCE_DEG)) * np.linalg.norm(to_camera, axis=1)
+
+    def facing_faces(self, mesh: TriangleMesh) -> np.ndarray:
+        """``(F,)`` bool: faces whose front side is turned to the frame's camera."""
+        return self.facing(mesh.vertices[mesh.faces].mean(axis=1), mesh.face_normals)

@@ -1,0 +1,229 @@
+"""Frame -> UV texture: an atlas whose texels are, as far as possible, the frame's own pixels.
+
+The upper part of the atlas is the *frame layer*: a cut-out of the frame in which the UV of a face is its projection.
+Texel centres are pixel centres there, so baking copies pixels and adds no blur. The layer can hold one surface per
+texel only: faces that would read texels of another surface (across a depth step, or behind it), and faces on which
+perspective is not affine, get rectangles of their own below it. Faces that the frame did not see share a neutral
+patch.
+
+Every texel knows whether the frame saw its own point of the surface. A bilinear lookup counts as observed if all
+texels of non-zero weight are, i.e. if the interpolated flag is at least 1 - 1e-4.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera.pinhole import PinholeCamera
+from ..images.pixel_values import sample_bilinear
+from ..projection.rasteriser import CHUNK, Samples, barycentric, nearest_barycentric, rasterise
+from ..surface.mesh import TriangleMesh
+from ..transforms import camera_centre, transform_points
+from .atlas_layout import GUTTER, affine_charts, frame_layer, pack_rectangles
+from .vertex_colours import NEUTRAL
+
+MAX_SIZE = 16384
+"""Largest width and height of an atlas, texels: what graphics cards take."""
+
+MAX_SLOPE = 16.0
+"""Beyond a face's edge its plane is followed up to this depth step per texel, in pixel footprints."""
+
+NEUTRAL_PATCH = 4
+"""Side of the patch of faces that were not seen, texels."""
+
+Observed = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""The visibility rule: points (N, 3) in model coordinates and their unit face normals (N, 3) -> (N,) bool.
+
+True must mean that the frame, sampled bilinearly at the point's projection, shows this point and nothing else, as
+:meth:`pipeline.colour.source_view.SourceView.observed` does. Points may lie a texel outside the surface.
+"""
+
+
+@dataclass(frozen=True)
+class TextureAtlas:
+    """A texture baked from the frame, and the UV map that goes with it.
+
+    Attributes
+    ----------
+    uv
+        ``(F, 3, 2)`` float64 per face corner, in [0, 1], origin bottom-left with v up (Blender, OBJ): the centre of
+        the texel in column i and row j (from the top) is ((i + 0.5) / width, 1 - (j + 0.5) / height).
+    image
+        ``(h, w, C)`` float32, top row first; :data:`pipeline.colour.vertex_colours.NEUTRAL` where not observed.
+    observed
+        ``(h, w)`` bool.
+    faces_seen
+        Number of faces that the frame saw not at all, partly, fully.
+    separate_charts
+        Number of faces with a rectangle of their own.
+    coarse_charts
+        Number of those whose rectangle had to be smaller than the frame's resolution calls for.
+    """
+
+    uv: np.ndarray
+    image: np.ndarray
+    observed: np.ndarray
+    faces_seen: tuple[int, int, int]
+    separate_charts: int
+    coarse_charts: int
+
+    def told(self) -> list[str]:
+        """Sentences for the report: size, coverage, and what was lost."""
+        height, width = self.observed.shape
+        unseen, partly, fully = self.faces_seen
+        sentences = [
+            f"texture atlas: {width}x{height} texels, {self.observed.mean():.0%} observed; {fully} faces seen fully, "
+            f"{partly} partly, {unseen} not at all; {self.separate_charts} separate charts"
+        ]
+        if self.coarse_charts:
+            sentences.append(
+                f"texture atlas: {self.coarse_charts} faces are too large for the frame's full resolution; "
+                "subdivide the mesh or use the projective colour mode"
+            )
+        return sentences
+
+
+def classify_faces(
+    mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, observed: Observed
+) -> np.ndarray:
+    """How much the frame saw of each face: ``(F,)`` uint8, 0 nothing, 1 a part, 2 all.
+
+    Tests the corners, edge midpoints and centroid, and a grid as fine as the frame's pixels. Faces turned away from
+    the camera or outside the frame are 0 without a test.
+    """
+    towards_camera = camera_centre(cam_from_model) - mesh.vertices[mesh.faces[:, 0]]
+    faces = np.flatnonzero(np.einsum("nk,nk->n", towards_camera, mesh.face_cross) > 0)
+    points_cam = transform_points(cam_from_model, mesh.vertices)[mesh.faces[faces]]
+    pixels = camera.project(points_cam)
+    # a NaN (behind the camera) compares False, so those faces are kept
+    outside = (pixels < -0.5).all(axis=1) | (pixels > np.array(camera.size_wh) - 0.5).all(axis=1)
+    kept = ~outside.any(axis=1) & (points_cam[..., 2] > 0).any(axis=1)
+    faces, points_cam = faces[kept], points_cam[kept]
+    corners, normals = mesh.vertices[mesh.faces[faces]], mesh.face_normals[faces]
+    tests = np.zeros(len(faces), dtype=np.int64)
+    passes = np.zeros(len(faces), dtype=np.int64)
+
+    def count(index: np.ndarray, weights: np.ndarray) -> None:
+        flags = observed(np.einsum("nk,nkd->nd", weights, corners[index]), normals[index])
+        np.add(tests, np.bincount(index, minlength=len(faces)), out=tests)
+        np.add(passes, np.bincount(index[flags], minlength=len(faces)), out=passes)
+
+    halves = (np.ones((3, 3)) - np.eye(3)) / 2
+    for weights in (np.full(3, 1 / 3), *np.eye(3), *halves):
+        for start in range(0, len(faces), CHUNK):
+            index = np.arange(start, min(start + CHUNK, len(faces)))
+            count(index, np.broadcast_to(weights, (len(index), 3)))
+    # a face that is known to be partly seen needs no more tests
+    undecided = np.flatnonzero((passes == 0) | (passes == tests))
+    for samples in rasterise(affine_charts(points_cam[undecided], camera).texels):
+        count(undecided[samples.triangle], samples.barycentric)
+    seen = np.zeros(len(mesh.faces), dtype=np.uint8)
+    seen[faces] = (passes > 0).astype(np.uint8) + (passes == tests)
+    return seen
+
+
+def bake_atlas(
+    mesh: TriangleMesh,
+    camera: PinholeCamera,
+    cam_from_model: np.ndarray,
+    image: np.ndarray,
+    observed: Observed,
+    seen_faces: np.ndarray,
+    *,
+    max_size: int = MAX_SIZE,
+) -> TextureAtlas:
+    """Lay out the faces that the frame saw, and bake the frame to their texels.
+
+    Parameters
+    ----------
+    image
+        ``(H, W, C)`` float32 code values of the frame.
+    observed
+        The visibility rule, see :data:`Observed`.
+    seen_faces
+        ``(F,)`` uint8 from :func:`classify_faces`.
+
+    Raises
+    ------
+    InputError
+        The atlas would be larger than ``max_size`` texels in width or height.
+    """
+    seen = np.flatnonzero(seen_faces)
+    corners, normals = mesh.vertices[mesh.faces[seen]], mesh.face_normals[seen]
+    points_cam = transform_points(cam_from_model, mesh.vertices)[mesh.faces[seen]]
+    charts = affine_charts(points_cam, camera)
+    layer = frame_layer(charts, points_cam[..., 2], seen_faces[seen] == 2, camera)
+    separate = np.flatnonzero(~layer.members)
+    low = np.ceil(charts.texels[separate].min(axis=1) - GUTTER).astype(np.int64)
+    sizes = np.floor(charts.texels[separate].max(axis=1) + GUTTER).astype(np.int64) - low + 1
+    patch = np.full((1, 2), NEUTRAL_PATCH)
+    origins, (width, height) = pack_rectangles(np.concatenate([sizes, patch]), layer.size, max_size)
+    texels = charts.texels.copy()
+    texels[layer.members] -= layer.low
+    texels[separate] += (origins[:-1] - low)[:, None]
+
+    def owned_texels() -> Iterator[Samples]:
+        for start in range(0, len(layer.face), CHUNK):
+            part = slice(start, start + CHUNK)
+            face, x, y = layer.face[part], layer.x[part] - layer.low[0], layer.y[part] - layer.low[1]
+            yield Samples(face, x, y, barycentric(texels[face], np.stack([x, y], axis=1)))
+        for samples in rasterise(texels[separate], margin=GUTTER):
+            yield samples._replace(triangle=separate[samples.triangle])
+
+    footprints = points_cam[..., 2] / min(camera.fx, camera.fy)
+    baked = np.full((height, width, image.shape[2]), NEUTRAL, dtype=np.float32)
+    flags = np.zeros((height, width), dtype=bool)
+    for samples in owned_texels():
+        face, x, y, _ = samples
+        points, fallback, retry = _surface_points(samples, texels, corners, footprints)
+        good = observed(points, normals[face])
+        # where the plane leaves the true surface beyond an edge, the nearest point of the face speaks for it
+        retry = retry[~good[retry]]
+        points[retry] = fallback[retry]
+        good[retry] = observed(points[retry], normals[face[retry]])
+        pixels = camera.project(transform_points(cam_from_model, points[good]))
+        inside = ((pixels >= -1e-3) & (pixels <= np.array(camera.size_wh) - 1 + 1e-3)).all(axis=1)
+        good[good] = inside
+        flags[y[good], x[good]] = True
+        baked[y[good], x[good]] = sample_bilinear(image, pixels[inside])
+    uv = np.empty((len(mesh.faces), 3, 2))
+    uv[:] = origins[-1] + np.array([[1.0, 2.0], [2.0, 2.0], [1.0, 1.0]])
+    uv[seen] = texels
+    uv = (uv + 0.5) / [width, height]
+    uv[..., 1] = 1 - uv[..., 1]
+    unseen, partly, fully = (int((seen_faces == level).sum()) for level in range(3))
+    return TextureAtlas(uv, baked, flags, (unseen, partly, fully), len(separate), int(charts.coarse[separate].sum()))
+
+
+def _surface_points(
+    samples: Samples, texels: np.ndarray, corners: np.ndarray, footprints: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Surface points of N texels, on the plane of their face also beyond its edges.
+
+    Parameters
+    ----------
+    samples
+        The texels, with indices into the S faces.
+    texels, corners
+        ``(S, 3, 2)`` faces in the atlas, and ``(S, 3, 3)`` in model coordinates, mm.
+    footprints
+        ``(S, 3)`` size of a frame pixel at the corners, mm.
+
+    Returns
+    -------
+    ``(N, 3)`` points, ``(N, 3)`` nearest points in the face (valid for gutter texels only), and the indices of the
+    gutter texels.
+    """
+    points = np.einsum("nk,nkd->nd", samples.barycentric, corners[samples.triangle])
+    nearest = np.zeros_like(points)
+    gutter = np.flatnonzero(samples.barycentric.T.min(axis=0) < -1e-9)
+    face = samples.triangle[gutter]
+    inner, distance = nearest_barycentric(texels[face], np.stack([samples.x[gutter], samples.y[gutter]], axis=1))
+    nearest[gutter] = np.einsum("nk,nkd->nd", inner, corners[face])
+    step = points[gutter] - nearest[gutter]
+    length = np.linalg.norm(step, axis=1)
+    longest = MAX_SLOPE * distance * np.maximum((inner * footprints[face]).sum(axis=1), 0)
+    shrink = np.divide(longest, length, out=np.ones_like(length), where=length > longest)
+    points[gutter] = nearest[gutter] + step * shrink[:, None]
+    return points, nearest, gutter

@@ -1,0 +1,5 @@
+"""Whether a dataset is whole and consistent.
+
+In: the folder of a dataset. Out: findings. Nothing here is shared with the code that writes, so that an error in that
+cannot hide itself.
+"""

@@ -1,0 +1,205 @@
+"""Poses against pixels: a view's depth image compared with the surface, projected once more on another way.
+
+The model's triangles are projected with OpenCV (``cv2.projectPoints``), scan-converted and depth-tested here, so
+nothing of Blender takes part; what remains to agree is exactly what the dataset promises: mesh, pose, K, pixel origin,
+depth scale and depth image. Needs cv2.
+
+Notes
+-----
+A wrong pose or K shows in two ways, both measured in pixels of the image. Outlines: pixels that belong to one of the
+two masks only, divided by the length of the outline. Depths: the least-squares shift d of dz = -grad(z) . d + c z over
+all pixels, where dz is the depth image minus the surface. A surface of one slope tells only d's component along it
+(the solution of least norm is taken), and one parallel to the image plane nothing.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ...camera.pinhole import PinholeCamera
+from ...projection.rasteriser import rasterise
+from ...surface.mesh import TriangleMesh
+from ...transforms import transform_points
+
+GUARD_PX = 64.0
+"""Triangles that reach farther out of the image are clipped: bounds what is scan-converted in vain."""
+
+RAY_PX = 0.03
+"""How far a renderer's ray may pass from the pixel's centre, px: slopes turn it into depth."""
+
+RELATIVE = 1e-5
+"""Relative error allowed to a renderer that computes in single precision."""
+
+LEAST_AGREEING = 0.99
+LARGEST_SHIFT_PX = 0.1
+PIXELS_OF_ROUNDING = 4
+
+
+@dataclass(frozen=True)
+class SurfaceDepth:
+    """A surface in a view: ``(H, W)`` float64 depth ``z`` in mm at the pixel centres, 0 for none, and ``(2, H, W)``
+    float64 ``slope``, its derivatives along u and v in mm/px."""
+
+    z: np.ndarray
+    slope: np.ndarray
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How well a depth image and a surface agree.
+
+    Attributes
+    ----------
+    compared, agreeing
+        Pixels where both have surface, and those of them whose depths agree within rounding, slopes considered.
+    median_dz_mm
+        Median absolute difference there; 0 if nothing is compared.
+    shift_px
+        (u, v) shift of the depth image that explains the differences best, as far as the slopes can tell.
+    shift_error_px
+        Standard error of its length.
+    only_one, outline
+        Pixels with surface in one of the two only; pixels of the outline.
+    """
+
+    compared: int
+    agreeing: int
+    median_dz_mm: float
+    shift_px: tuple[float, float]
+    shift_error_px: float
+    only_one: int
+    outline: int
+
+    @property
+    def misfit(self) -> str:
+        """What is more than rounding, as clauses; empty if the view fits."""
+        told = []
+        if self.only_one > LARGEST_SHIFT_PX * self.outline + PIXELS_OF_ROUNDING:
+            told.append(f"{self.only_one} px are in one of the two masks only (outline {self.outline} px)")
+        if self.agreeing < LEAST_AGREEING * self.compared:
+            told.append(f"only {self.agreeing / self.compared:.1%} of the depths agree")
+        if np.hypot(*self.shift_px) > LARGEST_SHIFT_PX + 5 * self.shift_error_px:
+            told.append(f"the depths fit best with a shift of ({self.shift_px[0]:+.2f}, {self.shift_px[1]:+.2f}) px")
+        return ", ".join(told)
+
+
+def surface_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> SurfaceDepth:
+    """Depth of a mesh (model frame) at every pixel's centre, front and back faces alike."""
+    triangles_px, inverse_z = _projected(mesh, camera, cam_from_model)
+    gradients = _affine_gradients(triangles_px, inverse_z)
+    nearest = np.zeros(camera.height * camera.width)
+    winner = np.full(nearest.shape, -1)
+    for triangle, x, y, weights in rasterise(triangles_px):
+        inside = (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
+        triangle, pixel = triangle[inside], (y * camera.width + x)[inside]
+        # inverse depth is affine in the image of a plane
+        value = (weights[inside] * inverse_z[triangle]).sum(axis=1)
+        np.maximum.at(nearest, pixel, value)
+        won = value >= nearest[pixel]
+        winner[pixel[won]] = triangle[won]
+    z = np.divide(1.0, nearest, out=np.zeros_like(nearest), where=winner >= 0)
+    slope = np.where(winner >= 0, -(z**2) * gradients[winner].T, 0.0) if len(gradients) else np.zeros((2, z.size))
+    return SurfaceDepth(z.reshape(camera.shape_hw), slope.reshape(2, *camera.shape_hw))
+
+
+def agreement(depth: np.ndarray, depth_scale: float, surface: SurfaceDepth, focal_px: float) -> Agreement:
+    """Compare ``(H, W)`` uint16 depth in units of ``depth_scale`` mm with a surface."""
+    seen, expected = depth > 0, surface.z > 0
+    both = seen & expected
+    z, slope = surface.z[both], surface.slope[:, both]
+    dz = depth[both] * depth_scale - z
+    per_px = np.abs(slope).sum(axis=0)
+    tolerance = 0.5 * depth_scale + RAY_PX * per_px + RELATIVE * z
+    shift, error = _best_shift(dz, slope, tolerance, z / focal_px, near=np.abs(dz) <= tolerance + 2 * per_px)
+    outline = expected & (cv2.erode(expected.view(np.uint8), _CROSS, borderType=cv2.BORDER_REPLICATE) == 0)
+    return Agreement(
+        compared=int(both.sum()),
+        agreeing=int((np.abs(dz) <= tolerance).sum()),
+        median_dz_mm=float(np.median(np.abs(dz))) if len(dz) else 0.0,
+        shift_px=shift,
+        shift_error_px=error,
+        only_one=int((seen != expected).sum()),
+        outline=int(outline.sum()),
+    )
+
+
+_CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
+
+
+def _best_shift(
+    dz: np.ndarray, slope: np.ndarray, tolerance: np.ndarray, footprint_mm: np.ndarray, *, near: np.ndarray
+) -> tuple[tuple[float, float], float]:
+    """Weighted least squares of dz = -slope . shift + c footprints, without pixels at steps of the depth."""
+    if near.sum() < 10:
+        return (0.0, 0.0), 0.0
+    weight = 1 / tolerance[near]
+    rows = np.stack([-slope[0, near], -slope[1, near], footprint_mm[near]], axis=1) * weight[:, None]
+    residual = dz[near] * weight
+    information = rows.T @ rows
+    values, vectors = np.linalg.eigh(information)
+    # a direction in which the slopes hardly vary is not told by the depths
+    told = values > 1e-4 * values[-1]
+    solution = vectors[:, told] @ ((vectors[:, told].T @ (rows.T @ residual)) / values[told])
+    variance = float(np.mean((residual - rows @ solution) ** 2))
+    covariance = (vectors[:, told] * (variance / values[told])) @ vectors[:, told].T
+    return (float(solution[0]), float(solution[1])), float(np.sqrt(covariance[0, 0] + covariance[1, 1]))
+
+
+def _projected(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """``(T, 3, 2)`` px and ``(T, 3)`` inverse depths of what is in front of the camera and in or near the image."""
+    points_cam = transform_points(cam_from_model, mesh.vertices)
+    planes = _frustum(camera)
+    offsets = np.array([1e-6 * np.abs(points_cam[:, 2]).max(), 0, 0, 0, 0])
+    outside = np.zeros(len(points_cam), np.uint8)
+    for bit, (plane, offset) in enumerate(zip(planes, offsets, strict=True)):
+        outside |= (points_cam @ plane < offset).view(np.uint8) << bit
+    corners = outside[mesh.faces]
+    out_together = corners[:, 0] & corners[:, 1] & corners[:, 2]
+    out_somewhere = corners[:, 0] | corners[:, 1] | corners[:, 2]
+    triangles = points_cam[mesh.faces[out_somewhere == 0]]
+    crossing = points_cam[mesh.faces[(out_somewhere != 0) & (out_together == 0)]]
+    for plane, offset in zip(planes, offsets, strict=True):
+        crossing = _clipped(crossing, plane, offset)
+    triangles = np.concatenate([triangles, crossing])
+    if len(triangles) == 0:
+        return np.zeros((0, 3, 2)), np.zeros((0, 3))
+    still = np.zeros(3)
+    pixels, _ = cv2.projectPoints(triangles.reshape(-1, 1, 3), still, still, camera.k, np.zeros(4))
+    return pixels.reshape(-1, 3, 2), 1 / triangles[..., 2]
+
+
+def _frustum(camera: PinholeCamera) -> np.ndarray:
+    """``(5, 3)`` inward normals of the near plane and of the planes around the image and its guard band."""
+    k = camera.k
+    low, high_u, high_v = -GUARD_PX, camera.width - 1 + GUARD_PX, camera.height - 1 + GUARD_PX
+    u, v, z = k
+    return np.stack([z, u - low * z, high_u * z - u, v - low * z, high_v * z - v])
+
+
+def _clipped(triangles: np.ndarray, plane: np.ndarray, offset: float) -> np.ndarray:
+    """``(T, 3, 3)`` triangles -> the triangles of their parts with ``plane . x >= offset`` (Sutherland & Hodgman)."""
+    height = triangles @ plane - offset
+    inside = height >= 0
+    count = inside.sum(axis=1)
+    parts = [triangles[count == 3]]
+    for kept in (1, 2):
+        chosen = count == kept
+        # the corner that is alone on its side first
+        first = np.argmax(inside[chosen] == (kept == 1), axis=1)
+        order = (first[:, None] + np.arange(3)) % 3
+        rows = np.arange(len(order))[:, None]
+        (a, b, c), h = np.moveaxis(triangles[chosen][rows, order], 1, 0), height[chosen][rows, order]
+        ab = a + (b - a) * (h[:, 0] / (h[:, 0] - h[:, 1]))[:, None]
+        ac = a + (c - a) * (h[:, 0] / (h[:, 0] - h[:, 2]))[:, None]
+        parts += [np.stack([a, ab, ac], 1)] if kept == 1 else [np.stack([ab, b, c], 1), np.stack([ab, c, ac], 1)]
+    return np.concatenate(parts)
+
+
+def _affine_gradients(triangles_px: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """``(T, 2)`` derivatives in u and v of the affine function with ``(T, 3)`` values at the corners."""
+    (bu, bv), (cu, cv) = (triangles_px[:, 1] - triangles_px[:, 0]).T, (triangles_px[:, 2] - triangles_px[:, 0]).T
+    b, c = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
+    area2 = bu * cv - bv * cu
+    gradients = np.stack([b * cv - c * bv, c * bu - b * cu], axis=1)
+    return np.divide(gradients, area2[:, None], out=np.zeros_like(gradients), where=area2[:, None] != 0)

@@ -1,0 +1,179 @@
+"""The images of one view: do they decode, agree with each other and with the record, and show the surface as posed?
+
+Decoding and boxes are OpenCV's (``cv2.imdecode``, ``cv2.boundingRect``), an independent reader of the files that
+:mod:`pipeline.images.png` writes. Needs cv2.
+"""
+
+import io
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import DTypeLike
+
+from ...errors import InputError
+from ...images.image_check import check_image_file
+from ...projection.silhouette import SilhouetteEdges, silhouette_statistics
+from ..layout import FramePaths
+from .depth import PIXELS_OF_ROUNDING, Agreement, agreement, surface_depth
+from .findings import Findings
+from .records import DamagedFile, Identity, ViewRecord
+
+IMAGES = "images that disagree"
+POSES = "views whose pose does not fit the pixels"
+
+SOFT_EDGE_OUTLIERS = 0.005
+"""Part of the surface's pixels that may be coloured farther than 1 px outside of it: parts thinner than a pixel."""
+
+
+def check_view(
+    paths: FramePaths, record: ViewRecord, identity: Identity, surface: SilhouetteEdges | None, findings: Findings
+) -> Agreement | None:
+    """Check one view; its files are there.
+
+    Parameters
+    ----------
+    paths, record, identity
+        The view and what is said about it.
+    surface
+        The model with its edges; ``None`` if it cannot be read, then nothing is told about poses.
+    findings
+        Takes what is wrong.
+
+    Returns
+    -------
+    How depth image and surface agree; ``None`` if that could not be told.
+    """
+    try:
+        images = {kind: _decoded(paths, kind, identity) for kind in identity.kinds}
+        _check_images(images, paths, record, identity)
+        _check_record(images, paths, record)
+    except DamagedFile as damage:
+        findings.add(IMAGES, damage)
+        return None
+    if surface is None:
+        return None
+    try:
+        found = agreement(
+            images["depth"],
+            record.depth_scale,
+            surface_depth(surface.mesh, identity.camera, record.cam_from_model),
+            identity.camera.fx,
+        )
+        misfit = found.misfit
+        if misfit:
+            where = paths.relative("depth")
+            raise DamagedFile(f"{where}: the surface projected with scene_gt and cam_K does not fit: {misfit}")
+        _check_silhouette(surface, record, identity)
+    except DamagedFile as damage:
+        findings.add(POSES, damage)
+        return None
+    return found
+
+
+def _decoded(paths: FramePaths, kind: str, identity: Identity) -> np.ndarray:
+    where, path = paths.relative(kind), paths.file(kind)
+    height, width = identity.camera.shape_hw
+    if kind == "depth_mm":
+        return _float_depth(path, where, (height, width))
+    try:
+        # cv2 fills what is missing in a damaged file
+        check_image_file(path, where)
+    except InputError as error:
+        raise DamagedFile(str(error)) from None
+    image = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise DamagedFile(f"{where}: expected a PNG image, found a file that cannot be decoded")
+    shape = (height, width, 3) if kind == "rgb" else (height, width)
+    dtype = np.uint16 if kind == "depth" else np.uint8
+    if image.shape != shape or image.dtype != dtype:
+        raise DamagedFile(f"{where}: expected {_described(shape, dtype)}, found {_described(image.shape, image.dtype)}")
+    if kind.startswith("mask") and not ((image == 0) | (image == 255)).all():
+        raise DamagedFile(f"{where}: expected a mask of 0 and 255, found other values")
+    return image
+
+
+def _described(shape: tuple[int, ...], dtype: DTypeLike) -> str:
+    channels = shape[2] if len(shape) > 2 else 1
+    return f"{shape[1]}x{shape[0]} px with {channels} channel{'s' * (channels > 1)} of {np.dtype(dtype).name}"
+
+
+def _float_depth(path: Path, where: str, shape: tuple[int, int]) -> np.ndarray:
+    try:
+        depth = np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
+    except (ValueError, EOFError, OSError) as error:
+        raise DamagedFile(f"{where}: expected a NumPy array, found a damaged file ({error})") from None
+    if depth.shape != shape or depth.dtype != np.float32:
+        raise DamagedFile(f"{where}: expected {shape} of float32, found {depth.shape} of {depth.dtype}")
+    return depth
+
+
+def _check_images(images: dict[str, np.ndarray], paths: FramePaths, record: ViewRecord, identity: Identity) -> None:
+    """The images against each other."""
+    mask, depth = images["mask"] > 0, images["depth"]
+    _nothing(mask != (depth > 0), paths, "mask", "differ from where the depth image has surface")
+    for kind in ("mask_visib", "mask_observed"):
+        _nothing((images[kind] > 0) & ~mask, paths, kind, "lie outside the mask")
+    coloured = images["rgb"].any(axis=2)
+    if not identity.anti_aliased:
+        _nothing(coloured & ~mask, paths, "rgb", "outside the mask are not black")
+    else:
+        near = cv2.dilate(images["mask"], np.ones((3, 3), np.uint8)) > 0
+        outside = coloured & ~near
+        if outside.sum() > SOFT_EDGE_OUTLIERS * mask.sum():
+            _nothing(outside, paths, "rgb", "more than 1 px outside the mask are not black")
+    if "depth_mm" in images:
+        exact = images["depth_mm"].astype(np.float64)
+        # surface nearer than half a unit is 1, not 0
+        rounding = np.where(depth == 1, 1.0, 0.5) * record.depth_scale + 1e-6 * exact
+        wrong = ((exact > 0) != mask) | ~(np.abs(exact - depth * record.depth_scale) <= rounding)
+        _nothing(wrong, paths, "depth_mm", "are not those of the depth image before rounding")
+
+
+def _nothing(wrong: np.ndarray, paths: FramePaths, kind: str, clause: str) -> None:
+    if wrong.any():
+        v, u = np.argwhere(wrong)[0]
+        raise DamagedFile(f"{paths.relative(kind)}: {int(wrong.sum())} px {clause} (first: u = {u}, v = {v})")
+
+
+def _check_record(images: dict[str, np.ndarray], paths: FramePaths, record: ViewRecord) -> None:
+    """The images against the numbers in the record."""
+    visible, info = images["mask_visib"] > 0, record.gt_info
+    counts = {
+        "px_count_visib": int(visible.sum()),
+        "px_count_valid": int((images["depth"] > 0).sum()),
+        "bbox_visib": _box(images["mask_visib"]),
+    }
+    for name, found in counts.items():
+        if info[name] != found:
+            raise DamagedFile(f"{record.where}: {name} is {info[name]}, {paths.relative('mask_visib')} has {found}")
+    observed = int((images["mask_observed"] > 0).sum())
+    if record.observed != observed:
+        where = paths.relative("mask_observed")
+        raise DamagedFile(f"{record.where}: px_count_observed is {record.observed}, {where} has {observed}")
+    whole = info["px_count_all"]
+    fraction = info["px_count_visib"] / whole if whole else 0.0
+    if abs(info["visib_fract"] - fraction) > 1e-12:
+        raise DamagedFile(f"{record.where}: visib_fract is {info['visib_fract']}, the counts make {fraction}")
+    runs = record.run_lengths
+    if (runs < 0).any() or runs.sum() != visible.size:
+        raise DamagedFile(f"{record.where}: expected rle_counts of {visible.size} px, found {int(runs.sum())}")
+    decoded = np.repeat(np.arange(len(runs)) % 2 == 1, runs).reshape(visible.shape[::-1]).T
+    _nothing(decoded != visible, paths, "mask_visib", f"differ from rle_counts of {record.where}")
+
+
+def _box(mask: np.ndarray) -> list[int]:
+    x, y, width, height = cv2.boundingRect(mask)
+    return [x, y, width - 1, height - 1] if width else [-1, -1, -1, -1]
+
+
+def _check_silhouette(surface: SilhouetteEdges, record: ViewRecord, identity: Identity) -> None:
+    """The numbers about what lies outside the image, which no image shows."""
+    info, silhouette = record.gt_info, silhouette_statistics(surface, identity.camera, record.cam_from_model)
+    visible = info["px_count_visib"]
+    whole = silhouette.px_count_all - silhouette.px_count_inside + visible
+    if abs(info["px_count_all"] - whole) > PIXELS_OF_ROUNDING + 1e-3 * whole:
+        raise DamagedFile(f"{record.where}: px_count_all is {info['px_count_all']}, the surface covers {whole} px")
+    box = list(silhouette.bbox_obj) if visible else [-1, -1, -1, -1]
+    if np.abs(np.subtract(info["bbox_obj"], box)).max() > 1:
+        raise DamagedFile(f"{record.where}: bbox_obj is {info['bbox_obj']}, that of the projected surface is {box}")

@@ -1,0 +1,229 @@
+"""The folder of a dataset run: one writer at a time, one identity for ever, nothing half-written.
+
+``dataset.json`` holds everything that the content depends on. It is written first and never changed; a run that finds
+another one stops. Locks and temporary files live in ``.work`` and are gone when the dataset is complete.
+"""
+
+import json
+import os
+import shutil
+import time
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+from ..errors import InputError, RunError
+from ..files.content import write_bytes_atomically
+from .layout import SPLIT
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Part ``index`` (counted from 0) of ``count`` parts of the views."""
+
+    index: int = 0
+    count: int = 1
+
+    def frames(self, total: int, frames_per_scene: int) -> range:
+        """The views of this part: contiguous, and whole scenes where there are enough of them."""
+        unit = frames_per_scene if total >= frames_per_scene * self.count else 1
+        units = -(-total // unit)
+        first, last = (units * part // self.count for part in (self.index, self.index + 1))
+        return range(min(first * unit, total), min(last * unit, total))
+
+
+def parse_shard(text: str) -> Shard:
+    """``"I/N"``, I from 0 to N - 1.
+
+    Raises
+    ------
+    InputError
+        Anything else.
+    """
+    try:
+        index, count = (int(part) for part in text.split("/"))
+    except ValueError:
+        raise InputError(f"--shard: expected I/N such as 0/4, found {text!r}") from None
+    if not 0 <= index < count:
+        raise InputError(f"--shard: expected I/N with I counted from 0 to N - 1, found {text!r}")
+    return Shard(index, count)
+
+
+RECORD = "dataset.json"
+
+
+WORK = ".work"
+
+
+LAST_SHARDS_SECONDS = 10.0
+"""Shards that end together wait at most this long for each other before the last one tidies up."""
+
+
+class RunFolder:
+    """Exclusive use of a dataset folder (or of one shard's part of it); use as a context manager."""
+
+    def __init__(self, path: Path, identity: dict, shard: Shard) -> None:
+        """Create or enter the folder.
+
+        Parameters
+        ----------
+        path
+            The dataset's folder.
+        identity
+            What determines the content; JSON types only.
+        shard
+            Different shards of the same run may share the folder.
+
+        Raises
+        ------
+        RunError
+            The folder cannot be written to, holds something else or another run's data, or is in use.
+        """
+        self.path = path
+        self._locks = ExitStack()
+        work, record = path / WORK, path / RECORD
+        try:
+            self._new_folders = [folder for folder in (path, *path.parents) if not folder.exists()]
+            self._is_new = not record.exists()
+            if not self._is_new:
+                # before anything is touched
+                check_identity(record, identity)
+            elif path.is_dir() and any(path.iterdir()) and not work.exists():
+                raise RunError(f"{path}: expected a new or empty folder or a dataset to resume, found other files")
+            work.mkdir(parents=True, exist_ok=True)
+            self._common_lock = self._take(work / "lock", shared=shard.count > 1)
+            if shard.count > 1:
+                self._take(work / f"lock-{shard.index}-of-{shard.count}", shared=False)
+            if not record.exists():
+                write_bytes_atomically(record, _json(identity))
+            check_identity(record, identity)
+            self._remove_leftovers(shared=shard.count > 1)
+        except OSError as error:
+            self._locks.close()
+            raise RunError(f"{path}: cannot write to the folder ({error.strerror})") from None
+        except RunError:
+            self._locks.close()
+            raise
+
+    def __enter__(self) -> "RunFolder":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if isinstance(error, InputError) and self._is_new:
+            self._discard()
+        self._locks.close()
+
+    def finish(self) -> None:
+        """Remove locks and temporary files of a complete dataset, unless another process still works in the folder."""
+        # other shards of a complete dataset are about to end as well, and one of them has to be the last
+        if self._alone(wait_seconds=LAST_SHARDS_SECONDS):
+            self._remove_leftovers(shared=False)
+            if os.name == "nt":
+                self._locks.close()  # Windows removes no open files
+            shutil.rmtree(self.path / WORK, ignore_errors=True)
+
+    def _discard(self) -> None:
+        """Take back what this run made, if unusable input stopped it before its first view was finished."""
+        if any((self.path / SPLIT).glob("*/frame/*.json")) or not self._alone():
+            return
+        for name in (SPLIT, "models", WORK):
+            shutil.rmtree(self.path / name, ignore_errors=True)
+        for name in ("camera.json", RECORD):
+            (self.path / name).unlink(missing_ok=True)
+        for folder in self._new_folders:
+            with suppress(OSError):  # somebody else has put something there
+                folder.rmdir()
+
+    def _alone(self, *, wait_seconds: float = 0.0) -> bool:
+        """Get the lock that shards share for this process alone; a failed attempt gives it up to the others."""
+        give_up = time.monotonic() + wait_seconds
+        while True:
+            try:
+                _lock(self._common_lock, shared=False)
+                return True
+            except OSError:
+                if time.monotonic() > give_up:
+                    return False
+                time.sleep(0.05)
+
+    def _take(self, path: Path, *, shared: bool) -> int:
+        stream = self._locks.enter_context(path.open("a+b"))
+        try:
+            _lock(stream.fileno(), shared=shared)
+            if not os.path.samestat(os.fstat(stream.fileno()), path.stat()):
+                raise FileNotFoundError  # whoever held it has just finished the dataset and removed the file
+        except OSError:
+            raise RunError(
+                f"{self.path}: another process renders into this folder; wait for it, stop it, or take another (--out)"
+            ) from None
+        return stream.fileno()
+
+    def _remove_leftovers(self, *, shared: bool) -> None:
+        """Remove temporary files of a killed run; another shard's live ones are not ours to touch."""
+        if not shared:
+            for leftover in self.path.rglob(".partial-*"):
+                leftover.unlink(missing_ok=True)
+
+
+def check_identity(record: Path, identity: dict) -> None:
+    """Check that a dataset's record (its file) and what determines a run's content (JSON types) are the same.
+
+    Raises
+    ------
+    RunError
+        They differ, or the file is no record.
+    """
+    try:
+        existing = json.loads(record.read_bytes())
+    except ValueError:
+        raise RunError(f"{record}: expected the record of a dataset, found no JSON; take another (--out)") from None
+    # the files first: what differs besides may follow from them
+    different = sorted(
+        _differences(existing, json.loads(_json(identity))), key=lambda text: (not text.startswith("the file"), text)
+    )
+    if different:
+        shown = "; ".join(different[:4]) + (f" and {len(different) - 4} more" if len(different) > 4 else "")
+        raise RunError(
+            f"{record.parent}: the folder holds the dataset of another run ({shown}); "
+            "undo the change to resume it, or take another (--out)"
+        )
+
+
+def _json(identity: dict) -> bytes:
+    return (json.dumps(identity, indent=2) + "\n").encode()
+
+
+def _differences(old: object, new: object, name: str = "") -> list[str]:
+    if isinstance(old, dict) and isinstance(new, dict):
+        keys = old.keys() | new.keys()
+        return [
+            text for key in keys for text in _differences(old.get(key), new.get(key), f"{name}.{key}" if name else key)
+        ]
+    if old == new:
+        return []
+    if name.startswith("inputs_sha256."):
+        return [f"the file of the {name.removeprefix('inputs_sha256.')} has changed"]
+    return [f"{name} was {_short(old)}, is {_short(new)}"]
+
+
+def _short(value: object) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _lock(descriptor: int, *, shared: bool) -> None:
+    """Take an advisory lock or raise OSError at once; it ends with the process, however that ends."""
+    if os.name == "nt":
+        import msvcrt
+
+        os.lseek(descriptor, 0, os.SEEK_SET)
+        # Windows has no shared locks here: shards are kept apart by their own lock files
+        if not shared:
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
+        return
+    import fcntl
+
+    fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)

@@ -1,0 +1,65 @@
+"""A dataset's frames on disk, in the BOP layout: where each file lies, and how one view becomes its files.
+
+A view is finished when its record ``frame/NNNNNN.json`` is there, which is written last and holds the hashes of the
+others; all tables of the dataset (:mod:`pipeline.dataset_tables`) are made from these records alone.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+FORMAT = "oneframe dataset 1"
+"""Name and version of the layout, in ``dataset.json``."""
+
+
+SPLIT = "train_pbr"
+
+
+FRAMES_PER_SCENE = 1000
+
+
+OBJECT_ID = 1
+
+
+@dataclass(frozen=True)
+class FramePaths:
+    """The files of view ``index`` of a dataset in ``root``; one object (ground truth 0) a view."""
+
+    root: Path
+    index: int
+
+    @property
+    def scene_id(self) -> int:
+        """BOP scene: :data:`FRAMES_PER_SCENE` views each."""
+        return self.index // FRAMES_PER_SCENE
+
+    @property
+    def image_id(self) -> int:
+        """Number of the view within its scene."""
+        return self.index % FRAMES_PER_SCENE
+
+    @property
+    def scene(self) -> Path:
+        """Folder of the scene."""
+        return self.root / SPLIT / f"{self.scene_id:06d}"
+
+    def file(self, kind: str) -> Path:
+        """Path of one of the view's files, by its kind (a key of :func:`view_files`, or ``"frame"``)."""
+        gt = "_000000" if kind in ("mask", "mask_visib", "mask_observed") else ""
+        suffix = {"frame": ".json", "depth_mm": ".npy"}.get(kind, ".png")
+        return self.scene / kind / f"{self.image_id:06d}{gt}{suffix}"
+
+    def relative(self, kind: str) -> str:
+        """The same, relative to the dataset's folder, with forward slashes."""
+        return self.file(kind).relative_to(self.root).as_posix()
+
+
+def finished_frames(root: Path, frames: range) -> set[int]:
+    """Which of these views have a record (an empty one, as a loss of power leaves it, is none)."""
+    return {index for index in frames if _has_content(FramePaths(root, index).file("frame"))}
+
+
+def _has_content(path: Path) -> bool:
+    try:
+        return path.stat().st_size > 0
+    except FileNotFoundError:
+        return False

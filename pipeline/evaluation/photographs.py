@@ -1,0 +1,43 @@
+"""Photographs."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..case.loaded_case import LoadedCase
+from ..errors import InputError
+from ..transforms import checked_rigid
+
+
+@dataclass(frozen=True)
+class PosedPhotograph:
+    """A real photograph: its file and ``cam_from_model`` (4x4, mm)."""
+
+    path: Path
+    cam_from_model: np.ndarray
+
+
+def read_photographs(path: Path, loaded: LoadedCase) -> list[PosedPhotograph]:
+    """Read a JSON list of ``{"image": file, "cam_from_model": 4x4}``, poses as in the case file.
+
+    Raises
+    ------
+    InputError
+        Missing, not such a list, or a pose that is not rigid.
+    """
+    try:
+        entries = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot read the list of photographs ({error.strerror})") from None
+    except ValueError as error:
+        raise InputError(f"{path.name}: expected JSON, found something else ({error})") from None
+    if not isinstance(entries, list) or not all(isinstance(e, dict) and "image" in e for e in entries):
+        raise InputError(f'{path.name}: expected a list of {{"image": ..., "cam_from_model": ...}}')
+    photographs = []
+    for number, entry in enumerate(entries):
+        pose, _ = checked_rigid(entry.get("cam_from_model"), f"{path.name}: entry {number}: cam_from_model")
+        pose[:3, 3] *= loaded.case.mm_per_unit
+        photographs.append(PosedPhotograph(path.parent / entry["image"], pose @ loaded.given_from_model))
+    return photographs

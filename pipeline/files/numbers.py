@@ -1,0 +1,106 @@
+"""Numbers in text files: parsed at the speed of C, and strict about what stands between them."""
+
+import io
+import re
+import warnings
+from decimal import Decimal, InvalidOperation
+
+import numpy as np
+
+from ..errors import InputError
+
+MM_PER_UNIT = {"mm": 1.0, "m": 1000.0}
+
+
+class WrittenFloat(float):
+    """A number of a text file that remembers its digits: the ``parse_float`` of :mod:`tomllib` and :mod:`json`."""
+
+    digits: str
+
+    def __new__(cls, digits: str) -> "WrittenFloat":
+        number = super().__new__(cls, digits)
+        number.digits = digits
+        return number
+
+
+def millimetres(value: float, mm_per_unit: float) -> float:
+    """A length of a file in mm: the float next to what its digits say, where they are known."""
+    if mm_per_unit == 1:
+        return float(value)
+    try:
+        written = Decimal(value.digits if isinstance(value, WrittenFloat) else repr(float(value)))
+        return float(written * Decimal(mm_per_unit))
+    except InvalidOperation:  # an exponent that Decimal does not hold
+        return float(value) * mm_per_unit
+
+
+def length_text(value_mm: float, mm_per_unit: float) -> str:
+    """The number to write for a length in mm; :func:`millimetres` reads it back to the last bit."""
+    if mm_per_unit == 1:
+        return repr(float(value_mm))
+    shortest = repr(float(value_mm) / mm_per_unit)
+    if millimetres(float(shortest), mm_per_unit) == value_mm:
+        return shortest
+    return str(Decimal(repr(float(value_mm))) / Decimal(mm_per_unit))
+
+
+def parsed_numbers(text: bytes, dtype: type[np.float64] | type[np.int64]) -> np.ndarray | None:
+    """``(N,)`` numbers separated by white space; ``None`` if anything else stands in the text."""
+    text = text.strip()
+    if not text:
+        return np.empty(0, dtype)
+    if dtype is np.int64 and re.search(rb"[+-](?![0-9])", text):
+        return None  # C's strtol takes "- 3" as one number
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # how numpy 1.26 tells what numpy 2 raises
+        try:
+            return np.fromstring(text, dtype, sep=" ")
+        except (ValueError, DeprecationWarning):
+            return None
+
+
+def first_wrong_word(text: bytes, dtype: type[np.float64] | type[np.int64]) -> tuple[int, str]:
+    """Where :func:`parsed_numbers` failed: index of the line (from 0), and the word; slow, for messages only."""
+    for index, line in enumerate(text.splitlines()):
+        for word in line.split():
+            if parsed_numbers(word, dtype) is None:
+                return index, word[:30].decode("latin-1")
+    return 0, "something else"
+
+
+def told_if_unfinished(data: bytes, where: str) -> list[str]:
+    """A sentence for the user if a text file does not end with a line break.
+
+    Many writers leave it out. But a file that was cut inside its last number is still valid, and this is its only mark.
+    """
+    if data.endswith((b"\n", b"\r")):
+        return []
+    return [f"{where}: the last line has no line break; if the file was cut off there, its last number is wrong"]
+
+
+def npy_array(data: bytes, where: str) -> np.ndarray:
+    """The array of an ``.npy`` file, which is never unpickled.
+
+    Raises
+    ------
+    InputError
+        Damaged, or not of numbers.
+    """
+    try:
+        array = np.load(io.BytesIO(data), allow_pickle=False)
+    except Exception as error:  # the header is Python, so that a damaged one raises anything
+        raise InputError(f"{where}: expected an array of numbers, cannot read it ({error}); save it again") from None
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{where}: expected an array of numbers, found one of type {array.dtype}")
+    return array
+
+
+def number_rows(text: str) -> np.ndarray | None:
+    """``(N,)`` numbers of a text of numbers, with commas and brackets or without; ``None`` if it is another text."""
+    text = re.sub(r"(#|//|%).*", "", text)
+    return parsed_numbers(re.sub(r"[\[\](){},;]", " ", text).encode(), np.float64)
+
+
+def two_digits(value: float) -> str:
+    """Two significant digits, without an exponent for large numbers: 0.034, 1.2, 120."""
+    return f"{value:.2g}" if abs(value) < 99.5 else f"{value:.0f}"

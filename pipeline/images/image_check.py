@@ -1,0 +1,105 @@
+"""Image check."""
+
+import struct
+import zlib
+from pathlib import Path
+from typing import Literal
+
+from ..errors import InputError
+from .png import PNG_SIGNATURE
+
+_TURNED = {
+    2: "mirrored left to right",
+    3: "turned by 180 degrees",
+    4: "mirrored top to bottom",
+    5: "mirrored and turned by 90 degrees",
+    6: "turned by 90 degrees clockwise",
+    7: "mirrored and turned by 90 degrees",
+    8: "turned by 90 degrees counter-clockwise",
+}
+"""EXIF orientation (tag 0x0112, as in TIFF 6.0) -> how an image is to be shown."""
+
+
+def check_image_file(path: Path, where: str) -> None:
+    """Check that an image file is there, not cut off, and the same image to everybody, as far as its format tells.
+
+    Decoders, Blender's among them, fill what is missing with black without a word. And some turn an image as its EXIF
+    orientation says, such as OpenCV's, while Blender does not: pixels of the one are not those of the other.
+
+    Raises
+    ------
+    InputError
+        Missing, a folder, empty, not PNG, JPEG, TIFF, BMP or EXR, (PNG, JPEG) damaged or cut off, or to be turned.
+    """
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{where}: expected an image file, {path} does not exist; correct the path") from None
+    except OSError as error:
+        raise InputError(f"{where}: cannot read {path} ({error.strerror})") from None
+    exif = b""
+    if data.startswith(PNG_SIGNATURE):
+        exif = _checked_png(data, where)
+    elif data.startswith(b"\xff\xd8"):
+        if b"\xff\xd9" not in data[-64 * 1024 :]:
+            raise InputError(f"{where}: expected the end of a JPEG image, the file is cut off; copy it again")
+        exif = _jpeg_exif(data)
+    elif data.startswith((b"II*\0", b"MM\0*")):
+        exif = data
+    elif not data.startswith((b"BM", b"\x76\x2f\x31\x01")):
+        raise InputError(
+            f"{where}: expected an image (PNG, JPEG, TIFF, BMP or EXR), found "
+            + ("an empty file" if not data else f"a file that starts with {data[:8]!r}")
+        )
+    turned = _TURNED.get(_orientation(exif))
+    if turned:
+        raise InputError(
+            f"{where}: expected an image as it is to be shown, found one that is to be {turned} (EXIF orientation), "
+            "which some programs do and others do not; open it, save it anew as PNG, and give the K of that image"
+        )
+
+
+def _jpeg_exif(data: bytes) -> bytes:
+    """The EXIF block of a JPEG, or nothing."""
+    position = 2
+    while data[position : position + 1] == b"\xff" and position + 4 <= len(data):
+        marker, size = data[position + 1], int.from_bytes(data[position + 2 : position + 4], "big")
+        if marker == 0xE1 and data[position + 4 : position + 10] == b"Exif\0\0":
+            return data[position + 10 : position + 2 + size]
+        if marker == 0xDA:  # the picture begins
+            break
+        position += 1 if marker == 0xFF else 2 + size
+    return b""
+
+
+def _orientation(exif: bytes) -> int:
+    """The orientation in a TIFF or EXIF block; 1, upright, if there is none."""
+    order: Literal["little", "big"] = "little" if exif[:2] == b"II" else "big"
+
+    def number(at: int, size: int) -> int:
+        return int.from_bytes(exif[at : at + size], order)
+
+    first = number(4, 4)
+    for entry in range(first + 2, min(first + 2 + 12 * number(first, 2), len(exif) - 11), 12):
+        if number(entry, 2) == 0x0112:
+            return number(entry + 8, 2)
+    return 1
+
+
+def _checked_png(data: bytes, where: str) -> bytes:
+    """Check a PNG's chunks; gives its EXIF block, or nothing."""
+    position, kind, exif = len(PNG_SIGNATURE), b"", b""
+    while kind != b"IEND":
+        if position + 12 > len(data):
+            raise InputError(f"{where}: expected a whole PNG image, the file is cut off; copy it again")
+        (size,) = struct.unpack_from(">I", data, position)
+        kind, body = data[position + 4 : position + 8], data[position + 8 : position + 8 + size]
+        stored = data[position + 8 + size : position + 12 + size]
+        if len(stored) < 4:
+            raise InputError(f"{where}: expected a whole PNG image, the file is cut off; copy it again")
+        if struct.unpack(">I", stored)[0] != zlib.crc32(body, zlib.crc32(kind)):
+            raise InputError(f"{where}: expected an intact PNG image, chunk {kind!r} is damaged; copy it again")
+        if kind == b"eXIf":
+            exif = body
+        position += 12 + size
+    return exif

@@ -1,0 +1,40 @@
+"""Pixel values."""
+
+import numpy as np
+
+
+def sample_bilinear(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """Sample ``(H, W)`` or ``(H, W, C)`` at ``(N, 2)`` pixels; 0 outside, also in the outer half pixel.
+
+    Outside means that a pixel of non-zero weight does not exist, or NaN coordinates.
+    """
+    height, width = image.shape[:2]
+    # coordinates computed from a pixel's own ray may miss its centre by rounding; that is not "outside"
+    inside = ((pixels >= -1e-3) & (pixels <= np.array([width - 1, height - 1]) + 1e-3)).all(axis=1)
+    u = np.clip(np.where(inside, pixels[:, 0], 0), 0, width - 1)
+    v = np.clip(np.where(inside, pixels[:, 1], 0), 0, height - 1)
+    left, top = np.minimum(u.astype(np.int64), max(width - 2, 0)), np.minimum(v.astype(np.int64), max(height - 2, 0))
+    right, bottom = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
+    across, down = u - left, v - top
+    if image.ndim == 3:
+        across, down, inside = across[:, None], down[:, None], inside[:, None]
+    upper = image[top, left] * (1 - across) + image[top, right] * across
+    lower = image[bottom, left] * (1 - across) + image[bottom, right] * across
+    return np.where(inside, upper * (1 - down) + lower * down, 0)
+
+
+def eight_bit(values: np.ndarray) -> np.ndarray:
+    """Code values 0..1 of any shape -> the nearest uint8 codes; what lies outside is clipped."""
+    return np.clip(np.rint(values * 255), 0, 255).astype(np.uint8)
+
+
+def linear_from_codes(codes: np.ndarray) -> np.ndarray:
+    """Code values -> linear light, float64 of any shape."""
+    codes = np.asarray(codes, dtype=np.float64)
+    return np.where(codes <= 0.04045, codes / 12.92, ((np.maximum(codes, 0) + 0.055) / 1.055) ** 2.4)
+
+
+def codes_from_linear(linear: np.ndarray) -> np.ndarray:
+    """Linear light -> code values, float64 of any shape."""
+    linear = np.asarray(linear, dtype=np.float64)
+    return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0) ** (1 / 2.4) - 0.055)

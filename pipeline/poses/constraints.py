@@ -1,0 +1,193 @@
+"""The poses of a dataset: drawn with constraints by rejection, or read from a list that the user gives.
+
+What a pose shows is told by a *probe*, a callable ``cam_from_model -> ViewStatistics``. Rejection keeps the
+distribution's shape: accepted poses follow the distribution conditioned on the constraints (von Neumann, 1951). Poses
+from a list are the user's own choice, so they are never rejected; those that break constraints are counted and told.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from ..errors import InputError
+from .distributions import PoseDistribution
+
+
+@dataclass(frozen=True)
+class ViewStatistics:
+    """What a camera at some pose would see.
+
+    Attributes
+    ----------
+    surface_fraction
+        Share of the image covered by the surface, 0..1.
+    observed_fraction
+        Share of the surface in view that the source frame observed, 0..1; 0 if no surface is in view.
+    clearance_mm
+        Distance from the centre of projection to the nearest point of the surface.
+    """
+
+    surface_fraction: float
+    observed_fraction: float
+    clearance_mm: float
+
+
+Probe = Callable[[np.ndarray], ViewStatistics]
+
+
+@dataclass(frozen=True)
+class Rejections:
+    """How many poses broke each constraint; a pose that breaks two is counted in both."""
+
+    surface: int = 0
+    observed: int = 0
+    clearance: int = 0
+
+    def __add__(self, other: "Rejections") -> "Rejections":
+        return Rejections(
+            self.surface + other.surface, self.observed + other.observed, self.clearance + other.clearance
+        )
+
+    def __bool__(self) -> bool:
+        return bool(self.surface or self.observed or self.clearance)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constraints:
+    """What a view must show to be part of the dataset.
+
+    Attributes
+    ----------
+    min_surface
+        Smallest share of the image that is covered by the surface, 0..1.
+    min_observed
+        Smallest share of the surface in view that the source frame observed, 0..1.
+    min_clearance_mm
+        Smallest distance from the centre of projection to the surface.
+    max_attempts
+        Poses tried per frame before giving up.
+    """
+
+    min_surface: float = 0.0
+    min_observed: float = 0.0
+    min_clearance_mm: float = 0.0
+    max_attempts: int = 1000
+
+    def __post_init__(self) -> None:
+        for name in ("min_surface", "min_observed"):
+            value = getattr(self, name)
+            if not 0 <= value <= 1:
+                raise InputError(f"constraints: expected {name} to be a fraction from 0 to 1, found {value:g}")
+        if not (self.min_clearance_mm >= 0 and np.isfinite(self.min_clearance_mm)):
+            raise InputError(
+                f"constraints: expected min_clearance_mm to be a distance in mm, found {self.min_clearance_mm:g}"
+            )
+        if not (self.max_attempts >= 1 and self.max_attempts == int(self.max_attempts)):
+            raise InputError(
+                f"constraints: expected max_attempts to be a whole number from 1, found {self.max_attempts:g}"
+            )
+
+    def broken_by(self, statistics: ViewStatistics) -> Rejections:
+        """Count 1 for each constraint that a view breaks; statistics that are NaN break theirs."""
+        return Rejections(
+            surface=int(not statistics.surface_fraction >= self.min_surface),
+            observed=int(not statistics.observed_fraction >= self.min_observed),
+            clearance=int(not statistics.clearance_mm >= self.min_clearance_mm),
+        )
+
+
+@dataclass(frozen=True)
+class Planned:
+    """One frame's pose and how it was found.
+
+    Attributes
+    ----------
+    cam_from_model
+        ``(4, 4)`` rigid, mm.
+    statistics
+        What this pose shows.
+    attempts
+        Poses tried, this one included.
+    rejections
+        Constraints that the poses tried before broke; for a pose from a list, those that it breaks itself.
+    """
+
+    cam_from_model: np.ndarray
+    statistics: ViewStatistics
+    attempts: int
+    rejections: Rejections
+
+
+def plan_pose(
+    distribution: PoseDistribution, constraints: Constraints, probe: Probe, *, seed: int, index: int
+) -> Planned:
+    """Draw the pose of frame ``index`` until it meets the constraints; the result depends on (seed, index) only.
+
+    Raises
+    ------
+    InputError
+        None of ``max_attempts`` poses meets the constraints; tells how many broke which, the best value of each, and
+        which to loosen.
+    """
+    rng = np.random.default_rng([seed, index])
+    rejections, rejected = Rejections(), []
+    for attempt in range(1, constraints.max_attempts + 1):
+        cam_from_model = distribution.draw(rng)
+        statistics = probe(cam_from_model)
+        broken = constraints.broken_by(statistics)
+        if not broken:
+            return Planned(cam_from_model, statistics, attempt, rejections)
+        rejections += broken
+        rejected.append(statistics)
+    raise InputError(_found_none(constraints, rejections, rejected, index))
+
+
+def plan_given_poses(
+    cams_from_model: np.ndarray, constraints: Constraints, probe: Probe
+) -> tuple[list[Planned], list[str]]:
+    """Take ``(N, 4, 4)`` poses as they are; also return sentences that tell how many break which constraint."""
+    planned = []
+    for cam_from_model in cams_from_model:
+        statistics = probe(cam_from_model)
+        planned.append(Planned(cam_from_model, statistics, 1, constraints.broken_by(statistics)))
+    told = []
+    for field in fields(Rejections):
+        breaking = [index for index, plan in enumerate(planned) if getattr(plan.rejections, field.name)]
+        if breaking:
+            option, what, _ = _reason(field.name, constraints, [planned[breaking[0]].statistics])
+            told.append(
+                f"pose list: {len(breaking)} of {len(planned)} poses {what} ({option}); "
+                f"all are kept, the first is pose {breaking[0]} (counted from 0)"
+            )
+    return planned, told
+
+
+def _found_none(constraints: Constraints, rejections: Rejections, rejected: list[ViewStatistics], index: int) -> str:
+    counts = {field.name: getattr(rejections, field.name) for field in fields(rejections)}
+    reasons = []
+    for name in sorted(counts, key=counts.__getitem__, reverse=True):
+        option, what, best = _reason(name, constraints, rejected)
+        if counts[name]:
+            reasons.append((option.split(" ")[0], f"{counts[name]} {what} (the best: {best})"))
+    return (
+        f"frame {index}: found no pose that meets the constraints: of {len(rejected)} poses tried, "
+        f"{', '.join(sentence for _, sentence in reasons)}; "
+        f"lower {reasons[0][0]}, which was broken most often, or draw nearer to the reference pose"
+    )
+
+
+def _reason(name: str, constraints: Constraints, views: list[ViewStatistics]) -> tuple[str, str, str]:
+    """Option with its value, what breaking it means, and the best value among the views."""
+    if name == "surface":
+        best = np.nanmax([0.0, *(view.surface_fraction for view in views)])
+        wanted = constraints.min_surface
+        return f"min_surface = {wanted:g}", f"showed less than {100 * wanted:g} % surface", f"{100 * best:.3g} %"
+    if name == "observed":
+        best = np.nanmax([0.0, *(view.observed_fraction for view in views)])
+        wanted = constraints.min_observed
+        what = f"showed a surface of which less than {100 * wanted:g} % was observed by the source frame"
+        return f"min_observed = {wanted:g}", what, f"{100 * best:.3g} %"
+    best = np.nanmax([0.0, *(view.clearance_mm for view in views)])
+    wanted = constraints.min_clearance_mm
+    return f"min_clearance_mm = {wanted:g}", f"came nearer than {wanted:g} mm to the surface", f"{best:.3g} mm"

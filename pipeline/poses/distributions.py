@@ -1,0 +1,307 @@
+"""Distributions of novel camera poses around the reference pose of the aligned frame.
+
+Every distribution is a frozen dataclass with ``draw(rng) -> cam_from_model`` (4x4, mm, exactly rigid). Frame ``i`` of a
+dataset is drawn with ``np.random.default_rng([seed, i])`` and with nothing else, so frames can be made in any order, by
+any number of processes. A draw takes its random numbers in one fixed order whatever the parameters are: another
+``shift_mm`` does not change the tilts of a dataset.
+
+Cone, shell and trajectory move the camera on an orbit around the pivot p, a point on the surface. With the reference
+R0 (rotation of ``cam_from_model``) and the unit vector u from the camera to the pivot in the reference camera's axes,
+
+    cam_from_model = T(distance * u) Roll(u, rho) Tilt R0 T(-p),    Tilt = exp([w]x) with w perpendicular to u.
+
+T(a) is the translation by a. Tilt turns the view by |w| about an axis perpendicular to the pivot's ray, hence without
+any twist about that ray, and Roll turns the camera about the ray: the pivot stays on its ray, so on its pixel.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from ..errors import InputError
+from ..transforms import inverse_rigid, rigid, rotation_from_vector, se3_exp, transform_points
+
+
+class PoseDistribution(Protocol):
+    """What poses are drawn from."""
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw one ``(4, 4)`` rigid ``cam_from_model``, mm."""
+        ...
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The pose of the aligned frame and the point that the camera moves around.
+
+    Attributes
+    ----------
+    cam_from_model
+        ``(4, 4)`` rigid, mm.
+    pivot_model
+        ``(3,)`` mm: the surface point at the centre of the observed region; in front of the camera.
+    """
+
+    cam_from_model: np.ndarray
+    pivot_model: np.ndarray
+
+    def __post_init__(self) -> None:
+        if not self.pivot_cam[2] > 0:
+            raise InputError(
+                f"reference pose: expected the pivot in front of the camera, found z = {self.pivot_cam[2]:g} mm; "
+                "check the alignment of the frame"
+            )
+
+    @cached_property
+    def pivot_cam(self) -> np.ndarray:
+        """``(3,)`` the pivot in the reference camera, mm."""
+        return transform_points(self.cam_from_model, np.asarray(self.pivot_model, float)[None])[0]
+
+    @cached_property
+    def distance_mm(self) -> float:
+        """Distance from the centre of projection to the pivot."""
+        return float(np.linalg.norm(self.pivot_cam))
+
+    @cached_property
+    def cam_from_ray(self) -> np.ndarray:
+        """``(3, 3)`` rotation whose third column is the pivot's ray and whose first two span the plane of tilt axes."""
+        return _shortest_rotation(np.array([0.0, 0.0, 1.0]), self.pivot_cam)
+
+    def orbit(
+        self, tilt: tuple[float, float], roll: float, distance_mm: float, look: np.ndarray | None = None
+    ) -> np.ndarray:
+        """The orbit of the module's docstring.
+
+        Parameters
+        ----------
+        tilt
+            Components of w in the plane perpendicular to the pivot's ray, radians.
+        roll
+            Angle about the pivot's ray, radians.
+        distance_mm
+            From the centre of projection to the pivot.
+        look
+            ``(3,)`` direction in the camera on which the pivot shall lie; its direction in the reference if left out.
+        """
+        ray = self.cam_from_ray[:, 2]
+        rotation = rotation_from_vector(self.cam_from_ray @ [*tilt, 0.0]) @ self.cam_from_model[:3, :3]
+        if look is not None:
+            rotation = _shortest_rotation(ray, look) @ rotation
+            ray = look / np.linalg.norm(look)
+        rotation = rotation_from_vector(roll * ray) @ rotation
+        return rigid(rotation, distance_mm * ray - rotation @ self.pivot_model)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cone:
+    """Views from a spherical cap around the reference view; the camera keeps the pivot on the reference's pixel.
+
+    Attributes
+    ----------
+    reference
+        Where the cap is centred.
+    cone_deg
+        Half-angle of the cap, 0..180; directions from the pivot to the camera are uniform by solid angle.
+    roll_deg
+        In-plane roll about the ray through the pivot, uniform in -roll_deg..roll_deg, 0..180.
+    distance_min, distance_max
+        The distance from the camera to the pivot is uniform between these factors of the reference's distance.
+    shift_mm
+        Afterwards the camera slides along its own x and y by a vector uniform in a disc of this radius.
+    """
+
+    reference: Reference
+    cone_deg: float
+    roll_deg: float = 0.0
+    distance_min: float = 1.0
+    distance_max: float = 1.0
+    shift_mm: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_range("cone", "cone_deg", self.cone_deg, 180)
+        _check_range("cone", "roll_deg", self.roll_deg, 180)
+        _check_range("cone", "shift_mm", self.shift_mm)
+        _check_distances("cone", self.distance_min, self.distance_max)
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw one ``(4, 4)`` ``cam_from_model``."""
+        polar, azimuth, roll, distance, shift_radius, shift_angle = rng.random(6)
+        factor = self.distance_min + distance * (self.distance_max - self.distance_min)
+        cam_from_model = self.reference.orbit(
+            _tilt_in_cap(self.cone_deg, polar, azimuth), _roll(self.roll_deg, roll), factor * self.reference.distance_mm
+        )
+        radius, angle = self.shift_mm * np.sqrt(shift_radius), 2 * np.pi * shift_angle
+        cam_from_model[:2, 3] -= radius * np.cos(angle), radius * np.sin(angle)
+        return cam_from_model
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gaussian:
+    """A Gaussian on se(3) around the reference, with its tangent space at the pivot.
+
+    ``cam_from_model = reference @ T(pivot) @ Exp(xi) @ T(-pivot)`` with xi = (upsilon, omega),
+    upsilon ~ N(0, sigma_mm^2 1) and omega ~ N(0, sigma_deg^2 1), a rotation vector, both in the axes of the model, and
+    Exp as in :func:`pipeline.transforms.se3_exp`. As both are isotropic, the camera's axes would give the same
+    distribution. Rotations are about the pivot: with ``sigma_mm = 0`` it does not move.
+
+    Attributes
+    ----------
+    reference
+        The mean.
+    sigma_deg, sigma_mm
+        Standard deviations per axis. Rotations wrap around at 180 degrees, so ``sigma_deg`` up to about 50 makes sense.
+    """
+
+    reference: Reference
+    sigma_deg: float
+    sigma_mm: float
+
+    def __post_init__(self) -> None:
+        _check_range("gaussian", "sigma_deg", self.sigma_deg, 180)
+        _check_range("gaussian", "sigma_mm", self.sigma_mm)
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw one ``(4, 4)`` ``cam_from_model``."""
+        twist = rng.standard_normal(6) * np.repeat([self.sigma_mm, np.radians(self.sigma_deg)], 3)
+        model_from_pivot = rigid(translation=self.reference.pivot_model)
+        return self.reference.cam_from_model @ model_from_pivot @ se3_exp(twist) @ inverse_rigid(model_from_pivot)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shell:
+    """Camera centres uniform *in volume* in a spherical shell, or the part of it within a cone, looking at the pivot.
+
+    The radius has p(r) ~ r^2, drawn by inverting its distribution function: r^3 is uniform. With
+    ``max_polar_deg = roll_deg = 180`` the rotation is uniform on SO(3).
+
+    Attributes
+    ----------
+    reference
+        Gives the centre (the pivot), the unit of the radii, and the axis of the cone.
+    distance_min, distance_max
+        Radii of the shell as factors of the reference's distance.
+    max_polar_deg
+        Half-angle of the cone around the direction from the pivot to the reference camera; 180: the whole sphere.
+    roll_deg
+        In-plane roll, uniform in -roll_deg..roll_deg.
+    look_ray_cam
+        Direction in the camera on which the pivot lies. The default is the optical axis; a camera whose principal
+        point is far from the middle of the image (a cropped frame) needs the ray of the middle pixel.
+    """
+
+    reference: Reference
+    distance_min: float
+    distance_max: float
+    max_polar_deg: float = 180.0
+    roll_deg: float = 180.0
+    look_ray_cam: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        _check_range("shell", "max_polar_deg", self.max_polar_deg, 180)
+        _check_range("shell", "roll_deg", self.roll_deg, 180)
+        _check_distances("shell", self.distance_min, self.distance_max)
+        if not self.look_ray_cam[2] > 0:
+            raise InputError(f"shell: expected look_ray_cam in front of the camera, found {tuple(self.look_ray_cam)}")
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw one ``(4, 4)`` ``cam_from_model``."""
+        polar, azimuth, roll, volume = rng.random(4)
+        inner, outer = self.distance_min**3, self.distance_max**3
+        factor = np.cbrt(inner + volume * (outer - inner))
+        return self.reference.orbit(
+            _tilt_in_cap(self.max_polar_deg, polar, azimuth),
+            _roll(self.roll_deg, roll),
+            factor * self.reference.distance_mm,
+            look=np.array(self.look_ray_cam),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectory:
+    """A smooth closed path for videos: starts at the reference and stays within the limits of a :class:`Cone`.
+
+    The tilt runs through a rose curve, w(t) = cone sin(6 pi t) (cos 4 pi t, sin 4 pi t): six petals that reach the rim
+    of the cap, at a speed that varies by a factor of 1.5 only. Distance and roll are sinusoidal. All terms are
+    analytic and have period 1 in t, so that the path has no kink, at its seam neither.
+
+    Attributes
+    ----------
+    reference
+        The pose at phase 0.
+    cone_deg, roll_deg, distance_min, distance_max
+        Limits as for :class:`Cone`, all of them reached; the factors must include 1, the reference's own distance.
+    """
+
+    reference: Reference
+    cone_deg: float
+    roll_deg: float = 0.0
+    distance_min: float = 1.0
+    distance_max: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check_range("trajectory", "cone_deg", self.cone_deg, 180)
+        _check_range("trajectory", "roll_deg", self.roll_deg, 180)
+        _check_distances("trajectory", self.distance_min, self.distance_max)
+        if not self.distance_min <= 1 <= self.distance_max:
+            raise InputError(
+                "trajectory: expected distance_min <= 1 <= distance_max, as the path starts at the reference, "
+                f"found {self.distance_min:g} and {self.distance_max:g}"
+            )
+
+    def pose_at(self, phase: float) -> np.ndarray:
+        """``(4, 4)`` ``cam_from_model`` at a phase in [0, 1); the path is periodic outside of it."""
+        turn = 2 * np.pi * (phase % 1.0)
+        tilt = np.radians(self.cone_deg) * np.sin(3 * turn)
+        roll = np.radians(self.roll_deg) * np.sin(2 * turn)
+        middle, half = (self.distance_max + self.distance_min) / 2, (self.distance_max - self.distance_min) / 2
+        # the phase at which a sine between the limits passes 1: a piecewise scaling would have a kink there
+        start = np.arcsin(np.clip((1 - middle) / half, -1, 1)) if half > 0 else 0.0
+        factor = middle + half * np.sin(turn + start)
+        return self.reference.orbit(
+            (tilt * np.cos(2 * turn), tilt * np.sin(2 * turn)), roll, factor * self.reference.distance_mm
+        )
+
+    def poses(self, count: int) -> np.ndarray:
+        """``(count, 4, 4)`` poses at equal steps of the phase: one loop of a video."""
+        return np.stack([self.pose_at(index / count) for index in range(count)])
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """Draw the pose at a uniformly random phase: stills along the path."""
+        return self.pose_at(rng.random())
+
+
+def _tilt_in_cap(half_angle_deg: float, polar: float, azimuth: float) -> tuple[float, float]:
+    """Two numbers uniform in [0, 1) -> tilt vector; the direction it tilts to is uniform by solid angle in the cap.
+
+    The area of a cap grows with 1 - cos(angle) = 2 sin^2(angle / 2) (Archimedes); written with the half angle it stays
+    accurate for caps of any size.
+    """
+    angle = 2 * np.arcsin(np.sqrt(polar) * np.sin(np.radians(half_angle_deg) / 2))
+    return angle * np.cos(2 * np.pi * azimuth), angle * np.sin(2 * np.pi * azimuth)
+
+
+def _roll(roll_deg: float, uniform: float) -> float:
+    return np.radians(roll_deg) * (2 * uniform - 1)
+
+
+def _shortest_rotation(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """``(3, 3)`` rotation by the smallest angle that takes one direction to another; they must not be opposite."""
+    axis = np.cross(start, end)
+    sine, cosine = np.linalg.norm(axis), start @ end
+    return rotation_from_vector(axis * (np.arctan2(sine, cosine) / sine)) if sine > 0 else np.eye(3)
+
+
+def _check_range(distribution: str, name: str, value: float, upper: float = np.inf) -> None:
+    if not (0 <= value <= upper and np.isfinite(value)):
+        wanted = f"from 0 to {upper:g}" if np.isfinite(upper) else "that is finite and not negative"
+        raise InputError(f"{distribution}: expected {name} to be a number {wanted}, found {value:g}")
+
+
+def _check_distances(distribution: str, smallest: float, largest: float) -> None:
+    if not (0 < smallest <= largest and np.isfinite(largest)):
+        raise InputError(
+            f"{distribution}: expected 0 < distance_min <= distance_max (factors of the reference's distance), "
+            f"found {smallest:g} and {largest:g}"
+        )

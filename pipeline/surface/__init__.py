@@ -1,0 +1,4 @@
+"""The triangle mesh.
+
+In: PLY, OBJ or STL files. Out: :class:`~.mesh.TriangleMesh`, and files for other programs.
+"""

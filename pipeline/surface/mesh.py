@@ -1,0 +1,176 @@
+"""Triangle meshes: cleaning at the border, demeaning, normals, diameter.
+
+Reading and writing files is :mod:`pipeline.surface.mesh_reader`.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..errors import InputError
+
+LARGEST_COORDINATE = 1e9
+"""1000 km in mm: more is a damaged file, and products of such numbers overflow."""
+
+
+@dataclass(frozen=True)
+class TriangleMesh:
+    """A triangle mesh; arrays are never written to after construction.
+
+    Attributes
+    ----------
+    vertices
+        ``(V, 3)`` float64, mm.
+    faces
+        ``(F, 3)`` int32 vertex indices, counter-clockwise seen from the front.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+
+    @cached_property
+    def face_cross(self) -> np.ndarray:
+        """``(F, 3)`` outward face normals times twice the area, mm^2."""
+        a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
+        return np.cross(b - a, c - a)
+
+    @cached_property
+    def face_normals(self) -> np.ndarray:
+        """``(F, 3)`` unit outward face normals."""
+        return self.face_cross / np.linalg.norm(self.face_cross, axis=1, keepdims=True)
+
+    @cached_property
+    def vertex_normals(self) -> np.ndarray:
+        """``(V, 3)`` unit normals, mean of the faces around weighted by area; zero for unused vertices."""
+        normals = np.empty_like(self.vertices)
+        for axis in range(3):
+            weights = np.repeat(self.face_cross[:, axis], 3)
+            normals[:, axis] = np.bincount(self.faces.ravel(), weights, minlength=len(self.vertices))
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+
+    @cached_property
+    def bounds(self) -> np.ndarray:
+        """``(2, 3)`` smallest and largest vertex coordinates, mm."""
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+    @cached_property
+    def radius(self) -> float:
+        """Largest distance of a vertex from the frame's origin, mm."""
+        return float(np.sqrt((self.vertices**2).sum(axis=1).max()))
+
+    @cached_property
+    def median_edge(self) -> float:
+        """Median edge length over the sides of all faces, mm: the density that limits vertex colours."""
+        # all three sides: exporters that split quads start every face at the diagonal
+        sides = self.vertices[self.faces] - self.vertices[np.roll(self.faces, 1, axis=1)]
+        return float(np.median(np.linalg.norm(sides, axis=2)))
+
+    def moved(self, offset: np.ndarray) -> "TriangleMesh":
+        """The mesh with ``offset`` (3,) in mm added to all vertices."""
+        return replace(self, vertices=self.vertices + offset)
+
+    def scaled(self, factor: float) -> "TriangleMesh":
+        """The mesh with all coordinates multiplied, e.g. 1000 from metres to millimetres."""
+        return replace(self, vertices=self.vertices * factor)
+
+    def flipped(self) -> "TriangleMesh":
+        """The mesh with the other side of every face as its front."""
+        return replace(self, faces=np.ascontiguousarray(self.faces[:, ::-1]))
+
+
+def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[TriangleMesh, list[str]]:
+    """Check raw arrays at the border; drop zero-area faces and unused vertices.
+
+    Parameters
+    ----------
+    vertices, faces
+        ``(V, 3)`` coordinates and ``(F, 3)`` integer indices, as read.
+    where
+        Names the file in messages.
+
+    Returns
+    -------
+    The mesh, and sentences that tell what was dropped.
+
+    Raises
+    ------
+    InputError
+        No vertices or faces, coordinates that are not finite or absurdly large, indices out of range, or all faces
+        without area.
+    """
+    told: list[str] = []
+    if len(vertices) == 0 or len(faces) == 0:
+        raise InputError(
+            f"{where}: expected a surface, found {len(vertices)} vertices and {len(faces)} faces; "
+            "export the mesh with its faces"
+        )
+    vertices = np.asarray(vertices, dtype=np.float64)
+    bad = ~(np.abs(vertices) < LARGEST_COORDINATE).all(axis=1)
+    if bad.any():
+        raise InputError(
+            f"{where}: expected coordinates below {LARGEST_COORDINATE:g}, found NaN, infinity or larger in "
+            f"{bad.sum()} of {len(bad)} vertices (first: vertex {int(np.argmax(bad))}); repair the mesh"
+        )
+    faces = np.asarray(faces, dtype=np.int64)
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise InputError(
+            f"{where}: expected vertex indices 0..{len(vertices) - 1}, found {faces.min()}..{faces.max()}; "
+            "the file is corrupt"
+        )
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = np.max([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    # relative to the face's own size: a needle this thin has no direction that single precision can tell
+    flat = area <= 1e-7 * longest
+    if flat.all():
+        raise InputError(f"{where}: expected a surface, found {len(faces)} faces, all with zero area")
+    if flat.any():
+        told.append(f"{where}: dropped {flat.sum()} of {len(faces)} faces with zero area")
+        faces = faces[~flat]
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces] = True
+    if not used.all():
+        told.append(f"{where}: dropped {(~used).sum()} of {len(vertices)} vertices that no face uses")
+        new_index = np.cumsum(used) - 1
+        vertices, faces = vertices[used], new_index[faces]
+    return TriangleMesh(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.int32)), told
+
+
+def diameter(points: np.ndarray) -> float:
+    """The exact largest distance between two of ``(N, 3)`` points, mm (BOP's ``diameter``).
+
+    Notes
+    -----
+    A pair at distance d has one end at least d/2 from any centre c. From a good lower bound d0 (a few sweeps of
+    "farthest from the farthest"), a point p can only belong to a longer pair if |p - c| + max|q - c| > d0, which
+    leaves few candidates on real shapes; those are compared in blocks.
+    """
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    lower, index = 0.0, int(np.argmax(((points - centre) ** 2).sum(axis=1)))
+    for _ in range(8):
+        distance = np.sqrt(((points - points[index]) ** 2).sum(axis=1))
+        index = int(np.argmax(distance))
+        if distance[index] <= lower:
+            break
+        lower = float(distance[index])
+    reach = np.sqrt(((points - centre) ** 2).sum(axis=1))
+    candidates = points[reach + reach.max() >= lower]
+    offset = candidates - centre
+    squared_reach = (offset**2).sum(axis=1)
+    order = np.argsort(-squared_reach, kind="stable")
+    offset, squared_reach = offset[order], squared_reach[order]
+    reach = np.sqrt(squared_reach)
+    block = 128
+    for start in range(0, len(offset), block):
+        if reach[start] * 2 < lower:
+            break  # both ends of any remaining pair lie nearer to the centre than half the bound
+        stop = int(np.searchsorted(-reach, reach[start] - lower, side="right"))
+        rows, partners = offset[start : start + block], offset[start:stop]
+        if len(partners) == 0:
+            continue
+        squared = squared_reach[start : start + block, None] + squared_reach[None, start:stop] - 2 * rows @ partners.T
+        row, partner = np.unravel_index(int(np.argmax(squared)), squared.shape)
+        lower = max(lower, float(np.linalg.norm(rows[row] - partners[partner])))
+    return lower

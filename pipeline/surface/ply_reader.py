@@ -1,0 +1,228 @@
+"""Reading the vertices and polygons of PLY files, text and binary, with any elements and properties around them.
+
+Source: G. Turk, "The PLY Polygon File Format" (Stanford, 1994), with the sized type names of later writers.
+"""
+
+import re
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from ..files.numbers import first_wrong_word, parsed_numbers, told_if_unfinished
+
+_TYPES = {
+    **dict.fromkeys(("char", "int8"), "i1"),
+    **dict.fromkeys(("uchar", "uint8"), "u1"),
+    **dict.fromkeys(("short", "int16"), "i2"),
+    **dict.fromkeys(("ushort", "uint16"), "u2"),
+    **dict.fromkeys(("int", "int32"), "i4"),
+    **dict.fromkeys(("uint", "uint32"), "u4"),
+    **dict.fromkeys(("float", "float32"), "f4"),
+    **dict.fromkeys(("double", "float64"), "f8"),
+}
+_BYTE_ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
+_HEADER_END = re.compile(rb"[\r\n]end_header[ \t]*(?:\r\n|\n|\r)")
+
+
+@dataclass(frozen=True)
+class _Property:
+    """A column of an element; ``length`` is the type of a list's leading number, ``None`` for a scalar."""
+
+    name: str
+    item: np.dtype
+    length: np.dtype | None = None
+
+
+@dataclass(frozen=True)
+class _Element:
+    name: str
+    count: int
+    properties: list[_Property]
+
+
+@dataclass(frozen=True)
+class _Column:
+    """The ``values`` (sum of lengths,) of a property in the order of rows; ``lengths`` (rows,) only for a list."""
+
+    values: np.ndarray
+    lengths: np.ndarray | None = None
+
+
+def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
+    """Vertices and polygons of a PLY file.
+
+    Returns
+    -------
+    ``(V, 3)`` float64 vertices, ``(P,)`` corners per polygon, ``(sum,)`` int64 vertex indices of all polygons one
+    after the other (not checked to be in range), and sentences to tell the user.
+
+    Raises
+    ------
+    InputError
+        No PLY header, a header that cannot be understood, fewer or (in text) more numbers than the header announces,
+        or no elements ``vertex`` with x, y, z and ``face`` with a list ``vertex_indices`` or ``vertex_index``.
+    """
+    order, elements, start = _header(data, where)
+    told: list[str] = []
+    size = f"{len(data):,} bytes"
+    if order == "ascii":
+        told += told_if_unfinished(data, where)
+        numbers = parsed_numbers(data[start:], np.float64)
+        if numbers is None:
+            line, word = first_wrong_word(data[start:], np.float64)
+            raise InputError(
+                f"{where}: line {len(data[:start].splitlines()) + line + 1}: expected only numbers after the header, "
+                f"found {word!r}; the file is corrupt: copy or export it again"
+            )
+        # from here on a text body is a binary body in which every type is double
+        data, start = numbers.astype("<f8").tobytes(), 0
+    columns: dict[str, dict[str, _Column]] = {}
+    for element in elements:
+        found_columns, start = _columns(data, start, element, where, size)
+        columns.setdefault(element.name, found_columns)
+    if start < len(data) and order == "ascii":
+        raise InputError(
+            f"{where}: expected {start // 8} numbers after the header, found {len(data) // 8}; "
+            "header and body do not match: export the file again"
+        )
+    if start < len(data):
+        told.append(f"{where}: ignored {len(data) - start:,} bytes after the last element")
+    vertex, face = columns.get("vertex", {}), columns.get("face", {})
+    polygons = face.get("vertex_indices") or face.get("vertex_index")
+    xyz = [vertex[axis] for axis in "xyz" if axis in vertex and vertex[axis].lengths is None]
+    if len(xyz) < 3 or polygons is None or polygons.lengths is None:
+        described = "; ".join(f"{e.name} ({', '.join(p.name for p in e.properties)})" for e in elements)
+        raise InputError(
+            f"{where}: expected elements vertex (x, y, z) and face (list vertex_indices), "
+            f"found {described or 'none'}; export the surface as a polygon mesh"
+        )
+    vertices = np.stack([axis.values for axis in xyz], axis=1).astype(np.float64, copy=False)
+    return vertices, polygons.lengths, _whole(polygons.values, where), told
+
+
+def _header(data: bytes, where: str) -> tuple[str, list[_Element], int]:
+    """Name of the format, elements, and where the body starts."""
+    end = _HEADER_END.search(data)
+    if end is None or not re.match(rb"ply\s", data):
+        raise InputError(
+            f"{where}: expected a PLY header from 'ply' to 'end_header', found none in {len(data):,} bytes; "
+            "the file is truncated or in another format: copy or export it again"
+        )
+    order, elements = "", []
+    lines = [line.decode("latin-1") for line in data[: end.start()].splitlines()]
+    for number, line in enumerate(lines[1:], start=2):
+        try:
+            match line.split():
+                case [] | ["comment" | "obj_info", *_]:
+                    pass
+                case ["format", name, "1.0"] if name in _BYTE_ORDERS:
+                    order = name
+                case ["element", name, count] if count.isdigit():
+                    elements.append(_Element(name, int(count), []))
+                case ["property", "list", length, item, name]:
+                    elements[-1].properties.append(_Property(name, _dtype(order, item), _dtype(order, length)))
+                case ["property", item, name]:
+                    elements[-1].properties.append(_Property(name, _dtype(order, item)))
+                case _:
+                    raise ValueError
+        except (ValueError, LookupError):  # not a number, an unknown type, a property before element or format
+            raise InputError(
+                f"{where}: line {number}: expected a line of a PLY 1.0 header, found {line[:60]!r}; export it again"
+            ) from None
+    if not order:
+        raise InputError(f"{where}: expected a line 'format ... 1.0' in the PLY header, found none; export it again")
+    return order, elements, end.end()
+
+
+def _dtype(order: str, type_name: str) -> np.dtype:
+    """Storage type of a property; raises KeyError for an unknown name or before the format is known."""
+    code = _TYPES[type_name]
+    return np.dtype(_BYTE_ORDERS[order] + ("f8" if order == "ascii" else code))
+
+
+def _columns(data: bytes, start: int, element: _Element, where: str, size: str) -> tuple[dict[str, _Column], int]:
+    """All columns of an element whose rows begin at ``start``, and where its rows end."""
+    if element.count == 0 or not element.properties:
+        none = np.empty(0, np.int64)
+        return {p.name: _Column(none, None if p.length is None else none) for p in element.properties}, start
+    offsets, lengths, stop = _walked(data, start, element, 1, where, size)
+    stride = stop - start
+    uniform = start + stride * element.count <= len(data)
+    columns: dict[str, _Column] = {}
+    if uniform:  # views with the row layout of the first row, right if all lists are as long as there
+        for prop, (offset,), (length,) in zip(element.properties, offsets, lengths, strict=True):
+            shape, strides = (element.count, length), (stride, prop.item.itemsize)
+            values: np.ndarray = np.ndarray(shape, prop.item, data, offset, strides)
+            if prop.length is None:
+                columns.setdefault(prop.name, _Column(values[:, 0]))
+                continue
+            counts: np.ndarray = np.ndarray(element.count, prop.length, data, offset - prop.length.itemsize, stride)
+            uniform = uniform and bool((counts == length).all())
+            columns.setdefault(prop.name, _Column(values.ravel(), np.full(element.count, length)))
+    if uniform:
+        return columns, start + stride * element.count
+    if all(prop.length is None for prop in element.properties):
+        raise _truncated(element, (len(data) - start) // stride, where, size)
+    offsets, lengths, stop = _walked(data, start, element, element.count, where, size)
+    columns = {}
+    octets = np.frombuffer(data, np.uint8)
+    for prop, row_offsets, row_lengths in zip(element.properties, offsets, lengths, strict=True):
+        count = np.array(row_lengths)
+        within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        first = np.repeat(np.array(row_offsets), count) + within * prop.item.itemsize
+        values = octets[first[:, None] + np.arange(prop.item.itemsize)].view(prop.item)[:, 0]
+        columns.setdefault(prop.name, _Column(values, None if prop.length is None else count))
+    return columns, stop
+
+
+def _walked(
+    data: bytes, position: int, element: _Element, rows: int, where: str, size: str
+) -> tuple[list[list[int]], list[list[int]], int]:
+    """Follow the lists of the first ``rows`` rows: per property the offsets and numbers of values, and the end."""
+    offsets: list[list[int]] = [[] for _ in element.properties]
+    lengths: list[list[int]] = [[] for _ in element.properties]
+    layout = []
+    for prop, row_offsets, row_lengths in zip(element.properties, offsets, lengths, strict=True):
+        unpack, length_size = None, 0
+        if prop.length is not None:
+            # struct and numpy agree on the letters of these types
+            unpack = struct.Struct(prop.length.str[0].replace("|", "<") + prop.length.char).unpack_from
+            length_size = prop.length.itemsize
+        layout.append((unpack, length_size, prop.item.itemsize, row_offsets, row_lengths))
+    for row in range(rows):
+        for unpack, length_size, item_size, row_offsets, row_lengths in layout:
+            length = 1
+            if unpack:
+                if position + length_size > len(data):
+                    raise _truncated(element, row, where, size)
+                (length,) = unpack(data, position)
+                if not 0 <= length <= 2**32 or length != int(length):
+                    raise InputError(
+                        f"{where}: expected the length of a list in row {row} of element '{element.name}', "
+                        f"found {length}; the file is corrupt: export it again"
+                    )
+                length = int(length)
+                position += length_size
+            row_offsets.append(position)
+            row_lengths.append(length)
+            position += length * item_size
+        if position > len(data):
+            raise _truncated(element, row, where, size)
+    return offsets, lengths, position
+
+
+def _truncated(element: _Element, rows: int, where: str, size: str) -> InputError:
+    return InputError(
+        f"{where}: expected {element.count} rows of element '{element.name}', the file ({size}) ends after {rows}; "
+        "it is truncated: copy or export it again"
+    )
+
+
+def _whole(numbers: np.ndarray, where: str) -> np.ndarray:
+    """Vertex indices as int64, whatever type the file stores them in."""
+    indices = numbers.astype(np.int64)
+    if numbers.dtype.kind == "f" and not np.array_equal(indices, numbers):
+        raise InputError(f"{where}: expected whole numbers as vertex indices, found others; the file is corrupt")
+    return indices

@@ -1,0 +1,188 @@
+"""Coordinate frames and rigid transforms: the conventions of the project, as code.
+
+Frames
+------
+``given``
+    The frame of the mesh file and of the pose that the user gave, in millimetres.
+``model``
+    ``given`` moved so that the mean of the surface's vertices is the origin (V' = V - mean(V), Zhang & Noble). All
+    computation and every dataset file uses it; ``given_from_model`` is stored with each dataset.
+``cam``
+    A camera with OpenCV axes: x right, y down, z forward, origin at the centre of projection.
+``px``
+    Pixels: x right, y down, (0, 0) is the *centre* of the top-left pixel.
+
+Transforms are named ``b_from_a`` and are 4x4 float64 matrices that act on column vectors, so neighbours cancel when
+they are composed: ``cam_from_given = cam_from_model @ model_from_given``. All frames are right-handed, lengths are
+millimetres, angles are degrees where the name ends in ``_deg`` and radians otherwise.
+"""
+
+import numpy as np
+
+from .errors import InputError
+
+ORTHONORMAL_TOLERANCE = 5e-3
+"""Largest entry of |R Rt - 1| that is taken as rounding: published ground truth reaches 2e-3 (LM-O)."""
+
+
+ORTHONORMAL_TO_ROUNDING = 1e-14
+"""What the last bits of a rotation leave of |R Rt - 1|; a pose that is no worse is kept to the last bit."""
+
+
+CAM_FROM_OPENGL_CAM = np.diag([1.0, -1.0, -1.0, 1.0])
+"""The one axis flip: Blender's cameras and NeRF files have OpenGL axes, y up and looking along -z. Its own inverse."""
+
+
+def turned_about(pivot: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """``(4, 4)`` that turns by ``rotation`` (3, 3) and leaves ``pivot`` (3,) where it is."""
+    return rigid(rotation, pivot - rotation @ pivot)
+
+
+def inverse_rigid(b_from_a: np.ndarray) -> np.ndarray:
+    """``(..., 4, 4)`` rigid ``b_from_a`` -> ``a_from_b``."""
+    rotation = np.swapaxes(b_from_a[..., :3, :3], -1, -2)
+    a_from_b = np.zeros_like(b_from_a)
+    a_from_b[..., :3, :3] = rotation
+    a_from_b[..., :3, 3] = -(rotation @ b_from_a[..., :3, 3, None])[..., 0]
+    a_from_b[..., 3, 3] = 1.0
+    return a_from_b
+
+
+def rigid(rotation: np.ndarray | None = None, translation: np.ndarray | None = None) -> np.ndarray:
+    """4x4 from a ``(3, 3)`` rotation and a ``(3,)`` translation in mm; either may be left out."""
+    b_from_a = np.eye(4)
+    if rotation is not None:
+        b_from_a[:3, :3] = rotation
+    if translation is not None:
+        b_from_a[:3, 3] = translation
+    return b_from_a
+
+
+def transform_points(b_from_a: np.ndarray, points_a: np.ndarray) -> np.ndarray:
+    """``(N, 3)`` points in frame a -> ``(N, 3)`` in frame b."""
+    return points_a @ b_from_a[:3, :3].T + b_from_a[:3, 3]
+
+
+def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
+    """The rotation nearest to a ``(3, 3)`` matrix in the Frobenius norm (Arun 1987)."""
+    u, _, vt = np.linalg.svd(matrix)
+    return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+
+
+def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
+    """Check a pose at the border and make its rotation exactly orthonormal.
+
+    Parameters
+    ----------
+    matrix
+        What the user gave: anything that should be a ``(4, 4)`` rigid transform.
+    where
+        Names the place in messages, e.g. ``"case.toml: [pose] cam_from_model"``.
+
+    Returns
+    -------
+    ``(4, 4)`` float64 rigid transform, and a sentence to tell if the rotation had to be corrected, else ``None``.
+
+    Raises
+    ------
+    InputError
+        Wrong shape, not numbers, not finite, a last row other than 0 0 0 1, a reflection, or a rotation that is
+        off by more than :data:`ORTHONORMAL_TOLERANCE`.
+    """
+    try:
+        b_from_a = np.array(matrix, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{where}: expected 4 rows of 4 numbers, found something else ({error})") from None
+    if b_from_a.shape != (4, 4):
+        raise InputError(f"{where}: expected a 4x4 matrix, found shape {b_from_a.shape}; write 4 rows of 4 numbers")
+    if not np.isfinite(b_from_a).all():
+        raise InputError(f"{where}: expected finite numbers, found NaN or infinity")
+    if not np.allclose(b_from_a[3], [0, 0, 0, 1], atol=1e-9):
+        raise InputError(
+            f"{where}: expected the last row 0 0 0 1, found {b_from_a[3].tolist()}; "
+            "translations stand in the last column (transpose the matrix if they stand in the last row)"
+        )
+    rotation = b_from_a[:3, :3]
+    determinant = np.linalg.det(rotation)
+    if determinant < 0:
+        raise InputError(
+            f"{where}: expected a rotation, found a reflection (determinant {determinant:.3f}); "
+            "a mirrored axis convention, e.g. y up instead of y down, usually causes it"
+        )
+    deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+    if deviation > ORTHONORMAL_TOLERANCE:
+        raise InputError(
+            f"{where}: expected a rotation, found a matrix that deviates from orthonormal by {deviation:.2g} "
+            f"(allowed {ORTHONORMAL_TOLERANCE:g}); take scale or shear out of the pose"
+        )
+    if deviation > ORTHONORMAL_TO_ROUNDING:
+        b_from_a[:3, :3] = nearest_rotation(rotation)
+    b_from_a[3] = [0, 0, 0, 1]
+    told = f"{where}: rotation made orthonormal (it was off by {deviation:.1e})" if deviation > 1e-6 else None
+    return b_from_a, told
+
+
+def rotation_from_vector(rotation_vector: np.ndarray) -> np.ndarray:
+    """Rodrigues' formula: ``(3,)`` axis times angle in radians -> ``(3, 3)`` rotation."""
+    angle = float(np.linalg.norm(rotation_vector))
+    x, y, z = rotation_vector
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    # sinc forms stay exact as the angle goes to zero
+    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross @ cross
+
+
+def se3_exp(twist: np.ndarray) -> np.ndarray:
+    """Exponential map of se(3): ``(6,)`` = (translation in mm, rotation vector in radians) -> ``(4, 4)``."""
+    upsilon, omega = np.asarray(twist[:3], float), np.asarray(twist[3:], float)
+    angle = float(np.linalg.norm(omega))
+    x, y, z = omega
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    second = (1 - np.sinc(angle / np.pi)) / angle**2 if angle > 1e-4 else 1 / 6 - angle**2 / 120
+    left_jacobian = np.eye(3) + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross + second * cross @ cross
+    return rigid(rotation_from_vector(omega), left_jacobian @ upsilon)
+
+
+def rotation_angle_deg(rotation: np.ndarray) -> float:
+    """Angle of a ``(3, 3)`` rotation in degrees, accurate near 0 and near 180."""
+    skew = rotation - rotation.T
+    sine = 0.5 * np.linalg.norm([skew[2, 1], skew[0, 2], skew[1, 0]])
+    return float(np.degrees(np.arctan2(sine, 0.5 * (np.trace(rotation) - 1))))
+
+
+def camera_centre(cam_from_model: np.ndarray) -> np.ndarray:
+    """``(..., 3)`` centre of projection in model coordinates, mm."""
+    rotation = cam_from_model[..., :3, :3]
+    return -(np.swapaxes(rotation, -1, -2) @ cam_from_model[..., :3, 3, None])[..., 0]
+
+
+def rotation_vector(rotation: np.ndarray) -> np.ndarray:
+    """``(3, 3)`` rotation -> ``(3,)`` axis times angle in radians, angle 0..pi; the inverse of Rodrigues' formula."""
+    skew = 0.5 * np.array(
+        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
+    )
+    sine, cosine = float(np.linalg.norm(skew)), 0.5 * (float(np.trace(rotation)) - 1)
+    angle = float(np.arctan2(sine, cosine))
+    if cosine > -0.9:
+        return skew * (angle / sine if sine > 1e-12 else 1.0)
+    # near a half turn the skew part vanishes; the axis stands in the symmetric one, its sign in the skew part
+    outer = 0.5 * (rotation + rotation.T) - cosine * np.eye(3)
+    column = outer[:, int(np.argmax(np.diag(outer)))]
+    axis = column / np.linalg.norm(column)
+    return axis * (angle if axis @ skew >= 0 else -angle)
+
+
+def rotations_from_vectors(vectors: np.ndarray) -> np.ndarray:
+    """``(K, 3)`` rotation vectors -> ``(K, 3, 3)`` rotations: Rodrigues' formula for many."""
+    angle = np.linalg.norm(vectors, axis=-1)[:, None, None]
+    cross = cross_matrices(vectors)
+    # sinc forms stay exact as the angle goes to zero
+    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross @ cross
+
+
+def cross_matrices(vectors: np.ndarray) -> np.ndarray:
+    """``(..., 3)`` vectors a -> ``(..., 3, 3)`` matrices of the cross product, [a]x b = a x b."""
+    matrices = np.zeros((*vectors.shape, 3))
+    matrices[..., 2, 1] = vectors[..., 0]
+    matrices[..., 0, 2] = vectors[..., 1]
+    matrices[..., 1, 0] = vectors[..., 2]
+    return matrices - np.swapaxes(matrices, -1, -2)

@@ -1,0 +1,235 @@
+"""Build the Blender extension: one zip a platform, for "Install from Disk".
+
+python scripts/build_extension.py [--platform all|current|NAME,NAME...] [--out dist] [--blender PROGRAM]
+"""
+
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+# the version and the exceptions are the package's, also where it is not installed
+sys.path.insert(0, str(ROOT))
+
+import argparse
+import importlib.util
+import os
+import platform
+import shutil
+import subprocess
+import tempfile
+import tomllib
+from collections.abc import Iterable, Iterator, Sequence
+
+from pipeline import __version__
+from pipeline.errors import InputError, RunError
+
+WHEEL_TAGS = {
+    "linux-x64": "manylinux2014_x86_64",
+    "macos-arm64": "macosx_13_0_arm64",
+    "macos-x64": "macosx_13_0_x86_64",
+    "windows-x64": "win_amd64",
+}
+"""Blender's names of the platforms and pip's; not windows-arm64, for which OpenCV has no wheel."""
+WHEEL_CACHE = ROOT / "build" / "wheels"
+OLDEST_PYTHON = "3.11"
+"""Of Blender 4.5; the wheel is for the stable interface (abi3), so that one serves all later Pythons as well."""
+SCRIPTS = ("render_dataset.py", "check_dataset.py")
+"""What the add-on runs in a background Blender; each finds the package in the folder above its own."""
+VERSION_LINE = 'version = "0.0.0"'
+"""The place in the manifest that the build fills in."""
+
+
+def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="build_extension.py", description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--platform",
+        metavar="NAME",
+        default="all",
+        help=f"all, current, or a list separated by commas of {', '.join(WHEEL_TAGS)} (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--out", metavar="DIR", type=Path, default=ROOT / "dist", help="folder of the zips (default: dist)"
+    )
+    parser.add_argument(
+        "--blender", metavar="PROGRAM", help="build with this Blender (default: with the bpy module of this Python)"
+    )
+    return parser.parse_args(argv)
+
+
+def platforms(text: str) -> list[str]:
+    """Blender's names of the platforms from what the user asked for.
+
+    Raises
+    ------
+    InputError
+        An unknown name.
+    RunError
+        OpenCV has no wheel for this computer.
+    """
+    if text == "all":
+        return list(WHEEL_TAGS)
+    known, names = ", ".join(WHEEL_TAGS), text.split(",")
+    for name in names:
+        if name != "current" and name not in WHEEL_TAGS:
+            raise InputError(f"--platform: expected all, current or some of {known}, found {name!r}")
+    if "current" in names and this_platform() not in WHEEL_TAGS:
+        raise RunError(f"--platform current: OpenCV has no wheel for {this_platform()}; name some of {known}")
+    return list(dict.fromkeys(this_platform() if name == "current" else name for name in names))
+
+
+def this_platform() -> str:
+    """This computer in Blender's words, e.g. ``linux-x64``."""
+    system, machine = platform.system().lower(), platform.machine().lower()
+    return f"{ {'darwin': 'macos'}.get(system, system) }-{ {'x86_64': 'x64', 'amd64': 'x64'}.get(machine, machine) }"
+
+
+def build(names: Sequence[str], out: Path, *, blender: str | None = None) -> Iterator[Path]:
+    """Build and validate the extension.
+
+    Parameters
+    ----------
+    names
+        Blender's names of the platforms, keys of :data:`WHEEL_TAGS`.
+    out
+        Folder of the zips, made if it does not exist; zips of the same version are replaced.
+    blender
+        A Blender program; ``None`` uses the command-line tool that the bpy module brings.
+
+    Yields
+    ------
+    Each zip once Blender has found it valid.
+
+    Raises
+    ------
+    InputError
+        Blender refuses the extension, or there is no Blender to build with.
+    RunError
+        A wheel cannot be had.
+    """
+    tool, tags = _extension_tool(blender)
+    wheels = [wheel(name) for name in names]
+    with tempfile.TemporaryDirectory(prefix="oneframe-extension-") as folder:
+        staged, built = Path(folder, "oneframe"), Path(folder, "built")
+        stage(staged, names, wheels)
+        built.mkdir()
+        _run([*tool, "build", "--source-dir", staged, "--output-dir", built, "--split-platforms", *tags])
+        out.mkdir(parents=True, exist_ok=True)
+        for path in sorted(built.glob("*.zip")):
+            _run([*tool, "validate", path])
+            partial = out / f".partial-{path.name}"
+            shutil.copyfile(path, partial)
+            os.replace(partial, out / path.name)
+            yield out / path.name
+
+
+def stage(folder: Path, names: Sequence[str], wheels: Sequence[Path]) -> None:
+    """Lay the extension out as it will be installed: the add-on, the package inside it, scripts, wheels, licence."""
+    no_caches = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "blender_addon", folder, ignore=no_caches)
+    shutil.copytree(ROOT / "pipeline", folder / "pipeline", ignore=no_caches)
+    for part in ("scripts", "wheels"):
+        (folder / part).mkdir()
+    for name in SCRIPTS:
+        shutil.copyfile(ROOT / "scripts" / name, folder / "scripts" / name)
+    for path in wheels:
+        shutil.copyfile(path, folder / "wheels" / path.name)
+    shutil.copyfile(ROOT / "LICENSE", folder / "LICENSE")
+    manifest = folder / "blender_manifest.toml"
+    manifest.write_text(_filled_in(manifest.read_text("utf-8"), names, wheels), "utf-8")
+
+
+def _filled_in(manifest: str, names: Sequence[str], wheels: Sequence[Path]) -> str:
+    if manifest.count(VERSION_LINE) != 1:
+        raise InputError(f"blender_manifest.toml: expected one line {VERSION_LINE!r}, which the build fills in")
+    lines = [
+        f'version = "{__version__}"',
+        f"platforms = {_toml_list(names)}",
+        f"wheels = {_toml_list(f'./wheels/{path.name}' for path in wheels)}",
+    ]
+    return manifest.replace(VERSION_LINE, "\n".join(lines))
+
+
+def _toml_list(texts: Iterable[str]) -> str:
+    return "[" + ", ".join(f'"{text}"' for text in texts) + "]"
+
+
+def wheel(name: str) -> Path:
+    """The one wheel that the add-on needs on a platform, from ``build/wheels`` or through pip.
+
+    Raises
+    ------
+    RunError
+        pip cannot get it.
+    """
+    requirement = _opencv_requirement()
+    package, _, version = requirement.partition("==")
+    folder, pattern = WHEEL_CACHE / name, f"{package.replace('-', '_')}-{version}-*.whl"
+    if not any(folder.glob(pattern)):
+        WHEEL_CACHE.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".partial-", dir=WHEEL_CACHE) as partial:
+            _download(requirement, name, partial)
+            folder.mkdir(exist_ok=True)
+            for path in Path(partial).glob(pattern):
+                os.replace(path, folder / path.name)
+    return next(folder.glob(pattern))
+
+
+def _opencv_requirement() -> str:
+    """``opencv-...==version`` as the project depends on it."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    return next(text for text in project["dependencies"] if text.startswith("opencv-"))
+
+
+def _download(requirement: str, name: str, folder: str) -> None:
+    target = f"--platform {WHEEL_TAGS[name]} --python-version {OLDEST_PYTHON} --implementation cp --abi abi3"
+    options = f"--quiet --disable-pip-version-check --no-input --retries 1 --no-deps --only-binary :all: {target}"
+    command = [sys.executable, "-m", "pip", "download", *options.split(), "--dest", folder, requirement]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    if ended.returncode != 0:
+        offline = any(words in ended.stderr for words in ("establish a new connection", "timed out", "name resolution"))
+        cause = "no connection to the package index" if offline else _last_line(ended.stderr)
+        raise RunError(
+            f"wheel of {requirement} for {name}: pip could not get it: {cause}; connect this computer to the network, "
+            f"or put the wheel into {WHEEL_CACHE / name}"
+        )
+
+
+def _extension_tool(blender: str | None) -> tuple[list[str], list[str]]:
+    """The command that builds and validates extensions, and what tells its ``build`` the tags that Blender knows."""
+    if blender:
+        if not (program := shutil.which(blender)):
+            raise InputError(f"--blender: expected a program, found {blender!r}")
+        return [program, "--factory-startup", "--command", "extension"], []
+    module = importlib.util.find_spec("bpy")
+    for folder in (module.submodule_search_locations or ()) if module else ():
+        for path in Path(folder).glob("*/scripts/addons_core/*/cli/blender_ext.py"):
+            tags = path.parents[3] / "modules" / "_bpy_internal" / "extensions" / "tags.py"
+            return [sys.executable, str(path)], ["--valid-tags", str(tags)]
+    raise InputError("this Python has no bpy module to build with; name a Blender program: --blender PROGRAM")
+
+
+def _run(command: Sequence[str | Path]) -> None:
+    ended = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
+    if ended.returncode != 0:
+        raise InputError(f"Blender refuses the extension: {_last_line(ended.stderr) or _last_line(ended.stdout)}")
+
+
+def _last_line(text: str) -> str:
+    """The last line that is not empty; an error rather than a warning."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return ([line for line in lines if "error" in line.lower()] or lines or [""])[-1]
+
+
+def main(argv: Sequence[str]) -> int:
+    arguments = parse_arguments(argv)
+    try:
+        for path in build(platforms(arguments.platform), arguments.out, blender=arguments.blender):
+            print(path, flush=True)
+    except (InputError, RunError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2 if isinstance(error, InputError) else 3
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,282 @@
+"""Colour on the user's own surface: the pipeline's values, replaced without leftovers, undone, marked, exported."""
+
+import json
+from collections import Counter
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+from pipeline.blender.case.load_case import load_case
+from pipeline.blender.colour.export import export_coloured_surface
+from pipeline.blender.colour.reference_view import colour_of, source_of
+from pipeline.case.case_file import read_case
+from pipeline.images.pixel_values import codes_from_linear, linear_from_codes
+from pipeline.images.png import encode_png
+from pipeline.surface.mesh_reader import read_mesh
+from pipeline.surface.mesh_writer import write_ply
+
+pytestmark = pytest.mark.render
+
+KINDS = ("images", "materials", "meshes", "objects", "scenes", "cameras", "node_groups")
+BLENDERS_OWN = ("Render Result", "Viewer Node")
+
+
+@pytest.fixture
+def case_path(write_tiny_case, tmp_path):
+    return write_tiny_case(tmp_path / "case")
+
+
+@pytest.fixture
+def opened(addon, case_path):
+    bpy.ops.oneframe.open_case(filepath=str(case_path))
+    return bpy.context.scene
+
+
+def blocks() -> Counter:
+    """How many data-blocks of each kind and purpose there are."""
+    found = ((kind, block.name.split(".")[0]) for kind in KINDS for block in getattr(bpy.data, kind))
+    return Counter(entry for entry in found if entry[1] not in BLENDERS_OWN)
+
+
+def source_and_colour(case_path, mode):
+    source = source_of(load_case(read_case(case_path)))
+    return source, colour_of(source, mode)[0]
+
+
+def vertex_colours(surface) -> np.ndarray:
+    """``(V, 4)``: code values, and the flag."""
+    attribute = surface.data.color_attributes["frame_colour"]
+    rgba = np.empty(4 * len(attribute.data), np.float32)
+    attribute.data.foreach_get("color", rgba)
+    rgba = rgba.reshape(-1, 4)
+    return np.concatenate([codes_from_linear(rgba[:, :3]), rgba[:, 3:]], axis=1)
+
+
+def attribute_values(surface, name, member, kind, width) -> np.ndarray:
+    attribute = surface.data.attributes[name]
+    values = np.empty(width * len(attribute.data), kind)
+    attribute.data.foreach_get(member, values)
+    return values.reshape(-1, width)
+
+
+def shown_image(surface) -> bpy.types.Image:
+    return surface.data.materials[0].node_tree.nodes.active.image
+
+
+def pixels_of(image) -> np.ndarray:
+    """``(H, W, 3)`` codes 0..255, top row first."""
+    values = np.empty(image.size[0] * image.size[1] * 4, np.float32)
+    image.pixels.foreach_get(values)
+    return 255 * values.reshape(image.size[1], image.size[0], 4)[::-1, :, :3]
+
+
+def test_the_transfer_curve_is_srgb(rng):
+    codes = rng.uniform(0, 1, 1000)
+    assert np.allclose(codes_from_linear(linear_from_codes(codes)), codes, atol=1e-12)
+    # IEC 61966-2-1: both pieces, and mid grey
+    assert np.allclose(linear_from_codes([0.02, 0.5, 1.0]), [0.02 / 12.92, 0.21404114, 1.0])
+
+
+def test_vertex_colours_are_those_of_the_script(opened, case_path):
+    assert bpy.ops.oneframe.project_colour(mode="vertex") == {"FINISHED"}
+    surface = opened.oneframe.surface
+    _, colour = source_and_colour(case_path, "vertex")
+    assert 0.3 < colour.observed.mean() < 1
+    found = vertex_colours(surface)
+    assert np.array_equal(found[:, 3] == 1, colour.observed)
+    assert np.abs(found[:, :3] - colour.rgb)[colour.observed].max() < 1e-6
+    flags = attribute_values(surface, "frame_observed", "value", bool, 1)[:, 0]
+    assert np.array_equal(flags, colour.observed)
+    assert surface.data.color_attributes.active_color_name == "frame_colour"
+    record = json.loads(surface["oneframe_colour"])
+    assert record["mode"] == "vertex"
+    assert 0.3 < record["of_surface"] < record["of_view"] <= 1
+
+
+def test_texture_is_that_of_the_script(opened, case_path):
+    bpy.ops.oneframe.project_colour(mode="texture")
+    surface = opened.oneframe.surface
+    _, atlas = source_and_colour(case_path, "texture")
+    assert np.allclose(attribute_values(surface, "frame_uv", "vector", np.float32, 2), atlas.uv.reshape(-1, 2))
+    image = shown_image(surface)
+    assert image.packed_file is not None
+    found = pixels_of(image)
+    assert np.abs(found - 255 * atlas.image)[atlas.observed].max() <= 0.5001
+    assert np.ptp(found[~atlas.observed], axis=0).max() == 0
+    record = json.loads(surface["oneframe_colour"])
+    # what is baked are the frame's own pixels
+    assert record["mean_error"] < 0.5
+    assert surface.data.uv_layers.active.name == "frame_uv"
+
+
+@pytest.mark.parametrize("mode", ["vertex", "texture"])
+def test_a_surface_inside_out_is_coloured_alike(opened, case_path, tmp_path, mode):
+    """The file's faces look away from the frame: the object keeps them so, the colours lie on the same points."""
+    bpy.ops.oneframe.project_colour(mode=mode)
+    plain = opened.oneframe.surface
+    points = {"vertex": vertex_colours(plain)}
+    if mode == "texture":
+        points["uv"] = attribute_values(plain, "frame_uv", "vector", np.float32, 2).reshape(-1, 3, 2)
+        points["image"] = pixels_of(shown_image(plain))
+    given, _ = read_mesh(case_path.parent / "surface.ply")
+    write_ply(case_path.parent / "surface.ply", given.flipped())
+    bpy.ops.oneframe.open_case(filepath=str(case_path))
+    bpy.ops.oneframe.project_colour(mode=mode)
+    flipped = opened.oneframe.surface
+    faces = attribute_values(flipped, ".corner_vert", "value", np.int32, 1).reshape(-1, 3)
+    assert np.array_equal(faces, given.faces[:, ::-1])
+    assert np.allclose(vertex_colours(flipped), points["vertex"], atol=1e-6)
+    if mode == "texture":
+        # the layout may differ; what a corner looks up may not
+        uv = attribute_values(flipped, "frame_uv", "vector", np.float32, 2).reshape(-1, 3, 2)[:, ::-1]
+        image = pixels_of(shown_image(flipped))
+        assert np.allclose(looked_up(image, uv), looked_up(points["image"], points["uv"]), atol=1.0)
+
+
+def looked_up(image, uv) -> np.ndarray:
+    from pipeline.images.pixel_values import sample_bilinear
+
+    height, width = image.shape[:2]
+    return sample_bilinear(image, uv.reshape(-1, 2) * [width, -height] + [-0.5, height - 0.5])
+
+
+def test_repeated_projection_replaces_and_plain_takes_everything_away(opened):
+    surface = opened.oneframe.surface
+    plain, names = blocks(), {attribute.name for attribute in surface.data.attributes}
+    material = surface.data.materials[0]
+    seen = {}
+    for mode in ("vertex", "texture", "texture", "vertex", "texture", "vertex"):
+        bpy.ops.oneframe.project_colour(mode=mode)
+        assert blocks() == seen.setdefault(mode, blocks())
+    bpy.ops.oneframe.plain_surface()
+    assert blocks() == plain
+    assert {attribute.name for attribute in surface.data.attributes} == names
+    assert surface.data.materials[:] == [material]
+    assert not [key for key in surface.keys() if key.startswith(("oneframe_colour", "oneframe_plain"))]  # noqa: SIM118
+
+
+def test_colours_of_a_deleted_surface_are_taken_away_too(opened, case_path):
+    bpy.ops.oneframe.project_colour(mode="texture")
+    before = blocks()
+    for _ in range(2):
+        bpy.ops.oneframe.open_case(filepath=str(case_path))
+        bpy.ops.oneframe.project_colour(mode="texture")
+    assert blocks() == before
+
+
+@pytest.mark.parametrize("mode", ["vertex", "texture"])
+def test_marking_changes_the_unseen_surface_only(opened, mode):
+    bpy.ops.oneframe.project_colour(mode=mode)
+    surface = opened.oneframe.surface
+
+    def state():
+        colours = vertex_colours(surface)
+        return colours, pixels_of(shown_image(surface)) if mode == "texture" else colours[:, :3] * 255
+
+    marked, marked_values = state()
+    bpy.ops.oneframe.mark_unseen()
+    grey, grey_values = state()
+    bpy.ops.oneframe.mark_unseen()
+    assert all(np.array_equal(one, other) for one, other in zip(state(), (marked, marked_values), strict=True))
+    unseen = grey[:, 3] == 0
+    assert 0 < unseen.mean() < 1
+    assert np.array_equal(marked[~unseen], grey[~unseen])
+    assert np.allclose(grey[unseen, :3], 0.5, atol=1e-6)
+    blue = marked[unseen][0, :3]
+    assert blue[2] > 2 * blue[:2].max()
+    changed = (marked_values != grey_values).any(axis=-1)
+    assert np.abs(marked_values[changed] - 255 * blue).max() <= 0.5001
+    assert np.abs(grey_values[changed] - 127.5).max() <= 0.5001
+
+
+def test_undo_and_redo_take_one_step(opened):
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.oneframe.project_colour(mode="texture")
+    bpy.ops.ed.undo_push(message="texture")
+    bpy.ops.oneframe.mark_unseen()
+    bpy.ops.ed.undo_push(message="marked")
+    bpy.ops.ed.undo()
+    record = json.loads(bpy.context.scene.oneframe.surface["oneframe_colour"])
+    assert record["unseen_marked"]
+    assert "marked" in shown_image(bpy.context.scene.oneframe.surface).name
+    bpy.ops.ed.undo()
+    surface = bpy.context.scene.oneframe.surface
+    assert "oneframe_colour" not in surface
+    assert surface.data.materials[0].name == "OneFrame bone"
+    bpy.ops.ed.redo()
+    surface = bpy.context.scene.oneframe.surface
+    image = shown_image(surface)
+    assert image.packed_file is not None
+    assert np.ptp(pixels_of(image)) > 50
+
+
+def test_everything_survives_the_blend_file(opened, tmp_path):
+    bpy.ops.oneframe.project_colour(mode="texture")
+    before = pixels_of(shown_image(opened.oneframe.surface))
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
+    surface = bpy.context.scene.oneframe.surface
+    assert np.array_equal(pixels_of(shown_image(surface)), before)
+    bpy.ops.oneframe.mark_unseen()
+    assert not np.array_equal(pixels_of(shown_image(surface)), before)
+
+
+def test_colours_of_another_pose_are_known_as_such(opened):
+    from blender_addon.colour import operators as colour
+
+    bpy.ops.oneframe.project_colour()
+    surface = opened.oneframe.surface
+    record = json.loads(surface["oneframe_colour"])
+    assert not colour.is_outdated(opened, record)
+    surface.matrix_world = Matrix.Translation((0.5, 0, 0)) @ surface.matrix_world
+    bpy.context.view_layer.update()
+    assert colour.is_outdated(opened, record)
+
+
+@pytest.mark.parametrize(("name", "mode"), [("s.ply", "vertex"), ("s.obj", "texture"), ("s.glb", "texture")])
+def test_export_writes_the_file_of_the_script(opened, case_path, tmp_path, name, mode):
+    export_coloured_surface(load_case(read_case(case_path)), tmp_path / "script" / name, colour=mode)
+    before = blocks()
+    (tmp_path / "addon").mkdir()
+    bpy.ops.oneframe.export_surface(filepath=str(tmp_path / "addon" / name), mode=mode)
+    assert blocks() == before
+    for path in (tmp_path / "script").iterdir():
+        assert (tmp_path / "addon" / path.name).read_bytes() == path.read_bytes()
+
+
+def refused(operator, message, **settings):
+    with pytest.raises(RuntimeError, match=message):
+        operator(**settings)
+
+
+def test_what_cannot_be_coloured_is_refused_and_nothing_changes(addon, opened, case_path):
+    surface, before = opened.oneframe.surface, blocks()
+    bpy.context.view_layer.objects.active = surface
+    bpy.ops.object.mode_set(mode="EDIT")
+    refused(bpy.ops.oneframe.project_colour, "expected Object mode, it is in Edit mode")
+    bpy.ops.object.mode_set(mode="OBJECT")
+    refused(bpy.ops.oneframe.export_surface, "cannot hold vertex", filepath="x.obj", mode="vertex")
+    refused(bpy.ops.oneframe.mark_unseen, "Project colour on the surface first")
+    # out of the frame
+    surface.matrix_world = Matrix.Translation((500, 0, 0)) @ surface.matrix_world
+    bpy.context.view_layer.update()
+    refused(bpy.ops.oneframe.project_colour, "expected the surface in the frame")
+    assert blocks() == before
+    (case_path.parent / "frame.png").write_bytes(encode_png(np.zeros((10, 10, 3), np.uint8)))
+    refused(bpy.ops.oneframe.project_colour, "64x48")
+    bpy.data.objects.remove(surface)
+    refused(bpy.ops.oneframe.project_colour, "Set up a frame")
+
+
+def test_a_deleted_material_slot_does_not_matter(opened):
+    surface = opened.oneframe.surface
+    surface.data.materials.clear()
+    bpy.ops.oneframe.project_colour(mode="texture")
+    surface.data.materials.clear()
+    bpy.ops.oneframe.mark_unseen()
+    bpy.ops.oneframe.project_colour(mode="vertex")
+    assert len(surface.data.materials) == 1
+    bpy.ops.oneframe.plain_surface()
+    assert "frame_colour" not in surface.data.attributes

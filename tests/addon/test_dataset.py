@@ -1,0 +1,340 @@
+"""The dataset from the add-on: the planner's and the script's own results, a run followed, cancelled, resumed."""
+
+import importlib
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+from pipeline.blender.dataset.job import Job, open_job
+from pipeline.case.case_file import read_case
+from pipeline.dataset.folder import Shard
+from pipeline.dataset.options import checked_options
+from pipeline.transforms import camera_centre, rigid
+
+pytestmark = pytest.mark.render
+
+DATASET = "\n[dataset]\ncount = {count}\nscale = 0.5\nseed = 5\n"
+SECONDS = 90
+
+
+@pytest.fixture
+def case_path(write_tiny_case, tmp_path):
+    path = write_tiny_case(tmp_path / "case")
+    path.write_text("# aligned by eye\n" + path.read_text() + DATASET.format(count=6))
+    return path
+
+
+@pytest.fixture
+def opened(addon, case_path):
+    bpy.ops.oneframe.open_case(filepath=str(case_path))
+    return bpy.context.scene
+
+
+@pytest.fixture
+def job_module(addon):
+    return importlib.import_module("blender_addon.dataset.background_job")
+
+
+def script_job(case_path, out):
+    options = checked_options(read_case(case_path).dataset, "test")
+    return open_job(Job(case_path, out, options, Shard()))
+
+
+def followed(module, until) -> object:
+    """What Blender's timer does, until a job is as wanted; a window's event loop is not there."""
+    end = time.monotonic() + SECONDS
+    while time.monotonic() < end:
+        module._follow()
+        if until(module.current()):
+            return module.current()
+        time.sleep(0.02)
+    raise TimeoutError(module.current())
+
+
+def ended(job) -> bool:
+    return not job.running
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def finished_views(out: Path) -> int:
+    return sum(1 for _ in out.glob("train_pbr/*/frame/*.json"))
+
+
+def datablocks() -> set[str]:
+    kinds = ("scenes", "objects", "meshes", "materials", "images", "cameras", "node_groups", "worlds", "collections")
+    return {f"{kind} {block.name}" for kind in kinds for block in getattr(bpy.data, kind)}
+
+
+def refused(operator, message, *arguments, **settings):
+    with pytest.raises(RuntimeError, match=message):
+        operator(*arguments, **settings)
+
+
+def test_previewed_poses_are_those_of_the_run(opened, case_path, tmp_path):
+    preview = importlib.import_module("blender_addon.dataset.pose_preview")
+    opened.oneframe.preview_poses = 50
+    before = datablocks()
+    bpy.ops.oneframe.preview_poses()
+    planned = preview.shown()
+    assert (len(planned.lines), planned.count) == (6, 6)
+    assert preview.is_current(opened)
+    with script_job(case_path, tmp_path).maker(threads=1) as maker:
+        for index in range(6):
+            expected = maker.plan(index)
+            # a frustum's first line begins in the centre of projection
+            centre = planned.lines[index, 0, 0]
+            assert np.allclose(centre, camera_centre(expected.cam_from_model), atol=1e-9)
+            assert planned.observed[index] == expected.statistics.observed_fraction
+    assert {name for name in datablocks() - before if "Render Result" not in name and "Viewer" not in name} == set()
+
+
+def test_a_frustum_is_what_the_view_shows(opened, case_path, tmp_path):
+    preview = importlib.import_module("blender_addon.dataset.pose_preview")
+    bpy.ops.oneframe.preview_poses()
+    with script_job(case_path, tmp_path).maker(threads=1) as maker:
+        pose, camera = maker.plan(3).cam_from_model, maker.camera
+    corners = preview.shown().lines[3, :4, 1]
+    pixels = camera.project(corners @ pose[:3, :3].T + pose[:3, 3])
+    width, height = camera.size_wh
+    assert np.allclose(pixels, np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5, atol=1e-6)
+
+
+def test_poses_of_a_list_replace_the_sampler(addon, write_tiny_case, tmp_path):
+    path = write_tiny_case(tmp_path / "case")
+    pose = read_case(path).cam_from_given
+    np.save(tmp_path / "case" / "poses.npy", np.stack([pose, rigid(translation=[1.0, 0, 5.0]) @ pose]))
+    path.write_text(path.read_text() + '\n[dataset]\nposes = "poses.npy"\n')
+    bpy.ops.oneframe.open_case(filepath=str(path))
+    preview, scene = importlib.import_module("blender_addon.dataset.pose_preview"), bpy.context.scene
+    bpy.ops.oneframe.preview_poses()
+    assert (len(preview.shown().lines), preview.shown().count) == (2, 2)
+    apart = preview.shown().lines[1, 0, 0] - preview.shown().lines[0, 0, 0]
+    assert np.allclose(apart, -pose[:3, :3].T @ [1.0, 0, 5.0])
+    scene.oneframe.preview_view = 1
+    bpy.ops.oneframe.preview_view()
+    scene.oneframe.preview_view = 2
+    refused(bpy.ops.oneframe.preview_view, "0 to 1")
+    os.utime(tmp_path / "case" / "poses.npy", ns=(0, 0))
+    assert not preview.is_current(scene)
+
+
+def change_pose(scene):
+    surface = scene.oneframe.surface
+    surface.matrix_world = Matrix.Translation((0.3, 0, 0)) @ surface.matrix_world
+    bpy.context.view_layer.update()
+
+
+def touch_mesh(scene):
+    path = Path(scene.oneframe.surface.oneframe.mesh_path)
+    path.write_bytes(path.read_bytes())
+    os.utime(path, ns=(0, 0))
+
+
+CHANGES = {
+    "pose": (change_pose, True),
+    "mesh file": (touch_mesh, True),
+    "sampler": (lambda scene: setattr(scene.oneframe.dataset, "sampler", "shell"), True),
+    "seed": (lambda scene: setattr(scene.oneframe.dataset, "seed", 6), True),
+    "colour": (lambda scene: setattr(scene.oneframe.dataset, "colour", "vertex"), False),
+    "name of a landmark": (lambda scene: scene.oneframe.landmarks.add(), False),
+}
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_poses_are_shown_only_while_they_are_up_to_date(opened, what):
+    preview = importlib.import_module("blender_addon.dataset.pose_preview")
+    change, outdated = CHANGES[what]
+    bpy.ops.oneframe.preview_poses()
+    change(opened)
+    assert preview.is_current(opened) is not outdated
+    bpy.ops.oneframe.hide_poses()
+    assert preview.shown() is None
+
+
+def test_previewed_view_is_that_of_the_run(opened, case_path, tmp_path):
+    dataset = importlib.import_module("blender_addon.dataset.operators")
+    opened.oneframe.preview_view = 2
+    scene, camera, frame = opened.name, opened.camera, opened.frame_current
+    bpy.ops.oneframe.preview_view()
+    image, sentence, outdated = dataset.preview(opened)
+    assert not outdated
+    assert sentence.startswith("view 2: surface on ")
+    with script_job(case_path, tmp_path).maker(threads=1) as maker:
+        expected = maker.make(2).rendered.rgb
+    found = np.empty(expected.shape[0] * expected.shape[1] * 4, np.float32)
+    image.pixels.foreach_get(found)
+    found = found.reshape(*expected.shape[:2], 4)[::-1, :, :3]
+    assert np.abs(found - expected).max() <= 0.5001 / 255
+    assert (bpy.context.scene.name, opened.camera, opened.frame_current) == (scene, camera, frame)
+    opened.oneframe.preview_view = 3
+    assert dataset.preview(opened)[2]
+    opened.oneframe.preview_view = 6
+    refused(bpy.ops.oneframe.preview_view, "expected a view of the dataset, 0 to 5")
+
+
+def test_the_run_makes_the_dataset_of_the_script(opened, job_module, case_path, tmp_path, render_command, run_command):
+    out, text = tmp_path / "addon", case_path.read_bytes()
+    opened.oneframe.dataset_out = str(out)
+    assert bpy.ops.oneframe.render_dataset() == {"FINISHED"}
+    refused(bpy.ops.oneframe.render_dataset, "A run is under way")
+    job = followed(job_module, ended)
+    assert (job.code, job.error) == (0, "")
+    assert (job.progress.count, job.progress.total) == (6, 6)
+    assert job.lines[-1] == f"dataset of 6 views: {out}"
+    # the file said all that already: it is left as its author wrote it
+    assert case_path.read_bytes() == text
+    assert run_command(render_command(case_path, "--out", tmp_path / "script")).returncode == 0
+    assert tree(out) == tree(tmp_path / "script")
+    # once more: nothing is left to do
+    assert bpy.ops.oneframe.render_dataset() == {"FINISHED"}
+    assert followed(job_module, ended).code == 0
+
+
+def test_a_cancelled_run_keeps_its_views_and_goes_on(opened, job_module, case_path, tmp_path):
+    out = tmp_path / "out"
+    opened.oneframe.dataset_out = str(out)
+    opened.oneframe.dataset.count = 300
+    bpy.ops.oneframe.render_dataset()
+    process = job_module.current().process
+    followed(job_module, lambda job: finished_views(out) >= 2)
+    bpy.ops.oneframe.cancel_dataset()
+    job = followed(job_module, ended)
+    assert job.cancelled
+    assert job.error == ""
+    assert process.returncode == 130
+    kept = {name: data for name, data in tree(out).items() if name.startswith("train_pbr")}
+    assert 2 <= finished_views(out) < 300
+    # an annotator goes on aligning: names a landmark, which is no part of the views
+    opened.oneframe.landmarks.add().name = "later"
+    bpy.ops.oneframe.render_dataset()
+    counts = []
+    job = followed(job_module, lambda job: counts.append(job.progress and job.progress.count) or ended(job))
+    assert (job.code, job.error) == (0, "")
+    assert finished_views(out) == 300
+    after = tree(out)
+    assert all(after[name] == data for name, data in kept.items())
+    counts = [count for count in counts if count is not None]
+    assert counts[0] >= 2
+    assert counts == sorted(counts)
+    assert [landmark.name for landmark in read_case(case_path).landmarks] == ["later"]
+
+
+def test_disabling_the_addon_stops_the_run(opened, addon, job_module, tmp_path):
+    opened.oneframe.dataset_out = str(tmp_path / "out")
+    opened.oneframe.dataset.count = 1000
+    bpy.ops.oneframe.render_dataset()
+    process = job_module.current().process
+    followed(job_module, lambda job: job.progress is not None)
+    addon.unregister()
+    try:
+        # on a busy machine it is ended by force
+        assert process.returncode in (130, -9)
+        assert not bpy.app.timers.is_registered(job_module._follow)
+        assert job_module.current() is None
+    finally:
+        addon.register()
+
+
+def test_the_run_dies_with_the_program_that_started_it(case_path, tmp_path):
+    """Killed without notice, it can tell nobody: the run notices."""
+    out = tmp_path / "out"
+    code = (
+        "import sys, time, bpy, blender_addon\n"
+        "blender_addon.register()\n"
+        f"bpy.ops.oneframe.open_case(filepath={str(case_path)!r})\n"
+        f"settings = bpy.context.scene.oneframe\nsettings.dataset_out, settings.dataset.count = {str(out)!r}, 2000\n"
+        "bpy.ops.oneframe.render_dataset()\n"
+        "from blender_addon.dataset import background_job\n"
+        "print('pid', background_job.current().process.pid, flush=True)\ntime.sleep(100)\n"
+    )
+    root = Path(__file__).resolve().parents[2]
+    program = subprocess.Popen(
+        [sys.executable, "-c", code], cwd=root, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    pid = next(int(line.split()[1]) for line in program.stdout if line.startswith("pid "))
+    end = time.monotonic() + SECONDS
+    while finished_views(out) < 2 and time.monotonic() < end:
+        time.sleep(0.05)
+    program.kill()
+    program.wait()
+    while is_alive(pid) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not is_alive(pid)
+    views = finished_views(out)
+    time.sleep(0.5)
+    assert 2 <= finished_views(out) == views < 2000
+
+
+def is_alive(pid: int) -> bool:
+    status = Path(f"/proc/{pid}/stat")
+    if not status.parent.parent.joinpath("self").exists():
+        pytest.skip("needs Linux's /proc")
+    return status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z"
+
+
+def other_dataset(scene, out):
+    out.mkdir()
+    (out / "notes.txt").write_text("not a dataset")
+
+
+def impossible(scene, out):
+    scene.oneframe.dataset.min_clearance_mm = 5000
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [(other_dataset, "expected a new or empty folder"), (impossible, "found no pose that meets the constraints")],
+)
+def test_the_sentence_of_a_failed_run_reaches_the_user(opened, job_module, tmp_path, spoil, message):
+    out = tmp_path / "out"
+    opened.oneframe.dataset_out = str(out)
+    spoil(opened, out)
+    bpy.ops.oneframe.render_dataset()
+    job = followed(job_module, ended)
+    assert message in job.error
+    assert "\n" not in job.error
+    assert not job.cancelled
+
+
+def test_what_no_run_would_take_is_refused_at_once(opened, job_module, case_path):
+    options, text = opened.oneframe.dataset, case_path.read_bytes()
+    options.distance_min, options.distance_max = 2.0, 1.0
+    for operator in (bpy.ops.oneframe.render_dataset, bpy.ops.oneframe.preview_poses, bpy.ops.oneframe.preview_view):
+        refused(operator, "expected distance_min <= distance_max")
+    options.distance_min = 0.9
+    opened.oneframe.surface.scale = (1.1, 1.1, 1.1)
+    bpy.context.view_layer.update()
+    refused(bpy.ops.oneframe.render_dataset, "Remove Scale")
+    opened.oneframe.surface.scale = (1, 1, 1)
+    bpy.context.view_layer.update()
+    opened.oneframe.case_path = ""
+    refused(bpy.ops.oneframe.render_dataset, "press Save Case first")
+    assert job_module.current() is None
+    assert case_path.read_bytes() == text
+
+
+def test_results_are_opened_only_where_there_are_any(opened, tmp_path):
+    refused(bpy.ops.oneframe.open_result, "failed")
+    opened.oneframe.dataset_out = str(tmp_path)
+    refused(bpy.ops.oneframe.open_result, "it is not there yet", contact_sheet=True)
+
+
+def test_the_script_is_found_in_an_installed_extension(tmp_path):
+    """Its folder holds the add-on's modules beside the package: none may stand in the way of Python's own."""
+    build = importlib.import_module("scripts.dev.build_extension")
+    build.stage(tmp_path / "oneframe", ["linux-x64"], [])
+    script = tmp_path / "oneframe" / "scripts" / "render_dataset.py"
+    found = subprocess.run([sys.executable, str(script), "--help"], capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stderr
+    assert "--out DIR" in found.stdout
+    assert "--end-with-input" not in found.stdout

@@ -1,0 +1,175 @@
+"""The extension as it is installed: built, validated, enabled, disabled and removed by Blender's own code."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+from pipeline import __version__
+from scripts.dev import build_extension
+
+HERE = Path(__file__).resolve().parent
+TABLE = re.compile(r"^(platforms|wheels) = .*$", re.MULTILINE)
+
+
+@pytest.fixture(scope="module")
+def stock_python(tmp_path_factory) -> Path:
+    """A folder of modules with what Blender brings and nothing besides: no cv2, no skimage, not this project."""
+    site = tmp_path_factory.mktemp("stock")
+    pending, seen = ["bpy"], set()
+    while pending:
+        name = pending.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        distribution = metadata.distribution(name)
+        for top in {file.parts[0] for file in distribution.files or ()} - {"..", "__pycache__"}:
+            if not (site / top).exists():
+                (site / top).symlink_to(distribution.locate_file(top))
+        wanted = map(Requirement, distribution.requires or ())
+        pending += [some.name for some in wanted if not some.marker or some.marker.evaluate({"extra": ""})]
+    return site
+
+
+@pytest.fixture
+def run_stock(stock_python, tmp_path):
+    """Runs a script in that environment; BLENDER_USER_RESOURCES is ``tmp_path/resources``."""
+
+    def run(*command: str | Path) -> subprocess.CompletedProcess:
+        environment = {"PYTHONPATH": str(stock_python), "BLENDER_USER_RESOURCES": str(tmp_path / "resources")}
+        # -S: the site-packages of the tests stay out
+        return subprocess.run(
+            [sys.executable, "-S", "-P", *map(str, command)],
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+            cwd=tmp_path,
+            env=os.environ | environment,
+        )
+
+    return run
+
+
+@pytest.fixture
+def installed(extension_zip, tmp_path) -> Path:
+    """Where "Install from Disk" puts it."""
+    folder = tmp_path / "resources" / "extensions" / "user_default" / "oneframe"
+    with zipfile.ZipFile(extension_zip) as archive:
+        archive.extractall(folder)
+    return folder
+
+
+def test_is_enabled_disabled_and_removed_without_a_trace(installed, run_stock, tmp_path):
+    ended = run_stock(HERE / "extension_life.py")
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stderr == ""
+    assert "Policy violation" not in ended.stdout
+    told = json.loads(ended.stdout.splitlines()[-1])
+    for cycle in told["cycles"]:
+        assert "Scene.oneframe" in cycle["added"]["properties"]
+        assert {name for name in cycle["added"]["operators"] if not name.startswith("oneframe.")} == set()
+        assert cycle["added"]["operators"] != []
+        assert (cycle["warnings"], cycle["left"], cycle["held"]) == ({}, {}, [])
+    resources = tmp_path / "resources"
+    assert Path(told["cv2"]).is_relative_to(resources / "extensions" / ".local")
+    assert not Path(told["numpy"]).is_relative_to(resources)
+    assert not installed.exists()
+    assert list(resources.rglob("cv2")) == []
+
+
+@pytest.mark.render
+def test_renders_with_what_blender_brings(installed, run_stock, run_command, write_tiny_case, tmp_path):
+    """The dataset job of the add-on: the scripts and the package as they lie in the extension."""
+    case, out = write_tiny_case(tmp_path / "case"), tmp_path / "out"
+    ended = run_stock(installed / "scripts" / "render_dataset.py", case, "--out", out, "--count", "2", "--workers", "1")
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stderr == ""
+    # this one needs the wheel
+    checked = run_command([sys.executable, str(installed / "scripts" / "check_dataset.py"), str(out)])
+    assert checked.returncode == 0, checked.stderr
+    assert checked.stderr == ""
+
+
+def test_manifest_says_what_the_build_knows(extension_zip):
+    """All but version, platforms and wheels is the manifest of the source, and Blender finds that one valid as well."""
+    with zipfile.ZipFile(extension_zip) as archive:
+        built = archive.read("blender_manifest.toml").decode()
+        files = archive.namelist()
+    source = (build_extension.ROOT / "blender_addon" / "blender_manifest.toml").read_text()
+    written, _, _ = TABLE.sub("", built).partition("\n\n# BEGIN GENERATED")
+    expected = source.replace(build_extension.VERSION_LINE, f'version = "{__version__}"\n\n')
+    assert "".join(written.split()) == "".join(expected.split())
+    assert extension_zip.name == f"oneframe-{__version__}-{build_extension.this_platform().replace('-', '_')}.zip"
+    assert len([name for name in files if name.endswith(".whl")]) == 1
+    assert not any("__pycache__" in name for name in files)
+    for name in (
+        "LICENSE",
+        "pipeline/blender/render/engines.py",
+        "scripts/render_dataset.py",
+        "scripts/check_dataset.py",
+    ):
+        assert name in files
+
+
+def test_a_blender_program_builds_the_same(extension_zip, tmp_path):
+    if not (program := os.environ.get("BLENDER")):
+        pytest.skip("the environment variable BLENDER names no Blender program")
+    (path,) = build_extension.build([build_extension.this_platform()], tmp_path / "out", blender=program)
+    with zipfile.ZipFile(path) as built, zipfile.ZipFile(extension_zip) as expected:
+        assert {file.filename: file.CRC for file in built.infolist()} == {
+            file.filename: file.CRC for file in expected.infolist()
+        }
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--platform", "linux-x32"], "linux-x32"),
+        (["--platform", "current,"], "''"),
+        (["--blender", "no-such-program"], "no-such-program"),
+    ],
+)
+def test_bad_arguments_are_one_line(arguments, message, tmp_path, capsys):
+    assert build_extension.main([*arguments, "--out", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr()
+    assert (told.out, told.err.count("\n")) == ("", 1)
+    assert message in told.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_a_network_the_place_for_the_wheel_is_named(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(build_extension, "WHEEL_CACHE", tmp_path / "wheels")
+    monkeypatch.setenv("PIP_CONFIG_FILE", os.devnull)
+    monkeypatch.setenv("PIP_INDEX_URL", "http://127.0.0.1:9/simple")
+    assert build_extension.main(["--platform", "windows-x64", "--out", str(tmp_path / "out")]) == 3
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert "no connection" in told
+    assert str(tmp_path / "wheels" / "windows-x64") in told
+    assert list((tmp_path / "wheels").iterdir()) == []
+
+
+def test_what_blender_refuses_is_told_in_one_line(tmp_path, monkeypatch, capsys, extension_zip):
+    """``extension_zip`` has made sure that the wheel is there."""
+    root = tmp_path / "checkout"
+    for name in ("blender_addon", "pipeline", "scripts"):
+        shutil.copytree(build_extension.ROOT / name, root / name)
+    for name in ("pyproject.toml", "LICENSE"):
+        shutil.copy(build_extension.ROOT / name, root / name)
+    manifest = root / "blender_addon" / "blender_manifest.toml"
+    manifest.write_text(manifest.read_text().replace('tags = ["', 'tags = ["Otology", "'))
+    monkeypatch.setattr(build_extension, "ROOT", root)
+    assert build_extension.main(["--platform", "current", "--out", str(tmp_path / "out")]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert "Otology" in told
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,368 @@
+"""Landmarks in the add-on: pairs in, pose and what is said about it out, against the solver that stands behind."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Vector
+
+from pipeline.alignment.landmarks.reprojection import moved_by
+from pipeline.alignment.landmarks.solver import UndeterminedPose, solve_pose
+from pipeline.alignment.manual.pins import pull_pins
+from pipeline.case.landmarks import Landmark
+from pipeline.transforms import inverse_rigid, transform_points
+
+POINTS_PX = np.array(
+    [[8.2, 7.4], [55.1, 9.3], [50.6, 40.2], [11.7, 38.9], [31.4, 24.8], [42.3, 15.6], [22.8, 12.1], [36.5, 33.3]]
+)
+SIGMA_PX = 0.2
+TWIST = np.array([2.0, -1.5, 6.0, 0.05, -0.04, 0.06])
+
+
+@pytest.fixture
+def scene(addon, write_tiny_case, tmp_path):
+    """The tiny case, open, and its surface moved away from where it belongs."""
+    bpy.ops.oneframe.open_case(filepath=str(write_tiny_case(tmp_path)))
+    found = bpy.context.scene
+    found.oneframe.click_sigma_px = SIGMA_PX
+    bpy.context.view_layer.update()
+    return found
+
+
+@pytest.fixture
+def pairs(scene):
+    """``(8, 3)`` surface points and ``(8, 2)`` pixels of the true pose."""
+    from blender_addon.ui import frame_view
+
+    return np.array([frame_view.surface_point_at(scene, pixel) for pixel in POINTS_PX]), POINTS_PX.copy()
+
+
+def pose_of(scene):
+    from blender_addon.state import from_scene
+
+    bpy.context.view_layer.update()
+    return from_scene.cam_from_model(scene)
+
+
+def displace(scene, twist=TWIST):
+    """Move the surface away from where it is."""
+    from blender_addon.state import from_scene
+    from pipeline.blender.alignment.alignment_scene import set_pose
+
+    set_pose(
+        from_scene.camera_object_of(scene), from_scene.surface_of(scene), moved_by(twist, pose_of(scene), np.zeros(3))
+    )
+    return pose_of(scene)
+
+
+def add(points, pixels):
+    """Pairs as they are picked: the halves in either order, in turn."""
+    for number, (point, pixel) in enumerate(zip(points, pixels, strict=True)):
+        first, second = ({"point": point}, {"pixel": pixel})[:: -1 if number % 2 else 1]
+        assert bpy.ops.oneframe.landmark_set(**first) == {"FINISHED"}
+        assert bpy.ops.oneframe.landmark_set(**second) == {"FINISHED"}
+
+
+def solved_anew(scene, *, without=()):
+    """What the solver says to the scene's pairs."""
+    from blender_addon.state import from_scene
+
+    used = [
+        entry
+        for number, entry in enumerate(scene.oneframe.landmarks)
+        if entry.has_point and entry.has_pixel and number not in without
+    ]
+    return solve_pose(
+        np.array([entry.point for entry in used], float),
+        np.array([entry.pixel for entry in used], float),
+        from_scene.camera(scene),
+        click_sigma_px=SIGMA_PX,
+        names=[entry.name for entry in used],
+    )
+
+
+def solution(scene):
+    from blender_addon.landmarks import solve
+
+    return solve.solution(scene)
+
+
+def test_halves_in_either_order_become_pairs_and_the_surface_moves_to_the_solvers_pose(scene, pairs, rng):
+    true = pose_of(scene)
+    displace(scene)
+    points, pixels = pairs
+    add(points, pixels + rng.normal(0, SIGMA_PX, pixels.shape))
+    entries = scene.oneframe.landmarks
+    assert len(entries) == len(points)
+    assert np.allclose([entry.point for entry in entries], points, atol=1e-5)
+    expected = solved_anew(scene)
+    assert np.abs(pose_of(scene) - expected.cam_from_model).max() <= 1e-9
+    assert expected.uncertainty.contains(true, pose_of(scene), 0.9999)
+    assert np.allclose(solution(scene).estimate.residuals_px, expected.residuals_px, rtol=0, atol=1e-9)
+
+
+def test_a_pair_that_is_not_in_use_has_no_say(scene, pairs):
+    points, pixels = pairs
+    pixels[2] += [9, -7]
+    add(points, pixels)
+    bpy.ops.oneframe.landmark_toggle(index=2)
+    assert not scene.oneframe.landmarks[2].enabled
+    assert solution(scene).estimate.inliers.all()
+    assert np.abs(pose_of(scene) - solved_anew(scene, without=[2]).cam_from_model).max() <= 1e-9
+
+
+def test_a_wrong_pair_is_pointed_out_by_its_name(scene, pairs):
+    points, pixels = pairs
+    pixels[4] += [9, -7]
+    add(points, pixels)
+    scene.oneframe.landmarks[4].name = "promontory"
+    found = solution(scene)
+    assert [found.is_outlier(index) for index in range(len(points))] == [index == 4 for index in range(len(points))]
+    assert any("promontory" in sentence for sentence in found.estimate.told)
+
+
+def test_residuals_are_those_of_the_present_pose_and_its_distance_from_the_solution_is_told(scene, pairs):
+    from blender_addon.landmarks import solve
+    from blender_addon.state import from_scene
+
+    add(*pairs)
+    assert solve.departure(scene, solution(scene)) is None
+    moved = displace(scene)
+    seen = from_scene.camera(scene).project(transform_points(moved, pairs[0]))
+    found = solve.residuals_px(scene)
+    assert np.allclose([found[index] for index in range(len(seen))], pairs[1] - seen, rtol=0, atol=1e-4)
+    away = solve.departure(scene, solution(scene))
+    assert away.largest_px == pytest.approx(np.linalg.norm(pairs[1] - seen, axis=1).max(), abs=0.02)
+    assert away.turn_deg == pytest.approx(np.degrees(np.linalg.norm(TWIST[3:])), rel=0.02)
+    bpy.ops.oneframe.solve_landmarks()
+    assert np.abs(pose_of(scene) - solved_anew(scene).cam_from_model).max() <= 1e-9
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_too_few_pairs_leave_the_pose_and_say_so(scene, pairs, count):
+    moved = displace(scene)
+    add(pairs[0][:count], pairs[1][:count])
+    with pytest.raises(UndeterminedPose) as refusal:
+        solved_anew(scene)
+    assert solution(scene).refusal == str(refusal.value)
+    with pytest.raises(RuntimeError, match="at least 4"):
+        bpy.ops.oneframe.solve_landmarks()
+    assert np.array_equal(pose_of(scene), moved)
+
+
+def test_without_live_the_pose_waits_for_solve(scene, pairs):
+    scene.oneframe.live_solve = False
+    moved = displace(scene)
+    add(*pairs)
+    assert np.array_equal(pose_of(scene), moved)
+    scene.oneframe.live_solve = True
+    assert np.abs(pose_of(scene) - solved_anew(scene).cam_from_model).max() <= 1e-9
+
+
+def test_renaming_and_the_click_accuracy_do_not_move_the_surface(scene, pairs):
+    add(*pairs)
+    moved = displace(scene)
+    scene.oneframe.landmarks[0].name = "umbo"
+    scene.oneframe.click_sigma_px = 1.0
+    assert np.array_equal(pose_of(scene), moved)
+
+
+def test_names_tell_landmarks_apart(scene, pairs):
+    add(*pairs)
+    entries = scene.oneframe.landmarks
+    entries[0].name = "umbo"
+    entries[1].name = "umbo"
+    entries[2].name = " "
+    assert entries[1].name == "umbo.001"
+    assert len({entry.name for entry in entries}) == len(entries)
+    assert all(entry.name.strip() for entry in entries)
+
+
+def test_undo_and_redo_take_pairs_and_pose_together(scene, pairs):
+    displace(scene)
+    add(pairs[0][:6], pairs[1][:6])
+    bpy.ops.ed.undo_push(message="six")
+    six = pose_of(scene)
+    bpy.ops.oneframe.landmark_set(index=3, pixel=pairs[1][3] + 0.4)
+    bpy.ops.ed.undo_push(message="moved")
+    moved = pose_of(bpy.context.scene)
+    assert not np.allclose(moved, six, atol=1e-6)
+    for step, expected in ((bpy.ops.ed.undo, six), (bpy.ops.ed.redo, moved)):
+        step()
+        found = bpy.context.scene
+        assert np.array_equal(pose_of(found), expected)
+        # what is shown belongs to what is there
+        assert np.array_equal(solution(found).estimate.cam_from_model, expected)
+
+
+def test_one_pin_shifts_the_surface_and_more_pull_it_as_the_function_does(scene, pairs):
+    from blender_addon.state import from_scene
+    from pipeline.blender.alignment.visible_surface import visible_surface
+
+    points, pixels = pairs
+    for count in (1, 2, 3):
+        before = displace(scene)
+        camera = from_scene.camera(scene)
+        pivot = visible_surface(from_scene.surface_of(scene), camera, before).pivot_model
+        bpy.ops.oneframe.landmark_pin(point=points[count - 1], pixel=pixels[count - 1])
+        entries = scene.oneframe.landmarks
+        own = np.array([entry.point for entry in entries], float), np.array([entry.pixel for entry in entries], float)
+        assert len(entries) == count
+        after = pose_of(scene)
+        assert np.abs(after - pull_pins(*own, camera, before, pivot)).max() <= 1e-9
+        assert np.allclose(camera.project(transform_points(after, own[0])), own[1], atol=0.02)
+        if count == 1:
+            assert np.array_equal(after[:3, :3], before[:3, :3])
+
+
+def test_a_landmark_is_deleted_and_what_is_not_there_is_refused(scene, pairs):
+    add(*pairs)
+    names = [entry.name for entry in scene.oneframe.landmarks]
+    bpy.ops.oneframe.landmark_remove(index=2)
+    assert [entry.name for entry in scene.oneframe.landmarks] == names[:2] + names[3:]
+    # without an index the active one goes, whatever the last call was about
+    scene.oneframe.landmark_index = 0
+    bpy.ops.oneframe.landmark_remove()
+    assert [entry.name for entry in scene.oneframe.landmarks] == names[1:2] + names[3:]
+    for call in (
+        lambda: bpy.ops.oneframe.landmark_remove(index=50),
+        lambda: bpy.ops.oneframe.landmark_set(index=50, pixel=(1, 1)),
+        lambda: bpy.ops.oneframe.landmark_set(pixel=(640, 10)),
+        lambda: bpy.ops.oneframe.landmark_pin(pixel=(10, 10)),
+    ):
+        with pytest.raises(RuntimeError, match="expected"):
+            call()
+    assert len(scene.oneframe.landmarks) == len(names) - 2
+    bpy.ops.oneframe.landmarks_clear()
+    assert len(scene.oneframe.landmarks) == 0
+
+
+def test_a_saved_case_opens_with_its_landmarks_and_its_own_pose(scene, pairs, tmp_path):
+    add(*pairs)
+    scene.oneframe.landmarks[1].enabled = False
+    moved = displace(scene)
+    path = tmp_path / "saved.toml"
+    bpy.ops.oneframe.save_case(filepath=str(path))
+    before = [(e.name, e.enabled, tuple(e.point), tuple(e.pixel)) for e in scene.oneframe.landmarks]
+    bpy.ops.oneframe.open_case(filepath=str(path))
+    reopened = bpy.context.scene
+    # not that of the landmarks: a refined pose must survive
+    assert np.allclose(pose_of(reopened), moved, rtol=0, atol=1e-9)
+    after = [(e.name, e.enabled, tuple(e.point), tuple(e.pixel)) for e in reopened.oneframe.landmarks]
+    for one, other in zip(before, after, strict=True):
+        assert one[:2] == other[:2]
+        assert np.allclose(one[2], other[2], atol=1e-5)
+        assert np.allclose(one[3], other[3], atol=1e-5)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".json"])
+@pytest.mark.parametrize("units", ["mm", "m"])
+def test_what_is_exported_is_imported_again(scene, pairs, tmp_path, suffix, units):
+    from blender_addon.state import from_scene
+
+    scene.oneframe.units = units
+    add(*pairs)
+    bpy.ops.oneframe.landmark_set(name="half", pixel=(5, 6))
+    before = from_scene.landmarks_given(scene)
+    path = tmp_path / f"pairs{suffix}"
+    bpy.ops.oneframe.export_landmarks(filepath=str(path))
+    bpy.ops.oneframe.landmarks_clear()
+    moved = displace(scene)
+    bpy.ops.oneframe.import_landmarks(filepath=str(path))
+    for one, other in zip(before, from_scene.landmarks_given(scene), strict=True):
+        assert (one.name, one.enabled, one.point is None) == (other.name, other.enabled, other.point is None)
+        assert np.allclose(one.pixel, other.pixel, atol=1e-5)
+        assert one.point is None or np.allclose(one.point, other.point, atol=1e-5)
+    assert not np.allclose(pose_of(scene), moved, atol=1e-3)
+
+
+def test_files_with_too_little_or_nonsense_leave_the_pose(scene, pairs, tmp_path):
+    from blender_addon.state import from_scene, to_scene
+
+    moved = displace(scene)
+    given_from_model = from_scene.given_from_model_of(from_scene.surface_of(scene))
+    given = transform_points(given_from_model, pairs[0])
+    three = tuple(Landmark(str(n), tuple(given[n]), tuple(pairs[1][n])) for n in range(3))
+    to_scene.replace_landmarks(scene, three)
+    path = tmp_path / "three.csv"
+    bpy.ops.oneframe.export_landmarks(filepath=str(path))
+    bpy.ops.oneframe.import_landmarks(filepath=str(path))
+    assert len(scene.oneframe.landmarks) == 3
+    assert "4" in solution(scene).refusal
+    path.write_text("nonsense")
+    with pytest.raises(RuntimeError, match=r"three\.csv"):
+        bpy.ops.oneframe.import_landmarks(filepath=str(path))
+    assert len(scene.oneframe.landmarks) == 3
+    assert np.array_equal(pose_of(scene), moved)
+
+
+def test_points_beside_the_surface_are_pointed_out(scene, pairs):
+    from blender_addon.landmarks.operators import off_surface
+
+    add(*pairs)
+    assert off_surface(scene) == ()
+    entry = scene.oneframe.landmarks[5]
+    normal = scene.oneframe.surface.closest_point_on_mesh(Vector(entry.point))[2]
+    entry.point = Vector(entry.point) + 2 * normal
+    (sentence,) = off_surface(scene)
+    assert f"{entry.name} (2.0 mm)" in sentence
+
+
+def test_a_scaled_surface_is_left_alone_until_it_is_mended(scene, pairs):
+    surface = scene.oneframe.surface
+    surface.scale = (1.1, 1.0, 1.0)
+    bpy.context.view_layer.update()
+    placed = np.array(surface.matrix_world)
+    add(*pairs)
+    with pytest.raises(RuntimeError, match="scaled"):
+        bpy.ops.oneframe.solve_landmarks()
+    assert np.array_equal(np.array(surface.matrix_world), placed)
+
+
+@pytest.mark.parametrize("away", ["edited", "excluded"])
+def test_a_surface_that_cannot_be_picked_on_is_told_and_nothing_changes(scene, pairs, tmp_path, away):
+    from blender_addon.pipeline.errors import InputError
+
+    from blender_addon.landmarks.operators import off_surface
+    from blender_addon.ui import frame_view
+
+    add(*pairs)
+    path = tmp_path / "pairs.csv"
+    bpy.ops.oneframe.export_landmarks(filepath=str(path))
+    moved = displace(scene)
+    if away == "edited":
+        bpy.context.view_layer.objects.active = scene.oneframe.surface
+        bpy.ops.object.mode_set(mode="EDIT")
+    else:
+        bpy.context.view_layer.layer_collection.children[0].exclude = True
+    with pytest.raises(InputError, match="Edit mode" if away == "edited" else "Outliner"):
+        frame_view.surface_point_at(scene, POINTS_PX[0])
+    assert "cannot be checked" in off_surface(scene)[0]
+    assert np.array_equal(pose_of(scene), moved)
+    # what needs no picking goes on, and is seen when the surface is back
+    bpy.ops.oneframe.import_landmarks(filepath=str(path))
+    bpy.context.view_layer.layer_collection.children[0].exclude = False
+    assert np.abs(pose_of(scene) - solved_anew(scene).cam_from_model).max() <= 1e-9
+
+
+def test_the_tool_comes_and_goes(addon):
+    from bl_ui.space_toolsystem_toolbar import VIEW3D_PT_tools_active
+
+    from blender_addon.landmarks.tool import TOOL
+
+    def tools():
+        flat = VIEW3D_PT_tools_active._tools_flatten(VIEW3D_PT_tools_active._tools["OBJECT"])
+        return [item.idname for item in flat if item is not None]
+
+    assert tools().count(TOOL) == 1
+    addon.unregister()
+    assert TOOL not in tools()
+    addon.register()
+
+
+def test_the_model_frame_of_a_landmark_is_that_of_the_surface_object(scene, pairs):
+    point = pairs[0][0]
+    bpy.ops.oneframe.landmark_set(point=point, name="here")
+    world = scene.oneframe.surface.matrix_world @ Vector(scene.oneframe.landmarks[0].point)
+    camera_from_world = inverse_rigid(np.array(scene.oneframe.camera_object.matrix_world))
+    seen = transform_points(camera_from_world, np.array(world)) * [1, -1, -1]
+    assert np.allclose(seen, transform_points(pose_of(scene), point), atol=1e-3)

@@ -1,0 +1,186 @@
+"""Refining from the add-on: the function's own result, one undo step, refusals, colours that are evidence."""
+
+import importlib
+import time
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+from pipeline.alignment.refinement.refine import refine_pose
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.images.png import encode_png
+from pipeline.projection.z_buffer import rasterise_depth
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.surface.mesh_reader import read_mesh
+from pipeline.surface.mesh_writer import write_ply
+from pipeline.transforms import rigid, rotation_angle_deg, rotation_from_vector
+
+CAMERA = PinholeCamera(320, 240, fx=1734.0, fy=1739.0, cx=163.0, cy=117.0)
+TRUE_POSE = rigid(rotation_from_vector(np.array([2.9, 0.3, 0.1])), np.array([0.5, -0.3, 300.0]))
+START = TRUE_POSE @ rigid(rotation_from_vector(np.radians([1.5, -1.0, 1.0])), np.array([1.0, -1.0, 2.0]))
+CASE = """
+units = "mm"
+[frame]
+image = "frame.png"
+[camera]
+size = [320, 240]
+K = [[1734.0, 0, 163.0], [0, 1739.0, 117.0], [0, 0, 1]]
+[surface]
+mesh = "surface.ply"
+[pose]
+cam_from_model = {pose}
+"""
+
+
+def hills() -> TriangleMesh:
+    """90 x 75 mm of hills of all sizes without any period."""
+    rng = np.random.default_rng(1)
+    x, y = np.meshgrid(np.linspace(-45, 45, 121), np.linspace(-37, 37, 99))
+    z = sum(cv2.GaussianBlur(rng.normal(size=x.shape), (0, 0), s) * 2.2 * (1.5 * s) ** 1.5 for s in (2, 4, 8))
+    index = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    mesh = TriangleMesh(np.stack([x, y, z], -1).reshape(-1, 3), faces.astype(np.int32))
+    return mesh.moved(-mesh.vertices.mean(axis=0))
+
+
+def photograph(mesh: TriangleMesh) -> np.ndarray:
+    """Lambert's law under a lamp beside the lens, 8-bit grey as RGB."""
+    raster = rasterise_depth(mesh, CAMERA, TRUE_POSE)
+    points = CAMERA.rays_cam(CAMERA.pixel_grid()) / raster.inverse_depth[..., None]
+    normals = (mesh.face_normals @ TRUE_POSE[:3, :3].T)[raster.face]
+    to_lamp = np.array([30.0, -25.0, 0.0]) - points
+    shade = (normals * to_lamp).sum(axis=2) / np.linalg.norm(to_lamp, axis=2)
+    return np.repeat(np.clip(230 * shade, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
+
+
+@pytest.fixture(scope="module")
+def case_folder(tmp_path_factory):
+    folder, mesh = tmp_path_factory.mktemp("hills"), hills()
+    write_ply(folder / "surface.ply", mesh)
+    stored, _ = read_mesh(folder / "surface.ply")
+    (folder / "frame.png").write_bytes(encode_png(photograph(stored)))
+    (folder / "flat.png").write_bytes(encode_png(np.full((240, 320, 3), 128, np.uint8)))
+    for name, pose in (("start", START), ("true", TRUE_POSE)):
+        (folder / f"{name}.toml").write_text(CASE.format(pose=pose.tolist()))
+    return folder
+
+
+@pytest.fixture
+def opened(addon, case_folder):
+    bpy.ops.oneframe.open_case(filepath=str(case_folder / "start.toml"))
+    return bpy.context.scene
+
+
+@pytest.fixture
+def gather(addon):
+    return importlib.import_module("blender_addon.state.from_scene")
+
+
+@pytest.fixture
+def refine(addon):
+    return importlib.import_module("blender_addon.refine.operator")
+
+
+def rotation_error_deg(gather, scene) -> float:
+    given_from_model = gather.given_from_model_of(gather.surface_of(scene))
+    true = TRUE_POSE @ given_from_model
+    return rotation_angle_deg(gather.cam_from_model(scene)[:3, :3] @ true[:3, :3].T)
+
+
+def test_the_operator_gives_the_functions_result_in_one_undo_step(opened, gather, refine):
+    loaded, start = gather.loaded_case(opened), gather.cam_from_model(opened)
+    expected = refine_pose(loaded.image, loaded.valid, loaded.case.camera, loaded.mesh, start)
+    assert expected.accepted, expected.told
+    before = rotation_error_deg(gather, opened)
+    bpy.ops.ed.undo_push(message="before")
+    assert bpy.ops.oneframe.refine() == {"FINISHED"}
+    bpy.ops.ed.undo_push(message="refined")
+    assert np.array_equal(gather.cam_from_model(opened), expected.cam_from_model)
+    assert rotation_error_deg(gather, opened) < min(0.5, before / 3)
+    assert refine.outcome(opened).told == expected.told
+    bpy.ops.ed.undo()
+    scene = bpy.context.scene
+    assert np.array_equal(gather.cam_from_model(scene), start)
+    # what was told belongs to the refined pose
+    assert refine.outcome(scene) is None
+    bpy.ops.ed.redo()
+    assert refine.outcome(bpy.context.scene).told == expected.told
+
+
+def test_a_refusal_leaves_the_pose_and_says_why(opened, gather, refine, case_folder):
+    opened.oneframe.frame_path = str(case_folder / "flat.png")
+    pose = gather.cam_from_model(opened)
+    with pytest.raises(RuntimeError, match="Refused, the pose is unchanged"):
+        bpy.ops.oneframe.refine()
+    assert np.array_equal(gather.cam_from_model(opened), pose)
+    assert not refine.outcome(opened).accepted
+
+
+def test_what_cannot_be_refined_is_refused(opened, gather):
+    surface = opened.oneframe.surface
+    surface.matrix_world = Matrix.Translation((0, 0, 900)) @ surface.matrix_world
+    bpy.context.view_layer.update()
+    with pytest.raises(RuntimeError, match="shows next to nothing of the surface"):
+        bpy.ops.oneframe.refine()
+    surface.scale = (2, 2, 2)
+    bpy.context.view_layer.update()
+    with pytest.raises(RuntimeError, match="Remove Scale"):
+        bpy.ops.oneframe.refine()
+    bpy.data.objects.remove(surface)
+    with pytest.raises(RuntimeError, match="Set up a frame"):
+        bpy.ops.oneframe.refine()
+
+
+@pytest.mark.render
+def test_colours_count_only_if_they_are_of_another_frame(addon, gather, refine, case_folder):
+    bpy.ops.oneframe.open_case(filepath=str(case_folder / "true.toml"))
+    scene = bpy.context.scene
+    assert refine.known_colours(scene) is None
+    bpy.ops.oneframe.project_colour(mode="vertex")
+    # they would only say that the pose is the one that they were projected from
+    assert refine.known_colours(scene) is None
+    (case_folder / "other.png").write_bytes((case_folder / "frame.png").read_bytes())
+    scene.oneframe.frame_path = str(case_folder / "other.png")
+    known = refine.known_colours(scene)
+    assert known.shape == (len(scene.oneframe.surface.data.vertices), 3)
+    assert np.isfinite(known).all()
+    given_from_model = gather.given_from_model_of(scene.oneframe.surface)
+    start = START @ given_from_model
+    scene_module = importlib.import_module("blender_addon.pipeline.blender.alignment.alignment_scene")
+    scene_module.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, start)
+    bpy.ops.oneframe.refine()
+    assert rotation_error_deg(gather, scene) < 0.5
+
+
+def waited(work) -> None:
+    end = time.monotonic() + 60
+    while work.running and time.monotonic() < end:
+        time.sleep(0.01)
+    assert not work.running
+
+
+def test_the_thread_gives_the_same_and_can_be_stopped(opened, gather, refine):
+    loaded = gather.loaded_case(opened)
+    work = refine.Refining(loaded, None)
+    waited(work)
+    assert work.fraction == 1
+    assert work.result.told == refine.refined(loaded, None).told
+    stopped = refine.Refining(loaded, None)
+    stopped.stop()
+    waited(stopped)
+    assert (stopped.result, stopped.error) == (None, None)
+    wrong = refine.Refining(loaded, np.zeros((3, 3)))
+    waited(wrong)
+    assert "expected one colour per vertex" in str(wrong.error)
+
+
+def test_disabled_the_addon_leaves_no_key_behind(opened, addon):
+    configuration = bpy.context.window_manager.keyconfigs.addon
+    addon.unregister()
+    left = [item.idname for keymap in configuration.keymaps for item in keymap.keymap_items] if configuration else []
+    addon.register()
+    assert not [name for name in left if name.startswith("oneframe.")]

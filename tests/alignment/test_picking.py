@@ -1,0 +1,65 @@
+"""Which landmark a pick belongs to; ellipses of covariances."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.alignment.landmarks.confidence_region import ellipse_outlines
+from pipeline.alignment.manual.picking import landmark_for, new_name, next_step, waits
+from pipeline.case.landmarks import Landmark
+
+VALUES = {"point": (1.0, 2.0, 3.0), "pixel": (4.0, 5.0)}
+
+
+def pick(landmarks, active, half):
+    """What the add-on does with a pick."""
+    index = landmark_for(half, landmarks, active)
+    if index is None:
+        landmarks.append(Landmark(new_name(landmarks), None, None))
+        index = len(landmarks) - 1
+    old = landmarks[index]
+    assert getattr(old, half) is None
+    values = {"point": old.point, "pixel": old.pixel, half: VALUES[half]}
+    landmarks[index] = Landmark(old.name, values["point"], values["pixel"], old.enabled)
+    return index
+
+
+@given(st.lists(st.sampled_from(["point", "pixel"]), max_size=20), st.data())
+def test_as_many_picks_of_either_kind_in_any_order_make_as_many_pairs(halves, data):
+    surplus = halves.count("point") - halves.count("pixel")
+    halves = halves + ["pixel" if surplus > 0 else "point"] * abs(surplus)
+    landmarks, active = [], 0
+    for half in halves:
+        active = pick(landmarks, active, half)
+        if data.draw(st.booleans()):
+            # another row is chosen in the list meanwhile
+            active = data.draw(st.integers(0, len(landmarks) - 1))
+    assert len(landmarks) == len(halves) // 2
+    assert all(landmark.point and landmark.pixel for landmark in landmarks)
+    assert len({landmark.name for landmark in landmarks}) == len(landmarks)
+    assert waits(landmarks) == (len(landmarks) < 4)
+
+
+@given(st.lists(st.sampled_from(["point", "pixel"]), min_size=1, max_size=9), st.booleans())
+def test_the_sentence_names_the_landmark_that_the_next_pick_completes(halves, in_frame):
+    landmarks, active = [], 0
+    for half in halves:
+        active = pick(landmarks, active, half)
+    sentence = next_step(landmarks, active, in_frame=in_frame)
+    incomplete = {landmark.name: landmark for landmark in landmarks if not (landmark.point and landmark.pixel)}
+    if not incomplete:
+        assert sentence.startswith("Click a feature")
+        return
+    name = sentence.split(":")[0]
+    missing = "point" if incomplete[name].point is None else "pixel"
+    assert ("on the surface" in sentence) == (missing == "point")
+    assert landmarks[pick(landmarks, active, missing)].name == name
+
+
+@given(st.lists(st.floats(-3, 3), min_size=4, max_size=4), st.floats(0.1, 10))
+def test_an_ellipse_is_where_the_distance_by_the_covariance_is_the_scale(values, scale):
+    root = np.array(values).reshape(2, 2) + 4 * np.eye(2)
+    covariance = root @ root.T
+    outline = ellipse_outlines(covariance[None], scale)[0]
+    distance = np.sqrt(np.einsum("ni,ij,nj->n", outline, np.linalg.inv(covariance), outline))
+    assert np.allclose(distance, scale, rtol=1e-8)

@@ -1,0 +1,153 @@
+"""A dragged pin comes along, exactly where it can, and what the pins do not determine stays."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.alignment.landmarks.reprojection import moved_by
+from pipeline.alignment.manual.pins import pull_pins
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.errors import InputError
+from pipeline.transforms import (
+    nearest_rotation,
+    rigid,
+    rotation_angle_deg,
+    rotation_from_vector,
+    rotation_vector,
+    transform_points,
+)
+
+LONG = PinholeCamera(1920, 1080, 12_800.0, 12_700.0, 930.0, 560.0)
+WIDE = PinholeCamera(1920, 1080, 900.0, 910.0, 930.0, 560.0)
+DISTANCE = {LONG: 300.0, WIDE: 60.0}
+PIVOT = np.array([1.0, -2.0, 3.0])
+
+cameras = st.sampled_from([LONG, WIDE])
+seeds = st.integers(0, 2**32 - 1)
+
+
+def scene(seed, camera, count):
+    """Points in a box, a pose, and where the points are seen."""
+    rng = np.random.default_rng(seed)
+    points = (rng.random((count, 3)) - 0.5) * [30, 20, 12]
+    pose = rigid(nearest_rotation(rng.normal(size=(3, 3))), [*rng.normal(size=2), DISTANCE[camera]])
+    return rng, points, pose, shown(camera, pose, points)
+
+
+def shown(camera, pose, points):
+    return camera.project(transform_points(pose, points))
+
+
+@given(seeds, cameras, st.integers(1, 8))
+def test_pins_where_they_are_change_nothing(seed, camera, count):
+    _, points, pose, pixels = scene(seed, camera, count)
+    assert pull_pins(points, pixels, camera, pose, PIVOT) == pytest.approx(pose, abs=1e-6)
+
+
+@given(seeds, cameras)
+def test_one_pin_shifts_parallel_to_the_image(seed, camera):
+    rng, points, pose, pixels = scene(seed, camera, 1)
+    target = pixels + rng.normal(size=2) * 100
+    pulled = pull_pins(points, target, camera, pose, PIVOT)
+    assert shown(camera, pulled, points) == pytest.approx(target, abs=1e-6)
+    assert np.array_equal(pulled[:3, :3], pose[:3, :3])
+    assert pulled[2, 3] == pose[2, 3]
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds, cameras, st.floats(-0.6, 0.6), st.floats(-0.2, 0.3))
+def test_two_pins_shift_roll_and_change_the_distance(seed, camera, roll, nearer):
+    rng, points, pose, _ = scene(seed, camera, 2)
+    points[1] = points[0] + pose[:3, :3].T @ [8.0, -5.0, 1.0]  # apart in the image
+    ray = transform_points(pose, PIVOT) / np.linalg.norm(transform_points(pose, PIVOT))
+    twist = np.array([*rng.normal(size=2), -nearer * DISTANCE[camera], *(roll * ray)])
+    target = shown(camera, moved_by(twist, pose, PIVOT), points)
+    pulled = pull_pins(points, target, camera, pose, PIVOT)
+    assert shown(camera, pulled, points) == pytest.approx(target, abs=0.01)
+    # only about the view ray, and no more than that took
+    turn = rotation_vector(pulled[:3, :3] @ pose[:3, :3].T)
+    assert turn == pytest.approx((turn @ ray) * ray, abs=1e-9)
+    assert turn @ ray == pytest.approx(roll, abs=2e-3)
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds, cameras, st.integers(3, 7))
+def test_more_pins_follow_in_all_six_freedoms(seed, camera, count):
+    rng, points, pose, _ = scene(seed, camera, count)
+    points[:3] += [[12, 0, 0], [-9, 9, 0], [0, -9, 6]]
+    twist = rng.normal(size=6) * [0.3, 0.3, 3, 0.05, 0.05, 0.05]
+    target = shown(camera, moved_by(twist, pose, PIVOT), points)
+    pulled = pull_pins(points, target, camera, pose, PIVOT)
+    assert shown(camera, pulled, points) == pytest.approx(target, abs=0.05)
+    assert rotation_angle_deg(pulled[:3, :3] @ pose[:3, :3].T) < 60
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds, cameras, st.integers(1, 6))
+def test_pulling_turns_with_the_model(seed, camera, count):
+    rng, points, pose, _ = scene(seed, camera, count)
+    points[1:] += rng.normal(size=(count - 1, 3)) * 3
+    target = shown(camera, pose, points) + rng.normal(size=(count, 2)) * 3
+    model_from_given = rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 50)
+    given_points, given_pivot = (
+        transform_points(np.linalg.inv(model_from_given), each) for each in (points, PIVOT[None])
+    )
+    pulled = pull_pins(points, target, camera, pose, PIVOT)
+    turned = pull_pins(given_points, target, camera, pose @ model_from_given, given_pivot[0])
+    assert shown(camera, turned, given_points) == pytest.approx(shown(camera, pulled, points), abs=1e-3)
+
+
+@pytest.mark.parametrize("camera", [LONG, WIDE])
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_coinciding_pins_act_as_one(camera, count):
+    _, points, pose, pixels = scene(1, camera, 1)
+    target = pixels + np.array([40.0, -25.0])
+    alone = pull_pins(points, target, camera, pose, PIVOT)
+    pulled = pull_pins(np.repeat(points, count, axis=0), np.repeat(target, count, axis=0), camera, pose, PIVOT)
+    assert shown(camera, pulled, points) == pytest.approx(target, abs=0.01)
+    # what one point leaves free hardly changes
+    assert rotation_angle_deg(pulled[:3, :3] @ alone[:3, :3].T) < 1
+    assert pulled[:3, 3] == pytest.approx(alone[:3, 3], abs=0.02 * DISTANCE[camera])
+    # pulled apart, coinciding pins compromise
+    apart = np.repeat(target, count, axis=0)
+    apart[0] += [10.0, 0.0]
+    between = pull_pins(np.repeat(points, count, axis=0), apart, camera, pose, PIVOT)
+    assert shown(camera, between, points)[0] == pytest.approx(apart.mean(axis=0), abs=0.05)
+
+
+@pytest.mark.parametrize("camera", [LONG, WIDE])
+def test_pins_on_a_line_do_not_turn_about_it(camera):
+    rng = np.random.default_rng(2)
+    pose = rigid(rotation_from_vector(np.array([0.4, 0.1, 0.2])), [0, 0, DISTANCE[camera]])
+    points = np.outer([-8.0, -1.0, 9.0], [1, 0.3, 0.2])
+    target = shown(camera, pose, points) + rng.normal(size=(3, 2)) * 2
+    pulled = pull_pins(points, target, camera, pose, np.zeros(3))
+    turn = rotation_vector(pulled[:3, :3] @ pose[:3, :3].T)
+    line = pose[:3, :3] @ [1, 0.3, 0.2]
+    assert abs(turn @ line) / np.linalg.norm(line) < np.radians(0.5)
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds, cameras, st.integers(2, 6))
+def test_wild_drags_end_in_front_of_the_camera(seed, camera, count):
+    rng, points, pose, pixels = scene(seed, camera, count)
+    pixels[0] = rng.random(2) * [1920, 1080]
+    pulled = pull_pins(points, pixels, camera, pose, PIVOT)
+    assert np.isfinite(pulled).all()
+    assert pulled[:3, :3] @ pulled[:3, :3].T == pytest.approx(np.eye(3), abs=1e-9)
+    assert (transform_points(pulled, points)[:, 2] > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("points", "pixels", "pose", "message"),
+    [
+        (np.zeros((0, 3)), np.zeros((0, 2)), rigid(translation=[0, 0, 9.0]), "N from 1"),
+        (np.zeros((2, 3)), np.zeros((1, 2)), rigid(translation=[0, 0, 9.0]), "as many pixels"),
+        (np.zeros((1, 3)), np.full((1, 2), np.nan), rigid(translation=[0, 0, 9.0]), "NaN"),
+        (np.zeros((1, 3)), np.zeros((1, 2)), rigid(translation=[0, 0, -9.0]), "in front of the camera"),
+    ],
+)
+def test_unusable_pins_are_refused(points, pixels, pose, message):
+    with pytest.raises(InputError, match=message):
+        pull_pins(points, pixels, LONG, pose, np.zeros(3))

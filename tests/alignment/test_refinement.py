@@ -1,0 +1,173 @@
+"""The refinement on views of a hilly surface, shaded here without the refinement's own features."""
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.alignment.refinement.refine import refine_pose
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.errors import InputError
+from pipeline.projection.z_buffer import rasterise_depth
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
+
+CAMERA = PinholeCamera(240, 180, fx=1301.0, fy=1305.0, cx=122.0, cy=88.0)
+TRUE_POSE = rigid(rotation_from_vector(np.array([2.9, 0.3, 0.1])), np.array([0.5, -0.3, 300.0]))
+
+
+def hills(seed: int) -> TriangleMesh:
+    """90 x 75 mm of hills and pits of all sizes without any period; demeaned."""
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.linspace(-45, 45, 121), np.linspace(-37, 37, 99))
+    z = sum(cv2.GaussianBlur(rng.normal(size=x.shape), (0, 0), s) * 3 * s**1.5 for s in (2, 4, 8))
+    index = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    mesh = TriangleMesh(np.stack([x, y, z], -1).reshape(-1, 3), faces.astype(np.int32))
+    return mesh.moved(-mesh.vertices.mean(axis=0))
+
+
+def photograph(mesh: TriangleMesh, seed: int = 0) -> np.ndarray:
+    """Lambert's law under a lamp 40 mm beside the lens, falling off with distance; blotches of albedo and noise."""
+    rng = np.random.default_rng(seed)
+    raster = rasterise_depth(mesh, CAMERA, TRUE_POSE)
+    points = CAMERA.rays_cam(CAMERA.pixel_grid()) / raster.inverse_depth[..., None]
+    normals = (mesh.face_normals @ TRUE_POSE[:3, :3].T)[raster.face]
+    to_lamp = np.array([30.0, -25.0, 0.0]) - points
+    distance = np.linalg.norm(to_lamp, axis=2)
+    shade = np.clip((normals * to_lamp).sum(axis=2) / distance, 0, None) * (300 / distance) ** 2
+    blotches = 1 + 0.2 * np.tanh(8 * cv2.GaussianBlur(rng.normal(size=shade.shape), (0, 0), 7))
+    colour = np.array([0.85, 0.75, 0.6])
+    image = (shade * blotches)[..., None] * colour + rng.normal(0, 0.02, (*shade.shape, 3))
+    return np.clip(image, 0, 1).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def mesh() -> TriangleMesh:
+    return hills(1)
+
+
+@pytest.fixture(scope="module")
+def frame(mesh) -> np.ndarray:
+    return photograph(mesh)
+
+
+VALID = np.ones(CAMERA.shape_hw, bool)
+
+
+def error(mesh: TriangleMesh, pose: np.ndarray) -> tuple[float, float]:
+    """Rotation in degrees and mean distance of the images of the vertices, px."""
+    apart = [CAMERA.project(transform_points(p, mesh.vertices)) for p in (TRUE_POSE, pose)]
+    return rotation_angle_deg(pose[:3, :3] @ TRUE_POSE[:3, :3].T), float(
+        np.linalg.norm(apart[0] - apart[1], axis=1).mean()
+    )
+
+
+def disturbed(rng: np.random.Generator, angle_deg: float, percent: float) -> np.ndarray:
+    """The true pose turned about the surface's middle and moved by a part of the distance, in random directions."""
+    axis, direction = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+    turned = TRUE_POSE @ rigid(rotation_from_vector(np.radians(angle_deg) * axis))
+    return rigid(translation=direction * percent / 100 * TRUE_POSE[2, 3]) @ turned
+
+
+@pytest.mark.parametrize(("angle_deg", "percent"), [(2, 2), (5, 5)])
+def test_converges_from_a_rough_pose(mesh, frame, rng, angle_deg, percent):
+    start = disturbed(rng, angle_deg, percent)
+    heard = []
+    result = refine_pose(frame, VALID, CAMERA, mesh, start, progress=heard.append)
+    assert result.accepted, result.told
+    turned, moved = error(mesh, result.cam_from_model)
+    assert turned < 0.5
+    assert moved < 1.0
+    assert result.after.score > result.before.score
+    assert result.after.edge_distance_px < result.before.edge_distance_px or np.isnan(result.before.edge_distance_px)
+    assert heard == sorted(heard)
+    assert heard[0] == 0
+    assert heard[-1] == 1
+
+
+def test_the_true_pose_stays(mesh, frame):
+    result = refine_pose(frame, VALID, CAMERA, mesh, TRUE_POSE)
+    assert result.believed, result.told
+    turned, moved = error(mesh, result.cam_from_model)
+    assert turned < 0.5
+    assert moved < 1.0
+
+
+def test_masked_pixels_have_no_say(mesh, frame, rng):
+    spoilt, valid = frame.copy(), VALID.copy()
+    spoilt[:, 80:110] = rng.random((180, 30, 3), np.float32)
+    valid[:, 80:110] = False
+    result = refine_pose(spoilt, valid, CAMERA, mesh, disturbed(rng, 2, 2))
+    assert result.accepted, result.told
+    assert error(mesh, result.cam_from_model)[1] < 1.0
+
+
+@pytest.mark.parametrize("kind", ["flat", "mirrored", "other surface", "nothing valid"])
+def test_a_wrong_image_is_refused(mesh, frame, rng, kind):
+    image, valid = frame, VALID
+    if kind == "flat":
+        image = np.full_like(frame, 0.5)
+    elif kind == "mirrored":
+        image = np.ascontiguousarray(frame[:, ::-1])
+    elif kind == "other surface":
+        image = photograph(hills(2))
+    else:
+        valid = np.zeros_like(VALID)
+    start = disturbed(rng, 2, 2)
+    result = refine_pose(image, valid, CAMERA, mesh, start)
+    assert not result.accepted, result.told
+    assert not result.believed
+    np.testing.assert_allclose(result.cam_from_model, start, atol=1e-12)
+
+
+def test_a_surface_out_of_the_image_is_refused(mesh, frame):
+    for away in ([200.0, 0, 0], [0, 0, -600.0]):
+        start = rigid(translation=away) @ TRUE_POSE
+        result = refine_pose(frame, VALID, CAMERA, mesh, start)
+        assert not result.accepted
+        np.testing.assert_allclose(result.cam_from_model, start, atol=1e-12)
+
+
+def test_an_object_with_colours_before_a_background(rng):
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 81), np.linspace(0, np.pi, 41))
+    radius = 25 + 3 * np.sin(3 * u) * np.sin(v) ** 3 + 4 * np.cos(v) + 3 * np.sin(u + 1) * np.sin(v)
+    points = radius[..., None] * np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), 1.2 * np.cos(v)], axis=-1)
+    index = np.arange(u.size).reshape(u.shape)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    faces = np.concatenate([np.stack([a, d, c], -1).reshape(-1, 3), np.stack([a, c, b], -1).reshape(-1, 3)])
+    mesh = TriangleMesh(points.reshape(-1, 3), faces.astype(np.int32))
+    colours = 0.5 + 0.4 * np.sin(mesh.vertices / [6.0, 9.0, 7.0] + [0.0, 1.0, 2.0])
+    camera = PinholeCamera(320, 240, fx=570.0, fy=572.0, cx=163.0, cy=117.0)
+    pose = rigid(rotation_from_vector(np.array([0.4, 1.1, -0.3])), np.array([20.0, 12.0, 330.0]))
+    raster = rasterise_depth(mesh, camera, pose)
+    clutter = 0.5 + 4 * cv2.GaussianBlur(rng.normal(size=(240, 320, 3)), (0, 0), 7)
+    shown = colours[mesh.faces].mean(axis=1)[raster.face]
+    image = np.clip(np.where(raster.face[..., None] >= 0, 0.8 * shown, clutter), 0, 1).astype(np.float32)
+    turned = pose @ rigid(rotation_from_vector(np.radians([2.0, -2.0, 1.5])))
+    start = rigid(translation=[6.0, -5.0, 8.0]) @ turned
+    result = refine_pose(image, np.ones((240, 320), bool), camera, mesh, start, colours=colours)
+    assert result.accepted, result.told
+    apart = [camera.project(transform_points(p, mesh.vertices)) for p in (pose, result.cam_from_model)]
+    assert np.linalg.norm(apart[0] - apart[1], axis=1).mean() < 0.7
+
+
+def test_cancelling_and_wrong_arrays(mesh, frame):
+    class Cancelled(Exception):
+        pass
+
+    def cancel(fraction: float) -> None:
+        if fraction > 0.1:
+            raise Cancelled
+
+    with pytest.raises(Cancelled):
+        refine_pose(frame, VALID, CAMERA, mesh, TRUE_POSE, progress=cancel)
+    for image, valid, colours in (
+        (frame[:100], VALID, None),
+        (frame, VALID[:100], None),
+        (frame, VALID, np.zeros((3, 3))),
+    ):
+        with pytest.raises(InputError, match="refinement: expected"):
+            refine_pose(image, valid, CAMERA, mesh, TRUE_POSE, colours=colours)
+    with pytest.raises(InputError, match="cam_from_model"):
+        refine_pose(frame, VALID, CAMERA, mesh, np.eye(3))

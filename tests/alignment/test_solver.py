@@ -1,0 +1,389 @@
+"""The pose comes back from its pairs, whatever the lens, the frame of the model and the order; or is refused."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.alignment.landmarks.reprojection import jacobian_at, moved_by, twist_between
+from pipeline.alignment.landmarks.solver import UndeterminedPose, solve_pose
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.errors import InputError
+from pipeline.evaluation.landmark_trials import MICROSCOPE, box_trial, run_trials
+from pipeline.transforms import (
+    nearest_rotation,
+    rigid,
+    rotation_angle_deg,
+    rotation_from_vector,
+    rotation_vector,
+    rotations_from_vectors,
+    transform_points,
+)
+
+WIDE = PinholeCamera(1920, 1080, 1500.0, 1450.0, 930.0, 560.0)
+NAMES = list("abcdefghijklmnopqrst")
+
+
+def random_pose(rng, distance):
+    return rigid(nearest_rotation(rng.normal(size=(3, 3))), [*(rng.normal(size=2) * 0.02 * distance), distance])
+
+
+def box_points(rng, count, thickness=12.0):
+    return (rng.random((count, 3)) - 0.5) * [30, 20, thickness]
+
+
+def clicked(rng, camera, pose, points, sigma_px=2.0):
+    return camera.project(transform_points(pose, points)) + rng.normal(size=(len(points), 2)) * sigma_px
+
+
+def mean_shift_px(camera, one, other, points):
+    shown = [camera.project(transform_points(pose, points)) for pose in (one, other)]
+    return np.linalg.norm(shown[0] - shown[1], axis=1).mean()
+
+
+# --- small motions ---------------------------------------------------------------------------------------------------
+
+
+@given(
+    st.lists(st.floats(-1, 1), min_size=3, max_size=3),
+    st.one_of(st.floats(0, np.pi - 1e-9), st.floats(0, 1e-6), st.floats(np.pi - 1e-4, np.pi - 1e-9)),
+)
+def test_rotation_vectors_go_both_ways(axis, angle):
+    axis = np.array(axis) if np.linalg.norm(axis) > 1e-3 else np.array([0, 0, 1.0])
+    vector = axis / np.linalg.norm(axis) * angle
+    rotation = rotation_from_vector(vector)
+    assert rotation_vector(rotation) == pytest.approx(vector, abs=2e-8)
+    assert rotations_from_vectors(np.stack([vector, 0 * vector])) == pytest.approx(np.stack([rotation, np.eye(3)]))
+
+
+def test_twists_go_both_ways_and_their_jacobian_is_the_derivative():
+    rng = np.random.default_rng(2)
+    pose, pivot, points = random_pose(rng, 60.0), rng.normal(size=3) * 9, box_points(rng, 5)
+    twist = rng.normal(size=6) * [2, 2, 2, 0.4, 0.4, 0.4]
+    assert twist_between(pose, moved_by(twist, pose, pivot), pivot) == pytest.approx(twist)
+    jacobian = jacobian_at(points, WIDE, pose, pivot)
+    for number in range(6):
+        step = np.zeros(6)
+        step[number] = 1e-5
+        ahead, behind = (WIDE.project(transform_points(moved_by(sign * step, pose, pivot), points)) for sign in (1, -1))
+        assert (ahead - behind) / 2e-5 == pytest.approx(jacobian[:, :, number], rel=1e-6, abs=1e-4)
+
+
+# --- recovery --------------------------------------------------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(4, 14),
+    st.sampled_from([300.0, 1500.0, 12_800.0, 60_000.0]),
+    st.sampled_from([12.0, 1.0, 0.0]),
+)
+def test_exact_pairs_give_the_exact_pose(seed, count, focal_px, thickness):
+    """Also of coplanar points; where a second pose fits as well, the true one is named among the possible ones."""
+    rng = np.random.default_rng(seed)
+    camera = PinholeCamera(1920, 1080, focal_px, 0.97 * focal_px, 950.0, 530.0)
+    pose = random_pose(rng, 40 + focal_px * 0.02)
+    points = box_points(rng, count, thickness)
+    pixels = clicked(rng, camera, pose, points, 0)
+    try:
+        found, kind = [solve_pose(points, pixels, camera, click_sigma_px=1e-3).cam_from_model], None
+    except UndeterminedPose as refusal:
+        found, kind = refusal.candidates, refusal.kind
+    assert kind in (None, "coplanar", "ambiguous", "collinear")
+    shifts = [mean_shift_px(camera, each, pose, points) for each in found]
+    best = found[int(np.argmin(shifts))]
+    assert min(shifts) < 1e-5
+    if thickness:
+        assert rotation_angle_deg(best[:3, :3] @ pose[:3, :3].T) < 1e-3
+    assert best[:3, :3] @ best[:3, :3].T == pytest.approx(np.eye(3), abs=1e-12)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 2**32 - 1), st.integers(5, 20), st.sampled_from([MICROSCOPE, WIDE]), st.booleans())
+def test_the_answer_turns_with_the_model_and_ignores_the_order(seed, count, camera, wrong):
+    rng = np.random.default_rng(seed)
+    pose, points = random_pose(rng, 300 if camera is MICROSCOPE else 45), box_points(rng, count)
+    pixels = clicked(rng, camera, pose, points)
+    if wrong:
+        pixels[0] += [300, -200]
+    given_from_model = rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 500)
+    order = rng.permutation(count)
+
+    def solved(points, pixels, names):
+        try:
+            return solve_pose(points, pixels, camera, names=names)
+        except UndeterminedPose as refusal:
+            return refusal
+
+    names = NAMES[:count]
+    one = solved(points, pixels, names)
+    moved = solved(transform_points(given_from_model, points), pixels, names)
+    shuffled = solved(points[order], pixels[order], [names[index] for index in order])
+    assert type(one) is type(moved) is type(shuffled)
+    if isinstance(one, UndeterminedPose):
+        assert one.kind == moved.kind == shuffled.kind
+        return
+    assert moved.cam_from_model @ given_from_model == pytest.approx(one.cam_from_model, abs=2e-5)
+    assert shuffled.cam_from_model == pytest.approx(one.cam_from_model, abs=2e-5)
+    assert np.array_equal(shuffled.inliers, one.inliers[order])
+    assert shuffled.residuals_px == pytest.approx(one.residuals_px[order], abs=1e-5)
+    assert moved.uncertainty.covariance == pytest.approx(one.uncertainty.covariance, rel=1e-3, abs=1e-9)
+    assert one.told == moved.told
+    assert sorted(shuffled.told) == sorted(one.told)
+    again = solved(points, pixels, names)
+    assert np.array_equal(again.cam_from_model, one.cam_from_model)
+
+
+def test_no_pose_nearby_fits_better_says_opencv():
+    rng = np.random.default_rng(5)
+    for count in (4, 6, 12):
+        trial = box_trial(rng, count, 2.0)
+        estimate = solve_pose(trial.points_model, trial.pixels, MICROSCOPE)
+        turn, shift = cv2.Rodrigues(trial.cam_from_model[:3, :3])[0], trial.cam_from_model[:3, 3:].copy()
+        turn, shift = cv2.solvePnPRefineLM(
+            trial.points_model, trial.pixels, MICROSCOPE.k, np.zeros(4), turn, shift,
+            (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 1000, 1e-15),
+        )  # fmt: skip
+        shown, _ = cv2.projectPoints(trial.points_model, turn, shift, MICROSCOPE.k, np.zeros(4))
+        reference = ((shown[:, 0] - trial.pixels) ** 2).sum()
+        assert (estimate.residuals_px**2).sum() <= reference * (1 + 1e-6)
+        assert estimate.rms_px == pytest.approx(np.sqrt((estimate.residuals_px**2).sum() / count))
+
+
+# --- wrong pairs -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("count", "wrong", "shift_px"), [(6, 1, 60), (8, 2, 60), (12, 4, 60), (20, 8, 150)])
+def test_wrong_pairs_are_found_named_and_left_out(count, wrong, shift_px):
+    rng = np.random.default_rng(count)
+    exact, trials = 0, 15
+    for _ in range(trials):
+        trial = box_trial(rng, count, 2.0)
+        bad = rng.choice(count, wrong, replace=False)
+        way = rng.normal(size=(wrong, 2))
+        pixels = trial.pixels.copy()
+        pixels[bad] += shift_px * way / np.linalg.norm(way, axis=1)[:, None]
+        estimate = solve_pose(trial.points_model, pixels, MICROSCOPE, names=NAMES[:count])
+        if set(np.flatnonzero(~estimate.inliers)) == set(bad):
+            exact += 1
+            assert rotation_angle_deg(estimate.cam_from_model[:3, :3] @ trial.cam_from_model[:3, :3].T) < 5
+            for index in bad:
+                assert any(repr(NAMES[index]) in sentence and "left out" in sentence for sentence in estimate.told)
+    # a pair that alone determines a direction cannot be told wrong
+    assert exact >= trials - 1
+
+
+def test_right_pairs_are_left_in():
+    rng = np.random.default_rng(3)
+    for count, sigma_px in ((5, 2.0), (6, 2.0), (8, 3.0), (12, 2.0), (20, 4.0)):
+        for _ in range(12):
+            trial = box_trial(rng, count, sigma_px)
+            assert solve_pose(trial.points_model, trial.pixels, MICROSCOPE).inliers.all()
+
+
+def test_a_pair_behind_the_camera_is_left_out_and_said_to_be_there():
+    rng = np.random.default_rng(8)
+    pose = rigid(np.eye(3), [0, 0, 30.0])
+    points = box_points(rng, 9)
+    points[4] = [3, 2, -50]
+    camera_points = transform_points(pose, points)
+    pixels = camera_points[:, :2] / camera_points[:, 2:] * [WIDE.fx, WIDE.fy] + [WIDE.cx, WIDE.cy]
+    estimate = solve_pose(points, pixels, WIDE)
+    assert np.flatnonzero(~estimate.inliers).tolist() == [4]
+    assert np.isnan(estimate.residuals_px[4]).all()
+    assert any("'5' lies behind the camera" in sentence for sentence in estimate.told)
+    assert estimate.cam_from_model == pytest.approx(pose, abs=1e-6)
+
+
+# --- refusals --------------------------------------------------------------------------------------------------------
+
+
+def frontal(tilt=0.0):
+    return rigid(rotation_from_vector(np.array([tilt, 0.7 * tilt, 0.1])), [0, 0, 300.0])
+
+
+def refused_pairs(kind, rng):
+    """Points, true pose and camera of pairs that do not determine a pose, and what the message must name."""
+    if kind == "few":
+        return box_points(rng, 3), frontal(0.4), MICROSCOPE, "at least 4 enabled pairs, found 3; add 1 more"
+    if kind == "identical":
+        points = box_points(rng, 6)
+        points[3:] = points[1]
+        return points, frontal(0.4), MICROSCOPE, "'b' and 'd' have the same surface point"
+    if kind == "collinear":
+        return np.outer(rng.random(6) * 10, [1, 2, 0.5]), frontal(0.4), MICROSCOPE, "on one line"
+    if kind == "coplanar":
+        return box_points(rng, 6, 0), frontal(), MICROSCOPE, "on one plane, which may tilt either way"
+    if kind == "clustered":
+        return box_points(rng, 6) / 60, frontal(0.4), MICROSCOPE, "towards all sides of the image"
+    if kind == "mirrored":
+        near = rigid(
+            frontal(0.4)[:3, :3], [0, 0, 40.0]
+        )  # a long lens shows mirrored points almost as it shows true ones
+        return box_points(rng, 8), near, WIDE, "the mesh is mirrored"
+    raise AssertionError(kind)
+
+
+@pytest.mark.parametrize("kind", ["few", "identical", "collinear", "coplanar", "clustered", "mirrored"])
+def test_what_cannot_be_determined_is_refused_by_its_reason(kind):
+    points, pose, camera, message = refused_pairs(kind, rng := np.random.default_rng(11))
+    pixels = clicked(rng, camera, pose, points, 1.0)
+    if kind == "mirrored":
+        points = points * [1, -1, 1]
+    with pytest.raises(UndeterminedPose, match=message) as caught:
+        solve_pose(points, pixels, camera, names=NAMES[: len(points)])
+    assert caught.value.kind == kind
+    assert str(caught.value).startswith("landmarks: ")
+
+
+def test_nearly_collinear_points_are_told_from_the_noise_not_from_exactness():
+    rng = np.random.default_rng(4)
+    points = np.outer(np.linspace(-10, 10, 6), [1, 0.5, 0]) + rng.normal(size=(6, 3)) * 0.05
+    pixels = clicked(rng, MICROSCOPE, frontal(0.4), points)
+    with pytest.raises(UndeterminedPose, match="nearly on one line") as caught:
+        solve_pose(points, pixels, MICROSCOPE)
+    assert caught.value.kind == "collinear"
+    # the same points under a far finer click do determine the pose
+    exact = clicked(rng, MICROSCOPE, frontal(0.4), points, 0.01)
+    assert solve_pose(points, exact, MICROSCOPE, click_sigma_px=0.01).inliers.all()
+
+
+def test_pairs_in_the_wrong_order_fit_no_pose():
+    rng = np.random.default_rng(6)
+    points = box_points(rng, 8)
+    pixels = clicked(rng, MICROSCOPE, frontal(0.4), points)
+    with pytest.raises(UndeterminedPose, match="no pose fits these 8 pairs, only") as caught:
+        solve_pose(points, np.roll(pixels, 3, axis=0), MICROSCOPE)
+    assert caught.value.kind == "no fit"
+
+
+def test_all_points_behind_the_camera_look_like_a_mirrored_mesh():
+    rng = np.random.default_rng(7)
+    points = box_points(rng, 8)
+    behind = transform_points(rigid(np.eye(3), [0, 0, -40.0]), points)
+    pixels = behind[:, :2] / behind[:, 2:] * [WIDE.fx, WIDE.fy] + [WIDE.cx, WIDE.cy]
+    with pytest.raises(UndeterminedPose) as caught:
+        solve_pose(points, pixels, WIDE)
+    assert caught.value.kind == "mirrored"
+
+
+def test_of_two_possible_poses_the_start_decides_and_that_is_told():
+    rng = np.random.default_rng(12)
+    points, pose = box_points(rng, 4, 0), frontal(0.15)
+    pixels = clicked(rng, MICROSCOPE, pose, points, 1.0)
+    with pytest.raises(UndeterminedPose) as caught:
+        solve_pose(points, pixels, MICROSCOPE)
+    assert caught.value.kind == "coplanar"
+    assert len(caught.value.candidates) == 2
+    for candidate in caught.value.candidates:
+        start = moved_by(np.array([1, -2, 9, 0.02, -0.01, 0.02]), candidate, np.zeros(3))
+        estimate = solve_pose(points, pixels, MICROSCOPE, start=start)
+        assert estimate.cam_from_model == pytest.approx(candidate, abs=1e-6)
+        assert "nearest the present pose was taken" in estimate.told[0]
+    far = moved_by(np.array([0, 0, 0, 1.5, 0, 0]), pose, np.zeros(3))
+    with pytest.raises(UndeterminedPose):
+        solve_pose(points, pixels, MICROSCOPE, start=far)
+
+
+def test_few_pairs_and_large_residuals_are_told():
+    rng = np.random.default_rng(9)
+    trial = box_trial(rng, 5, 1.0)
+    told = solve_pose(trial.points_model, trial.pixels, MICROSCOPE).told
+    assert len(told) == 1
+    assert told[0].startswith("The pose rests on 5 pairs")
+    noisy = box_trial(rng, 12, 9.0)
+    told = solve_pose(noisy.points_model, noisy.pixels, MICROSCOPE).told
+    assert any("larger than clicks of 2 px explain" in sentence for sentence in told)
+    fine = box_trial(rng, 12, 2.0)
+    assert solve_pose(fine.points_model, fine.pixels, MICROSCOPE).told == ()
+
+
+def test_a_pair_that_stands_twice_is_told():
+    trial = box_trial(np.random.default_rng(10), 6, 2.0)
+    points, pixels = np.vstack([trial.points_model, trial.points_model[2]]), np.vstack([trial.pixels, trial.pixels[2]])
+    assert (
+        "'g' repeats 'c', which counts twice: delete one."
+        in solve_pose(points, pixels, MICROSCOPE, names=NAMES[:7]).told
+    )
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(4, 9),
+    st.sampled_from([60.0, 1500.0, 60_000.0]),
+    st.sampled_from([1e-2, 10.0, 1e4]),
+    st.sampled_from(["random", "flat", "grid", "line", "far", "behind"]),
+    st.sampled_from([1e-3, 2.0, 50.0]),
+)
+def test_any_pairs_are_solved_or_refused(seed, count, focal_px, extent, kind, sigma_px):
+    """And what is solved is in front of the camera, and finite."""
+    rng = np.random.default_rng(seed)
+    camera = PinholeCamera(1920, 1080, focal_px, 1.3 * focal_px, 2500.0, 540.0)
+    points, pixels = rng.normal(size=(count, 3)) * extent, rng.random((count, 2)) * camera.size_wh
+    if kind == "flat":
+        points[:, 2] = 0
+    if kind == "grid":
+        points, pixels = np.rint(points / extent) * extent, np.rint(pixels / 200) * 200
+    if kind == "line":
+        points[:, 1:] = points[:, :1] + rng.normal(size=(count, 2)) * 1e-3 * extent
+    if kind == "far":
+        points += 1e4 * extent
+    if kind == "behind":
+        camera_points = transform_points(random_pose(rng, 0.5 * extent), points)
+        pixels = camera_points[:, :2] / camera_points[:, 2:] * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+    start = random_pose(rng, -5.0)
+    try:
+        estimate = solve_pose(points, pixels, camera, click_sigma_px=sigma_px, start=start)
+    except UndeterminedPose as refusal:
+        estimate, candidates = None, refusal.candidates
+    else:
+        candidates = (estimate.cam_from_model,)
+    for pose in candidates:
+        assert pose[:3, :3] @ pose[:3, :3].T == pytest.approx(np.eye(3), abs=1e-9)
+        assert np.linalg.det(pose[:3, :3]) > 0
+    if estimate is not None:
+        assert (transform_points(estimate.cam_from_model, points)[estimate.inliers, 2] > 0).all()
+        assert np.isfinite(estimate.uncertainty.covariance).all()
+        assert np.isfinite(estimate.residuals_px[estimate.inliers]).all()
+        assert estimate.uncertainty.weakest
+
+
+@pytest.mark.parametrize(
+    ("points", "pixels", "options", "message"),
+    [
+        (np.zeros((5, 2)), np.zeros((5, 2)), {}, "N points"),
+        (np.zeros((5, 3)), np.zeros((4, 2)), {}, "as many pixels"),
+        (np.zeros((5, 3)), np.zeros((5, 2)), {"names": ["a"]}, "a name for each of 5 pairs"),
+        (np.full((5, 3), np.nan), np.zeros((5, 2)), {}, "NaN or infinity in '1'"),
+        (np.zeros((5, 3)), np.zeros((5, 2)), {"click_sigma_px": 0}, "positive number of pixels"),
+        (np.zeros((5, 3)), np.zeros((5, 2)), {"click_sigma_px": np.nan}, "positive number of pixels"),
+        (np.zeros((0, 3)), np.zeros((0, 2)), {}, "found 0"),
+    ],
+)
+def test_unusable_arrays_are_refused(points, pixels, options, message):
+    with pytest.raises(InputError, match=message):
+        solve_pose(points, pixels, MICROSCOPE, **options)
+
+
+# --- accuracy --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("count", "rotation_deg", "mesh_px"), [(4, 0.60, 3.2), (6, 0.39, 2.1), (10, 0.26, 1.5)])
+def test_noisy_clicks_give_the_accuracy_that_they_can(count, rotation_deg, mesh_px):
+    """A short run of scripts/benchmark_alignment.py; the slack is that of a median over so few trials."""
+    rng, trials = np.random.default_rng(count), 120
+    ours, peers = run_trials(lambda: box_trial(rng, count, 2.0), trials)
+    slack = 1 + 2.5 / np.sqrt(trials)
+    for accepted in (True, False):
+        assert ours.quantiles(ours.rotation_deg, accepted=accepted)[0] < rotation_deg * slack
+        assert ours.quantiles(ours.mesh_px, accepted=accepted)[0] < mesh_px * slack
+    # better than Vision6D, and never worse than good starts and least squares alone
+    for name, factor in (("Vision6D", 1), ("SQPnP + LM", 1.001)):
+        peer = peers[name]
+        for mine, theirs in ((ours.rotation_deg, peer.rotation_deg), (ours.mesh_px, peer.mesh_px)):
+            assert ours.quantiles(mine, accepted=False)[0] < factor * peer.quantiles(theirs, accepted=False)[0]
+    assert sum(refusal is not None for refusal in ours.refusals) <= 0.1 * trials
+    assert 0.9 <= ours.coverage <= 0.995

@@ -1,0 +1,193 @@
+"""Intrinsics through Blender: round trips, Blender's own matrix, and rendered pixels of every engine."""
+
+import functools
+import gc
+
+import bpy
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.blender.bridge.camera import cam_from_model_of, camera_from_blender, new_camera, place_camera
+from pipeline.blender.bridge.data_blocks import data_blocks
+from pipeline.blender.render.engines import check_engine, render_view
+from pipeline.blender.render.surface_scene import SurfaceScene
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.errors import InputError
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.transforms import CAM_FROM_OPENGL_CAM, rigid, rotation_from_vector
+
+CAMERAS = {
+    "landscape": PinholeCamera(640, 480, 900.0, 880.0, 333.3, 221.7),
+    "portrait": PinholeCamera(300, 400, 1800.0, 2100.0, 120.5, 260.25),
+    "square, far off centre": PinholeCamera(256, 256, 1500.0, 1500.0, 20.0, 300.0),
+    "long lens": PinholeCamera(640, 480, 12_800.0, 12_790.0, 300.0, 250.0),
+    "short lens": PinholeCamera(320, 240, 60.0, 61.0, 150.0, 130.0),
+}
+
+cameras = st.builds(
+    PinholeCamera,
+    width=st.integers(8, 4000),
+    height=st.integers(8, 4000),
+    fx=st.floats(100, 20_000),
+    fy=st.floats(100, 20_000),
+    cx=st.floats(-500, 4500),
+    cy=st.floats(-500, 4500),
+)
+
+
+@pytest.fixture
+def scene():
+    scene = bpy.data.scenes.new("camera test")
+    yield scene
+    bpy.data.scenes.remove(scene)
+
+
+@settings(deadline=None, max_examples=60)
+@given(camera=cameras)
+def test_blender_settings_give_the_intrinsics_back(camera):
+    scene = bpy.data.scenes.new("camera test")
+    camera_object = new_camera(scene, camera, clip_mm=(1, 1000))
+    found = camera_from_blender(scene, camera_object)
+    bpy.data.objects.remove(camera_object)
+    bpy.data.scenes.remove(scene)
+    assert found.size_wh == camera.size_wh
+    # single precision of lens, aspect and shift
+    assert found.fx == pytest.approx(camera.fx, rel=1e-6)
+    assert found.fy == pytest.approx(camera.fy, rel=1e-6)
+    assert abs(found.cx - camera.cx) < 1e-6 * (camera.width + abs(camera.cx)) + 1e-6 * camera.height
+    assert abs(found.cy - camera.cy) < 1e-6 * (camera.height + abs(camera.cy)) + 1e-6 * camera.width
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_blenders_projection_matrix_agrees(scene, name, rng):
+    camera = CAMERAS[name]
+    camera_object = new_camera(scene, camera, clip_mm=(1, 1000))
+    scene.view_layers[0].update()
+    projection = np.array(
+        camera_object.calc_matrix_camera(
+            scene.view_layers[0].depsgraph,
+            x=camera.width,
+            y=camera.height,
+            scale_x=scene.render.pixel_aspect_x,
+            scale_y=scene.render.pixel_aspect_y,
+        )
+    )
+    points_cam = rng.uniform([-20, -20, 200], [20, 20, 400], (50, 3))
+    homogeneous = np.c_[points_cam @ CAM_FROM_OPENGL_CAM[:3, :3], np.ones(50)] @ projection.T
+    ndc = homogeneous[:, :2] / homogeneous[:, 3:]
+    pixels = np.c_[(ndc[:, 0] + 1) / 2 * camera.width - 0.5, (1 - ndc[:, 1]) / 2 * camera.height - 0.5]
+    assert np.abs(pixels - camera.project(points_cam)).max() < 2e-3
+
+
+def test_pose_round_trip(scene, rng):
+    camera_object = new_camera(scene, CAMERAS["landscape"], clip_mm=(1, 1000))
+    cam_from_model = rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 100)
+    place_camera(camera_object, cam_from_model)
+    assert np.allclose(cam_from_model_of(camera_object), cam_from_model, atol=2e-5)
+
+
+def test_absurd_pixel_aspect_is_refused(scene):
+    with pytest.raises(InputError, match="within a factor of 200"):
+        new_camera(scene, PinholeCamera(64, 64, 1.0, 500.0, 32, 32), clip_mm=(1, 1000))
+
+
+@functools.cache
+def reason_against(engine: str) -> str:
+    """Why an engine cannot render here; empty if it can."""
+    try:
+        check_engine(engine)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+ENGINE_CAMERAS = [
+    *[pytest.param("cycles", name, id=f"cycles, {name}") for name in CAMERAS],
+    *[pytest.param("workbench", name, id=f"workbench, {name}", marks=pytest.mark.gl) for name in CAMERAS],
+    # compiling Eevee's shaders in software takes half a minute, once
+    pytest.param("eevee", "portrait", id="eevee, portrait", marks=pytest.mark.gl),
+    pytest.param("eevee", "long lens", id="eevee, long lens", marks=pytest.mark.gl),
+]
+
+
+@pytest.mark.render
+@pytest.mark.parametrize(("engine", "name"), ENGINE_CAMERAS)
+def test_edges_of_a_rendered_triangle_are_where_k_says(engine, name):
+    """Every pixel centre more than 0.01 px from an edge is on the right side of it, in each engine."""
+    if reason := reason_against(engine):
+        pytest.skip(reason)
+    camera = CAMERAS[name]
+    z = 300.0
+    pixels = np.array([[0.11, 0.07], [0.93, 0.21], [0.37, 0.95]]) * camera.size_wh
+    corners_cam = camera.rays_cam(pixels) * np.array([[z], [1.1 * z], [0.9 * z]])
+    mesh = TriangleMesh(corners_cam, np.array([[0, 2, 1]], np.int32))
+    cam_from_model = rigid(rotation_from_vector(np.array([0.3, -0.2, 0.1])), corners_cam.mean(axis=0))
+    mesh = TriangleMesh((corners_cam - cam_from_model[:3, 3]) @ cam_from_model[:3, :3], np.array([[0, 2, 1]], np.int32))
+    with SurfaceScene(mesh, camera, None, engine=engine) as scene:
+        rendered = render_view(scene, cam_from_model)
+    grid = camera.pixel_grid()
+    signed = []
+    for start, end in ((0, 1), (1, 2), (2, 0)):
+        along = pixels[end] - pixels[start]
+        normal = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+        signed.append((grid - pixels[start]) @ normal)
+    distance = np.min(signed, axis=0)
+    clear = np.abs(distance) > 0.01
+    assert (rendered.mask == (distance > 0))[clear].all()
+    # depth: the plane's, everywhere
+    a, b, c = corners_cam
+    normal = np.cross(b - a, c - a)
+    exact = (normal @ a) / (camera.rays_cam(grid.reshape(-1, 2)) @ normal).reshape(camera.shape_hw)
+    error = np.abs(rendered.depth_mm - exact)[rendered.mask & clear]
+    # a rasteriser's depth buffer has 24 bits for the whole clip range
+    assert error.max() < (1e-3 if engine == "cycles" else 0.2)
+
+
+@pytest.mark.render
+@pytest.mark.parametrize("name", ["landscape", "long lens"])
+def test_silhouette_and_depth_of_a_free_form_surface(bumpy_mesh, oblique_pose, ray_cast, name):
+    camera = CAMERAS[name]
+    if name == "landscape":
+        oblique_pose = rigid(translation=[0, 0, -180.0]) @ oblique_pose
+    with SurfaceScene(bumpy_mesh, camera, None) as scene:
+        rendered = render_view(scene, oblique_pose)
+    depth, _ = ray_cast(bumpy_mesh, camera, oblique_pose, camera.pixel_grid().reshape(-1, 2))
+    depth = depth.reshape(camera.shape_hw)
+    assert (depth > 0).mean() > 0.2
+    assert np.count_nonzero((depth > 0) != rendered.mask) <= 2
+    error = np.abs(rendered.depth_mm - depth)[rendered.mask & (depth > 0)]
+    # a ray through the very rim of a hill may pass it in single precision
+    assert np.quantile(error, 0.9999) < 1e-3
+    assert np.median(error) < 1e-4
+
+
+@pytest.mark.render
+def test_a_view_larger_than_a_tile_of_the_renderer_is_whole(bumpy_mesh, frontal_pose):
+    camera = PinholeCamera(2100, 2000, 14000.0, 14000.0, 1049.5, 999.5)
+    with SurfaceScene(bumpy_mesh, camera, None) as scene:
+        assert render_view(scene, frontal_pose).mask.all()
+    with pytest.raises(InputError, match="million pixels"):
+        SurfaceScene(bumpy_mesh, PinholeCamera(16384, 8192, 14000.0, 14000.0, 8191.5, 4095.5), None)
+
+
+@pytest.mark.render
+@pytest.mark.parametrize("engine", ["cycles", "eevee"])
+def test_a_closed_scene_leaves_nothing_behind(bumpy_mesh, frontal_pose, engine):
+    """An engine that outlives its scene reads freed memory when anything is removed later."""
+    check_engine(engine)
+    before = set(data_blocks())
+    with SurfaceScene(bumpy_mesh, CAMERAS["square, far off centre"], None, engine=engine) as scene:
+        render_view(scene, frontal_pose)
+        assert engine != "cycles" or engines_of("CYCLES")
+    assert not engines_of("CYCLES")
+    assert set(data_blocks()) == before
+
+
+def engines_of(name: str) -> list[bpy.types.RenderEngine]:
+    """Blender's own instances of a render engine that is written in Python."""
+    kinds = tuple(kind for kind in bpy.types.RenderEngine.__subclasses__() if getattr(kind, "bl_idname", None) == name)
+    gc.collect()
+    # isinstance would ask the objects themselves, of which some are left of operators that are gone
+    return [found for found in gc.get_objects() if issubclass(type(found), kinds)]

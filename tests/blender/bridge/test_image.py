@@ -1,0 +1,78 @@
+"""Frames of every kind are read as their code values, whatever the file is called."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from pipeline.blender.bridge.image import read_image
+
+WIDTH, HEIGHT = 40, 30
+SUFFIXES = {"PNG": ".PNG", "TIFF": ".TIF", "BMP": ".BMP"}
+
+
+def codes(channels: int, bits: int) -> np.ndarray:
+    """Noise with the darkest and the brightest value; alpha 0 in one corner, and anything above elsewhere."""
+    rng = np.random.default_rng(channels)
+    image = rng.integers(0, 2**bits, (HEIGHT, WIDTH, channels)).astype(f"uint{bits}")
+    image[0, :2, 0] = 0, 2**bits - 1
+    if channels in (2, 4):
+        image[..., -1] = np.maximum(image[..., -1], 2 ** (bits - 8))
+        image[20:, :10, -1] = 0
+    return image
+
+
+def expected(image: np.ndarray, bits: int) -> tuple[np.ndarray, np.ndarray]:
+    colours = image[..., :3] if image.shape[2] >= 3 else np.repeat(image[..., :1], 3, axis=2)
+    valid = image[..., -1] > 0 if image.shape[2] in (2, 4) else np.ones((HEIGHT, WIDTH), bool)
+    return colours / (2**bits - 1), valid
+
+
+def assert_read(path: Path, image: np.ndarray, bits: int) -> None:
+    colours, valid = read_image(path)
+    wanted, wanted_valid = expected(image, bits)
+    assert colours.dtype == np.float32
+    np.testing.assert_allclose(colours, wanted, atol=1e-6)
+    assert np.array_equal(valid, wanted_valid)
+
+
+@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.parametrize("kind", ["PNG", "TIFF"])
+def test_grey_colour_and_alpha_of_8_and_16_bit(tmp_path, channels, bits, kind):
+    image = codes(channels, bits)
+    path = tmp_path / f"FRAME{SUFFIXES[kind]}"
+    bgr = image if channels == 1 else image[..., [2, 1, 0, 3][:channels]]
+    path.write_bytes(cv2.imencode(path.suffix.lower(), np.ascontiguousarray(bgr))[1].tobytes())
+    assert_read(path, image, bits)
+
+
+def test_grey_with_alpha(tmp_path):
+    image = codes(2, 8)
+    Image.fromarray(image, "LA").save(tmp_path / "frame.png")
+    assert_read(tmp_path / "frame.png", image, 8)
+
+
+def test_a_palette(tmp_path):
+    image = codes(3, 8) // 128 * 255
+    Image.fromarray(image).convert("P", palette=Image.Palette.ADAPTIVE, colors=8).save(tmp_path / "frame.png")
+    assert_read(tmp_path / "frame.png", image, 8)
+
+
+@pytest.mark.parametrize("name", ["frame", "frame.jpg", "frame.PNG.bak"])
+def test_the_content_decides_not_the_name(tmp_path, name):
+    image = codes(3, 8)
+    Image.fromarray(image).save(tmp_path / name, "PNG")
+    assert_read(tmp_path / name, image, 8)
+
+
+@pytest.mark.parametrize("mode", ["L", "RGB", "CMYK"])
+def test_jpeg_as_any_other_reader(tmp_path, mode):
+    smooth = cv2.GaussianBlur(codes(3, 8), (0, 0), 4)
+    path = tmp_path / "FRAME.JPEG"
+    Image.fromarray(smooth).convert(mode).save(path, quality=98)
+    wanted = np.asarray(Image.open(path).convert("RGB"))
+    colours, _ = read_image(path)
+    assert np.abs(colours * 255 - wanted).max() < (3 if mode != "CMYK" else 6)

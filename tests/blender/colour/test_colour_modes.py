@@ -1,0 +1,144 @@
+"""Colours: the source pose gives the frame back, all modes agree, and nothing unseen is ever painted."""
+
+import numpy as np
+import pytest
+
+from pipeline.blender.colour.reference_view import Source, colour_of, source_of
+from pipeline.blender.render.engines import render_view
+from pipeline.blender.render.surface_scene import SurfaceScene
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.colour.vertex_colours import NEUTRAL
+from pipeline.dataset.view import RenderedView
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.transforms import camera_centre, inverse_rigid, rigid, rotation_from_vector, transform_points
+
+pytestmark = pytest.mark.render
+
+CAMERA = PinholeCamera(160, 120, 800.0, 790.0, 75.5, 62.25)
+MODES = ("projective", "texture", "vertex")
+
+
+def plane_mesh(edge: np.ndarray) -> TriangleMesh:
+    count = len(edge)
+    x, y = np.meshgrid(edge, edge)
+    index = np.arange(count * count).reshape(count, count)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    return TriangleMesh(np.stack([x, y, 0 * x], -1).reshape(-1, 3), faces.astype(np.int32))
+
+
+def rendered_in(mode: str, source: Source, cam_from_model: np.ndarray, *, engine: str = "cycles") -> RenderedView:
+    colour, _ = colour_of(source, mode)
+    with SurfaceScene(source.mesh, CAMERA, colour, engine=engine) as scene:
+        return render_view(scene, cam_from_model)
+
+
+@pytest.mark.parametrize(("mode", "bound"), [("projective", 0.02), ("texture", 0.5)])
+def test_source_pose_gives_the_frame_back(bumpy_mesh, oblique_pose, sharp_image, loaded_case, mode, bound):
+    image = sharp_image(CAMERA)
+    source = source_of(loaded_case(bumpy_mesh, image, oblique_pose, CAMERA))
+    view = rendered_in(mode, source, oblique_pose)
+    assert view.observed.sum() > 0.85 * view.mask.sum()
+    codes = np.rint(view.rgb * 255)
+    assert np.abs(codes - image * 255)[view.observed].mean() <= bound
+    unobserved = view.mask & ~view.observed
+    assert np.allclose(view.rgb[unobserved], NEUTRAL, atol=1e-6)
+    assert (view.rgb[~view.mask] == 0).all()
+
+
+def test_vertex_mode_is_exact_where_the_image_is_smooth(bumpy_mesh, frontal_pose, loaded_case):
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+    image = np.stack([u / CAMERA.width, v / CAMERA.height, (u + v) / 300], -1).astype(np.float32)
+    source = source_of(loaded_case(bumpy_mesh, image, frontal_pose, CAMERA))
+    view = rendered_in("vertex", source, frontal_pose)
+    assert view.observed.sum() > 0.8 * view.mask.sum()
+    # colours are affine in the pixel, the mesh is dense: only perspective inside a triangle is left
+    assert np.abs(view.rgb - image)[view.observed].mean() * 255 < 0.05
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_only_what_the_frame_saw_is_painted(
+    stepped_mesh, frontal_pose, oblique_pose, sharp_image, ray_cast, loaded_case, mode
+):
+    """Against an independent ray cast: a painted point is free to the source camera, a free point is painted."""
+    source = source_of(loaded_case(stepped_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
+    for pose in (oblique_pose, frontal_pose @ rigid(rotation_from_vector(np.array([-0.5, 0.3, 0.8])))):
+        view = rendered_in(mode, source, pose)
+        rows, columns = np.nonzero(view.mask)
+        rays = CAMERA.rays_cam(np.stack([columns, rows], 1).astype(float))
+        points = transform_points(inverse_rigid(pose), rays * view.depth_mm[rows, columns, None])
+        seen_at = CAMERA.project(transform_points(frontal_pose, points))
+        first, _ = ray_cast(stepped_mesh, CAMERA, frontal_pose, seen_at)
+        own = transform_points(frontal_pose, points)[:, 2]
+        free = (np.abs(first - own) < 0.05) & CAMERA.contains(seen_at)
+        # a back side is never seen by the frame, which looks down on front sides only
+        observed = view.observed[rows, columns]
+        assert free.mean() > 0.5
+        assert (~free).mean() > 0.05
+        assert not (observed & ~free).any()
+        # what stays unpainted although it is free: a rim of one frame pixel (projective), texel or triangle
+        rim = 1 if mode != "vertex" else 4
+        assert (free & ~observed).mean() < 0.06 * rim
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_back_sides_are_not_painted(stepped_mesh, frontal_pose, sharp_image, loaded_case, mode):
+    source = source_of(loaded_case(stepped_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
+    from_below = frontal_pose @ rigid(rotation_from_vector(np.array([np.pi, 0.0, 0.0])))
+    view = rendered_in(mode, source, from_below)
+    assert view.mask.mean() > 0.3
+    assert not view.observed.any()
+
+
+def test_flipped_mesh_gives_the_same_views_and_is_told(
+    bumpy_mesh, frontal_pose, oblique_pose, sharp_image, loaded_case
+):
+    image = sharp_image(CAMERA)
+    source = source_of(loaded_case(bumpy_mesh, image, frontal_pose, CAMERA))
+    flipped = source_of(loaded_case(bumpy_mesh.flipped(), image, frontal_pose, CAMERA))
+    assert not source.told
+    assert "flipped" in flipped.told[0]
+    one, other = (rendered_in("projective", each, oblique_pose) for each in (source, flipped))
+    assert np.array_equal(one.rgb, other.rgb)
+    assert np.array_equal(one.observed, other.observed)
+
+
+def test_transparent_pixels_of_the_frame_are_not_observed(bumpy_mesh, frontal_pose, sharp_image, loaded_case):
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+    valid = (u - 80) ** 2 + (v - 60) ** 2 < 45**2
+    source = source_of(loaded_case(bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA, valid))
+    view = rendered_in("projective", source, frontal_pose)
+    assert not (view.observed & ~valid).any()
+    assert view.observed.sum() > 0.9 * (valid & view.mask).sum()
+
+
+def test_projection_is_exact_for_two_huge_triangles(sharp_image, loaded_case):
+    """A slanted plane of two triangles gives the same view as the same plane of ten thousand."""
+    pose = rigid(np.diag([1.0, -1.0, -1.0]) @ rotation_from_vector(np.array([0.9, 0.3, 0.0])), [0.0, 0.0, 300.0])
+    image, views = sharp_image(CAMERA), []
+    for cells in (1, 70):
+        edge = np.linspace(-60, 60, cells + 1)
+        source = source_of(loaded_case(plane_mesh(edge), image, pose, CAMERA))
+        views.append(rendered_in("projective", source, pose @ rigid(rotation_from_vector(np.array([0.2, -0.3, 0.1])))))
+    both = views[0].observed & views[1].observed
+    assert both.sum() > 0.5 * views[0].mask.sum()
+    assert np.count_nonzero(views[0].observed != views[1].observed) < 0.01 * both.sum()
+    assert np.abs(views[0].rgb - views[1].rgb)[both].max() * 255 < 0.6
+
+
+def test_views_do_not_depend_on_threads_or_order(bumpy_mesh, frontal_pose, oblique_pose, sharp_image, loaded_case):
+    source = source_of(loaded_case(bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
+    colour, _ = colour_of(source, "projective")
+    views = []
+    for threads, poses in ((1, [frontal_pose, oblique_pose]), (2, [oblique_pose])):
+        with SurfaceScene(source.mesh, CAMERA, colour, threads=threads) as scene:
+            views.append([render_view(scene, pose) for pose in poses][-1])
+    assert np.array_equal(views[0].rgb, views[1].rgb)
+    assert np.array_equal(views[0].depth_mm, views[1].depth_mm)
+
+
+def test_pivot_lies_on_the_surface_in_the_middle(bumpy_mesh, oblique_pose, sharp_image, loaded_case):
+    source = source_of(loaded_case(bumpy_mesh, sharp_image(CAMERA), oblique_pose, CAMERA))
+    pixel = CAMERA.project(transform_points(oblique_pose, source.pivot_model[None]))[0]
+    assert np.abs(pixel - [79.5, 59.5]).max() < 30
+    assert np.linalg.norm(source.pivot_model - camera_centre(oblique_pose)) == pytest.approx(300, abs=10)

@@ -1,0 +1,83 @@
+"""Exported surfaces, read by another library: geometry in the given frame, colours as in the frame's photograph."""
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.blender.colour.export import export_coloured_surface
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.case.loaded_case import LoadedCase
+from pipeline.errors import InputError
+from pipeline.images.pixel_values import sample_bilinear
+from pipeline.transforms import rigid, transform_points
+
+trimesh = pytest.importorskip("trimesh")
+pytestmark = pytest.mark.render
+
+CAMERA = PinholeCamera(160, 120, 800.0, 790.0, 75.5, 62.25)
+
+
+@pytest.fixture
+def loaded(bumpy_mesh, frontal_pose, loaded_case) -> LoadedCase:
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+    image = np.stack([u / 160, v / 120, 0.5 + 0.4 * np.sin((u + v) / 9)], -1).astype(np.float32)
+    given_from_model = rigid(translation=np.array([100.0, -50.0, 30.0]))
+    return loaded_case(bumpy_mesh, image, frontal_pose, CAMERA, given_from_model=given_from_model, mm_per_unit=1000.0)
+
+
+def glb_colours(path: Path) -> np.ndarray:
+    """``(V, 3)`` COLOR_0 of the only primitive, straight from the buffer (trimesh drops it beside a material)."""
+    data = path.read_bytes()
+    (length,) = struct.unpack_from("<I", data, 12)
+    tables, start = json.loads(data[20 : 20 + length]), 28 + length
+    accessor = tables["accessors"][tables["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"]]
+    view = tables["bufferViews"][accessor["bufferView"]]
+    dtype = {5121: np.uint8, 5123: np.uint16, 5126: np.float32}[accessor["componentType"]]
+    channels = {"VEC3": 3, "VEC4": 4}[accessor["type"]]
+    values = np.frombuffer(data, dtype, accessor["count"] * channels, start + view.get("byteOffset", 0))
+    return values.reshape(-1, channels)[:, :3]
+
+
+@pytest.mark.parametrize(
+    ("name", "colour"), [("s.glb", "texture"), ("s.obj", "texture"), ("s.glb", "vertex"), ("s.ply", "vertex")]
+)
+def test_points_of_the_file_have_the_colours_of_the_frame(loaded, tmp_path, name, colour):
+    path = tmp_path / "out" / name
+    export_coloured_surface(loaded, path, colour=colour)
+    read = trimesh.load(path, force="mesh", process=False)
+    given = np.asarray(read.vertices)
+    # GLB: metres with y up
+    given = 1000 * (given[:, [0, 2, 1]] * [1, -1, 1] if name.endswith(".glb") else given)
+    model = given - loaded.given_from_model[:3, 3]
+    pixels = CAMERA.project(transform_points(loaded.cam_from_model, model))
+    inside = ((pixels > 1) & (pixels < [158, 118])).all(axis=1)
+    expected = sample_bilinear(loaded.image, np.where(inside[:, None], pixels, 0))
+    if colour == "texture":
+        picture = np.asarray(
+            (read.visual.material.baseColorTexture if name.endswith(".glb") else read.visual.material.image).convert(
+                "RGB"
+            )
+        )
+        texels = read.visual.uv * [1, -1] * picture.shape[1::-1] + [-0.5, picture.shape[0] - 0.5]
+        found = sample_bilinear(picture.astype(float), texels) / 255
+    else:
+        glb = name.endswith(".glb")
+        stored = glb_colours(path) if glb else np.asarray(read.visual.vertex_colors)[:, :3]
+        found = stored / (np.iinfo(stored.dtype).max if stored.dtype.kind == "u" else 1)
+        if glb:
+            found = np.where(found <= 0.0031308, found * 12.92, 1.055 * found ** (1 / 2.4) - 0.055)
+    assert inside.mean() > 0.3
+    error = np.abs(found - expected)[inside].max(axis=1)
+    # neutral where a hill hides the point; else the frame's colour, to the precision of 8 bits (dark linear ones: less)
+    assert (error < 0.02).mean() > 0.9
+    assert np.abs(model - loaded.mesh.vertices.mean(axis=0)).max() < 60
+
+
+def test_what_a_format_cannot_hold_is_refused(loaded, tmp_path):
+    for name, colour in (("s.stl", "texture"), ("s.obj", "vertex"), ("s.glb", "projective")):
+        with pytest.raises(InputError, match=r"expected a file name|cannot hold"):
+            export_coloured_surface(loaded, tmp_path / name, colour=colour)
+    assert not list(tmp_path.iterdir())

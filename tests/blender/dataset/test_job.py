@@ -1,0 +1,662 @@
+"""Dataset runs as a user has them: the same files however the work is divided, stopped, killed or refused."""
+
+import dataclasses
+import io
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.blender.dataset import finish as dataset_finish
+from pipeline.blender.dataset import job as dataset_job
+from pipeline.blender.dataset import run as dataset_run
+from pipeline.blender.dataset.job import Job, OpenJob, open_job
+from pipeline.blender.render.engines import check_engine
+from pipeline.blender.render.video import _is_whole, write_video
+from pipeline.case.case_file import read_case
+from pipeline.dataset import layout as dataset
+from pipeline.dataset.folder import Shard
+from pipeline.dataset.layout import FramePaths
+from pipeline.dataset.options import DatasetOptions
+from pipeline.dataset.tables import record_pose
+from pipeline.dataset.view import read_record
+from pipeline.errors import InputError, RunError
+from pipeline.images.png import encode_png
+from pipeline.progress import Progress, duration, read_progress
+from pipeline.transforms import inverse_rigid, rigid, rotation_from_vector
+
+pytestmark = pytest.mark.render
+
+VIEWS = 30
+OPTIONS = DatasetOptions(count=VIEWS, seed=3, float_depth=True)
+WHOLE = Shard()
+ARGUMENTS = ("--count", VIEWS, "--seed", 3, "--float-depth")
+linux_only = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux's /proc")
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory, write_tiny_case) -> Path:
+    return write_tiny_case(tmp_path_factory.mktemp("case"))
+
+
+@pytest.fixture(scope="module")
+def reference(case, tmp_path_factory, render_command, run_command) -> Path:
+    """The dataset, made by one process in one go."""
+    out = tmp_path_factory.mktemp("reference") / "out"
+    ended = run_command(render_command(case, "--out", out, *ARGUMENTS, "--workers", 1))
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert f"{VIEWS}/{VIEWS} views, " in ended.stdout
+    return out
+
+
+def run_here(case: Path, out: Path, options: DatasetOptions = OPTIONS, shard: Shard = WHOLE) -> str:
+    """The same in this process, without workers; gives what was told."""
+    stream = io.StringIO()
+    dataset_run.run(Job(case, out, options, shard), workers=1, worker_command=(), stream=stream)
+    return stream.getvalue()
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def times(folder: Path) -> dict[str, int]:
+    return {path.relative_to(folder).as_posix(): path.stat().st_mtime_ns for path in folder.rglob("*")}
+
+
+def assert_same_dataset(out: Path, reference: Path) -> None:
+    """Byte for byte, and nothing besides (.work, .partial-*)."""
+    found, expected = tree(out), tree(reference)
+    assert sorted(found) == sorted(expected)
+    assert [name for name in expected if found[name] != expected[name]] == []
+    assert times(out).keys() == times(reference).keys()
+
+
+def finished_views(out: Path) -> int:
+    return sum(1 for _ in out.glob("train_pbr/*/frame/*.json"))
+
+
+def read_rgb(path: Path) -> np.ndarray:
+    return cv2.imread(str(path))[..., ::-1].astype(float)
+
+
+def test_all_files_of_the_layout_are_there(reference):
+    kinds = ("rgb", "depth", "mask", "mask_visib", "mask_observed", "depth_mm", "frame")
+    views = {FramePaths(reference, index).relative(kind) for index in range(VIEWS) for kind in kinds}
+    scene = {f"train_pbr/000000/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco")}
+    models = {"models/models_info.json", "models/obj_000001.ply"}
+    tables = {"camera.json", "dataset.json", "poses.csv", "transforms.json", "contact_sheet.png", "overlay.png"}
+    assert tree(reference).keys() == views | scene | models | tables
+    assert json.loads((reference / "dataset.json").read_text())["count"] == VIEWS
+    sheet = cv2.imread(str(reference / "contact_sheet.png"))
+    # 24 views in rows of 6, 4 px apart
+    assert sheet.shape == (4 * (48 + 4) + 4, 6 * (64 + 4) + 4, 3)
+    first = cv2.imread(str(FramePaths(reference, 0).file("rgb")))
+    assert np.array_equal(sheet[4:52, 4:68], first)
+
+
+def test_workers_make_the_same_dataset(case, reference, tmp_path, render_command, run_command):
+    out = tmp_path / "out"
+    ended = run_command(render_command(case, "--out", out, *ARGUMENTS, "--workers", 3))
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert_same_dataset(out, reference)
+
+
+def test_shards_in_one_folder_make_the_same_dataset(case, reference, tmp_path, render_command, run_command):
+    out = tmp_path / "out"
+    parts = [render_command(case, "--out", out, *ARGUMENTS, "--workers", 1, "--shard", f"{i}/3") for i in range(3)]
+    ended = run_command(parts[2])
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "part 2/3: 10 views are finished" in ended.stdout
+    assert finished_views(out) == 10
+    # the other two at the same time
+    processes = [subprocess.Popen(part, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) for part in parts[:2]]
+    assert [process.communicate()[1] for process in processes] == [b"", b""]
+    assert [process.returncode for process in processes] == [0, 0]
+    assert_same_dataset(out, reference)
+
+
+def test_shards_in_folders_of_their_own_are_merged_by_copying(case, reference, tmp_path):
+    out = tmp_path / "merged"
+    for index in (1, 0, 2):
+        part = tmp_path / f"part {index}"
+        assert "parts lie in one folder, the same command without --shard writes the tables" in run_here(
+            case, part, shard=Shard(index, 3)
+        )
+        shutil.copytree(part, out, dirs_exist_ok=True)
+    assert finished_views(out) == VIEWS
+    assert not (out / "poses.csv").exists()
+    run_here(case, out)
+    assert_same_dataset(out, reference)
+
+
+def test_shards_write_the_tables_of_their_own_scenes(case, tmp_path, monkeypatch):
+    for module in (dataset, dataset_job, dataset_finish):
+        monkeypatch.setattr(module, "FRAMES_PER_SCENE", 4)
+    options = dataclasses.replace(OPTIONS, count=10)
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    run_here(case, whole, options)
+    run_here(case, parts, options, Shard(0, 2))
+    scenes = [parts / "train_pbr" / f"{scene:06d}" / "scene_gt.json" for scene in range(3)]
+    assert [scene.exists() for scene in scenes] == [True, False, False]
+    run_here(case, parts, options, Shard(1, 2))
+    assert_same_dataset(parts, whole)
+    assert [len(json.loads(scene.read_text())) for scene in scenes] == [4, 4, 2]
+
+
+# --- killed, stopped, refused ---------------------------------------------------------------------------------------
+
+
+def children(parent: int) -> list[int]:
+    """Processes that a process has started and that live."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, above = stat.read_text().rpartition(")")[2].split()[:2]
+        except OSError:
+            continue  # it has just ended
+        if int(above) == parent and state != "Z":
+            found.append(int(stat.parent.name))
+    return found
+
+
+def is_alive(process: int) -> bool:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def wait_until(condition, process: subprocess.Popen | None = None) -> None:
+    """Wait for a condition, or for the end of a process; not for longer than two minutes."""
+    give_up = time.monotonic() + 120
+    while not condition() and (process is None or process.poll() is None):
+        assert time.monotonic() < give_up, "waited for two minutes"
+        time.sleep(0.002)
+
+
+@pytest.fixture
+def start() -> Iterator:
+    """Starts a command in a session of its own, and ends what is left of it after the test."""
+    started: list[subprocess.Popen] = []
+
+    def begin(command: list[str]) -> subprocess.Popen:
+        process = subprocess.Popen(
+            command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+        started.append(process)
+        return process
+
+    yield begin
+    for process in started:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+@linux_only
+def test_killed_runs_go_on_to_the_same_dataset(case, reference, tmp_path, render_command, run_command, start, rng):
+    out = tmp_path / "out"
+    command = render_command(case, "--out", out, *ARGUMENTS, "--workers", 2)
+    endings = []
+    for views in (0, *rng.integers(1, 6, size=3)):
+        before = finished_views(out)
+        process = start(command)
+        wait_until(lambda least=before + views: (out / ".work").exists() and finished_views(out) >= least, process)
+        time.sleep(rng.uniform(0, 0.02))
+        workers = children(process.pid)
+        process.kill()
+        endings.append(process.wait())
+        wait_until(lambda pids=workers: not any(map(is_alive, pids)))
+        assert finished_views(out) >= before
+    # on a busy machine one may end before it is killed
+    assert endings.count(-signal.SIGKILL) >= 2
+    ended = run_command(command)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert_same_dataset(out, reference)
+
+
+@linux_only
+def test_one_writer_at_a_time_and_no_need_of_workers(case, reference, tmp_path, render_command, run_command, start):
+    out = tmp_path / "out"
+    command = render_command(case, "--out", out, *ARGUMENTS, "--workers", 2)
+    process = start(command)
+    wait_until(lambda: finished_views(out) > 0 and children(process.pid), process)
+    # while it stands still, it cannot end too early for this test
+    os.kill(process.pid, signal.SIGSTOP)
+    assert process.poll() is None
+    before = tree(out)
+    for second in (command, [*command, "--shard", "0/2"]):
+        ended = run_command(second)
+        assert ended.returncode == 3
+        assert ended.stderr == (
+            f"error: {out}: another process renders into this folder; wait for it, stop it, or take another (--out)\n"
+        )
+    # what a worker finishes in the meantime may be new
+    assert before.items() <= tree(out).items()
+    (worker,) = children(process.pid)
+    os.kill(worker, signal.SIGKILL)
+    os.kill(process.pid, signal.SIGCONT)
+    _, errors = process.communicate()
+    assert process.returncode == 0
+    assert errors == "worker 1 was killed by signal 9; the others go on\n"
+    assert_same_dataset(out, reference)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_ctrl_c_stops_between_views(case, reference, tmp_path, render_command, start):
+    out = tmp_path / "out"
+    process = start(render_command(case, "--out", out, *ARGUMENTS, "--workers", 2))
+    wait_until(lambda: finished_views(out) > 0, process)
+    os.killpg(process.pid, signal.SIGINT)
+    _, errors = process.communicate()
+    assert process.returncode == 130
+    assert errors == "error: stopped; the same command goes on from here\n"
+    finished = tree(out)
+    views = {name: data for name, data in tree(reference).items() if "/rgb/" in name and name in finished}
+    assert 0 < len(views) < VIEWS
+    assert all(finished[name] == data for name, data in views.items())
+    run_here(case, out)
+    assert_same_dataset(out, reference)
+
+
+STRUCTURE = '[[structures]]\nname = "nerve"\nmesh = "surface.ply"\n'
+CHANGES = {
+    "the camera": (lambda folder, _: edit(folder / "case.toml", "320.0", "321.0"), "camera.fx was 320.0, is 321.0"),
+    "the lens": (
+        lambda folder, _: edit(folder / "case.toml", "[surface]", "distortion = [0.1, 0, 0, 0, 0]\n[surface]"),
+        "frame.distortion was null",
+    ),
+    "the pose": (lambda folder, _: edit(folder / "case.toml", "340", "341"), "frame.cam_from_model was"),
+    "a structure": (
+        lambda folder, _: edit(folder / "case.toml", "[pose]", STRUCTURE + "[pose]"),
+        "the file of the structure nerve",
+    ),
+    "the frame": (
+        lambda folder, _: (folder / "frame.png").write_bytes(encode_png(np.zeros((48, 64, 3), np.uint8))),
+        "the file of the frame has changed",
+    ),
+    "the mesh": (lambda folder, _: edit(folder / "surface.ply", "end_header", "comment \nend_header"), "the surface"),
+    "the seed": (lambda _, options: dataclasses.replace(options, seed=4), "options.seed was 3, is 4"),
+    "the number": (lambda _, options: dataclasses.replace(options, count=31), "count was 30, is 31"),
+    "the sampler": (lambda _, options: dataclasses.replace(options, sampler="shell"), 'sampler was "cone", is "shell"'),
+    "the colour": (lambda _, options: dataclasses.replace(options, colour="vertex"), "options.colour was"),
+}
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    data = path.read_bytes()
+    assert data.count(old.encode()) == 1
+    path.write_bytes(data.replace(old.encode(), new.encode()))
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_another_dataset_does_not_get_into_the_folder(case, reference, tmp_path, what):
+    change, message = CHANGES[what]
+    other = shutil.copytree(case.parent, tmp_path / "case")
+    before = times(reference)
+    options = change(other, OPTIONS)
+    options = options if isinstance(options, DatasetOptions) else OPTIONS
+    with pytest.raises(RunError, match="holds the dataset of another run") as refused:
+        run_here(other / "case.toml", reference, options)
+    assert message in str(refused.value)
+    assert times(reference) == before
+
+
+def test_a_case_saved_anew_with_the_same_meaning_resumes(case, reference, tmp_path):
+    other, out = shutil.copytree(case.parent, tmp_path / "case"), shutil.copytree(reference, tmp_path / "out")
+    edit(other / "case.toml", "[pose]", "# aligned by eye\n[pose]")
+    shutil.rmtree(FramePaths(out, 7).file("frame").parent)
+    run_here(other / "case.toml", out)
+    assert_same_dataset(out, reference)
+
+
+def test_workers_refuse_inputs_that_changed_after_the_run_began(case, reference, tmp_path, render_command):
+    other, out = shutil.copytree(case.parent, tmp_path / "case"), shutil.copytree(reference, tmp_path / "out")
+    edit(other / "case.toml", "340", "341")
+    command = render_command(other / "case.toml", "--out", out, *ARGUMENTS, "--worker")
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as worker:
+        # its input stays open: it ends by itself
+        assert b"cam_from_model was" in worker.stderr.read()
+        assert worker.wait() == 3
+
+
+def test_a_run_ends_with_its_input_and_goes_on_later(case, tmp_path, render_command, run_command):
+    out, views = tmp_path / "out", 10 * VIEWS
+    command = render_command(case, "--out", out, "--count", views, "--workers", 2)
+    running = subprocess.Popen(
+        [*command, "--end-with-input", "--progress-seconds", "0.1"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    told = filter(None, map(read_progress, running.stdout))
+    counts = [next(told).count, next(told).count]
+    # what the system does when the program that started it dies
+    running.stdin.close()
+    assert running.wait(timeout=20) == 130
+    assert "the same command goes on from here" in running.stderr.read()
+    assert counts == sorted(counts)
+    assert 0 < finished_views(out) < views
+    assert run_command(command).returncode == 0
+    assert finished_views(out) == views
+    assert not (out / ".work").exists()
+
+
+def test_refusals_end_with_3_and_one_line(case, reference, tmp_path, render_command, run_command):
+    (tmp_path / "file").write_text("")
+    for out, message in [
+        (tmp_path / "file" / "out", "cannot write to the folder (Not a directory)"),
+        (reference, "holds the dataset of another run (count was 30, is 29)"),
+    ]:
+        ended = run_command(render_command(case, "--out", out, *ARGUMENTS, "--count", 29))
+        assert (ended.returncode, ended.stdout) == (3, "")
+        assert ended.stderr.startswith("error: ")
+        assert ended.stderr.count("\n") == 1
+        assert message in ended.stderr
+
+
+@pytest.fixture
+def small_disk(tmp_path) -> Iterator[Path]:
+    """A file system with room for a few views."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    try:
+        mounted = subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", "size=400k", "tmpfs", disk], capture_output=True, text=True, check=False
+        )
+    except FileNotFoundError:
+        pytest.skip("there is no mount command")
+    if mounted.returncode != 0:
+        pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.strip()}")
+    yield disk
+    subprocess.run(["umount", disk], check=True)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_full_disk_stops_the_run_and_more_room_lets_it_go_on(
+    case, reference, small_disk, render_command, run_command, workers
+):
+    out = small_disk / "out"
+    ended = run_command(render_command(case, "--out", out, *ARGUMENTS, "--workers", workers))
+    assert ended.returncode == 3
+    assert ended.stderr == (
+        f"error: {out}: the disk is full; the views finished so far are safe: "
+        "free space and run the same command again\n"
+    )
+    finished = {name: data for name, data in tree(out).items() if "/frame/" in name}
+    assert 0 < len(finished) < VIEWS
+    expected = tree(reference)
+    for name, record in finished.items():
+        assert record == expected[name]
+        assert all((out / file).read_bytes() == expected[file] for file in json.loads(record)["sha256"])
+    subprocess.run(["mount", "-o", "remount,size=20m", small_disk], check=True)
+    before = times(out)
+    run_here(case, out)
+    assert_same_dataset(out, reference)
+    assert all(times(out)[name] == before[name] for name in finished)
+
+
+# --- once it is complete --------------------------------------------------------------------------------------------
+
+
+def test_a_complete_dataset_is_left_as_it_is_without_any_preparation(case, reference, monkeypatch):
+    monkeypatch.setattr(OpenJob, "maker", lambda *_, **__: pytest.fail("prepared to render"))
+    before = times(reference)
+    told = run_here(case, reference)
+    assert told.splitlines()[-1] == f"dataset of {VIEWS} views: {reference}"
+    assert {name: when for name, when in times(reference).items() if name != "."} == before
+    assert not (reference / ".work").exists()
+
+
+def test_a_lost_table_is_written_again(case, reference, tmp_path):
+    out = shutil.copytree(reference, tmp_path / "out")
+    (out / "train_pbr/000000/scene_gt.json").unlink()
+    (out / "transforms.json").unlink()
+    run_here(case, out)
+    assert_same_dataset(out, reference)
+
+
+def test_a_video_is_added_later_and_once(case, reference, tmp_path):
+    out = shutil.copytree(reference, tmp_path / "out")
+    before = times(out)
+    options = dataclasses.replace(OPTIONS, video=True, video_frames=6)
+    assert "video: " in run_here(case, out, options)
+    after = times(out)
+    assert {name for name in after if name not in before} == {"video", "video/trajectory.mp4", "video/poses.csv"}
+    assert all(after[name] == before[name] for name in before)
+    check_video(case, out / "video", options)
+
+    assert "video: " not in run_here(case, out, options)
+    assert times(out) == after
+    # one of another length replaces it
+    options = dataclasses.replace(options, video_frames=4)
+    assert "video: " in run_here(case, out, options)
+    check_video(case, out / "video", options)
+    # the dataset without a video is the same one
+    assert "video: " not in run_here(case, out)
+
+
+def check_video(case: Path, folder: Path, options: DatasetOptions) -> None:
+    rows = np.loadtxt(folder / "poses.csv", delimiter=",", skiprows=1)
+    assert rows[:, 0].tolist() == list(range(options.video_frames))
+    assert np.allclose(rows[:, 1], rows[:, 0] / 24)
+    capture = cv2.VideoCapture(str(folder / "trajectory.mp4"))
+    assert capture.get(cv2.CAP_PROP_FPS) == 24
+    frames = []
+    while (read := capture.read())[0]:
+        frames.append(as_tagged(read[1]))
+    assert len(frames) == options.video_frames
+    with open_job(Job(case, folder, options, WHOLE)).maker(threads=1) as maker:
+        for frame, row in zip(frames, rows, strict=True):
+            view = maker.render(rigid(row[2:11].reshape(3, 3), row[11:14])).rgb * 255
+            assert frame.shape == view.shape
+            # of colours, MPEG keeps a quarter of the pixels
+            assert np.abs(frame - view).mean() < 8
+            assert np.abs((frame - view) @ [0.2126, 0.7152, 0.0722]).mean() < 5
+
+
+def as_tagged(decoded_bgr: np.ndarray) -> np.ndarray:
+    """OpenCV decodes all videos as BT.601; ours say that they are BT.709, as players know."""
+    to_601 = np.array([[0.299, 0.587, 0.114], [-0.168736, -0.331264, 0.5], [0.5, -0.418688, -0.081312]])
+    to_709 = np.array([[0.2126, 0.7152, 0.0722], [-0.114572, -0.385428, 0.5], [0.5, -0.454153, -0.045847]])
+    return np.clip(decoded_bgr[..., ::-1] @ (np.linalg.inv(to_709) @ to_601).T, 0, 255)
+
+
+def test_videos_of_odd_size_get_even_sides(tmp_path):
+    image = np.full((49, 65, 3), [0.2, 0.5, 0.8])
+    write_video(tmp_path / "v.mp4", [image, image])
+    ok, frame = cv2.VideoCapture(str(tmp_path / "v.mp4")).read()
+    assert ok
+    assert frame.shape == (50, 66, 3)
+    assert np.abs(as_tagged(frame) - np.array([51, 127.5, 204])).max() < 2
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["v.mp4"]
+    # what a full disk leaves of a video is recognised
+    data = (tmp_path / "v.mp4").read_bytes()
+    assert _is_whole(data)
+    assert not any(_is_whole(data[:cut]) for cut in (0, 100, len(data) // 2, len(data) - 1))
+
+
+# --- options --------------------------------------------------------------------------------------------------------
+
+
+def test_explicit_poses_are_for_the_mesh_files_frame_and_replace_the_count(case, tmp_path):
+    cam_from_given = read_case(case).cam_from_given
+    poses = np.stack([rigid(rotation_from_vector(np.array([0, 0, angle]))) @ cam_from_given for angle in (0, 0.2, 3)])
+    np.save(tmp_path / "poses.npy", poses)
+    options = dataclasses.replace(OPTIONS, count=100, poses=str(tmp_path / "poses.npy"))
+    run_here(case, tmp_path / "out", options)
+    records = [read_record(FramePaths(tmp_path / "out", index)) for index in range(3)]
+    assert finished_views(tmp_path / "out") == 3
+    given_from_model = np.array(json.loads((tmp_path / "out/dataset.json").read_text())["given_from_model"])
+    assert np.allclose(given_from_model[:3, 3], [12, -7, 40], atol=0.1)
+    found = np.stack([record_pose(record) @ inverse_rigid(given_from_model) for record in records])
+    assert np.allclose(found, poses, atol=1e-9)
+    # at the frame's own pose, the view is the frame
+    view, frame = (read_rgb(path) for path in (FramePaths(tmp_path / "out", 0).file("rgb"), case.parent / "frame.png"))
+    observed = cv2.imread(str(FramePaths(tmp_path / "out", 0).file("mask_observed")), cv2.IMREAD_GRAYSCALE) > 0
+    assert observed.mean() > 0.8
+    assert np.abs(view - frame)[observed].max() <= 1
+    # other poses are another dataset
+    np.save(tmp_path / "poses.npy", poses[::-1])
+    with pytest.raises(RunError, match="the file of the poses has changed"):
+        run_here(case, tmp_path / "out", options)
+
+
+def test_the_table_of_the_case_is_used_and_the_command_line_goes_before_it(
+    tmp_path, write_tiny_case, render_command, run_command
+):
+    case = write_tiny_case(tmp_path / "case")
+    with case.open("a") as file:
+        file.write('[dataset]\ncount = 3\nseed = 5\nsampler = "gaussian"\nfloat_depth = true\n')
+    ended = run_command(render_command(case, "--out", tmp_path / "out", "--count", "2", "--no-float-depth"))
+    assert (ended.returncode, ended.stderr) == (0, "")
+    record = json.loads((tmp_path / "out" / "dataset.json").read_text())
+    options = record["options"]
+    assert (record["count"], options["seed"], options["sampler"], options["float_depth"]) == (2, 5, "gaussian", False)
+
+
+def test_float_depth_is_the_depth_that_the_image_rounds(reference):
+    paths = FramePaths(reference, 4)
+    exact = np.load(paths.file("depth_mm"))
+    rounded = cv2.imread(str(paths.file("depth")), cv2.IMREAD_UNCHANGED)
+    scale = read_record(paths)["depth_scale"]
+    assert exact.dtype == np.float32
+    assert exact.shape == rounded.shape
+    assert ((exact > 0) == (rounded > 0)).all()
+    assert np.abs(exact - rounded * scale).max() <= scale / 2 * 1.01
+    assert 250 < exact[exact > 0].mean() < 350
+
+
+def some_view(case: Path, out: Path, **settings: object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Colours, depth and observed mask of one view with some options."""
+    run_here(case, out, dataclasses.replace(OPTIONS, count=1, **settings))
+    paths = FramePaths(out, 0)
+    observed = cv2.imread(str(paths.file("mask_observed")), cv2.IMREAD_GRAYSCALE) > 0
+    return read_rgb(paths.file("rgb")), np.load(paths.file("depth_mm")), observed
+
+
+@pytest.fixture(scope="module")
+def cycles_views(case, tmp_path_factory) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    folder = tmp_path_factory.mktemp("cycles")
+    return {colour: some_view(case, folder / colour, colour=colour) for colour in ("projective", "texture", "vertex")}
+
+
+@pytest.mark.parametrize("colour", ["texture", "vertex"])
+def test_colour_modes_agree_where_the_frame_is_smooth(cycles_views, colour):
+    exact, view = cycles_views["projective"], cycles_views[colour]
+    assert np.array_equal(view[1], exact[1])
+    both = view[2] & exact[2]
+    assert both.sum() > 0.9 * exact[2].sum() > 1000
+    assert np.abs(view[0] - exact[0])[both].mean() < 2
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize(
+    ("engine", "colour"),
+    [("workbench", "vertex"), ("eevee", "projective"), ("eevee", "texture"), ("eevee", "vertex")],
+)
+def test_rasterisers_agree_with_cycles(case, tmp_path, cycles_views, engine, colour):
+    try:
+        check_engine(engine)
+    except InputError as error:
+        pytest.skip(str(error))
+    exact = cycles_views[colour]
+    view = some_view(case, tmp_path / "out", engine=engine, colour=colour)
+    assert np.count_nonzero((view[1] > 0) != (exact[1] > 0)) <= 3
+    # nothing more is painted, and nothing less but at the rim, where the lookup's weights are rounded to 1/256
+    assert np.count_nonzero(view[2] & ~exact[2]) <= 3
+    inner = cv2.erode(exact[2].astype(np.uint8), np.ones((3, 3)), borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
+    assert view[2][inner].all()
+    assert np.abs(view[1] - exact[1])[inner].max() < 0.05
+    difference = np.abs(view[0] - exact[0])[inner]
+    assert difference.max() <= 8
+    assert difference.mean() < 0.5
+
+
+# --- Blender's own program ------------------------------------------------------------------------------------------
+
+
+def test_blenders_program_runs_the_script_too(case, reference, tmp_path, render_command, run_command):
+    if not (program := os.environ.get("BLENDER")):
+        pytest.skip("the environment variable BLENDER names no Blender program")
+    script = render_command()[1]
+
+    def blender(*arguments: object) -> subprocess.CompletedProcess:
+        return run_command([program, "-b", "-P", script, "--", *map(str, arguments)])
+
+    out = tmp_path / "out"
+    ended = blender(case, "--out", out, *ARGUMENTS, "--workers", 2)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout.startswith(f"0/{VIEWS} views\n")
+    assert ended.stdout.endswith(f"dataset of {VIEWS} views: {out}\n")
+    # another build may round another way: the same files, the same poses up to that
+    assert times(out).keys() == times(reference).keys()
+    ours, theirs = (record_pose(read_record(FramePaths(folder, 5))) for folder in (reference, out))
+    assert np.allclose(ours, theirs, atol=1e-3)
+
+    for arguments, code, message in [
+        ((case, "--out", out, *ARGUMENTS, "--seed", 4), 3, "options.seed was 3, is 4"),
+        ((tmp_path / "none.toml", "--out", tmp_path / "new"), 2, "does not exist"),
+        ((case, "--out", tmp_path / "new", "--cont", 3), 2, "unknown argument '--cont'; did you mean '--count'?"),
+    ]:
+        ended = blender(*arguments)
+        assert (ended.returncode, ended.stdout) == (code, "")
+        assert ended.stderr.startswith("error: ")
+        assert ended.stderr.count("\n") == 1
+        assert message in ended.stderr
+    assert not (tmp_path / "new").exists()
+    ended = blender("--help")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "usage: render_dataset.py" in ended.stdout
+
+
+def test_help_shows_every_option(render_command, run_command):
+    ended = run_command(render_command("--help"))
+    assert (ended.returncode, ended.stderr) == (0, "")
+    for entry in dataclasses.fields(DatasetOptions):
+        assert "--" + entry.name.replace("_", "-") in ended.stdout
+    assert "--shard" in ended.stdout
+
+
+# --- progress -------------------------------------------------------------------------------------------------------
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("stream", [Terminal(), io.StringIO()], ids=["terminal", "file"])
+def test_progress_tells_the_time_left(monkeypatch, stream):
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    progress = Progress(10, "views", finished=2, stream=stream)
+    assert "2/10 views" in stream.getvalue()
+    for _ in range(4):
+        now[0] += 15
+        progress.advance()
+    # what was finished before does not count for the speed: 15 s for each of the 4 that are left
+    assert "6/10 views, 15000 ms each, 1 min 00 s left" in stream.getvalue()
+    for _ in range(4):
+        progress.advance()
+    progress.close()
+    assert "10/10 views, 7500 ms each, done in 1 min 00 s" in stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.4, "0 s"), (59.4, "59 s"), (60, "1 min 00 s"), (3599.6, "1 h 00 min"), (7512, "2 h 05 min")],
+)
+def test_duration(seconds, text):
+    assert duration(seconds) == text

@@ -1,0 +1,115 @@
+"""Lens distortion against OpenCV's own implementation."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from pipeline.camera.distortion import Distortion, checked_distortion, undistort
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.errors import InputError
+
+CAMERA = PinholeCamera(160, 120, 150.0, 140.0, 70.5, 62.25)
+
+coefficients = st.tuples(
+    st.floats(-0.4, 0.4), st.floats(-0.2, 0.2), st.floats(-0.02, 0.02), st.floats(-0.02, 0.02), st.floats(-0.1, 0.1)
+)
+
+
+@pytest.mark.parametrize("position", range(5))
+def test_each_coefficient_is_opencvs(position):
+    values = np.zeros(5)
+    values[position] = 0.13
+    points = np.random.default_rng(0).uniform(-0.6, 0.6, (50, 2))
+    expected = cv2.projectPoints(np.c_[points, np.ones(50)], np.zeros(3), np.zeros(3), np.eye(3), values)[0][:, 0]
+    distorted = Distortion(*values).distort(points)
+    assert np.abs(distorted - expected).max() < 1e-12
+    assert np.abs(distorted - points).max() > 1e-3
+
+
+@given(coefficients)
+def test_distortion_is_opencvs(values):
+    points = np.random.default_rng(0).uniform(-0.6, 0.6, (50, 2))
+    expected = cv2.projectPoints(np.c_[points, np.ones(50)], np.zeros(3), np.zeros(3), np.eye(3), np.array(values))
+    assert np.abs(Distortion(*values).distort(points) - expected[0][:, 0]).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    "values", [(-0.25, 0.08, 0.0, 0.0, 0.0), (0.2, -0.05, 0.004, -0.003, 0.02)], ids=["barrel", "pincushion"]
+)
+def test_undistorted_frame_is_opencvs(values):
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+    image = np.stack([np.sin(u / 9) * np.cos(v / 7), np.cos(u / 11), np.sin(v / 8)], -1).astype(np.float32)
+    undistorted, inside = undistort(image, CAMERA, Distortion(*values))
+    expected = cv2.undistort(image, CAMERA.k, np.array(values))
+    assert undistorted.dtype == image.dtype
+    assert inside.mean() > 0.75
+    # OpenCV rounds its map to 1/32 pixel
+    assert np.abs(undistorted - expected)[inside].max() < 1 / 32
+    assert np.abs(undistorted - image)[inside].max() > 0.3
+
+
+def test_inside_is_where_opencv_finds_content():
+    values = (0.2, -0.05, 0.004, -0.003, 0.02)
+    _, inside = undistort(np.ones((120, 160, 1)), CAMERA, Distortion(*values))
+    expected = cv2.undistort(np.ones((120, 160), np.float32), CAMERA.k, np.array(values)) > 1 - 1e-6
+    assert np.count_nonzero(~inside) > 500
+    assert np.count_nonzero(inside != expected) < 10
+
+
+def test_zero_distortion_is_the_identity(rng):
+    image = rng.random((CAMERA.height, CAMERA.width, 3)).astype(np.float32)
+    undistorted, inside = undistort(image, CAMERA, Distortion(0, 0, 0, 0, 0))
+    assert np.abs(undistorted - image).max() < 1e-6
+    assert inside.all()
+    assert checked_distortion([0, 0, 0, 0, 0], CAMERA, "K") is None
+
+
+def test_four_coefficients_leave_k3_zero():
+    assert checked_distortion([0.1, 0.01, 0.001, 0.002], CAMERA, "K") == Distortion(0.1, 0.01, 0.001, 0.002, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ([0.1, 0.2, 0.3], r"five finite numbers .* found \[0.1, 0.2, 0.3\]"),
+        ([0.1] * 8, "five finite numbers"),
+        ([0.1, float("nan"), 0, 0, 0], "five finite numbers"),
+        ([10**400, 0, 0, 0, 0], "expected .k1, k2, p1, p2, k3."),
+        ("12345", r"expected \[k1, k2, p1, p2, k3\], found '12345'"),
+        (["a", 0, 0, 0, 0], "expected .k1"),
+        (0.1, "expected .k1"),
+        ([-3.0, 0, 0, 0, 0], "folds it over; OpenCV's order is"),
+        ([0, 0, 0, 0, -9.0], "folds"),
+        ([0, 0, 0.6, 0, 0], "folds"),
+        ([1e200, 1e300, 0, 0, 0], "folds"),
+    ],
+    ids=str,
+)
+def test_bad_coefficients_are_refused(values, message):
+    with pytest.raises(InputError, match=message):
+        checked_distortion(values, CAMERA, "case.toml")
+
+
+@given(coefficients)
+def test_accepted_distortions_can_be_inverted(values):
+    """What is not refused as folded is one to one: OpenCV's iterative inverse leads back from every pixel."""
+    camera = PinholeCamera(64, 48, 60.0, 60.0, 31.5, 23.5)
+    assume(any(values))
+    try:
+        distortion = checked_distortion(values, camera, "K")
+    except InputError:
+        assume(False)
+    ideal = camera.rays_cam(camera.pixel_grid().reshape(-1, 2))[:, :2]
+    distorted = distortion.distort(ideal)
+    criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-12)
+    back = cv2.undistortPointsIter(distorted[:, None], np.eye(3), np.array(values), np.eye(3), np.eye(3), criteria)
+    error = np.abs(distortion.distort(back[:, 0]) - distorted).max(axis=1)
+    # where its iteration has found a point at all, it is the one that we started from
+    assert np.abs(back[:, 0] - ideal)[error < 1e-12].max(initial=0) < 1e-6
+
+
+def test_principal_point_on_a_corner_is_no_fold():
+    camera = PinholeCamera(64, 48, 300.0, 300.0, 0.0, 0.0)
+    assert checked_distortion([0.05, 0, 0, 0, 0], camera, "K") is not None

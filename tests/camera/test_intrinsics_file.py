@@ -1,0 +1,409 @@
+"""Camera and pose files: every format gives the same camera, what is wrong is told, and no pickle is ever run."""
+
+import io
+import json
+import os
+import pickle
+import pickletools
+import re
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.camera.intrinsics_file import CameraFile, read_camera
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.camera.plausibility import fit_of
+from pipeline.errors import InputError
+from pipeline.poses.pose_file import read_pose
+from pipeline.transforms import rigid, rotation_from_vector
+
+SIZE = (1920, 1080)
+DISTORTION = (-0.31, 0.12, 0.001, -0.0005, 0.02)
+SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
+
+
+def k_of(fx: float, fy: float, cx: float, cy: float) -> np.ndarray:
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+
+
+K = k_of(5204.6, 5217.9, 961.3, 551.7)
+
+
+def case_toml(k):
+    rows = ", ".join(str(row) for row in k.tolist())
+    return f'[camera]\nsize = [1920, 1080]\nK = [{rows}]\npixel_origin = "center"\ndistortion = {list(DISTORTION)}\n'
+
+
+def as_json(**table):
+    return json.dumps(table)
+
+
+def opencv(k, suffix):
+    file = cv2.FileStorage(f"camera{suffix}", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    file.write("image_width", 1920)
+    file.write("image_height", 1080)
+    file.write("camera_matrix", k)
+    file.write("distortion_coefficients", np.array([DISTORTION]))
+    return file.releaseAndGetString()
+
+
+def ros(k):
+    return (
+        "# calibrated\nimage_width: 1920\nimage_height: 1080\ncamera_name: microscope/left\n"
+        f"camera_matrix:\n  rows: 3\n  cols: 3\n  data: {k.ravel().tolist()}\n"
+        f"distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: {list(DISTORTION)}\n"
+        "rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n"
+    )
+
+
+def parts(k):
+    return {"fx": k[0, 0], "fy": k[1, 1], "cx": k[0, 2], "cy": k[1, 2]}
+
+
+def colmap(k, name, values):
+    shifted = " ".join(map(repr, (k[:2, 2] + 0.5).tolist()))
+    return f"# Camera list\n1 {name} 1920 1080 {values} {shifted}"
+
+
+def saved(save, value):
+    buffer = io.BytesIO()
+    save(buffer, value)
+    return buffer.getvalue()
+
+
+def vision6d(k, protocol=pickle.DEFAULT_PROTOCOL):
+    table = {"camera_intrinsics": k, "canvas_height": np.int64(1080), "canvas_width": 1920}
+    return pickle.dumps(table, protocol=protocol)
+
+
+def as_numpy_1(data: bytes) -> bytes:
+    """The pickle as numpy 1 writes it, whichever wrote it (protocol 2 has names without lengths)."""
+    return data.replace(b"numpy._core", b"numpy.core")
+
+
+def as_numpy_2(data: bytes) -> bytes:
+    return as_numpy_1(data).replace(b"numpy.core", b"numpy._core")
+
+
+ALL = {
+    "case": case_toml,
+    "json K": lambda k: as_json(K=k.tolist(), width=1920, height=1080, dist=[list(DISTORTION)]),
+    "json camera_matrix": lambda k: as_json(
+        camera_matrix={"rows": 3, "cols": 3, "dt": "d", "data": k.ravel().tolist()},
+        image_width=1920, image_height=1080, distortion_coefficients={"data": list(DISTORTION)},
+    ),
+    "json parts": lambda k: as_json(
+        intrinsics=parts(k), resolution=[1920, 1080], distortion=list(DISTORTION), name="left"
+    ),
+    "json coefficients": lambda k: as_json(
+        camera={**parts(k), "size": [1920, 1080], **dict(zip(("k1", "k2", "p1", "p2", "k3"), DISTORTION, strict=True))}
+    ),
+    "opencv yaml": lambda k: opencv(k, ".yml"),
+    "opencv xml": lambda k: opencv(k, ".xml"),
+    "opencv json": lambda k: opencv(k, ".json"),
+    "ros yaml": ros,
+    "ros yaml with a mark": lambda k: "---\n" + ros(k),
+}  # fmt: skip
+WITH_SIZE = {
+    "bop camera.json": lambda k: as_json(**parts(k), depth_scale=0.1, width=1920, height=1080),
+    "colmap": lambda k: colmap(k, "PINHOLE", f"{k[0, 0]:.17g} {k[1, 1]:.17g}"),
+    **{f"vision6d, protocol {number}": lambda k, number=number: vision6d(k, number) for number in range(2, 6)},
+    "vision6d, numpy 1": lambda k: as_numpy_1(vision6d(k, 2)),
+    "vision6d, numpy 2": lambda k: as_numpy_2(vision6d(k, 2)),
+    "transposed": lambda k: as_json(intrinsic_matrix=k.T.ravel().tolist(), width=1920, height=1080),
+    "lists": lambda k: as_json(cameras=[{"K": k.tolist(), "image_size": [1920, 1080]}]),
+}
+WITHOUT_SIZE = {
+    "bop scene_camera.json": lambda k: as_json(
+        **{str(image): {"cam_K": k.ravel().tolist(), "depth_scale": 1.0} for image in range(3)}
+    ),
+    "npy": lambda k: saved(np.save, k),
+    "npz": lambda k: saved(lambda file, value: np.savez(file, mtx=value, rvecs=np.zeros((4, 3))), k),
+    "savetxt": lambda k: "\n".join(" ".join(map(repr, row)) for row in k.tolist()),
+    "csv, with a mark": lambda k: "\ufeff" + "\n".join(";".join(map(repr, row)) for row in k.tolist()),
+    "printed": lambda k: str(k.tolist()).replace("], ", "]\n "),
+    "json list": lambda k: json.dumps(k.tolist()),
+}
+
+
+def file_of(folder: Path, content: bytes | str, name: str = "camera") -> Path:
+    path = folder / name
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+def read(folder: Path, content: bytes | str) -> CameraFile:
+    return read_camera(file_of(folder, content))
+
+
+def found(file: CameraFile) -> list[float]:
+    return [file.fx, file.fy, file.cx, file.cy]
+
+
+ks = st.builds(
+    k_of, fx=st.floats(1, 1e5), fy=st.floats(1, 1e5), cx=st.floats(-1000, 3000), cy=st.floats(-1000, 3000)
+).filter(lambda k: k[0, 2] != 0 and k[1, 2] != 0)
+
+
+@pytest.mark.parametrize("name", [*ALL, *WITH_SIZE, *WITHOUT_SIZE])
+@settings(max_examples=15)
+@given(k=ks)
+def test_every_format_gives_the_same_camera(tmp_path_factory, name, k):
+    write = (ALL | WITH_SIZE | WITHOUT_SIZE)[name]
+    file = read(tmp_path_factory.getbasetemp(), write(k))
+    # COLMAP's half pixel is added and taken off again
+    np.testing.assert_allclose(found(file), [k[0, 0], k[1, 1], k[0, 2], k[1, 2]], rtol=1e-15, atol=1e-12)
+    assert file.size == (None if name in WITHOUT_SIZE else SIZE)
+    assert file.distortion == (DISTORTION if name in ALL else None)
+    assert bool(file.told) == (name == "transposed")
+    assert file.camera(SIZE).size_wh == SIZE
+
+
+def test_colmap_and_nerf_count_from_the_corner(tmp_path):
+    file = read(tmp_path, "3 SIMPLE_RADIAL 640 480 500 320 240 0.01\n")
+    assert found(file) == [500, 500, 319.5, 239.5]
+    assert file.distortion == (0.01, 0, 0, 0, 0)
+    assert "moved by half a pixel, to (319.5, 239.5)" in file.pixel_origin
+    nerf = as_json(fl_x=500.0, fl_y=510.0, cx=320.0, cy=240.0, w=640, h=480, frames=[])
+    assert found(read(tmp_path, nerf)) == [500, 510, 319.5, 239.5]
+    assert "does not say" in read(tmp_path, as_json(K=K.tolist())).pixel_origin
+    corner = case_toml(K).replace('"center"', '"corner"')
+    assert found(read(tmp_path, corner))[2:] == [960.8, 551.2]
+
+
+def test_distortion_is_checked_for_its_camera(tmp_path):
+    file = read(tmp_path, ALL["ros yaml"](K))
+    assert file.distortion_for(file.camera(SIZE)).p2 == DISTORTION[3]
+    folded = read(tmp_path, as_json(K=K.tolist(), dist=[-1000.0, 0.0, 0.0, 0.0]))
+    with pytest.raises(InputError, match="folds it over"):
+        folded.distortion_for(folded.camera(SIZE))
+
+
+BAD = {
+    "two cameras": (
+        as_json(left={"K": K.tolist()}, right={"K": (2 * K - K * [[0], [0], [1]]).tolist()}),
+        "expected one camera, found 2 that differ: 'left', 'right'",
+    ),
+    "no camera": (as_json(R=np.eye(3).tolist()), "expected a camera, found no K"),
+    "two rows": (as_json(K=K[:2].tolist()), "expected a camera, found no K"),
+    "skew": (as_json(K=[[500, 1, 320], [0, 500, 240], [0, 0, 1]]), "K: expected no skew"),
+    "y up": (as_json(K=[[500, 0, 320], [0, -500, 240], [0, 0, 1]]), "expected positive focal lengths"),
+    "not a number": ('{"K": [[NaN, 0, 1], [0, 1, 1], [0, 0, 1]]}', "expected finite numbers"),
+    "number without end": ('{"fx": 1' + "0" * 400 + ', "cx": 1, "cy": 1}', "expected a camera, found no K"),
+    "eight coefficients": (as_json(K=K.tolist(), D=[0.1] * 8), "expected a distortion of five coefficients"),
+    "fisheye": (
+        as_json(K=K.tolist(), D=[0.1] * 4, distortion_model="equidistant"),
+        "expected OpenCV's distortion .* found the model 'equidistant'; undistort",
+    ),
+    "COLMAP's fisheye": ("1 OPENCV_FISHEYE 640 480 500 500 320 240 0 0 0 0", "found OPENCV_FISHEYE; undistort"),
+    "COLMAP's numbers": ("1 PINHOLE 640 480 500 320 240", "expected 4 numbers for PINHOLE, found '500 320 240'"),
+    "broken JSON": ('{"K": [', "expected JSON, found a mistake"),
+    "broken YAML": ("%YAML:1.0\n---\nK: [1, 2\n", "expected YAML or XML as OpenCV writes it"),
+    "broken XML": ("<?xml version='1.0'?><opencv_storage><a>1", "expected YAML or XML as OpenCV writes it"),
+    "broken TOML": ("[camera]\nK = ", "expected TOML, found a mistake"),
+    "broken npy": (saved(np.save, K)[:-8], "expected an array of numbers, cannot read it"),
+    "npy of objects": (saved(np.save, np.array([K], dtype=object)), "expected an array of numbers, cannot read it"),
+    "broken npz": (saved(np.savez, K)[:-50], "expected an .npz of arrays"),
+    "four numbers": ("500 500 320 240", "expected a 3x3 matrix K, found 4 numbers"),
+    "a picture": (b"\x89PNG\r\n\x1a\n\xff\xff", "found another kind of file"),
+    "a novel": ("It was a dark and stormy night", "found another kind of file"),
+    "nothing": (b"", "found an empty one"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_no_camera_is_refused(tmp_path, name):
+    content, message = BAD[name]
+    with pytest.raises(InputError, match=f"^camera: .*{message}"):
+        read(tmp_path, content)
+
+
+def test_a_missing_file_a_folder_and_a_film_are_refused(tmp_path):
+    with pytest.raises(InputError, match="does not exist; correct the path"):
+        read_camera(tmp_path / "none.json")
+    with pytest.raises(InputError, match="cannot read it"):
+        read_camera(tmp_path)
+    with open(tmp_path / "film.mp4", "wb") as file:
+        file.truncate(100 << 20)
+    with pytest.raises(InputError, match="found one of 100 MB; choose another"):
+        read_camera(tmp_path / "film.mp4")
+
+
+def sentence(folder: Path, content: bytes) -> str:
+    """What a user is told about a camera file; any other exception is a defect."""
+    try:
+        read(folder, content)
+    except InputError as error:
+        return str(error)
+    return "camera: taken"
+
+
+@pytest.mark.parametrize("name", ["opencv yaml", "json K", "case", "colmap", "npy", "npz", "vision6d, protocol 4"])
+@settings(max_examples=40)
+@given(data=st.data())
+def test_damaged_files_give_a_camera_or_a_sentence(tmp_path_factory, name, data):
+    content = (ALL | WITH_SIZE | WITHOUT_SIZE)[name](K)
+    content = bytearray(content.encode() if isinstance(content, str) else content)
+    for _ in range(data.draw(st.integers(1, 4))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    content = content[: data.draw(st.integers(0, len(content)))] if data.draw(st.booleans()) else content
+    assert sentence(tmp_path_factory.getbasetemp(), bytes(content)).startswith("camera: ")
+
+
+# --- pickles
+
+
+class Command:
+    """Unpickled, it would run a command."""
+
+    def __init__(self, function, *arguments) -> None:
+        self.call = function, arguments
+
+    def __reduce__(self):
+        return self.call
+
+
+@pytest.mark.parametrize("protocol", range(6))
+@pytest.mark.parametrize("place", ["alone", "as K", "as a key", "inside an array's state"])
+def test_a_malicious_pickle_is_refused_and_never_run(tmp_path, protocol, place):
+    mark = tmp_path / "it ran"
+    attack = Command(os.system, f"touch '{mark}'")
+    content = {
+        "alone": attack,
+        "as K": {"camera_intrinsics": attack},
+        "as a key": {"camera_intrinsics": K, "more": [(attack,)]},
+        "inside an array's state": {"camera_intrinsics": np.array([attack], dtype=object)},
+    }[place]
+    pickle.loads(pickle.dumps(content, protocol))
+    assert mark.exists(), "the test's own pickle does nothing"
+    mark.unlink()
+    path = file_of(tmp_path, pickle.dumps(content, protocol), "camera.pkl")
+    with pytest.raises(InputError, match=rf"expected numbers only, found the name {os.system.__module__}\.system"):
+        read_camera(path)
+    assert not mark.exists()
+
+
+@pytest.mark.parametrize(
+    "name", ["builtins eval", "builtins getattr", "numpy load", "numpy.core.multiarray ndarray", "pickle loads", "os x"]
+)
+def test_no_other_name_is_known(tmp_path, name):
+    module, function = name.split()
+    data = f"c{module}\n{function}\n(S'1'\ntR.".encode()
+    with pytest.raises(InputError, match=rf"found the name {module}\.{function}, which would run code"):
+        read_camera(file_of(tmp_path, data, "camera.pkl"))
+
+
+def test_a_pickle_changes_nothing_for_the_next_one(tmp_path):
+    """BUILD sets attributes on whatever it is given, functions too."""
+    poison = b"\x80\x02cnumpy.core.multiarray\n_reconstruct\n}X\x08\x00\x00\x00__code__K\x01sb."
+    pickletools.dis(poison, io.StringIO())
+    for _ in range(2):
+        with pytest.raises(InputError):
+            read(tmp_path, poison)
+        assert found(read(tmp_path, vision6d(K))) == [K[0, 0], K[1, 1], K[0, 2], K[1, 2]]
+
+
+def test_a_pickle_that_would_fill_the_memory_is_refused(tmp_path):
+    nested: list = [1.0]
+    for _ in range(60):
+        nested = [nested] * 2
+    huge_place = b"\x80\x02}r\xff\xff\xff\xff."
+    for content in (pickle.dumps({"camera_intrinsics": nested}), huge_place, pickle.dumps({"K": list(range(10**6))})):
+        with pytest.raises(InputError):
+            read(tmp_path, content)
+
+
+# --- whether it fits
+
+
+def camera_file(k: np.ndarray = K, size: tuple[int, int] | None = SIZE) -> CameraFile:
+    return CameraFile(Path("camera.json"), k[0, 0], k[1, 1], k[0, 2], k[1, 2], size, None, "")
+
+
+def test_a_camera_that_fits_says_nothing():
+    fit = fit_of(camera_file(), SIZE)
+    assert fit.camera == PinholeCamera(*SIZE, *found(camera_file()))
+    assert (fit.rescaled, fit.told) == (None, ())
+
+
+@pytest.mark.parametrize("size", [(960, 540), (3840, 2160), (1000, 563), (240, 135)])
+def test_a_resized_image_gets_a_rescaled_camera(size):
+    fit = fit_of(camera_file(), size)
+    assert fit.rescaled == PinholeCamera(*SIZE, *found(camera_file())).resized(*size)
+    (sentence,) = fit.told
+    assert f"K is for images of 1920x1080 px, this image has {size[0]}x{size[1]}: it was resized; rescale K" in sentence
+
+
+@pytest.mark.parametrize(
+    ("file", "size", "message"),
+    [
+        (camera_file(), (1440, 1080), "of another shape: it was cropped"),
+        (camera_file(), (1080, 1920), "turned by 90 degrees, or width and height are exchanged"),
+        (camera_file(size=None), (960, 540), r"lies \(\+482, \+282\) px off the centre .* an image of 1924x1104 px"),
+        (camera_file(k_of(35.0, 35.0, 959.5, 539.5)), SIZE, "sees 176 degrees across this image, .* in millimetres"),
+        (camera_file(k_of(1e6, 1e6, 959.5, 539.5)), SIZE, "sees 0.11 degrees across this image"),
+        (camera_file(k_of(5000.0, 5600.0, 959.5, 539.5)), SIZE, "fx = 5000 and fy = 5600 differ by 11%"),
+        (camera_file(k_of(2.7, 4.8, 0.5, 0.5), None), SIZE, "K seems to be given relative to the image's size"),
+    ],
+)
+def test_what_does_not_fit_is_told(file, size, message):
+    fit = fit_of(file, size)
+    assert any(re.search(message, sentence) for sentence in fit.told), fit.told
+    assert fit.rescaled is None
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="no shared data")
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [
+        ("lmo/camera.json", (640, 480)),
+        ("stereo_calib/calib.left.intrinsic.txt", (1920, 1080)),
+        ("stereo_calib/calib.right.intrinsic.txt", (1920, 1080)),
+    ],
+)
+def test_cameras_of_real_data_fit_their_images(name, size):
+    assert fit_of(read_camera(SHARED / name), size).told == ()
+
+
+# --- poses
+
+
+POSE = rigid(rotation_from_vector(np.array([0.3, -2.0, 0.4])), np.array([1.25, -3.5, 300.0]))
+POSES = {
+    "npy": saved(np.save, POSE),
+    "flat npy": saved(np.save, POSE.ravel()),
+    "text": "\n".join(" ".join(map(repr, row)) for row in POSE.tolist()),
+    "json": json.dumps(POSE.tolist()),
+    "json entry": as_json(name="frame 3", cam_from_model=POSE.tolist(), K=K.tolist()),
+}
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_poses_are_read_to_the_last_bit(tmp_path, name):
+    pose, told = read_pose(file_of(tmp_path, POSES[name]))
+    assert np.array_equal(pose, POSE)
+    assert told is None
+    metres, _ = read_pose(file_of(tmp_path, POSES[name]), mm_per_unit=1000.0)
+    assert metres[:3, 3].tolist() == [1250, -3500, 300_000]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (saved(np.save, POSE[:3]), r"expected a 4x4 matrix, found shape \(3, 4\)"),
+        (saved(np.save, np.diag([-1.0, 1, 1, 1])), "found a reflection"),
+        (saved(np.save, np.array([POSE], dtype=object)), "expected an array of numbers"),
+        (json.dumps(POSE[:3].tolist()), "expected 4 rows of 4 numbers, found 12 numbers"),
+        (as_json(a=POSE.tolist(), b=POSE.tolist()), "expected one entry .* found 'a', 'b'"),
+        (as_json(a=1), "expected one entry .* found none"),
+        ("a b c", "found words"),
+        (b"\xff\xd8\xff\xe0", "found another kind of file"),
+    ],
+)
+def test_what_is_no_pose_is_refused(tmp_path, content, message):
+    with pytest.raises(InputError, match=message):
+        read_pose(file_of(tmp_path, content, "pose"))

@@ -1,0 +1,206 @@
+"""Written cases: read back to the last bit, wherever the files lie, or refused before anything is written."""
+
+import tomllib
+from dataclasses import fields, replace
+from datetime import UTC, date, datetime, time
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.camera.distortion import Distortion
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.case.case_file import Case, Structure, read_case
+from pipeline.case.case_writer import relative_name, toml_value, walked, write_case
+from pipeline.case.landmarks import Landmark
+from pipeline.errors import InputError
+from pipeline.files.numbers import WrittenFloat, length_text, millimetres
+from pipeline.transforms import rigid, se3_exp
+
+lengths = st.floats(-1e6, 1e6)
+any_text = st.text(st.characters(codec="utf-8"))
+names = st.text(st.characters(codec="utf-8", exclude_categories=["Cc"]), min_size=1).filter(str.strip)
+file_names = st.text(st.characters(codec="utf-8", exclude_characters="/\0"), min_size=1).filter(
+    lambda name: name not in (".", "..")
+)
+codes = st.integers(0, 255).map(lambda code: code / 255)
+
+
+def maybe(strategy):
+    return st.none() | strategy
+
+
+landmarks = st.lists(
+    st.builds(
+        Landmark,
+        name=names.map(str.strip),
+        point=maybe(st.tuples(lengths, lengths, lengths)),
+        pixel=maybe(st.tuples(lengths, lengths)),
+        enabled=st.booleans(),
+    ),
+    max_size=4,
+    unique_by=lambda landmark: landmark.name,
+).map(tuple)
+toml_values = st.recursive(
+    st.booleans()
+    | st.integers(-(2**63) + 1, 2**63 - 1)
+    | st.floats(allow_nan=False)
+    | any_text
+    | st.dates()
+    | st.times()
+    | st.datetimes(timezones=maybe(st.just(UTC))),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(any_text, inner, max_size=3),
+    max_leaves=8,
+)
+alignments = st.fixed_dictionaries(
+    {},
+    optional={
+        "method": any_text,
+        "date": st.datetimes().map(datetime.isoformat),
+        "pairs": st.integers(0, 100),
+        "rms_px": st.floats(0, 1e3),
+        "standard_deviation_deg": st.lists(st.floats(0, 1e3), min_size=3, max_size=3),
+        "weakest": any_text,
+    },
+)
+cameras = st.builds(
+    PinholeCamera,
+    width=st.integers(1, 65536),
+    height=st.integers(1, 65536),
+    fx=st.floats(1e-3, 1e6),
+    fy=st.floats(1e-3, 1e6),
+    cx=st.floats(-1, 1),
+    cy=st.floats(-1, 1),
+)
+poses = st.tuples(*[st.floats(-4, 4)] * 3, lengths, lengths, lengths).map(
+    lambda numbers: rigid(se3_exp(np.array([0, 0, 0, *numbers[:3]]))[:3, :3], np.array(numbers[3:]))
+)
+
+
+@st.composite
+def cases(draw, folder: Path = Path("/case")) -> Case:
+    structures = draw(
+        st.lists(
+            st.builds(
+                Structure,
+                name=names,
+                mesh=file_names.map(lambda name: folder / "structures" / name),
+                color=st.tuples(codes, codes, codes),
+            ),
+            max_size=2,
+            unique_by=lambda structure: structure.name,
+        )
+    )
+    return Case(
+        path=folder / "case.toml",
+        mm_per_unit=draw(st.sampled_from([1.0, 1000.0])),
+        image=folder / draw(file_names),
+        camera=draw(cameras),
+        distortion=draw(maybe(st.just(Distortion(1e-9, -1e-9, 1e-9, 0.0, 1e-12)))),
+        mesh=folder / ".." / draw(file_names),
+        cam_from_given=draw(poses),
+        structures=tuple(structures),
+        dataset=draw(st.dictionaries(any_text, toml_values, max_size=3)),
+        landmarks=draw(landmarks),
+        alignment=draw(alignments),
+    )
+
+
+def assert_equal(one: Case, other: Case) -> None:
+    for field in fields(Case):
+        ours, theirs = getattr(one, field.name), getattr(other, field.name)
+        if field.name == "cam_from_given":
+            assert np.array_equal(ours, theirs)
+        else:
+            assert ours == theirs, field.name
+
+
+@given(data=st.data())
+def test_what_is_written_is_read_back(tmp_path_factory, data):
+    case = data.draw(cases(tmp_path_factory.getbasetemp()))
+    write_case(case.path, case, comment="of\ntwo lines")
+    assert_equal(read_case(case.path), case)
+
+
+@given(value_mm=st.floats(allow_nan=False, allow_infinity=False), mm_per_unit=st.sampled_from([1.0, 1000.0]))
+def test_lengths_keep_every_bit_in_any_unit(value_mm, mm_per_unit):
+    text = length_text(value_mm, mm_per_unit)
+    read = tomllib.loads(f"value = {text}", parse_float=WrittenFloat)["value"]
+    assert millimetres(read, mm_per_unit) == value_mm
+
+
+@given(value=toml_values)
+def test_values_are_toml(value):
+    assert tomllib.loads(f"value = {toml_value(value)}")["value"] == value
+
+
+def simple_case(folder: Path) -> Case:
+    return Case(
+        path=folder / "case.toml",
+        mm_per_unit=1.0,
+        image=folder / "frame.png",
+        camera=PinholeCamera(64, 48, 320.0, 330.0, 31.5, 23.5),
+        distortion=None,
+        mesh=folder / "surface.ply",
+        cam_from_given=rigid(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 300.0])),
+    )
+
+
+def test_saved_elsewhere_a_case_names_the_same_files(tmp_path):
+    (tmp_path / "bone").mkdir()
+    (tmp_path / "cases/first").mkdir(parents=True)
+    case = replace(simple_case(tmp_path / "bone"), dataset={"poses": "poses.npy", "count": 3})
+    path = tmp_path / "cases/first/case.toml"
+    write_case(path, case)
+    assert 'mesh = "../../bone/surface.ply"' in path.read_text()
+    again = read_case(path)
+    assert (again.image.resolve(), again.mesh.resolve()) == (case.image, case.mesh)
+    assert again.dataset == {"poses": "../../bone/poses.npy", "count": 3}
+
+
+def test_a_linked_folder_does_not_lead_astray(tmp_path):
+    (tmp_path / "far/away/cases").mkdir(parents=True)
+    (tmp_path / "cases").symlink_to(tmp_path / "far/away/cases", target_is_directory=True)
+    (tmp_path / "surface.ply").touch()
+    name = relative_name(tmp_path / "surface.ply", tmp_path / "cases")
+    assert (tmp_path / "cases" / name).samefile(tmp_path / "surface.ply")
+
+
+def test_the_way_to_a_file_has_slashes_and_stays_on_its_drive():
+    there = PureWindowsPath("C:/data/bones/surface.ply")
+    assert walked(there, PureWindowsPath("C:/data/cases/1")) == "../../bones/surface.ply"
+    assert walked(there, PureWindowsPath("D:/cases")) == "C:/data/bones/surface.ply"
+    assert walked(PurePosixPath("/data/a"), PurePosixPath("/database")) == "../data/a"
+
+
+BAD = {
+    "names": (
+        {"landmarks": (Landmark("a", None, None), Landmark("a", None, None))},
+        "expected a different name for each landmark, found 'a' twice",
+    ),
+    "point": ({"landmarks": (Landmark("a", (np.nan, 0.0, 0.0), None),)}, "expected surface = .*3 finite numbers"),
+    "pose": ({"cam_from_given": np.full((4, 4), np.nan)}, "cam_from_model: expected finite numbers"),
+    "provenance": ({"alignment": {"rms": 1.0}}, "unknown key 'rms'"),
+    "option": ({"dataset": {"count": None}}, "expected a value that TOML can hold, found None"),
+    "file": ({"image": Path("\udcff.png")}, "expected names in Unicode"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_could_not_be_read_is_not_written(tmp_path, name):
+    changes, message = BAD[name]
+    with pytest.raises(InputError, match=message):
+        write_case(tmp_path / "case.toml", replace(simple_case(tmp_path), **changes))
+    assert not list(tmp_path.iterdir())
+
+
+def test_provenance_may_hold_arrays(tmp_path):
+    case = replace(simple_case(tmp_path), alignment={"standard_deviation_mm": np.array([0.1, 0.2, 2.5], np.float32)})
+    write_case(case.path, case)
+    assert read_case(case.path).alignment["standard_deviation_mm"] == np.float32([0.1, 0.2, 2.5]).tolist()
+
+
+def test_dates_are_toml():
+    assert toml_value([date(2026, 3, 31), time(12, 30)]) == "[2026-03-31, 12:30:00]"

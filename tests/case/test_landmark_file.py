@@ -1,0 +1,121 @@
+"""Landmark files: what is written is read back to the last bit; what is doubtful is refused with its line."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.case.landmark_file import read_landmarks, write_landmarks
+from pipeline.case.landmarks import Landmark
+from pipeline.errors import InputError
+
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+lengths = st.floats(-1e6, 1e6)
+names = st.text(st.characters(codec="utf-8", exclude_categories=["Cc"])).map(str.strip).filter(len)
+landmarks = st.lists(
+    st.builds(
+        Landmark,
+        name=names,
+        point=st.none() | st.tuples(lengths, lengths, lengths),
+        pixel=st.none() | st.tuples(numbers, numbers),
+        enabled=st.booleans(),
+    ),
+    max_size=5,
+    unique_by=lambda landmark: landmark.name,
+).map(tuple)
+
+
+@given(landmarks=landmarks, suffix=st.sampled_from([".csv", ".json", ".JSON"]), mm_per_unit=st.sampled_from([1.0, 1e3]))
+def test_what_is_written_is_read_back(tmp_path_factory, landmarks, suffix, mm_per_unit):
+    path = tmp_path_factory.getbasetemp() / f"landmarks{suffix}"
+    write_landmarks(path, landmarks, mm_per_unit=mm_per_unit)
+    assert read_landmarks(path, mm_per_unit=mm_per_unit) == landmarks
+
+
+def read(folder: Path, text: str) -> tuple[Landmark, ...]:
+    path = folder / "pairs.csv"
+    path.write_bytes(text.encode())
+    return read_landmarks(path)
+
+
+def test_spreadsheets_in_any_order_with_other_columns(tmp_path):
+    text = (
+        "\ufeffV;U;Name ;residual_px;z;y;x\r\n"
+        '20.5;10; tip ;1.2;3;2;1\r\n\r\n;;"short; process";;-1e-3;0;0\r\n4;3;ridge\r\n;;to be placed;0.1;;;\r\n'
+    )
+    assert read(tmp_path, text) == (
+        Landmark("tip", (1.0, 2.0, 3.0), (10.0, 20.5)),
+        Landmark("short; process", (0.0, 0.0, -0.001), None),
+        Landmark("ridge", None, (3.0, 4.0)),
+        Landmark("to be placed", None, None),
+    )
+    assert [mark.enabled for mark in read(tmp_path, "name,x,y,z,u,v,enabled\na,,,,,,TRUE\nb,,,,,,0\nc")] == [1, 0, 1]
+
+
+HEADER = "name,x,y,z,u,v,enabled\n"
+BAD = {
+    "no header": (
+        "tip,1,2,3,10,20,true\n",
+        r"line 1: expected a header name,x,y,z,u,v,enabled, found no column 'name'",
+    ),
+    "only blanks": ("\n \n", "expected a header"),
+    "column missing": ("name,x,y,u,v\n", "line 1: expected a header .* found no column 'z'"),
+    "column twice": ("name,x,y,z,z,u,v\n", "line 1: expected one column 'z', found 2"),
+    "column misspelt": ("name,x,y,z,u,v,enable\n", "line 1: expected a column 'enabled', found 'enable'"),
+    "word": (HEADER + "\ntip,1,2,three,,,\n", "line 3: z: expected a number, found 'three'"),
+    "part of a point": (HEADER + "tip,1,,3,,,\n", "line 2: y: expected a number, found an empty cell"),
+    "part of a pixel": (HEADER + "tip,1,2,3,10\n", "line 2: v: expected a number, found an empty cell"),
+    "decimal commas": (HEADER.replace(",", ";") + "tip;1,5;2;3;;;\n", "x: expected a number, .*write a decimal point"),
+    "too many cells": (
+        HEADER + "tip,1,5,2,0,3,0,10,20\n",
+        "line 2: expected at most 7 cells, .* found 9; write decimal",
+    ),
+    "infinite": (HEADER + "tip,1,inf,3,,,\n", r"line 2: expected surface = \[x, y, z\], 3 finite numbers"),
+    "underscore": (HEADER + "tip,1_0,2,3,,,\n", "line 2: x: expected a number, found '1_0'"),
+    "truth": (HEADER + "tip,,,,,,maybe\n", "line 2: expected enabled = true or false, found 'maybe'"),
+    "no name": (HEADER + ",1,2,3,,,\n", "line 2: expected a name, found ''"),
+    "name twice": (HEADER + "a,,,,,,\nb,,,,,,\na ,,,,,,\n", "line 4: expected another name, 'a' stands in line 2"),
+    "quote without end": (HEADER + 'tip,1,2,3,"10,20,true\n', "line 2: expected CSV, found a mistake"),
+    "broken JSON": ('[{"name": ', "expected JSON, found a mistake"),
+    "JSON of another kind": ('{"name": "tip"}', "expected a list of tables"),
+    "JSON key": ('[{"name": "tip", "point": []}]', "landmark number 1: unknown key 'point'"),
+    "nothing": ("", "found an empty one"),
+    "zeros": ("\0\0\0", "found another kind of file"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_doubtful_is_refused_with_its_line(tmp_path, name):
+    text, message = BAD[name]
+    with pytest.raises(InputError, match=rf"^pairs\.csv: .*{message}"):
+        read(tmp_path, text)
+
+
+@given(text=st.text(st.sampled_from('name,xyzuv;\n"1.5-e[]{}: \r')), header=st.booleans())
+def test_any_text_is_taken_or_refused_with_a_sentence(tmp_path_factory, text, header):
+    assert sentence(tmp_path_factory.getbasetemp(), HEADER * header + text).startswith("pairs.csv: ")
+
+
+def sentence(folder: Path, text: str) -> str:
+    try:
+        read(folder, text)
+    except InputError as error:
+        return str(error)
+    return "pairs.csv: taken"
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".json"])
+@pytest.mark.parametrize(
+    ("landmarks", "message"),
+    [
+        ([Landmark("a", None, None), Landmark("a", None, None)], "'a'"),
+        ([Landmark("a", None, (float("nan"), 0.0))], "finite"),
+        ([Landmark("", None, None)], "expected a name"),
+        ([Landmark("a\nb", None, None)], "expected a name"),
+    ],
+)
+def test_what_could_not_be_read_is_not_written(tmp_path, suffix, landmarks, message):
+    with pytest.raises(InputError, match=message):
+        write_landmarks(tmp_path / f"pairs{suffix}", landmarks)
+    assert not list(tmp_path.iterdir())

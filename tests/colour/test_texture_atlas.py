@@ -1,0 +1,364 @@
+import numpy as np
+import pytest
+
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.colour.source_view import SourceView
+from pipeline.colour.texture_atlas import bake_atlas, classify_faces
+from pipeline.colour.vertex_colours import NEUTRAL
+from pipeline.errors import InputError
+from pipeline.projection.rasteriser import rasterise
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.transforms import camera_centre, rigid, rotation_from_vector, transform_points
+
+CAMERA = PinholeCamera(160, 120, 500.0, 510.0, 78.3, 60.9)
+CAM_FROM_MODEL = rigid(translation=np.array([0, 0, 200.0]))
+
+
+def grid_mesh(columns, rows, half_width, half_height, z_of_xy):
+    """A height field over the model's xy plane, its front towards -z (towards the camera)."""
+    x, y = np.meshgrid(
+        np.linspace(-half_width, half_width, columns + 1), np.linspace(-half_height, half_height, rows + 1)
+    )
+    vertices = np.stack([x, y, z_of_xy(x, y)], axis=-1).reshape(-1, 3)
+    i = np.arange(len(vertices)).reshape(x.shape)
+    a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, 1:].ravel(), i[1:, :-1].ravel()
+    faces = np.concatenate([np.stack([a, c, b], axis=1), np.stack([a, d, c], axis=1)])
+    return TriangleMesh(vertices, faces.astype(np.int32))
+
+
+def sphere_mesh(rows, radius, centre):
+    """Latitudes and longitudes; the caps stay open."""
+    polar, azimuth = np.meshgrid(np.linspace(0.05, np.pi - 0.05, rows + 1), np.linspace(0, 2 * np.pi, 2 * rows + 1))
+    unit = np.stack([np.sin(polar) * np.cos(azimuth), np.cos(polar), np.sin(polar) * np.sin(azimuth)], axis=-1)
+    i = np.arange(unit[..., 0].size).reshape(polar.shape)
+    a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, 1:].ravel(), i[1:, :-1].ravel()
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    mesh = TriangleMesh(unit.reshape(-1, 3), faces.astype(np.int32))
+    outwards = (mesh.face_cross * mesh.vertices[mesh.faces[:, 0]]).sum() > 0
+    mesh = mesh if outwards else mesh.flipped()
+    return mesh.scaled(radius).moved(np.asarray(centre, float))
+
+
+def joined(first, second):
+    return TriangleMesh(
+        np.concatenate([first.vertices, second.vertices]),
+        np.concatenate([first.faces, second.faces + len(first.vertices)]).astype(np.int32),
+    )
+
+
+def microscope_like(camera, rng):
+    """Smooth shading, noise of a few pixels, and sharp edges."""
+    u, v = camera.pixel_grid()[..., 0], camera.pixel_grid()[..., 1]
+    noise = rng.normal(0, 1, (*camera.shape_hw, 3))
+    for axis in (0, 1):
+        noise = sum(np.roll(noise, shift, axis) for shift in (-2, -1, 0, 1, 2)) / np.sqrt(5)
+    vessels = ((np.sin(u / 9 + np.sin(v / 17)) > 0.8) | (np.cos(v / 13 + u / 40) > 0.9))[..., None] * [0.3, -0.2, -0.2]
+    shading = 0.5 + 0.2 * np.cos((u - 70) / 90)[..., None] * np.cos((v - 50) / 70)[..., None]
+    return np.clip(shading + vessels + 0.04 * noise, 0, 1).astype(np.float32)
+
+
+def bilinear(image, x, y):
+    """Written apart from the code under test; coordinates must be inside."""
+    j, i = np.floor(y).astype(int), np.floor(x).astype(int)
+    j, i = np.clip(j, 0, image.shape[0] - 2), np.clip(i, 0, image.shape[1] - 2)
+    s, t = x - i, y - j
+    weights = (((1 - s) * (1 - t), 0, 0), (s * (1 - t), 0, 1), ((1 - s) * t, 1, 0), (s * t, 1, 1))
+    return sum(w.reshape(-1, *[1] * (image.ndim - 2)) * image[j + dj, i + di] for w, dj, di in weights)
+
+
+class SurfacePoints:
+    """Random points of a mesh: drawn evenly over its faces' area, or at one point per face."""
+
+    def __init__(self, mesh, n, rng):
+        area = np.linalg.norm(mesh.face_cross, axis=1)
+        self.face = rng.choice(len(area), n, p=area / area.sum())
+        self.weights = rng.dirichlet([0.7, 0.7, 0.7], n)  # near edges and corners more often
+        self.points = np.einsum("nk,nkd->nd", self.weights, mesh.vertices[mesh.faces[self.face]])
+        self.normals = mesh.face_normals[self.face]
+
+    def look_up(self, atlas):
+        """What a renderer shows: colour and flag at the UV interpolated in single precision."""
+        corners = atlas.uv.astype(np.float32)[self.face].astype(np.float64)
+        u, v = np.einsum("nk,nkd->nd", self.weights, corners).T
+        height, width = atlas.observed.shape
+        x, y = u * width - 0.5, (1 - v) * height - 0.5
+        return bilinear(atlas.image, x, y), bilinear(atlas.observed.astype(float), x, y) >= 1 - 1e-4
+
+    def sampled_directly(self, image, camera, cam_from_model):
+        pixels = camera.project(transform_points(cam_from_model, self.points))
+        inside = ((pixels >= 0) & (pixels <= np.array(camera.size_wh) - 1)).all(axis=1)
+        colour = np.full((len(pixels), image.shape[2]), np.nan)
+        colour[inside] = bilinear(image, *pixels[inside].T)
+        return colour, inside
+
+
+def facing_rule(camera, cam_from_model):
+    """In the frame and turned to it: visibility on a surface that does not hide itself."""
+
+    def observed(points, normals):
+        with np.errstate(invalid="ignore"):
+            pixels = camera.project(transform_points(cam_from_model, points))
+            inside = ((pixels >= -1e-6) & (pixels <= np.array(camera.size_wh) - 1 + 1e-6)).all(axis=1)
+        to_camera = camera_centre(cam_from_model) - points
+        cosine = (to_camera * normals).sum(axis=1) / np.linalg.norm(to_camera, axis=1)
+        return inside & (cosine > 0.1)
+
+    return observed
+
+
+def bake(mesh, image, observed, camera=CAMERA, cam_from_model=CAM_FROM_MODEL, **options):
+    seen = classify_faces(mesh, camera, cam_from_model, observed)
+    atlas = bake_atlas(mesh, camera, cam_from_model, image, observed, seen, **options)
+    assert atlas.uv.shape == (len(mesh.faces), 3, 2)
+    assert atlas.uv.min() >= 0
+    assert atlas.uv.max() <= 1
+    assert np.isfinite(atlas.image).all()
+    assert atlas.image.dtype == np.float32
+    assert (atlas.image[~atlas.observed] == np.float32(NEUTRAL)).all()
+    assert sum(atlas.faces_seen) == len(mesh.faces)
+    return atlas, seen
+
+
+def test_fronto_parallel_plane_is_lossless():
+    rng = np.random.default_rng(1)
+    image = rng.uniform(0, 1, (*CAMERA.shape_hw, 3)).astype(np.float32)
+    mesh = grid_mesh(90, 70, 40, 30, lambda x, y: 0 * x)  # larger than the frame
+    observed = facing_rule(CAMERA, CAM_FROM_MODEL)
+    atlas, seen = bake(mesh, image, observed)
+    assert atlas.separate_charts == 0
+    points = SurfacePoints(mesh, 30000, rng)
+    colour, flag = points.look_up(atlas)
+    expected, inside = points.sampled_directly(image, CAMERA, CAM_FROM_MODEL)
+    np.testing.assert_array_equal(flag, inside)
+    # single-precision UV: 1e-5 px on noise of full contrast
+    np.testing.assert_allclose(colour[inside], expected[inside], atol=2e-5)
+    assert set(np.unique(seen)) == {0, 1, 2}
+
+
+def test_layer_texels_are_the_frames_pixels():
+    """A dense tilted surface: not one pixel of it is resampled by more than a trace."""
+    rng = np.random.default_rng(2)
+    image = rng.uniform(0, 1, (*CAMERA.shape_hw, 3)).astype(np.float32)
+    mesh = grid_mesh(60, 50, 9, 7, lambda x, y: 0.8 * x + 0.3 * y)
+    atlas, _ = bake(mesh, image, facing_rule(CAMERA, CAM_FROM_MODEL))
+    first = CAMERA.project(transform_points(CAM_FROM_MODEL, mesh.vertices[mesh.faces[0]]))
+    height, width = atlas.observed.shape
+    offset = first[0] - (atlas.uv[0, 0] * [1, -1] + [0, 1]) * [width, height] + 0.5
+    np.testing.assert_allclose(offset, np.round(offset), atol=1e-8)
+    dx, dy = np.round(offset).astype(int)
+    y, x = np.nonzero(atlas.observed)
+    assert len(y) > 1500
+    assert np.abs(atlas.image[y, x] - image[y + dy, x + dx]).mean() < 0.1 / 255
+
+
+@pytest.mark.parametrize("rows", [40, 150])
+def test_curved_surface_agrees_with_direct_sampling(rows):
+    rng = np.random.default_rng(3)
+    image = microscope_like(CAMERA, rng)
+    mesh = sphere_mesh(rows, 18.0, [2, -1, 0])
+    observed = facing_rule(CAMERA, CAM_FROM_MODEL)
+    atlas, _ = bake(mesh, image, observed)
+    points = SurfacePoints(mesh, 40000, rng)
+    colour, flag = points.look_up(atlas)
+    expected, inside = points.sampled_directly(image, CAMERA, CAM_FROM_MODEL)
+    direct = observed(points.points, points.normals) & inside
+    assert direct.mean() > 0.4
+    # the atlas may refuse a texel's width at the rim, and hardly ever accepts more
+    assert (flag & direct).sum() > 0.97 * direct.sum()
+    assert (flag & ~direct).sum() < 0.002 * direct.sum()
+    error = np.abs(colour - expected)[flag & direct]
+    assert error.mean() < 0.5 / 255
+    assert np.quantile(error, 0.99) < 4 / 255
+
+
+def test_large_slanted_triangles_keep_perspective():
+    rng = np.random.default_rng(4)
+    image = microscope_like(CAMERA, rng)
+    mesh = grid_mesh(1, 1, 30, 14, lambda x, y: 1.5 * x)
+    points = SurfacePoints(mesh, 30000, rng)
+    atlas, _ = bake(mesh, image, facing_rule(CAMERA, CAM_FROM_MODEL))
+    assert atlas.separate_charts == 2
+    colour, flag = points.look_up(atlas)
+    expected, inside = points.sampled_directly(image, CAMERA, CAM_FROM_MODEL)
+    assert flag[inside].mean() > 0.97
+    error = np.abs(colour - expected)[flag & inside].mean()
+    # the naive map: UV = projected corners, interpolated affinely
+    pixels = CAMERA.project(transform_points(CAM_FROM_MODEL, mesh.vertices))[mesh.faces[points.face]]
+    affine = np.einsum("nk,nkd->nd", points.weights, pixels)
+    usable = flag & inside & ((affine >= 0) & (affine <= np.array(CAMERA.size_wh) - 1)).all(axis=1)
+    naive = np.abs(bilinear(image, *affine[usable].T) - expected[usable]).mean()
+    assert error < 0.6 / 255
+    assert naive > 40 * error
+
+
+SPHERE_CENTRE, SPHERE_RADIUS = np.array([3.0, -2.0, -45.0]), 9.0
+
+
+def depth_to_sphere(origin, directions):
+    """Ray parameter of the first hit with the occluder, infinite if missed; directions need not be unit."""
+    along = ((SPHERE_CENTRE - origin) * directions).sum(axis=-1) / (directions**2).sum(axis=-1)
+    gap = ((origin + along[..., None] * directions - SPHERE_CENTRE) ** 2).sum(axis=-1)
+    half = np.sqrt(np.maximum(SPHERE_RADIUS**2 - gap, 0) / (directions**2).sum(axis=-1))
+    return np.where(gap <= SPHERE_RADIUS**2, along - half, np.inf)
+
+
+def _pixels(points):
+    return CAMERA.project(transform_points(CAM_FROM_MODEL, points))
+
+
+@pytest.mark.parametrize("cells", [1, 7, 60, 160])
+def test_hidden_surface_is_neither_observed_nor_given_the_occluders_colour(cells):
+    rng = np.random.default_rng(5)
+    plane = grid_mesh(cells, cells, 45, 36, lambda x, y: 0 * x)
+    mesh = joined(plane, sphere_mesh(min(max(cells, 12), 50), SPHERE_RADIUS, SPHERE_CENTRE))
+    centre = camera_centre(CAM_FROM_MODEL)
+    in_front = facing_rule(CAMERA, CAM_FROM_MODEL)
+
+    rays = CAMERA.rays_cam(CAMERA.pixel_grid()) @ CAM_FROM_MODEL[:3, :3]
+    shows_sphere = np.isfinite(depth_to_sphere(centre, rays))
+
+    def not_hidden(points, normals):
+        return in_front(points, normals) & (depth_to_sphere(centre, points - centre) > 0.98)
+
+    def observed(points, normals):
+        """Not hidden, and the lookup in the frame reads only pixels that show the point's own surface."""
+        flags = not_hidden(points, normals)
+        u, v = _pixels(points[flags]).T
+        on_sphere = np.linalg.norm(points[flags] - SPHERE_CENTRE, axis=1) < 1.1 * SPHERE_RADIUS
+        flags[flags] = np.where(on_sphere, 1, 0) == bilinear(shows_sphere.astype(float), u.round(6), v.round(6))
+        return flags
+
+    image = rng.uniform(0, 1, (*CAMERA.shape_hw, 3)).astype(np.float32)
+    image[..., 0] = shows_sphere  # red is the occluder, green and blue are noise
+    atlas, seen = bake(mesh, image, observed)
+    assert (seen[: len(plane.faces)] == 1).any()
+    if cells == 1:  # the plane leaves the layer to the sphere, of which no more than the rim follows
+        assert atlas.separate_charts <= (seen == 1).sum()
+
+    points = SurfacePoints(plane, 60000, rng)
+    colour, flag = points.look_up(atlas)
+    expected, inside = points.sampled_directly(image, CAMERA, CAM_FROM_MODEL)
+    hidden = inside & ~not_hidden(points.points, points.normals)
+    assert hidden.sum() > 1000
+    assert not flag[hidden].any()
+    assert colour[flag, 0].max() < 1e-4
+    # what is surely visible, with all four pixels of its lookup, is kept and right
+    pixels = _pixels(points.points)[inside].astype(int)
+    clear = inside.copy()
+    clear[inside] = sum(shows_sphere[pixels[:, 1] + dy, pixels[:, 0] + dx] for dx in (0, 1) for dy in (0, 1)) == 0
+    assert flag[clear].mean() > 0.98
+    np.testing.assert_allclose(colour[flag & clear], expected[flag & clear], atol=1e-4)
+
+
+def test_flags_follow_the_visibility_rule_of_the_project():
+    """Atlas flags are never wider than the rule at the point itself, and narrower only within a pixel of a rim."""
+    rng = np.random.default_rng(6)
+    pose = rigid(rotation_from_vector(np.array([0.3, -0.4, 0.1])), np.array([0, 0, 200.0]))
+    plane = grid_mesh(150, 120, 40, 30, lambda x, y: 1.5 * np.sin(x / 3) * np.cos(y / 4))
+    mesh = joined(plane, sphere_mesh(60, 6.0, [3, -2, -45]))
+    points_cam = transform_points(pose, mesh.vertices)
+    inverse = np.zeros(CAMERA.width * CAMERA.height, dtype=np.float32)
+    for samples in rasterise(CAMERA.project(points_cam)[mesh.faces]):
+        inside = CAMERA.contains(np.stack([samples.x, samples.y], axis=1))
+        corners = points_cam[mesh.faces[samples.triangle[inside]], 2]
+        value = (samples.barycentric[inside] / corners).sum(axis=1)
+        np.maximum.at(inverse, samples.y[inside] * CAMERA.width + samples.x[inside], value)
+    image = microscope_like(CAMERA, rng)
+    source = SourceView(CAMERA, pose, image, inverse.reshape(CAMERA.shape_hw))
+    atlas, _ = bake(mesh, image, source.observed, cam_from_model=pose)
+    points = SurfacePoints(mesh, 40000, rng)
+    colour, flag = points.look_up(atlas)
+    expected, inside = points.sampled_directly(image, CAMERA, pose)
+    rule = source.observed(points.points, points.normals)
+    assert 0.3 < rule.mean() < 0.9
+    assert (flag & ~rule).mean() < 2e-4
+    assert (rule & ~flag).mean() < 0.02
+    assert np.abs(colour - expected)[flag & rule & inside].mean() < 0.5 / 255
+
+
+@pytest.mark.parametrize("slope", [-2.5, 2.5])
+def test_no_seam_along_a_crease_between_separate_charts(slope):
+    """Two large faces of a ridge or valley: texels beyond the crease leave the surface, lookups at it stay observed."""
+    rng = np.random.default_rng(9)
+    mesh = grid_mesh(2, 1, 10, 9, lambda x, y: slope * np.abs(x))
+    across = np.abs(CAMERA.rays_cam(CAMERA.pixel_grid())[..., 0])
+    inverse_depth = ((1 - slope * across) / 200).astype(np.float32)
+    image = microscope_like(CAMERA, rng)
+    source = SourceView(CAMERA, CAM_FROM_MODEL, image, inverse_depth)
+    atlas, seen = bake(mesh, image, source.observed)
+    assert atlas.separate_charts == 4
+    assert seen.all()
+    points = SurfacePoints(mesh, 40000, rng)
+    colour, flag = points.look_up(atlas)
+    rule = source.observed(points.points, points.normals)
+    at_crease = rule & (np.abs(points.points[:, 0]) < 0.3) & (np.abs(points.points[:, 1]) < 8)
+    assert at_crease.sum() > 300
+    assert flag[at_crease].mean() > 0.95
+    expected, _ = points.sampled_directly(image, CAMERA, CAM_FROM_MODEL)
+    assert np.abs(colour - expected)[flag & at_crease].mean() < 1 / 255
+
+
+def test_texels_outside_the_frame_are_never_observed():
+    mesh = grid_mesh(40, 30, 60, 45, lambda x, y: 0 * x)
+    image = np.ones((*CAMERA.shape_hw, 3), np.float32)
+    atlas, _ = bake(mesh, image, lambda points, normals: np.ones(len(points), bool))
+    assert atlas.observed.sum() == CAMERA.width * CAMERA.height
+    assert (atlas.image[atlas.observed] == 1).all()
+
+
+def test_small_occluder_inside_a_large_face_is_found():
+    mesh = grid_mesh(1, 1, 15, 11, lambda x, y: 0 * x)
+    hole = np.array([-6.0, 4.0, 0])
+
+    def observed(points, normals):
+        return np.linalg.norm(points - hole, axis=1) > 1.0
+
+    seen = classify_faces(mesh, CAMERA, CAM_FROM_MODEL, observed)
+    assert sorted(seen.tolist()) == [1, 2]
+
+
+def test_unseen_faces_are_neutral():
+    rng = np.random.default_rng(7)
+    mesh = sphere_mesh(30, 10.0, [0, 0, 0])
+    image = microscope_like(CAMERA, rng)
+    atlas, seen = bake(mesh, image, facing_rule(CAMERA, CAM_FROM_MODEL))
+    points = SurfacePoints(mesh, 20000, rng)
+    colour, flag = points.look_up(atlas)
+    unseen = seen[points.face] == 0
+    assert unseen.mean() > 0.4
+    np.testing.assert_allclose(colour[unseen], NEUTRAL, atol=1e-6)
+    assert not flag[unseen].any()
+
+    atlas, seen = bake(mesh, image, lambda points, normals: np.zeros(len(points), bool))
+    assert not seen.any()
+    assert not atlas.observed.any()
+    assert max(atlas.observed.shape) <= 16
+    assert not points.look_up(atlas)[1].any()
+
+
+def test_floor_that_passes_under_the_camera():
+    """Corners behind the camera have no projection: the chart is the face itself, unrolled, and that is told."""
+    rng = np.random.default_rng(8)
+    vertices = np.array([[-900.0, 120, -600], [900, 120, -600], [900, 120, 900], [-900, 120, 900]])
+    mesh = TriangleMesh(vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+    camera = PinholeCamera(160, 120, 100.0, 100.0, 80, 20)
+    u = camera.pixel_grid()[..., :1] / 160
+    image = np.concatenate([u, 1 - u, 0.5 * u], axis=-1).astype(np.float32)  # smooth: survives coarse texels
+    atlas, seen = bake(mesh, image, facing_rule(camera, CAM_FROM_MODEL), camera)
+    assert (seen == 1).all()
+    assert atlas.coarse_charts == 2
+    assert "subdivide" in atlas.told()[1]
+    points = SurfacePoints(mesh, 30000, rng)
+    colour, flag = points.look_up(atlas)
+    expected, inside = points.sampled_directly(image, camera, CAM_FROM_MODEL)
+    assert flag[inside].mean() > 0.5
+    assert not flag[~inside].any()
+    assert np.abs(colour - expected)[flag].max() < 3 / 255
+
+
+def test_too_large_an_atlas_is_refused():
+    mesh = grid_mesh(30, 30, 30, 20, lambda x, y: 0 * x)
+    image = np.zeros((*CAMERA.shape_hw, 3), np.float32)
+    observed = facing_rule(CAMERA, CAM_FROM_MODEL)
+    with pytest.raises(InputError, match=r"at most 64x64 texels.*vertex or the projective"):
+        bake(mesh, image, observed, max_size=64)

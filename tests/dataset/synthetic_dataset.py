@@ -1,0 +1,137 @@
+"""A tiny dataset as render_dataset.py would write it, rendered by casting a ray through every pixel."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.dataset.layout import FramePaths
+from pipeline.dataset.tables import write_camera, write_models, write_poses, write_scene
+from pipeline.dataset.view import mask_statistics, view_files, write_view
+from pipeline.images.png import encode_png
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.transforms import rigid, rotation_from_vector, transform_points
+
+CAMERA = PinholeCamera(width=64, height=48, fx=151.3, fy=147.9, cx=30.2, cy=25.1)
+COUNT, PER_SCENE, DEPTH_SCALE = 4, 3, 0.01
+CENTRE = np.array([11.0, -7.0, 420.0])
+VIDEO_FRAMES = 3
+
+
+def lumpy_sphere() -> TriangleMesh:
+    """A closed surface of 400 triangles with slopes in every direction, radius about 30 mm, its vertices demeaned."""
+    latitude, longitude = np.meshgrid(np.linspace(-1.4, 1.4, 11), np.arange(20) * 2 * np.pi / 20, indexing="ij")
+    around = np.stack(
+        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)], axis=-1
+    ).reshape(-1, 3)
+    points = np.concatenate([around, [[0, 0, -1], [0, 0, 1]]])
+    points *= 30 + 4 * np.sin(5 * points[:, :1]) * np.cos(4 * points[:, 1:2] + 1)
+    i, j = np.mgrid[:10, :20]
+    a, b = i * 20 + j, i * 20 + (j + 1) % 20
+    sides = [np.stack([a, b, b + 20], -1).reshape(-1, 3), np.stack([a, b + 20, a + 20], -1).reshape(-1, 3)]
+    first, second = np.arange(20), (np.arange(20) + 1) % 20
+    caps = [np.stack([second, first, 0 * first + 220], -1), np.stack([first + 200, second + 200, 0 * first + 221], -1)]
+    # single precision, as the file stores it
+    points = (points - points.mean(axis=0)).astype(np.float32).astype(np.float64)
+    return TriangleMesh(points, np.concatenate([*sides, *caps]).astype(np.int32))
+
+
+MESH = lumpy_sphere()
+
+
+def cast_rays(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, *, beyond: int = 0) -> np.ndarray:
+    """Depth by Moeller & Trumbore's intersection of every ray with every triangle; 0 for none.
+
+    ``beyond`` adds so many image sizes on each side.
+    """
+    a, b, c = np.moveaxis(transform_points(cam_from_model, mesh.vertices)[mesh.faces], 1, 0)
+    across, down = b - a, c - a
+    v, u = np.mgrid[
+        -beyond * camera.height : (1 + beyond) * camera.height, -beyond * camera.width : (1 + beyond) * camera.width
+    ]
+    rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], -1).reshape(-1, 3)
+    normal = np.cross(across, down)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = rays @ normal.T
+        z = (a * normal).sum(axis=1) / along
+        first = -(rays @ np.cross(a, down).T) / along
+        second = -(rays @ np.cross(across, a).T) / along
+        hit = (first >= 0) & (second >= 0) & (first + second <= 1) & (z > 0)
+    nearest = np.where(hit, z, np.inf).min(axis=1)
+    return np.where(np.isfinite(nearest), nearest, 0).reshape(u.shape)
+
+
+def pose_of(index: int) -> np.ndarray:
+    turn = rotation_from_vector(np.array([0.4 + 0.3 * index, -0.7 + 0.2 * index, 0.3 * index]))
+    # the last view is cut by the image's edge
+    return rigid(turn, [18.0 if index == COUNT - 1 else 1.5 * index - 2, 2.0 - index, 260.0 + 20 * index])
+
+
+def make_dataset(root: Path) -> None:
+    """What render_dataset.py would have written."""
+    root.mkdir()
+    options = {"samples": 1, "float_depth": True}
+    identity = {
+        "format": "oneframe dataset 1",
+        "count": COUNT,
+        "options": options,
+        "camera": {**asdict(CAMERA), "K": CAMERA.k.tolist()},
+        "frame": {**asdict(CAMERA), "cam_from_model": pose_of(0).tolist()},
+        "given_from_model": rigid(translation=CENTRE).tolist(),
+    }
+    (root / "dataset.json").write_text(json.dumps(identity))
+    write_models(root, MESH, np.full((len(MESH.vertices), 3), 200, np.uint8))
+    for index in range(COUNT):
+        write_one(root, index)
+    write_tables(root, CAMERA)
+    for picture in ("contact_sheet.png", "overlay.png"):
+        (root / picture).write_bytes(encode_png(np.zeros((8, 8, 3), np.uint8)))
+    (root / "video").mkdir()
+    video = cv2.VideoWriter(str(root / "video/trajectory.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 24, CAMERA.size_wh)
+    for _ in range(VIDEO_FRAMES):
+        video.write(np.zeros((*CAMERA.shape_hw, 3), np.uint8))
+    video.release()
+    names = ["frame", *(f"r{i}{j}" for i in range(3) for j in range(3)), "tx_mm", "ty_mm", "tz_mm"]
+    rows = [[i, *pose_of(i)[:3, :3].ravel().tolist(), *pose_of(i)[:3, 3].tolist()] for i in range(VIDEO_FRAMES)]
+    (root / "video/poses.csv").write_text("\n".join(",".join(map(str, row)) for row in [names, *rows]) + "\n")
+
+
+def write_one(root: Path, index: int) -> None:
+    pose = pose_of(index)
+    wide = cast_rays(MESH, CAMERA, pose, beyond=1)
+    depth = wide[CAMERA.height : 2 * CAMERA.height, CAMERA.width : 2 * CAMERA.width].astype(np.float32)
+    mask = depth > 0
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+    observed = mask & (u > 12)
+    colour = np.stack([u / 64, v / 48, np.full(u.shape, 0.5 + 0.1 * index)], -1) * mask[..., None]
+    visible, rows = mask_statistics(mask), np.argwhere(wide > 0)
+    (top, left), (bottom, right) = rows.min(axis=0), rows.max(axis=0)
+    inside, whole = int(mask.sum()), len(rows)
+    box = [left - CAMERA.width, top - CAMERA.height, right - left, bottom - top]
+    record = {
+        "cam_R_m2c": pose[:3, :3].ravel().tolist(),
+        "cam_t_m2c": pose[:3, 3].tolist(),
+        "depth_scale": DEPTH_SCALE,
+        "gt_info": {
+            "bbox_obj": [int(side) for side in box],
+            "bbox_visib": visible["bbox_visib"],
+            "px_count_all": whole,
+            "px_count_valid": inside,
+            "px_count_visib": inside,
+            "visib_fract": inside / whole,
+        },
+        "px_count_observed": int(observed.sum()),
+        "rle_counts": visible["rle_counts"],
+    }
+    files = view_files(colour, depth, observed, depth_scale=DEPTH_SCALE, float_depth=True)
+    write_view(FramePaths(root, index), files, record)
+
+
+def write_tables(root: Path, camera: PinholeCamera) -> None:
+    write_camera(root, camera, DEPTH_SCALE)
+    for first in range(0, COUNT, PER_SCENE):
+        write_scene(root, range(first, min(first + PER_SCENE, COUNT)), camera)
+    write_poses(root, range(COUNT), camera, rigid(translation=CENTRE))

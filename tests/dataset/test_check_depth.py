@@ -1,0 +1,94 @@
+"""Laws of the comparison of poses with pixels: cast rays agree with it, and a shift is measured as what it is."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.dataset.check.depth import agreement, surface_depth
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.transforms import rigid, rotation_from_vector
+from tests.dataset.synthetic_dataset import CAMERA, DEPTH_SCALE, MESH, cast_rays
+
+seeds = st.integers(0, 2**32 - 1).map(np.random.default_rng)
+
+
+def random_view(rng: np.random.Generator, nearest: float) -> tuple[TriangleMesh, PinholeCamera, np.ndarray]:
+    camera = PinholeCamera(24, 18, *rng.uniform(15, 60, 2), *rng.uniform(-2, 26, 2))
+    mesh = TriangleMesh(rng.normal(size=(12, 3)), rng.permuted(np.tile(np.arange(12), (14, 1)), axis=1)[:, :3])
+    pose = rigid(
+        rotation_from_vector(2 * rng.normal(size=3)), [*rng.normal(scale=0.5, size=2), rng.uniform(nearest, 6)]
+    )
+    return mesh, camera, pose
+
+
+@settings(deadline=None, max_examples=60)
+@given(seeds, st.sampled_from([3.5, -1.0]))
+def test_projected_triangles_have_the_depths_of_cast_rays(rng, nearest):
+    """Also from inside the surface: triangles that reach behind the camera are cut, not lost."""
+    mesh, camera, pose = random_view(rng, nearest)
+    found, expected = surface_depth(mesh, camera, pose), cast_rays(mesh, camera, pose)
+    # a centre on an edge may fall to either side
+    same = np.isclose(found.z, expected, rtol=1e-7, atol=1e-9)
+    assert (~same).sum() <= 1, (found.z[~same], expected[~same])
+
+
+@settings(deadline=None, max_examples=12)
+@given(seeds)
+def test_an_exact_depth_image_agrees_and_a_shifted_one_tells_its_shift(rng):
+    pose = rigid(rotation_from_vector(2 * rng.normal(size=3)), [*rng.normal(scale=5, size=2), rng.uniform(220, 300)])
+    depth = np.rint(cast_rays(MESH, CAMERA, pose) / DEPTH_SCALE).astype(np.uint16)
+    exact = agreement(depth, DEPTH_SCALE, surface_depth(MESH, CAMERA, pose), CAMERA.fx)
+    assert exact.agreeing == exact.compared > 100
+    assert exact.only_one == 0
+    assert np.hypot(*exact.shift_px) < 0.02
+    shift = rng.uniform(-0.4, 0.4, 2)
+    camera = replace(CAMERA, cx=CAMERA.cx + shift[0], cy=CAMERA.cy + shift[1])
+    shifted = agreement(depth, DEPTH_SCALE, surface_depth(MESH, camera, pose), CAMERA.fx)
+    np.testing.assert_allclose(shifted.shift_px, -shift, atol=0.12)
+
+
+@settings(deadline=None, max_examples=25)
+@given(seeds, st.floats(0, 1.2))
+def test_a_plane_that_fills_the_image_raises_no_false_alarm(rng, tilt):
+    plane = plate(400)
+    pose = rigid(rotation_from_vector(np.array([tilt, 0, rng.uniform(0, 6)])), [0, 0, 300])
+    depth = np.rint(cast_rays(plane, CAMERA, pose) / DEPTH_SCALE).astype(np.uint16)
+    found = agreement(depth, DEPTH_SCALE, surface_depth(plane, CAMERA, pose), CAMERA.fx)
+    assert (found.agreeing, found.only_one, found.outline) == (CAMERA.width * CAMERA.height, 0, 0)
+    assert not found.misfit
+
+
+def plate(half_width_mm: float) -> TriangleMesh:
+    corners = half_width_mm * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    return TriangleMesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def pyramid() -> TriangleMesh:
+    """Larger than the image, its sides 17 degrees steep."""
+    base = 400 * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [0, 0, -0.3]])
+    return TriangleMesh(base, np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]))
+
+
+@pytest.mark.parametrize(
+    ("mesh", "turn", "depth_scale", "shift_px", "expected"),
+    [
+        (plate(30), [0, 0, 0.2], 0.01, 0.5, r"^\d+ px are in one of the two masks only \(outline \d+ px\)$"),
+        (pyramid(), [0, 0, 0.2], 0.25, 0.2, r"the depths fit best with a shift of \(-0\.2\d, [+-]0\.0\d\) px$"),
+        (plate(400), [0, 0.3, 0], 0.01, 0.06, r"^only \d+\.\d% of the depths agree$"),
+    ],
+    ids=["outlines", "shift", "depths"],
+)
+def test_each_statistic_tells_what_it_is_there_for(mesh, turn, depth_scale, shift_px, expected):
+    pose = rigid(rotation_from_vector(np.array(turn, float)), [0, 0, 260])
+    depth = np.rint(cast_rays(mesh, CAMERA, pose) / depth_scale).astype(np.uint16)
+    found = [
+        agreement(depth, depth_scale, surface_depth(mesh, replace(CAMERA, cx=CAMERA.cx + shift), pose), CAMERA.fx)
+        for shift in (0.0, shift_px)
+    ]
+    assert not found[0].misfit
+    assert re.search(expected, found[1].misfit)

@@ -1,0 +1,125 @@
+"""Options: one list for command line, [dataset] table and record; strict about every value; shards."""
+
+import argparse
+import dataclasses
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.dataset.folder import Shard, parse_shard
+from pipeline.dataset.options import DatasetOptions, add_option_arguments, checked_options, merged_options
+from pipeline.errors import InputError
+
+CASE = Path("folder/case.toml")
+
+
+def merged(table: dict, *argv: str) -> DatasetOptions:
+    parser = argparse.ArgumentParser(exit_on_error=False)
+    add_option_arguments(parser)
+    return merged_options(table, parser.parse_args(argv), CASE)
+
+
+def test_command_line_goes_before_the_table_and_the_table_before_the_defaults():
+    options = merged({"count": 7, "cone_deg": 30, "float_depth": True}, "--count", "9", "--sampler", "shell")
+    assert options == DatasetOptions(count=9, cone_deg=30.0, float_depth=True, sampler="shell")
+    assert merged({"video": True}, "--no-video").video is False
+
+
+def test_every_option_has_a_flag_that_gives_the_value_back():
+    given_values = {
+        "poses": "poses.npy",
+        "engine": "eevee",
+        "colour": "texture",
+        "sampler": "gaussian",
+        "video_frames": 7,
+    }
+    for entry in dataclasses.fields(DatasetOptions):
+        flag = "--" + entry.name.replace("_", "-")
+        value = given_values.get(entry.name, True if entry.type is bool else 1)
+        argv = [flag] if value is True else [flag, str(value)]
+        assert getattr(merged({}, *argv), entry.name) == value
+        assert getattr(checked_options({entry.name: value}, "table"), entry.name) == value
+
+
+def test_poses_of_the_table_lie_beside_the_case_and_those_of_the_command_line_do_not():
+    assert merged({"poses": "poses.npy"}).poses == str(Path("folder/poses.npy"))
+    assert merged({"poses": "poses.npy"}, "--poses", "other.npy").poses == "other.npy"
+
+
+def test_the_command_line_may_mend_what_does_not_fit_together_in_the_table():
+    assert merged({"engine": "workbench"}, "--colour", "vertex").engine == "workbench"
+    assert merged({"distance_min": 1.2}, "--distance-max", "1.3").distance_max == 1.3
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"count": 0}, "count: expected 1 to 1e\\+07, found 0"),
+        ({"count": -5}, "count: expected 1 to"),
+        ({"count": 10**400}, "count: expected a whole number"),
+        ({"count": 2.5}, "count: expected a whole number, found 2.5"),
+        ({"count": True}, "count: expected a whole number, found True"),
+        ({"count": "many"}, "count: expected a whole number, found 'many'"),
+        ({"seed": -1}, "seed: expected at least 0, found -1"),
+        ({"cone_deg": float("nan")}, "cone_deg: expected a number, found nan"),
+        ({"cone_deg": 181}, "cone_deg: expected 0 to 180, found 181"),
+        ({"distance_max": float("inf")}, "distance_max: expected a number, found inf"),
+        ({"min_observed": 1.5}, "min_observed: expected 0 to 1, found 1.5"),
+        ({"scale": 0}, "scale: expected 0.015625 to 8, found 0"),
+        ({"video": 1}, "video: expected true or false, found 1"),
+        ({"poses": 3}, "poses: expected a file name, found 3"),
+        ({"conut": 7}, "unknown option 'conut'; did you mean 'count'\\?"),
+        ({"xyz": 7}, "unknown option 'xyz'; known are 'count', "),
+        ({"engine": "blender"}, "engine: expected cycles or eevee or workbench, found 'blender'"),
+        ({"engine": "cycle"}, "found 'cycle'; did you mean 'cycles'\\?"),
+        ({"colour": "project"}, "found 'project'; did you mean 'projective'\\?"),
+        ({"colour": ["vertex"]}, "colour: expected projective or texture or vertex, found \\['vertex'\\]"),
+        ({"sampler": "cones"}, "did you mean 'cone'"),
+        ({"distance_min": 1.2}, "expected distance_min <= distance_max, found 1.2 > 1.1; swap them"),
+        (
+            {"engine": "workbench", "colour": "vertex", "samples": 4},
+            "expected samples 1 with engine workbench, found 4",
+        ),
+        ({"engine": "workbench"}, "expected colour vertex with engine workbench, which runs no shaders, found proj"),
+    ],
+    ids=str,
+)
+def test_bad_values_are_refused_and_named(values, message):
+    with pytest.raises(InputError, match=message):
+        checked_options(values, "case.toml: [dataset]")
+    # a table's mistake is told with the table's name, whatever the command line says
+    with pytest.raises(InputError, match=message):
+        merged(values, "--roll-deg", "3")
+
+
+@given(total=st.integers(1, 20_000), count=st.integers(1, 40), per_scene=st.sampled_from([1, 7, 1000]))
+def test_shards_part_the_views(total, count, per_scene):
+    shards = [Shard(index, count).frames(total, per_scene) for index in range(count)]
+    assert [frame for shard in shards for frame in shard] == list(range(total))
+    if total >= per_scene * count:
+        # whole scenes, so that each shard can write the tables of its own
+        assert all(shard.start % per_scene == 0 for shard in shards)
+        unit = per_scene
+    else:
+        unit = 1
+    sizes = [len(shard) for shard in shards]
+    assert max(sizes) - min(sizes) <= 2 * unit - (unit == 1)
+
+
+@given(total=st.integers(1, 300), count=st.integers(1, 40))
+def test_shards_of_single_views_differ_by_one(total, count):
+    sizes = [len(Shard(index, count).frames(total, 1000)) for index in range(count)]
+    assert max(sizes) - min(sizes) <= 1
+
+
+def test_shard_as_text():
+    assert parse_shard("0/1") == Shard(0, 1)
+    assert parse_shard("3/50") == Shard(3, 50)
+
+
+@pytest.mark.parametrize("text", ["", "1", "4/4", "-1/4", "0/0", "a/b", "1/2/3", "0.5/2"])
+def test_bad_shards_are_refused(text):
+    with pytest.raises(InputError, match="--shard: expected I/N"):
+        parse_shard(text)

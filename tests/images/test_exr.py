@@ -1,0 +1,99 @@
+"""Uncompressed EXR: every layout that Blender's engines write, and clear errors for the rest."""
+
+import struct
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.images.exr import ExrError, read_exr
+
+HALF, FLOAT = 1, 2
+
+
+def attribute(name: str, kind: str, data: bytes) -> bytes:
+    return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(data)) + data
+
+
+def exr(parts: list[tuple[str, dict[str, np.ndarray]]], *, compression: int = 0, version: int = 2) -> bytes:
+    """An EXR file written from the specification: (name, channels) a part; multi-part if there are several."""
+    several = len(parts) > 1
+    header, rows = b"", b""
+    for name, channels in parts:
+        height, width = next(iter(channels.values())).shape
+        kinds = {np.dtype("f2"): HALF, np.dtype("f4"): FLOAT}
+        listed = b"".join(
+            channel.encode() + b"\0" + struct.pack("<iIii", kinds[plane.dtype], 0, 1, 1)
+            for channel, plane in sorted(channels.items())
+        )
+        window = struct.pack("<4i", 0, 5, width - 1, height + 4)
+        header += attribute("channels", "chlist", listed + b"\0")
+        header += attribute("compression", "compression", bytes([compression]))
+        header += attribute("dataWindow", "box2i", window) + attribute("displayWindow", "box2i", window)
+        if several:
+            header += attribute("name", "string", name.encode()) + attribute("type", "string", b"scanlineimage")
+        header += b"\0"
+    if several:
+        header += b"\0"
+    for number, (_, channels) in enumerate(parts):
+        for y in range(next(iter(channels.values())).shape[0]):
+            row = b"".join(plane[y].tobytes() for _, plane in sorted(channels.items()))
+            rows += (struct.pack("<i", number) if several else b"") + struct.pack("<ii", y + 5, len(row)) + row
+    count = sum(next(iter(channels.values())).shape[0] for _, channels in parts)
+    return struct.pack("<ii", 20000630, version | (0x1000 if several else 0)) + header + bytes(8 * count) + rows
+
+
+@pytest.fixture
+def planes(rng):
+    return {
+        "ViewLayer.Combined.R": rng.random((4, 6)).astype(np.float32),
+        "ViewLayer.Combined.G": rng.random((4, 6)).astype(np.float32),
+        "ViewLayer.Depth.Z": rng.random((4, 6)).astype(np.float16),
+    }
+
+
+def test_single_part(tmp_path, planes):
+    path = tmp_path / "view.exr"
+    path.write_bytes(exr([("", planes)]))
+    found = read_exr(path)
+    assert found.keys() == planes.keys()
+    assert all(np.array_equal(found[name], planes[name]) for name in planes)
+
+
+def test_several_parts_have_their_names_as_prefix(tmp_path, planes):
+    parts = [
+        ("ViewLayer.Combined", {"R": planes["ViewLayer.Combined.R"], "G": planes["ViewLayer.Combined.G"]}),
+        ("ViewLayer.Depth", {"ViewLayer.Depth.Z": planes["ViewLayer.Depth.Z"]}),
+    ]
+    path = tmp_path / "view.exr"
+    path.write_bytes(exr(parts))
+    found = read_exr(path)
+    assert found.keys() == planes.keys()
+    assert all(np.array_equal(found[name], planes[name]) for name in planes)
+
+
+@pytest.mark.parametrize("cut", [0, 4, 30, 200, -1])
+def test_a_cut_file_is_refused(tmp_path, planes, cut):
+    path = tmp_path / "view.exr"
+    path.write_bytes(exr([("", planes)])[:cut])
+    with pytest.raises(ExrError, match=r"view\.exr: not an uncompressed scan-line EXR file, or damaged"):
+        read_exr(path)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [({"compression": 3}, "compressed or tiled"), ({"version": 2 | 0x800}, "unexpected magic number or flags")],
+    ids=["ZIP", "deep"],
+)
+def test_other_kinds_are_refused(tmp_path, planes, settings, message):
+    path = tmp_path / "view.exr"
+    path.write_bytes(exr([("", planes)], **settings))
+    with pytest.raises(ExrError, match=message):
+        read_exr(path)
+
+
+def test_other_files_are_refused(tmp_path):
+    path = tmp_path / "view.png"
+    path.write_bytes(cv2.imencode(".png", np.zeros((8, 8, 3), np.uint8))[1].tobytes())
+    with pytest.raises(ExrError, match="unexpected magic number"):
+        read_exr(path)

@@ -1,0 +1,363 @@
+"""Rejection keeps the conditional distribution and ends; explicit lists are read exactly or refused."""
+
+import io
+import json
+import os
+import pickle
+import zipfile
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.poses.constraints import Constraints, Rejections, ViewStatistics, plan_given_poses, plan_pose
+from pipeline.poses.distributions import Reference, Shell
+from pipeline.poses.pose_file import read_poses
+from pipeline.transforms import camera_centre, inverse_rigid, rigid, rotation_from_vector
+
+COUNT = 1500
+KS_BOUND = np.sqrt(np.log(2 / 1e-6) / (2 * COUNT))
+PIVOT = np.array([2.0, -1.0, 5.0])
+SHELL = Shell(reference=Reference(rigid(translation=[3.0, -2.0, 100.0]), PIVOT), distance_min=1, distance_max=2)
+DISTANCE = SHELL.reference.distance_mm
+GIVEN_FROM_MODEL = rigid(translation=[10.0, -20.0, 300.0])
+
+
+def probe(cam_from_model):
+    """A surface that is the point PIVOT, its front towards +x: observed from x > 0, large from near."""
+    offset = camera_centre(cam_from_model) - PIVOT
+    distance = np.linalg.norm(offset)
+    return ViewStatistics(
+        surface_fraction=DISTANCE / distance, observed_fraction=float(offset[0] > 0), clearance_mm=distance
+    )
+
+
+def ks_distance(values, distribution_function):
+    expected = distribution_function(np.sort(values))
+    steps = np.arange(len(values) + 1) / len(values)
+    return max((steps[1:] - expected).max(), (expected - steps[:-1]).max())
+
+
+# --- rejection ----------------------------------------------------------------------------------------------------
+
+
+def test_accepted_poses_follow_the_conditional_distribution():
+    constraints = Constraints(min_surface=1 / 1.9, min_observed=0.5, min_clearance_mm=1.3 * DISTANCE)
+    planned = [plan_pose(SHELL, constraints, probe, seed=4, index=index) for index in range(COUNT)]
+    offset = (camera_centre(np.stack([plan.cam_from_model for plan in planned])) - PIVOT) / DISTANCE
+    radius = np.linalg.norm(offset, axis=1)
+
+    def volume_between(inner, outer):
+        return lambda values: np.clip((values**3 - inner**3) / (outer**3 - inner**3), 0, 1)
+
+    assert ks_distance(radius, volume_between(1.3, 1.9)) < KS_BOUND
+    assert ks_distance(radius, volume_between(1, 2)) > 2 * KS_BOUND
+    assert ks_distance(offset[:, 0] / radius, lambda values: np.clip(values, 0, 1)) < KS_BOUND
+    assert ks_distance(offset[:, 1] / radius, lambda values: np.clip((values + 1) / 2, 0, 1)) < KS_BOUND
+
+    # attempts are geometric, with the acceptance probability that the shell's volume gives
+    accepted = (1.9**3 - 1.3**3) / 7 / 2
+    attempts = np.array([plan.attempts for plan in planned])
+    assert abs(attempts.mean() * accepted - 1) < 5 * np.sqrt((1 - accepted) / COUNT)
+    assert abs((attempts == 1).mean() - accepted) < 5 * np.sqrt(accepted * (1 - accepted) / COUNT)
+    rejected = attempts.sum() - COUNT
+    for reason, probability in (("observed", 0.5), ("clearance", (1.3**3 - 1) / 7), ("surface", (8 - 1.9**3) / 7)):
+        share = sum(getattr(plan.rejections, reason) for plan in planned) / rejected
+        assert abs(share - probability / (1 - accepted)) < 5 * np.sqrt(0.25 / rejected)
+
+
+def test_plan_depends_on_seed_and_index_only_and_keeps_the_statistics():
+    constraints = Constraints(min_observed=1)
+    plans = {index: plan_pose(SHELL, constraints, probe, seed=4, index=index) for index in (5, 0, 3)}
+    again = plan_pose(SHELL, constraints, probe, seed=4, index=3)
+    assert np.array_equal(again.cam_from_model, plans[3].cam_from_model)
+    assert (again.attempts, again.rejections) == (plans[3].attempts, plans[3].rejections)
+    assert again.statistics == probe(again.cam_from_model)
+    assert not np.array_equal(plans[0].cam_from_model, plans[5].cam_from_model)
+    free = plan_pose(SHELL, Constraints(), probe, seed=4, index=7)
+    assert free.attempts == 1
+    assert np.array_equal(free.cam_from_model, SHELL.draw(np.random.default_rng([4, 7])))
+
+
+def test_impossible_constraints_end_with_counts():
+    tried = []
+
+    def counting_probe(cam_from_model):
+        tried.append(cam_from_model)
+        return probe(cam_from_model)
+
+    constraints = Constraints(min_surface=0.6, min_clearance_mm=5000, max_attempts=200)
+    with pytest.raises(InputError) as caught:
+        plan_pose(SHELL, constraints, counting_probe, seed=0, index=17)
+    assert len(tried) == 200
+    best = max(probe(pose).clearance_mm for pose in tried)
+    far = sum(probe(pose).surface_fraction < 0.6 for pose in tried)
+    message = str(caught.value)
+    assert message.startswith("frame 17: found no pose")
+    assert f"of 200 poses tried, 200 came nearer than 5000 mm to the surface (the best: {best:.3g} mm)" in message
+    assert f"{far} showed less than 60 % surface" in message
+    assert "lower min_clearance_mm, which" in message
+    assert "observed" not in message
+
+
+def test_statistics_on_the_limit_pass_and_nan_does_not():
+    constraints = Constraints(min_surface=0.25, min_observed=0.5, min_clearance_mm=10)
+    assert constraints.broken_by(ViewStatistics(0.25, 0.5, 10)) == Rejections()
+    below = np.nextafter([0.25, 0.5, 10], 0)
+    assert constraints.broken_by(ViewStatistics(*below)) == Rejections(1, 1, 1)
+    assert constraints.broken_by(ViewStatistics(0.3, np.nan, 20)) == Rejections(observed=1)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"min_observed": 60}, "min_observed to be a fraction from 0 to 1, found 60"),
+        ({"min_surface": -0.1}, "min_surface to be a fraction"),
+        ({"min_surface": np.nan}, "min_surface to be a fraction from 0 to 1, found nan"),
+        ({"min_clearance_mm": np.inf}, "min_clearance_mm to be a distance in mm, found inf"),
+        ({"min_clearance_mm": -1}, "min_clearance_mm .* found -1"),
+        ({"max_attempts": 0}, "max_attempts to be a whole number from 1, found 0"),
+        ({"max_attempts": 2.5}, "max_attempts .* found 2.5"),
+    ],
+)
+def test_useless_constraints_are_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        Constraints(**options)
+
+
+def test_given_poses_are_kept_and_those_that_break_constraints_are_told():
+    poses = np.stack([SHELL.draw(np.random.default_rng([1, index])) for index in range(40)])
+    constraints = Constraints(min_observed=0.8, min_clearance_mm=1.5 * DISTANCE)
+    planned, told = plan_given_poses(poses, constraints, probe)
+    assert np.array_equal(np.stack([plan.cam_from_model for plan in planned]), poses)
+    unobserved = [index for index, pose in enumerate(poses) if probe(pose).observed_fraction < 0.8]
+    near = [index for index, pose in enumerate(poses) if probe(pose).clearance_mm < 1.5 * DISTANCE]
+    assert 0 < len(unobserved) < 40
+    assert [plan.rejections for plan in planned] == [
+        Rejections(observed=int(index in unobserved), clearance=int(index in near)) for index in range(40)
+    ]
+    assert len(told) == 2
+    assert f"{len(unobserved)} of 40 poses" in told[0]
+    assert "(min_observed = 0.8)" in told[0]
+    assert f"first is pose {unobserved[0]} " in told[0]
+    assert f"{len(near)} of 40 poses came nearer" in told[1]
+    assert plan_given_poses(poses, Constraints(), probe)[1] == []
+
+
+# --- explicit lists -----------------------------------------------------------------------------------------------
+
+
+def some_poses(count=5):
+    rng = np.random.default_rng(6)
+    return np.stack([rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 90) for _ in range(count)])
+
+
+def as_objects(key):
+    return lambda poses: [{key: pose.tolist(), "note": 1} for pose in poses]
+
+
+@pytest.mark.parametrize(
+    "stored",
+    [
+        lambda poses: poses.tolist(),
+        as_objects("cam_from_model"),
+    ],
+)
+def test_json_and_npy_give_the_same_poses(tmp_path, stored):
+    poses = some_poses()
+    np.save(tmp_path / "poses.npy", poses)
+    (tmp_path / "poses.JSON").write_text(json.dumps(stored(poses)), encoding="utf-8-sig")
+    from_npy, told = read_poses(tmp_path / "poses.npy", given_from_model=GIVEN_FROM_MODEL)
+    from_json, _ = read_poses(str(tmp_path / "poses.JSON"), given_from_model=GIVEN_FROM_MODEL)
+    assert told == []
+    assert np.allclose(from_npy @ inverse_rigid(GIVEN_FROM_MODEL), poses, rtol=0, atol=1e-12)
+    assert np.allclose(from_json, from_npy, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("dtype", ["<f4", ">f8", "<i4"])
+def test_metres_single_poses_and_other_number_types(tmp_path, dtype):
+    pose = np.array([[0, 0, 1, 2], [1, 0, 0, -3], [0, 1, 0, 4], [0, 0, 0, 1]])
+    for stored in (pose, np.asfortranarray(pose[None])):
+        np.save(tmp_path / "one.npy", stored.astype(dtype))
+        read, _ = read_poses(tmp_path / "one.npy", given_from_model=np.eye(4), mm_per_unit=1000)
+        expected = pose.astype(float)
+        expected[:3, 3] *= 1000
+        assert read.dtype == np.float64
+        assert np.array_equal(read, expected[None])
+    for stored in (pose.tolist(), {"cam_from_model": pose.tolist()}):
+        (tmp_path / "one.json").write_text(json.dumps(stored))
+        read, _ = read_poses(tmp_path / "one.json", given_from_model=np.eye(4), mm_per_unit=1000)
+        assert np.array_equal(read, expected[None])
+
+
+def test_rounded_rotations_are_made_exact_and_told_once(tmp_path):
+    np.save(tmp_path / "rounded.npy", some_poses().round(4))
+    poses, told = read_poses(tmp_path / "rounded.npy", given_from_model=np.eye(4))
+    rotation = poses[:, :3, :3]
+    assert np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max() < 1e-12
+    assert len(told) == 2
+    assert "pose 0 (counted from 0): rotation made orthonormal" in told[0]
+    assert told[1] == "rounded.npy: likewise the rotations of 4 other poses"
+
+
+def broken(index, change):
+    poses = some_poses()
+    change(poses[index])
+    return poses
+
+
+def reflect(pose):
+    pose[1, :3] *= -1
+
+
+def scale(pose):
+    pose[:3, :3] *= 2
+
+
+def spoil(pose):
+    pose[0, 3] = np.nan
+
+
+def transpose(pose):
+    pose[:] = pose.T.copy()
+
+
+BAD_POSES = [
+    (broken(3, reflect), "pose 3 .*reflection"),
+    (broken(2, scale), "pose 2 .*deviates from orthonormal"),
+    (broken(4, spoil), "pose 4 .*NaN"),
+    (broken(1, transpose), "pose 1 .*last row"),
+]
+
+
+@pytest.mark.parametrize(("poses", "message"), BAD_POSES)
+def test_poses_that_are_not_rigid_are_refused_by_index(tmp_path, poses, message):
+    np.save(tmp_path / "bad.npy", poses)
+    (tmp_path / "bad.json").write_text(json.dumps(poses.tolist()))
+    for name in ("bad.npy", "bad.json"):
+        with pytest.raises(InputError, match=f"{name}: {message}"):
+            read_poses(tmp_path / name, given_from_model=np.eye(4))
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (np.empty((0, 4, 4)), "found an empty list"),
+        (some_poses()[:, :3], r"expected shape \(N, 4, 4\) or \(4, 4\), found \(5, 3, 4\)"),
+        (some_poses()[None], r"found \(1, 5, 4, 4\)"),
+        (some_poses().ravel(), r"found \(80,\)"),
+        (some_poses().astype(complex), "real numbers, found type complex128"),
+        (some_poses().astype(str), "real numbers, found type <U"),
+        (np.zeros((2, 4, 4), [("a", float)]), "real numbers, found type"),
+    ],
+)
+def test_arrays_that_are_not_poses_are_refused(tmp_path, array, message):
+    np.save(tmp_path / "bad.npy", array)
+    with pytest.raises(InputError, match=message):
+        read_poses(tmp_path / "bad.npy", given_from_model=np.eye(4))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[]", "found an empty list"),
+        ("3", "expected a list of poses, found float"),
+        ("[[1, 2", "expected JSON"),
+        ("[" * 100_000, "expected JSON"),
+        ("\x00\xff", "expected JSON"),
+        ('[{"pose": 1}]', "pose 0 .*expected the key cam_from_model, found pose"),
+        ('["a"]', "pose 0 .*expected 4 rows of 4 numbers"),
+        ("[null]", r"pose 0 .*shape \(\)"),
+        ("[[[1, 2], [3]]]", "pose 0 .*expected 4 rows"),
+        ("[1, 2, 3]", "pose 0 .*4x4"),
+        (json.dumps([np.eye(4).tolist(), np.diag([1.0, 1, 1, 9]).tolist()]), "pose 1 .*last row"),
+        (json.dumps([np.eye(4).tolist()]).replace("0.0", "1" + "0" * 400, 1), "pose 0 .*finite"),
+    ],
+)
+def test_json_that_is_not_poses_is_refused(tmp_path, text, message):
+    (tmp_path / "bad.json").write_bytes(text.encode("latin-1"))
+    with pytest.raises(InputError, match=message):
+        read_poses(tmp_path / "bad.json", given_from_model=np.eye(4))
+
+
+@pytest.mark.parametrize(
+    ("name", "mm_per_unit", "message"),
+    [
+        ("none.npy", 1, "none.npy: expected a readable file, found: No such file"),
+        ("none.json", 1, "none.json: expected a readable file"),
+        ("folder.npy", 1, "folder.npy: expected a readable file"),
+        ("poses.txt", 1, r"\.npy or \.json file, found extension '.txt'"),
+        ("poses.npz", 1, r"found extension '.npz'"),
+        ("none.npy", 0, "positive number of mm per unit of the poses, found 0"),
+        ("none.npy", np.nan, "found nan"),
+    ],
+)
+def test_wrong_files_and_units_are_refused(tmp_path, name, mm_per_unit, message):
+    (tmp_path / "folder.npy").mkdir()
+    with pytest.raises(InputError, match=message):
+        read_poses(tmp_path / name, given_from_model=np.eye(4), mm_per_unit=mm_per_unit)
+
+
+class Malicious:
+    """Makes a folder when it is unpickled."""
+
+    def __init__(self, path):
+        self.path = str(path)
+
+    def __reduce__(self):
+        return os.mkdir, (self.path,)
+
+
+def object_array(payload):
+    stream = io.BytesIO()
+    np.save(stream, np.array([payload], dtype=object), allow_pickle=True)
+    return stream.getvalue()
+
+
+def archive(payload):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as file:
+        file.writestr("poses.npy", object_array(payload))
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("pack", "message"),
+    [(object_array, "never loaded"), (pickle.dumps, "never loaded"), (archive, "found an .npz archive")],
+)
+def test_pickles_are_refused_and_never_executed(tmp_path, pack, message):
+    trace = tmp_path / "executed"
+    (tmp_path / "evil.npy").write_bytes(pack(Malicious(trace)))
+    with pytest.raises(InputError, match=message):
+        read_poses(tmp_path / "evil.npy", given_from_model=np.eye(4))
+    assert not trace.exists()
+    # control: the payload does work for those who load it
+    loaded = np.load(tmp_path / "evil.npy", allow_pickle=True)
+    if pack is archive:
+        dict(loaded)
+        loaded.close()
+    assert trace.exists()
+
+
+def test_damaged_npy_files_give_an_input_error_or_poses(tmp_path):
+    np.save(tmp_path / "p.npy", some_poses(3))
+    whole = (tmp_path / "p.npy").read_bytes()
+    rng = np.random.default_rng(2)
+    refused = 0
+    for _ in range(300):
+        data = bytearray(whole)
+        for position in rng.integers(0, 128, 2):
+            data[position] = rng.choice(list(b"(),'{}0123456789-:\xff"))
+        (tmp_path / "p.npy").write_bytes(data[: rng.choice([len(data), rng.integers(0, len(data))])])
+        try:
+            read_poses(tmp_path / "p.npy", given_from_model=np.eye(4))
+        except InputError:
+            refused += 1
+    assert refused > 200
+
+
+def test_a_header_that_claims_more_than_the_file_holds_takes_no_memory(tmp_path):
+    header = "{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000, 4, 4), }".ljust(117) + "\n"
+    (tmp_path / "huge.npy").write_bytes(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode())
+    with pytest.raises(InputError, match="greater than file size"):
+        read_poses(tmp_path / "huge.npy", given_from_model=np.eye(4))

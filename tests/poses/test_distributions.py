@@ -1,0 +1,390 @@
+"""The distributions obey their laws: tilt, roll, distance and shift of drawn poses are distributed as stated.
+
+Poses are taken apart with formulas of this file, not with those that made them. Laws are Kolmogorov-Smirnov tests at
+the 1e-6 level on the first frames of a fixed seed; next to each law stands a known-wrong sampler that must break it.
+"""
+
+from dataclasses import replace
+from functools import cache
+from math import erf
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.errors import InputError
+from pipeline.poses.distributions import Cone, Gaussian, Reference, Shell, Trajectory
+from pipeline.transforms import camera_centre, rigid, rotation_from_vector
+
+COUNT = 3000
+KS_BOUND = np.sqrt(np.log(2 / 1e-6) / (2 * COUNT))
+CORRELATION_BOUND = 5 / np.sqrt(COUNT)
+
+PIVOT = np.array([4.0, -7.0, 3.0])
+PIVOT_CAM = np.array([60.0, -35.0, 240.0])  # off the optical axis, so that a turn about the wrong ray shows
+DISTANCE = float(np.linalg.norm(PIVOT_CAM))
+RAY = PIVOT_CAM / DISTANCE
+ROTATION = rotation_from_vector(np.array([0.7, -1.9, 0.8]))
+REFERENCE = Reference(rigid(ROTATION, PIVOT_CAM - ROTATION @ PIVOT), PIVOT)
+CAMERA = PinholeCamera(1280, 960, 2900.0, 2750.0, 600.0, 510.0)
+AXIS = np.array([0.0, 0.0, 1.0])
+
+DISTRIBUTIONS = {
+    "cone": Cone(reference=REFERENCE, cone_deg=35, roll_deg=50, distance_min=0.7, distance_max=1.6, shift_mm=12),
+    "gaussian": Gaussian(reference=REFERENCE, sigma_deg=9, sigma_mm=4),
+    "shell": Shell(reference=REFERENCE, distance_min=1, distance_max=2),
+    "cap": Shell(reference=REFERENCE, distance_min=0.5, distance_max=0.8, max_polar_deg=70, roll_deg=20),
+}
+TRAJECTORY = Trajectory(reference=REFERENCE, cone_deg=25, roll_deg=10, distance_min=0.8, distance_max=1.1)
+
+
+def frame_pose(distribution, seed, index):
+    return distribution.draw(np.random.default_rng([seed, index]))
+
+
+@cache
+def drawn(name, seed=5):
+    return np.stack([frame_pose(DISTRIBUTIONS[name], seed, index) for index in range(COUNT)])
+
+
+def ks_distance(values, distribution_function):
+    """Largest distance between the empirical and the stated distribution function."""
+    expected = distribution_function(np.sort(values))
+    steps = np.arange(len(values) + 1) / len(values)
+    return max((steps[1:] - expected).max(), (expected - steps[:-1]).max())
+
+
+def uniform(lower, upper):
+    return lambda values: np.clip((values - lower) / (upper - lower), 0, 1)
+
+
+def half_turn(axis):
+    axis = axis / np.linalg.norm(axis, axis=-1, keepdims=True)
+    return 2 * axis[..., :, None] * axis[..., None, :] - np.eye(3)
+
+
+def swing(start, end):
+    """The rotation between two unit vectors without twist, as two half turns."""
+    return half_turn(start + end) @ half_turn(start)
+
+
+def parts(poses, look=RAY):
+    """Take apart poses that have the pivot on the unit ray ``look``: radians, mm, factors of the distance."""
+    turn = poses[:, :3, :3] @ ROTATION.T
+    towards = np.swapaxes(turn, 1, 2) @ look  # where the ray points in the reference's axes
+    in_ray_axes = towards @ swing(AXIS, RAY)
+    twist = turn @ np.swapaxes(swing(RAY, look) @ swing(towards, RAY), 1, 2)
+    skew = twist - np.swapaxes(twist, 1, 2)
+    sine = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1) @ look / 2
+    pivot = poses[:, :3, :3] @ PIVOT + poses[:, :3, 3]
+    depth_ratio = pivot[:, 2] / look[2]
+    shift = pivot[:, :2] - depth_ratio[:, None] * look[:2]
+    radius = np.linalg.norm(camera_centre(poses) - PIVOT, axis=1) / DISTANCE
+    return {
+        "cos_tilt": in_ray_axes[:, 2],
+        "azimuth": np.arctan2(in_ray_axes[:, 1], in_ray_axes[:, 0]),
+        "roll": np.arctan2(sine, (np.trace(twist, axis1=1, axis2=2) - 1) / 2),
+        "factor": depth_ratio / DISTANCE,
+        "shift_squared": (shift**2).sum(axis=1),
+        "shift_direction": np.arctan2(shift[:, 1], shift[:, 0]),
+        "centre_radius": radius,
+        "radius_cubed": radius**3,
+    }
+
+
+def wrong_poses(**wrong):
+    """Cone poses of which some parts, each a function of a uniform variate ``(N,)``, follow a wrong law."""
+    rng = np.random.default_rng(8)
+    right = {
+        "angle": lambda u: np.arccos(1 - u * (1 - COS_35)),
+        "azimuth": lambda u: 2 * np.pi * u,
+        "roll": lambda u: ROLL_50 * (2 * u - 1),
+        "factor": lambda u: 0.7 + 0.9 * u,
+        "shift": lambda u: 12 * np.sqrt(u),
+        "direction": lambda u: 2 * np.pi * u,
+    }
+    angle, azimuth, roll, factor, shift, direction = (
+        (wrong.get(part) or function)(rng.random(COUNT)) for part, function in right.items()
+    )
+    tilt = angle * np.stack([np.cos(azimuth), np.sin(azimuth)])
+    poses = np.stack([REFERENCE.orbit(tilt[:, i], roll[i], factor[i] * DISTANCE) for i in range(COUNT)])
+    poses[:, :2, 3] += (shift * np.stack([np.cos(direction), np.sin(direction)])).T
+    return poses
+
+
+COS_35, COS_70 = np.cos(np.radians([35, 70]))
+ROLL_50, ROLL_20 = np.radians([50, 20])
+TURN = uniform(-np.pi, np.pi)
+LAWS = {
+    # distribution, ray of the pivot in the image, value of the parts, its law, a wrong sampler
+    "cone: cos(tilt)": ("cone", RAY, "cos_tilt", uniform(COS_35, 1), {"angle": lambda u: np.radians(35) * u}),
+    "cone: azimuth": ("cone", RAY, "azimuth", TURN, {"azimuth": lambda u: 2 * np.pi * u**2}),
+    "cone: roll": ("cone", RAY, "roll", uniform(-ROLL_50, ROLL_50), {"roll": lambda u: ROLL_50 * (2 * u**2 - 1)}),
+    "cone: distance": ("cone", RAY, "factor", uniform(0.7, 1.6), {"factor": lambda u: 0.7 * (16 / 7) ** u}),
+    "cone: shift squared": ("cone", RAY, "shift_squared", uniform(0, 144), {"shift": lambda u: 12 * u}),
+    "cone: shift direction": ("cone", RAY, "shift_direction", TURN, {"direction": lambda u: np.pi * u}),
+    "shell: radius cubed": (
+        "shell",
+        AXIS,
+        "radius_cubed",
+        uniform(1, 8),
+        {"factor": lambda u: 1 + u, "shift": np.zeros_like},
+    ),
+    "shell: cos(polar)": ("shell", AXIS, "cos_tilt", uniform(-1, 1), {"angle": lambda u: np.pi * u}),
+    "shell: azimuth": ("shell", AXIS, "azimuth", TURN, {"azimuth": lambda u: np.pi * u}),
+    "shell: roll": ("shell", AXIS, "roll", TURN, {"roll": lambda u: np.pi * u}),
+    "cap: radius cubed": (
+        *("cap", AXIS, "radius_cubed", uniform(0.125, 0.512)),
+        {"factor": lambda u: 0.5 + 0.3 * u, "shift": np.zeros_like},
+    ),
+    "cap: cos(polar)": ("cap", AXIS, "cos_tilt", uniform(COS_70, 1), {"angle": lambda u: np.radians(70) * u}),
+    "cap: roll": ("cap", AXIS, "roll", uniform(-ROLL_20, ROLL_20), {"roll": lambda u: ROLL_20 * (2 * u**2 - 1)}),
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_law(law):
+    name, ray, part, distribution_function, wrong = LAWS[law]
+    assert ks_distance(parts(drawn(name), ray)[part], distribution_function) < KS_BOUND
+    assert ks_distance(parts(wrong_poses(**wrong))[part], distribution_function) > 1.5 * KS_BOUND
+
+
+def test_parts_are_independent_of_one_another():
+    for name, ray in (("cone", RAY), ("shell", AXIS)):
+        taken = parts(drawn(name), ray)
+        keys = ["cos_tilt", "azimuth", "roll", "factor"] + ["shift_squared", "shift_direction"] * (name == "cone")
+        correlation = np.corrcoef([taken[key] for key in keys])
+        assert np.abs(correlation - np.eye(len(keys))).max() < CORRELATION_BOUND
+
+
+def test_shell_is_uniform_in_volume_and_in_rotation():
+    poses = drawn("shell")
+    below = (parts(poses, AXIS)["centre_radius"] < 1.5).mean()
+    assert abs(below - (1.5**3 - 1) / 7) < 5 * np.sqrt(0.339 * 0.661 / COUNT)
+
+    # Haar measure: the angle to any rotation has the distribution function (a - sin a) / pi
+    def haar(angle):
+        return (angle - np.sin(angle)) / np.pi
+
+    def angle(poses):
+        fixed = rotation_from_vector(np.array([0.3, 2.0, -0.4]))
+        return np.arccos(np.clip((np.einsum("nij,ij->n", poses[:, :3, :3], fixed) - 1) / 2, -1, 1))
+
+    assert ks_distance(angle(poses), haar) < KS_BOUND
+    without_roll = replace(DISTRIBUTIONS["shell"], roll_deg=0)
+    assert ks_distance(angle(np.stack([frame_pose(without_roll, 5, i) for i in range(300)])), haar) > 2 * KS_BOUND
+
+
+def test_shell_looks_at_the_pivot():
+    for look in (AXIS, np.array([0.3, -0.2, 1.0])):
+        for index in range(50):
+            pose = frame_pose(replace(DISTRIBUTIONS["shell"], look_ray_cam=tuple(look)), 1, index)
+            pivot = pose[:3, :3] @ PIVOT + pose[:3, 3]
+            assert np.allclose(pivot / np.linalg.norm(pivot), look / np.linalg.norm(look), rtol=0, atol=1e-12)
+
+
+def test_cone_without_roll_has_no_hidden_roll():
+    rigid_cone = replace(DISTRIBUTIONS["cone"], roll_deg=0)
+    poses = np.stack([frame_pose(rigid_cone, 3, index) for index in range(200)])
+    assert np.abs(parts(poses)["roll"]).max() < 1e-12
+    # control: the usual look-at with a fixed up direction twists the view as it tilts
+    looking = []
+    for direction in np.swapaxes(poses[:, :3, :3] @ ROTATION.T, 1, 2) @ RAY:
+        right = np.cross([0.0, 1.0, 0.0], direction)
+        right /= np.linalg.norm(right)
+        looking.append(rigid(np.stack([right, np.cross(direction, right), direction]) @ ROTATION))
+    assert np.abs(parts(np.stack(looking), AXIS)["roll"]).max() > np.radians(5)
+
+
+def test_more_shift_leaves_the_rest_of_a_dataset_alone():
+    still = replace(DISTRIBUTIONS["cone"], shift_mm=0)
+    for index in range(20):
+        assert np.array_equal(frame_pose(still, 5, index)[:3, :3], drawn("cone")[index, :3, :3])
+
+
+# --- Gaussian -----------------------------------------------------------------------------------------------------
+
+
+def log_at_pivot(poses):
+    """``(N, 6)`` twists (mm, degrees) of poses relative to the reference, by the closed form of the logarithm."""
+    to_pivot = rigid(translation=-PIVOT)
+    motion = to_pivot @ np.linalg.inv(REFERENCE.cam_from_model) @ poses @ np.linalg.inv(to_pivot)
+    rotation = motion[:, :3, :3]
+    angle = np.arccos((np.trace(rotation, axis1=1, axis2=2) - 1) / 2)[:, None, None]
+    cross = angle / (2 * np.sin(angle)) * (rotation - np.swapaxes(rotation, 1, 2))
+    inverse_jacobian = (
+        np.eye(3) - cross / 2 + (1 / angle**2 - (1 + np.cos(angle)) / (2 * angle * np.sin(angle))) * cross @ cross
+    )
+    upsilon = (inverse_jacobian @ motion[:, :3, 3, None])[..., 0]
+    return np.hstack([upsilon, np.degrees(np.stack([cross[:, 2, 1], cross[:, 0, 2], cross[:, 1, 0]], axis=1))])
+
+
+def test_gaussian_twists_are_standard_normal():
+    standard = log_at_pivot(drawn("gaussian")) / [4, 4, 4, 9, 9, 9]
+    covariance = standard.T @ standard / COUNT
+    assert np.abs(standard.mean(0)).max() < CORRELATION_BOUND
+    assert np.abs(covariance - np.eye(6)).max() < np.sqrt(2) * CORRELATION_BOUND
+    normal = np.vectorize(lambda x: 0.5 * (1 + erf(x / np.sqrt(2))))
+    assert ks_distance(standard.ravel(), normal) < KS_BOUND / np.sqrt(6)
+    box = np.random.default_rng(1).uniform(-np.sqrt(3), np.sqrt(3), standard.size)  # the same covariance
+    assert ks_distance(box, normal) > 2 * KS_BOUND / np.sqrt(6)
+
+
+def test_gaussian_is_the_exponential_that_its_docstring_states():
+    sigma = np.repeat([4, np.radians(9)], 3)
+    upsilon, (x, y, z) = np.split(np.random.default_rng([5, 0]).standard_normal(6) * sigma, 2)
+    generator = np.zeros((4, 4))
+    generator[:3] = np.column_stack([[[0, -z, y], [z, 0, -x], [-y, x, 0]], upsilon])
+    term, exponential = np.eye(4), np.eye(4)
+    for order in range(1, 25):
+        term = term @ generator / order
+        exponential += term
+    shift = rigid(translation=PIVOT)
+    expected = REFERENCE.cam_from_model @ shift @ exponential @ np.linalg.inv(shift)
+    assert np.allclose(drawn("gaussian")[0], expected, rtol=0, atol=1e-11)
+
+
+def test_gaussian_turns_about_the_pivot_and_shifts_without_turning():
+    turning, shifting = (replace(DISTRIBUTIONS["gaussian"], **part) for part in ({"sigma_mm": 0}, {"sigma_deg": 0}))
+    for index in range(20):
+        turned, shifted = frame_pose(turning, 2, index), frame_pose(shifting, 2, index)
+        assert np.allclose(turned[:3, :3] @ PIVOT + turned[:3, 3], PIVOT_CAM, rtol=0, atol=1e-10)
+        assert np.abs(turned[:3, 3] - REFERENCE.cam_from_model[:3, 3]).max() > 1e-3  # the origin does move
+        assert np.allclose(shifted[:3, :3], ROTATION, rtol=0, atol=1e-14)
+        assert np.linalg.norm(shifted[:3, 3] - REFERENCE.cam_from_model[:3, 3]) > 0.1
+
+
+# --- frames are independent of one another ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", DISTRIBUTIONS)
+def test_a_frame_depends_on_seed_and_index_only(name):
+    order = np.random.default_rng(0).permutation(40)
+    assert all(np.array_equal(frame_pose(DISTRIBUTIONS[name], 5, index), drawn(name)[index]) for index in order)
+
+
+def test_neighbouring_frames_and_seeds_are_uncorrelated():
+    def values(seed):
+        taken = parts(drawn("cone", seed))
+        return np.stack([taken[key] for key in ("cos_tilt", "azimuth", "roll", "factor", "shift_squared")])
+
+    def largest_correlation(first, second):
+        return np.abs(np.corrcoef(first, second)[: len(first), len(first) :]).max()
+
+    five, six = values(5), values(6)
+    assert largest_correlation(five[:, 1:], five[:, :-1]) < CORRELATION_BOUND
+    for shift in (
+        -1,
+        0,
+        1,
+    ):  # default_rng(seed + index) would give frame i + 1 of seed 5 and frame i of seed 6 one pose
+        assert largest_correlation(np.roll(five, shift, axis=1)[:, 1:-1], six[:, 1:-1]) < CORRELATION_BOUND
+    assert largest_correlation(np.roll(five, 1, axis=1)[:, 1:-1], five[:, :-2]) > 0.99
+
+
+def test_draws_are_the_same_for_every_version_of_numpy():
+    expected = {
+        "cone": [45.389586935, -33.635438794, 210.258741231],
+        "gaussian": [59.461846944, -25.70879979, 235.5194635],
+        "shell": [-7.341491955, -2.954031747, 339.8969113],
+    }
+    for name, translation in expected.items():
+        assert np.allclose(frame_pose(DISTRIBUTIONS[name], 20, 7)[:3, 3], translation, rtol=0, atol=1e-6), name
+
+
+# --- trajectory ---------------------------------------------------------------------------------------------------
+
+
+def second_difference(path, count):
+    """Largest second difference over the squared step all round the closed path, seam included."""
+    poses = np.stack([path(index / count) for index in range(count)])
+    return np.abs(np.roll(poses, 1, axis=0) - 2 * poses + np.roll(poses, -1, axis=0)).max() * count**2
+
+
+def test_trajectory_is_closed_smooth_and_starts_at_the_reference():
+    assert np.allclose(TRAJECTORY.pose_at(0), REFERENCE.cam_from_model, rtol=0, atol=1e-12)
+    assert np.array_equal(TRAJECTORY.pose_at(1), TRAJECTORY.pose_at(0))
+    assert np.allclose(TRAJECTORY.pose_at(1 - 1e-9), TRAJECTORY.pose_at(0), rtol=0, atol=1e-5)
+    # the second derivative is bounded, thus the first is continuous; with a kink it grows like the number of steps
+    assert second_difference(TRAJECTORY.pose_at, 1600) < 1.1 * second_difference(TRAJECTORY.pose_at, 400)
+
+    def kinked(phase):
+        sine = np.sin(2 * np.pi * phase)
+        return REFERENCE.orbit((0, 0), 0, DISTANCE * (1 + (0.1 if sine > 0 else 0.2) * sine))
+
+    assert second_difference(kinked, 1600) > 3 * second_difference(kinked, 400)
+
+
+def test_trajectory_reaches_and_keeps_its_limits_without_jumps():
+    poses = TRAJECTORY.poses(600)
+    taken = parts(poses)
+    tilt = np.degrees(np.arccos(np.clip(taken["cos_tilt"], -1, 1)))
+    assert 24.9 < tilt.max() < 25 + 1e-6
+    assert 9.9 < np.degrees(taken["roll"]).max() < 10 + 1e-9
+    assert 0.8 - 1e-12 < taken["factor"].min() < 0.801
+    assert 1.099 < taken["factor"].max() < 1.1 + 1e-12
+    assert taken["shift_squared"].max() < 1e-18
+    step = np.swapaxes(poses[:, :3, :3], 1, 2) @ np.roll(poses, -1, axis=0)[:, :3, :3]
+    angle = np.degrees(np.arccos((np.trace(step, axis1=1, axis2=2) - 1) / 2))
+    assert angle.max() < 2 * angle.mean()
+    assert np.array_equal(frame_pose(TRAJECTORY, 0, 9), TRAJECTORY.pose_at(np.random.default_rng([0, 9]).random()))
+
+
+# --- exact transforms and limits, whatever the parameters ---------------------------------------------------------
+
+degrees = st.floats(0, 180)
+factors = st.tuples(st.floats(0.05, 5), st.floats(0.05, 5)).map(sorted)
+vectors = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
+
+
+@given(
+    *(st.sampled_from([Cone, Gaussian, Shell, Trajectory]), degrees, degrees, factors, st.floats(0, 500)),
+    *(vectors, vectors, st.tuples(st.floats(-80, 80), st.floats(-80, 80), st.floats(20, 900)), st.integers(0, 2**40)),
+)
+@settings(max_examples=150, deadline=None)
+def test_poses_are_rigid_and_keep_the_pivot_on_its_pixel(kind, cone, roll, factor, mm, turn, pivot, pivot_cam, seed):
+    rotation = rotation_from_vector(turn)
+    reference = Reference(rigid(rotation, np.array(pivot_cam) - rotation @ pivot), pivot)
+    low, high = (min(factor[0], 1), max(factor[1], 1)) if kind is Trajectory else factor
+    limits = {"distance_min": low, "distance_max": high, "roll_deg": roll}
+    parameters = {
+        Cone: {"cone_deg": cone, **limits},
+        Gaussian: {"sigma_deg": cone, "sigma_mm": mm},
+        Shell: {"max_polar_deg": cone, **limits},
+        Trajectory: {"cone_deg": cone, **limits},
+    }[kind]
+    pose = frame_pose(kind(reference=reference, **parameters), seed, 3)
+    assert np.abs(pose[:3, :3] @ pose[:3, :3].T - np.eye(3)).max() < 1e-12
+    assert abs(np.linalg.det(pose[:3, :3]) - 1) < 1e-12
+    assert pose[3].tolist() == [0, 0, 0, 1]
+    if kind is Gaussian:
+        return
+    distance = np.linalg.norm(pivot_cam)
+    to_camera, towards = camera_centre(pose) - pivot, camera_centre(reference.cam_from_model) - pivot
+    assert distance * (low - 1e-9) < np.linalg.norm(to_camera) < distance * (high + 1e-9)
+    assert to_camera @ towards >= np.linalg.norm(to_camera) * distance * (np.cos(np.radians(cone)) - 1e-9)
+    if kind is not Shell:
+        pixels = CAMERA.project(np.stack([pose[:3, :3] @ pivot + pose[:3, 3], pivot_cam]))
+        assert np.abs(pixels[0] - pixels[1]).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: replace(DISTRIBUTIONS["cone"], cone_deg=200), "cone_deg to be a number from 0 to 180, found 200"),
+        (lambda: replace(DISTRIBUTIONS["cone"], roll_deg=-1), "roll_deg to be a number from 0 to 180, found -1"),
+        (lambda: replace(DISTRIBUTIONS["cone"], shift_mm=np.inf), "shift_mm to be a number that is finite"),
+        (lambda: replace(DISTRIBUTIONS["cone"], distance_max=0.5), "distance_min <= distance_max .* found 0.7 and 0.5"),
+        (lambda: replace(DISTRIBUTIONS["shell"], distance_min=0), "0 < distance_min"),
+        (lambda: replace(DISTRIBUTIONS["shell"], max_polar_deg=np.nan), "max_polar_deg .* found nan"),
+        (lambda: replace(DISTRIBUTIONS["shell"], look_ray_cam=(1, 0, 0)), "look_ray_cam in front of the camera"),
+        (lambda: replace(DISTRIBUTIONS["gaussian"], sigma_mm=-2), "sigma_mm .* found -2"),
+        (lambda: replace(TRAJECTORY, distance_min=1.05), "distance_min <= 1 <= distance_max.* 1.05 and 1.1"),
+        (lambda: Reference(rigid(translation=[0, 0, -90.0]), np.zeros(3)), "in front of the camera, found z = -90 mm"),
+    ],
+)
+def test_useless_parameters_are_refused(make, message):
+    with pytest.raises(InputError, match=message):
+        make()

@@ -1,0 +1,254 @@
+"""Laws of the silhouette: the same pixels as casting a ray through each of them, whatever the mesh and the pose."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.projection.silhouette import (
+    SilhouetteEdges,
+    canvas,
+    projected_bounds,
+    silhouette_mask,
+    silhouette_statistics,
+)
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.transforms import rigid, rotation_from_vector, transform_points
+
+CAMERA = PinholeCamera(width=24, height=16, fx=31.7, fy=29.3, cx=11.2, cy=8.4)
+
+seeds = st.integers(0, 2**32 - 1).map(np.random.default_rng)
+
+
+def grid_faces(rows: int, columns: int, *, closed: bool) -> np.ndarray:
+    """Two triangles per cell of a grid of vertices; closed grids join the last row and column to the first."""
+    i, j = np.mgrid[: rows - (not closed), : columns - (not closed)]
+    a, b = i * columns + j, i * columns + (j + 1) % columns
+    c, d = (i + 1) % rows * columns + j, (i + 1) % rows * columns + (j + 1) % columns
+    return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, d, c], -1).reshape(-1, 3)])
+
+
+def soup(rng: np.random.Generator) -> TriangleMesh:
+    """Triangles at random that share vertices, and so edges: open, self-intersecting, wound at random."""
+    return TriangleMesh(rng.normal(size=(9, 3)), rng.permuted(np.tile(np.arange(9), (20, 1)), axis=1)[:, :3])
+
+
+def sphere(rng: np.random.Generator) -> TriangleMesh:
+    latitude, longitude = np.meshgrid(np.linspace(-1.5, 1.5, 8), np.arange(9) * 2 * np.pi / 9, indexing="ij")
+    around = np.stack(
+        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)], -1
+    )
+    poles = [[0, 0, -1], [0, 0, 1]]
+    a, b = np.arange(9), (np.arange(9) + 1) % 9
+    sides = [f for f in grid_faces(8, 9, closed=True) if f.max() - f.min() < 27]
+    caps = [np.stack([b, a, 0 * a + 72], -1), np.stack([a + 63, b + 63, 0 * a + 73], -1)]
+    return TriangleMesh(np.concatenate([around.reshape(-1, 3), poles]), np.concatenate([sides, *caps]))
+
+
+def torus(rng: np.random.Generator) -> TriangleMesh:
+    u, v = np.meshgrid(np.arange(11) * 2 * np.pi / 11, np.arange(6) * 2 * np.pi / 6, indexing="ij")
+    ring = 1 + 0.4 * np.cos(v)
+    vertices = np.stack([ring * np.cos(u), ring * np.sin(u), 0.4 * np.sin(v)], -1)
+    return TriangleMesh(vertices.reshape(-1, 3), grid_faces(11, 6, closed=True))
+
+
+def sheet(rng: np.random.Generator) -> TriangleMesh:
+    """An open, crumpled sheet with holes."""
+    y, x = np.mgrid[-1:1:7j, -1:1:7j]
+    vertices = np.stack([x, y, np.zeros_like(x)], -1).reshape(-1, 3) + rng.normal(scale=0.15, size=(49, 3))
+    faces = grid_faces(7, 7, closed=False)
+    return TriangleMesh(vertices, faces[rng.random(len(faces)) < 0.8])
+
+
+def book(rng: np.random.Generator) -> TriangleMesh:
+    """Non-manifold: many pages on one spine, some twice, some twice with the other side up."""
+    vertices = np.concatenate([[[0, 0, -1], [0, 0, 1]], rng.normal(size=(7, 3))])
+    pages = np.array([[0, 1, page] for page in range(2, 9)])
+    return TriangleMesh(vertices, np.concatenate([pages, pages[:3], pages[1:5, ::-1]]))
+
+
+SHAPES = [soup, sphere, torus, sheet, book]
+
+
+def random_pose(rng: np.random.Generator, nearest: float, farthest: float) -> np.ndarray:
+    """cam_from_model with the object's centre on the canvas, at a distance between two numbers of radii."""
+    z = rng.uniform(nearest, farthest)
+    x, y = rng.normal(scale=1.0 + 0.15 * abs(z), size=2)
+    return rigid(rotation_from_vector(rng.normal(size=3) * 2), [x, y, z])
+
+
+in_front = seeds.map(lambda rng: random_pose(rng, 4.5, 9))  # the farthest vertex of a soup lies at about 4
+around_the_camera = seeds.map(lambda rng: random_pose(rng, -1, 2))
+poses = st.one_of(in_front, around_the_camera)
+meshes = st.builds(lambda shape, rng: shape(rng), st.sampled_from(SHAPES), seeds)
+
+
+def ray_cast_mask(mesh: TriangleMesh, cam_from_model: np.ndarray, window: tuple[int, int, int, int]) -> np.ndarray:
+    """A ray hits a triangle in front of the camera if it is a positive combination of the three corners."""
+    x0, y0, x1, y1 = window
+    y, x = np.mgrid[y0:y1, x0:x1]
+    rays = CAMERA.rays_cam(np.stack([x, y], -1).astype(float)).reshape(-1, 3)
+    a, b, c = (transform_points(cam_from_model, mesh.vertices)[mesh.faces[:, corner]] for corner in range(3))
+    determinant = (a * np.cross(b, c)).sum(axis=1)
+    hit = np.ones((len(rays), len(mesh.faces)), dtype=bool)
+    for p, q in ((b, c), (c, a), (a, b)):
+        hit &= rays @ (np.cross(p, q) / determinant[:, None]).T > 0
+    return hit.any(axis=1).reshape(x.shape)
+
+
+def mask_of(mesh: TriangleMesh, pose: np.ndarray, window: tuple[int, int, int, int] | None = None) -> np.ndarray:
+    return silhouette_mask(SilhouetteEdges.of(mesh), CAMERA, pose, window=window or canvas(CAMERA))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@settings(max_examples=40, deadline=None)
+@given(rng=seeds, pose=poses)
+def test_mask_is_that_of_casting_rays(shape, rng, pose):
+    mesh = shape(rng)
+    expected = ray_cast_mask(mesh, pose, canvas(CAMERA))
+    np.testing.assert_array_equal(mask_of(mesh, pose), expected)
+
+
+def test_random_scenes_are_worth_testing():
+    """The poses above give masks that are neither empty nor full, cut by the image and by the camera's plane."""
+    rng = np.random.default_rng(8)
+    width, height = CAMERA.size_wh
+    for distances, crossing_expected in (((4.5, 9), 0), ((-1, 2), 25)):
+        partly_outside = crossing = 0
+        for _ in range(100):
+            mesh, pose = sphere(rng), random_pose(rng, *distances)
+            mask = mask_of(mesh, pose)
+            inside = mask[height : 2 * height, width : 2 * width].sum()
+            partly_outside += 0 < inside < mask.sum() < mask.size
+            z = transform_points(pose, mesh.vertices)[:, 2]
+            crossing += z.min() < 0 < z.max()
+        assert partly_outside >= 10
+        assert crossing >= crossing_expected
+
+
+@settings(max_examples=60, deadline=None)
+@given(meshes, poses, seeds)
+def test_winding_of_faces_does_not_matter(mesh, pose, rng):
+    flip = rng.random(len(mesh.faces)) < 0.5
+    flipped = TriangleMesh(mesh.vertices, np.where(flip[:, None], mesh.faces[:, ::-1], mesh.faces))
+    np.testing.assert_array_equal(mask_of(flipped, pose), mask_of(mesh, pose))
+
+
+@settings(max_examples=60, deadline=None)
+@given(meshes, poses, seeds)
+def test_mask_is_the_union_of_those_of_the_parts(mesh, pose, rng):
+    first = rng.random(len(mesh.faces)) < 0.5
+    parts = [mask_of(TriangleMesh(mesh.vertices, mesh.faces[part]), pose) for part in (first, ~first)]
+    np.testing.assert_array_equal(mask_of(mesh, pose), parts[0] | parts[1])
+
+
+@settings(max_examples=60, deadline=None)
+@given(meshes, poses, seeds)
+def test_smaller_window_is_a_crop(mesh, pose, rng):
+    left, top, right, bottom = canvas(CAMERA)
+    x0, x1 = np.sort(rng.integers(left, right + 1, 2))
+    y0, y1 = np.sort(rng.integers(top, bottom + 1, 2))
+    crop = mask_of(mesh, pose)[y0 - top : y1 - top, x0 - left : x1 - left]
+    np.testing.assert_array_equal(mask_of(mesh, pose, (x0, y0, x1, y1)), crop)
+
+
+@settings(max_examples=100, deadline=None)
+@given(meshes, poses)
+def test_statistics_are_those_of_the_mask(mesh, pose):
+    statistics = silhouette_statistics(SilhouetteEdges.of(mesh), CAMERA, pose)
+    mask = mask_of(mesh, pose)
+    width, height = CAMERA.size_wh
+    assert statistics.px_count_all == mask.sum()
+    assert statistics.px_count_inside == mask[height : 2 * height, width : 2 * width].sum()
+    if mask.any():
+        y, x = np.nonzero(mask)
+        expected = (x.min() - width, y.min() - height, np.ptp(x), np.ptp(y))
+    else:
+        expected = (-1, -1, -1, -1)
+    assert statistics.bbox_obj == expected
+
+
+@settings(max_examples=60, deadline=None)
+@given(meshes, poses)
+def test_projected_bounds_hold_the_silhouette(mesh, pose):
+    bounds = projected_bounds(mesh.vertices, CAMERA, pose)
+    pixels = CAMERA.project(transform_points(pose, mesh.vertices))
+    if np.isnan(pixels).any():
+        np.testing.assert_array_equal(bounds, [-np.inf, -np.inf, np.inf, np.inf])
+        return
+    np.testing.assert_allclose(bounds, [*pixels.min(axis=0), *pixels.max(axis=0)], rtol=1e-12, atol=1e-9)
+    statistics = silhouette_statistics(SilhouetteEdges.of(mesh), CAMERA, pose)
+    if statistics.px_count_all:
+        x, y, width, height = statistics.bbox_obj
+        assert bounds[0] <= x
+        assert bounds[1] <= y
+        assert x + width <= bounds[2]
+        assert y + height <= bounds[3]
+    if CAMERA.contains(bounds.reshape(2, 2)).all():
+        assert statistics.px_count_inside == statistics.px_count_all
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_every_pixel_of_a_tiling_belongs_to_one_tile(rng):
+    """Vertices and edges exactly on pixel centres: no pixel twice, none left out, whatever the order of corners."""
+    camera = PinholeCamera(20, 16, 1.0, 1.0, 0.0, 0.0)
+    y, x = np.mgrid[0:17:4, 0:21:4].astype(float)
+    x[:, 1:-1] += rng.integers(0, 2, x[:, 1:-1].shape)
+    y[1:-1] += rng.integers(0, 2, y[1:-1].shape)
+    sheet_mesh = TriangleMesh(
+        np.stack([x, y, np.zeros_like(x)], -1).reshape(-1, 3),
+        rng.permuted(grid_faces(5, 6, closed=False), axis=1),
+    )
+    pose = rigid(translation=[0, 0, 1])  # a pixel is a millimetre and nothing is rounded
+    tiles = np.zeros((18, 22), dtype=int)
+    for face in sheet_mesh.faces:
+        tile = SilhouetteEdges.of(TriangleMesh(sheet_mesh.vertices[face], np.array([[0, 1, 2]])))
+        tiles += silhouette_mask(tile, camera, pose, window=(-1, -1, 21, 17))
+    expected = np.zeros((18, 22), dtype=int)
+    expected[1:17, 1:21] = 1
+    np.testing.assert_array_equal(tiles, expected)
+    edges = SilhouetteEdges.of(sheet_mesh)
+    np.testing.assert_array_equal(silhouette_mask(edges, camera, pose, window=(-1, -1, 21, 17)), expected)
+    statistics = silhouette_statistics(edges, camera, pose)
+    assert (statistics.px_count_all, statistics.bbox_obj) == (320, (0, 0, 19, 15))
+
+
+def test_edges_of_a_closed_mesh_are_few():
+    """Speed rests on this: of a convex closed mesh only the one outline remains, whose winding is two layers."""
+    edges = SilhouetteEdges.of(sphere(np.random.default_rng(0)))
+    assert edges.ends.shape == (2, 3 * len(edges.mesh.faces) // 2)
+    windings = edges.windings(edges.facing(np.array([3.1, 4.2, 0.7])))
+    outline = edges.ends[:, windings != 0]
+    assert set(windings) == {-2, 0, 2}
+    assert (np.unique(outline, return_counts=True)[1] == 2).all()
+
+
+def statistics_of_sphere_at(*centre: float):
+    return silhouette_statistics(
+        SilhouetteEdges.of(sphere(np.random.default_rng(0))), CAMERA, rigid(translation=np.array(centre))
+    )
+
+
+def test_behind_the_camera_is_nothing():
+    statistics = statistics_of_sphere_at(0.2, 0.1, -1.5)
+    assert (statistics.px_count_all, statistics.px_count_inside) == (0, 0)
+    assert statistics.bbox_obj == (-1, -1, -1, -1)
+
+
+def test_outside_the_image_is_counted_but_not_inside():
+    statistics = statistics_of_sphere_at(6.0, 0.0, 9.0)
+    x, _, width, _ = statistics.bbox_obj
+    assert CAMERA.width <= x
+    assert x + width < 2 * CAMERA.width
+    assert statistics.px_count_all > 30
+    assert statistics.px_count_inside == 0
+
+
+def test_camera_inside_the_object_sees_it_everywhere():
+    statistics = statistics_of_sphere_at(0.1, -0.2, 0.3)
+    width, height = CAMERA.size_wh
+    assert statistics.px_count_all == 9 * width * height
+    assert statistics.px_count_inside == width * height
+    assert statistics.bbox_obj == (-width, -height, 3 * width - 1, 3 * height - 1)

@@ -1,0 +1,182 @@
+"""The script as a user starts it: pairs in; pose, residuals, case and picture out; what cannot be is refused."""
+
+import json
+import os
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.case.case_file import Case, read_case
+from pipeline.case.landmark_file import write_landmarks
+from pipeline.case.landmarks import Landmark
+from pipeline.surface.mesh_reader import read_mesh
+from pipeline.surface.mesh_writer import write_ply
+from pipeline.transforms import transform_points
+
+SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "align.py"
+ROUGH = "cam_from_model = [[1, 0, 0, 300], [0, -1, 0, -7], [0, 0, -1, 700], [0, 0, 0, 1]]"
+FINE = "--click-sigma-px=0.1"
+
+
+@pytest.fixture
+def case_path(tmp_path, write_tiny_case) -> Path:
+    """The tiny case with a pose that does not show the surface at all; ``true.toml`` beside it has the true one."""
+    path = write_tiny_case(tmp_path / "case")
+    text = path.read_text()
+    path.with_name("true.toml").write_text(text)
+    path.write_text(re.sub("cam_from_model = .*", ROUGH, text))
+    return path
+
+
+@pytest.fixture
+def align(run_command):
+    return lambda *arguments: run_command([sys.executable, str(SCRIPT), *map(str, arguments)])
+
+
+def true_case(case_path: Path) -> Case:
+    return read_case(case_path.with_name("true.toml"))
+
+
+def clicked_landmarks(case_path: Path, count: int = 7) -> list[Landmark]:
+    """Vertices all over the surface, where the true pose shows them."""
+    case = true_case(case_path)
+    mesh, _ = read_mesh(case.mesh)
+    points = mesh.vertices[np.linspace(40, len(mesh.vertices) - 60, count).astype(int)]
+    pixels = case.camera.project(transform_points(case.cam_from_given, points))
+    return [
+        Landmark(f"feature {number}", tuple(point), tuple(pixel))
+        for number, (point, pixel) in enumerate(zip(points.tolist(), pixels.tolist(), strict=True))
+    ]
+
+
+def printed_matrix(output: str, name: str) -> np.ndarray:
+    rows = output[output.index(f"{name}:") :].splitlines()[1:5]
+    return np.array([json.loads(row.rstrip(",")) for row in rows])
+
+
+def test_pairs_become_a_case_a_record_and_a_picture(case_path, tmp_path, align):
+    landmarks = clicked_landmarks(case_path)
+    wrong = Landmark("wrong one", landmarks[0].point, (50.0, 40.0))
+    unused = [Landmark("half", None, (3.0, 4.0)), Landmark("off", (0.0, 0.0, 0.0), (1.0, 1.0), enabled=False)]
+    pairs, out, record, picture = (tmp_path / name for name in ("pairs.csv", "out.toml", "pose.json", "picture.png"))
+    write_landmarks(pairs, [*landmarks, wrong, *unused])
+    ended = align(case_path, "--pairs", pairs, FINE, "--out", out, "--json", record, "--picture", picture)
+    assert ended.returncode == 0, ended.stderr
+    assert "note: 'wrong one' is" in ended.stdout
+    assert re.search(r"wrong one .* left out\n", ended.stdout)
+    assert "rms 0.00 px over 7 of 8 landmarks" in ended.stdout
+
+    found = json.loads(record.read_text())
+    pose = np.array(found["cam_from_model"])
+    assert pose == pytest.approx(true_case(case_path).cam_from_given, abs=1e-5)
+    assert np.array_equal(printed_matrix(ended.stdout, "cam_from_model"), pose)
+    assert np.array_equal(printed_matrix(ended.stdout, "model_from_cam"), found["model_from_cam"])
+    assert np.array(found["model_from_cam"]) @ pose == pytest.approx(np.eye(4), abs=1e-9)
+    assert [pair["name"] for pair in found["pairs"]] == [*(each.name for each in landmarks), "wrong one"]
+    assert [pair["inlier"] for pair in found["pairs"]] == [True] * 7 + [False]
+    for pair in found["pairs"]:
+        assert np.array(pair["pixel"]) - pair["predicted"] == pytest.approx(np.array(pair["residual_px"]))
+    covariance = np.array(found["uncertainty"]["covariance"])
+    assert np.sqrt(np.diag(covariance)[:3]) == pytest.approx(found["uncertainty"]["standard_deviation_mm"])
+
+    written = read_case(out)
+    assert np.array_equal(written.cam_from_given, pose)
+    assert written.landmarks == (*landmarks, wrong, *unused)
+    assert written.alignment["method"] == "landmarks"
+    assert written.alignment["pairs"] == 7
+    assert written.image.resolve() == read_case(case_path).image.resolve()
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+    # what was written holds the pairs itself, and aligns to the same pose again
+    again = align(out, FINE)
+    assert again.returncode == 0, again.stderr
+    assert printed_matrix(again.stdout, "cam_from_model") == pytest.approx(pose, abs=1e-5)
+
+
+def test_metres_are_millimetres_inside(case_path, tmp_path, align):
+    pairs, metres = tmp_path / "pairs.json", case_path.with_name("metres.toml")
+    write_landmarks(pairs, clicked_landmarks(case_path), mm_per_unit=1000.0)
+    metres.write_text(case_path.read_text().replace('"mm"', '"m"'))
+    record, out = tmp_path / "pose.json", tmp_path / "out.toml"
+    # the mesh file is in millimetres: taken as metres, its landmarks lie far beside it
+    refused = align(metres, "--pairs", pairs, FINE)
+    assert refused.returncode == 2
+    assert "expected points on surface.ply, all lie beside it" in refused.stderr
+    ply = read_mesh(case_path.with_name("surface.ply"))[0].scaled(1e-3)
+    write_ply(case_path.with_name("surface.ply"), ply)
+    ended = align(metres, "--pairs", pairs, FINE, "--json", record, "--out", out)
+    assert ended.returncode == 0, ended.stderr
+    pose = np.array(json.loads(record.read_text())["cam_from_model"])
+    assert pose == pytest.approx(true_case(case_path).cam_from_given, abs=1e-5)
+    assert np.array_equal(read_case(out).cam_from_given, pose)
+
+
+@pytest.mark.parametrize(
+    ("kind", "code", "message"),
+    [
+        ("three", 2, "at least 4 enabled pairs, found 3"),
+        ("none", 2, "at least 4 enabled pairs, found 0"),
+        ("shuffled", 2, "no pose fits these 7 pairs"),
+        ("no file", 2, "it does not exist"),
+        ("no folder", 3, "cannot write it"),
+        ("sigma", 2, "click noise: expected a positive number"),
+        ("option", 2, "did you mean '--pairs'"),
+    ],
+)
+def test_what_cannot_be_used_ends_with_one_line(case_path, tmp_path, align, kind, code, message):
+    pairs, landmarks = tmp_path / "pairs.csv", clicked_landmarks(case_path)
+    if kind == "three":
+        landmarks = landmarks[:3]
+    if kind == "shuffled":
+        pixels = [landmark.pixel for landmark in landmarks]
+        landmarks = [
+            Landmark(landmark.name, landmark.point, pixel)
+            for landmark, pixel in zip(landmarks, pixels[3:] + pixels[:3], strict=True)
+        ]
+    if kind != "no file":
+        write_landmarks(pairs, landmarks)
+    further = {
+        "no folder": ["--json", tmp_path / "missing" / "pose.json"],
+        "sigma": ["--click-sigma-px", "-1"],
+        "option": ["--pair", "x"],
+    }
+    given = [] if kind == "none" else ["--pairs", pairs, FINE]
+    ended = align(case_path, *given, *further.get(kind, []))
+    assert ended.returncode == code
+    assert message in ended.stderr
+    assert ended.stderr.startswith("error: ")
+    assert ended.stderr.count("\n") == 1
+
+
+def test_a_blender_program_without_opencv_says_what_is_missing(case_path, tmp_path, run_command):
+    if not (program := os.environ.get("BLENDER")):
+        pytest.skip("the environment variable BLENDER names no Blender program")
+    pairs = tmp_path / "pairs.csv"
+    write_landmarks(pairs, clicked_landmarks(case_path))
+    ended = run_command(
+        [program, "-b", "--factory-startup", "-P", str(SCRIPT), "--", str(case_path), "--pairs", str(pairs)],
+        BLENDER_USER_RESOURCES=str(tmp_path / "resources"),
+    )
+    if ended.returncode == 0:  # a Blender that has OpenCV
+        assert "cam_from_model:" in ended.stdout
+    else:
+        assert ended.returncode == 3
+        assert "expected OpenCV" in ended.stderr
+
+
+def test_an_image_that_shows_nothing_of_the_shape_refines_no_pose(case_path, tmp_path, align):
+    """The tiny frame is a pattern that has nothing to do with the surface."""
+    true = case_path.with_name("true.toml")
+    ended = align(true, "--refine", "--out", tmp_path / "refined.toml")
+    assert ended.returncode == 2, ended.stdout
+    assert ended.stderr.startswith("error: true.toml: ")
+    assert not (tmp_path / "refined.toml").exists()
+    # with landmarks there is a pose all the same
+    write_landmarks(tmp_path / "pairs.csv", clicked_landmarks(case_path))
+    ended = align(true, "--pairs", tmp_path / "pairs.csv", FINE, "--refine", "--out", tmp_path / "refined.toml")
+    assert ended.returncode == 0, ended.stderr
+    assert "note: " in ended.stdout
+    assert read_case(tmp_path / "refined.toml").alignment["method"] == "landmarks"

@@ -1,0 +1,173 @@
+"""Laws of TriangleMesh, checked_mesh and diameter."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from pipeline.errors import InputError
+from pipeline.surface.mesh import TriangleMesh, checked_mesh, diameter
+from pipeline.transforms import rotation_from_vector
+
+CUBE_VERTICES = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+CUBE_SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]  # outward
+CUBE_FACES = np.array([[a, b, c] for a, b, c, _ in CUBE_SIDES] + [[a, c, d] for a, _, c, d in CUBE_SIDES])
+
+# small integers give many duplicate, collinear and coplanar points; large offsets test cancellation
+lattices = hnp.arrays(np.float64, st.tuples(st.integers(1, 40), st.just(3)), elements=st.integers(-3, 3).map(float))
+clouds = hnp.arrays(np.float64, st.tuples(st.integers(1, 40), st.just(3)), elements=st.floats(-1e4, 1e4, width=32))
+flattenings = st.sampled_from([(1, 1, 1), (1, 1, 0), (1, 0, 0), (1, 1, 1e-6), (0, 0, 0)])
+
+
+def brute_force_diameter(points: np.ndarray) -> float:
+    return max(float(np.sqrt(((points - point) ** 2).sum(axis=1)).max()) for point in points)
+
+
+def volume(mesh: TriangleMesh) -> float:
+    return float((mesh.vertices[mesh.faces[:, 0]] * mesh.face_cross).sum() / 6)
+
+
+def area(mesh: TriangleMesh) -> float:
+    return float(np.linalg.norm(mesh.face_cross, axis=1).sum() / 2)
+
+
+@settings(deadline=None)
+@given(st.one_of(lattices, clouds), flattenings, st.floats(-1e3, 1e3))
+def test_diameter_is_that_of_all_pairs(points, flattening, offset):
+    points = points * flattening + offset
+    assert diameter(points) == pytest.approx(brute_force_diameter(points), rel=1e-12, abs=1e-9)
+
+
+@pytest.mark.parametrize("shape", ["ball", "sphere", "disc", "needle", "cube surface", "two clusters", "Reuleaux"])
+def test_diameter_of_many_points(shape):
+    rng = np.random.default_rng(5)
+    points = rng.normal(size=(1500, 3))
+    if shape == "sphere":  # every point is a candidate
+        points /= np.linalg.norm(points, axis=1, keepdims=True)
+    elif shape == "disc":
+        points = points / np.linalg.norm(points[:, :2], axis=1, keepdims=True) * [1, 1, 0]
+    elif shape == "needle":
+        points *= [100, 1e-3, 1e-3]
+    elif shape == "cube surface":
+        points = np.clip(points, -0.5, 0.5)
+    elif shape == "two clusters":
+        points[::2] += [1e4, 0, 0]
+    elif shape == "Reuleaux":  # the centre of the box is not the centre of the widest pair
+        corner = np.array([[0, 0], [1, 0], [0.5, np.sqrt(3) / 2]])[rng.integers(3, size=1500)]
+        angle = rng.uniform(0, 2 * np.pi, 1500)
+        points = np.column_stack([corner + 0.01 * np.column_stack([np.cos(angle), np.sin(angle)]), 0 * angle])
+    assert diameter(points) == pytest.approx(brute_force_diameter(points), rel=1e-13)
+
+
+@settings(deadline=None)
+@given(
+    hnp.arrays(np.float64, 3, elements=st.floats(-3, 3)),
+    hnp.arrays(np.float64, 3, elements=st.floats(-50, 50)),
+    st.floats(0.1, 10),
+)
+def test_measures_of_a_moved_turned_scaled_cube(rotation_vector, offset, factor):
+    turned = CUBE_VERTICES @ rotation_from_vector(rotation_vector).T
+    mesh = TriangleMesh(turned, CUBE_FACES).scaled(factor).moved(offset)
+    assert volume(mesh) == pytest.approx(factor**3, rel=1e-9, abs=1e-9)
+    assert area(mesh) == pytest.approx(6 * factor**2, rel=1e-9)
+    assert diameter(mesh.vertices) == pytest.approx(np.sqrt(3) * factor, rel=1e-12)
+    assert mesh.median_edge == pytest.approx(factor, rel=1e-9)
+    assert volume(mesh.flipped()) == pytest.approx(-volume(mesh), rel=1e-12)
+    assert np.allclose(mesh.flipped().vertex_normals, -mesh.vertex_normals)
+    assert np.allclose(np.linalg.norm(mesh.vertex_normals, axis=1), 1)
+    assert np.allclose(np.linalg.norm(mesh.face_normals, axis=1), 1)
+    outward = mesh.vertices - mesh.vertices.mean(axis=0)
+    assert ((outward * mesh.vertex_normals).sum(axis=1) > 0).all()
+    assert np.allclose((outward[mesh.faces[:, 0]] * mesh.face_normals).sum(axis=1), factor / 2)
+
+
+@settings(deadline=None)
+@given(lattices, st.integers(0, 2))
+def test_bounds_radius_and_edges_do_not_depend_on_the_order(points, shift):
+    faces = np.arange(len(points) * 3).reshape(-1, 3) * 7 % len(points)
+    mesh = TriangleMesh(points, faces)
+    other = TriangleMesh(points[::-1], len(points) - 1 - np.roll(faces, shift, axis=1))
+    assert np.array_equal(mesh.bounds, other.bounds)
+    assert mesh.radius == other.radius == max(np.linalg.norm(point) for point in points)
+    assert mesh.median_edge == other.median_edge
+    assert ((mesh.bounds[0] <= points) & (points <= mesh.bounds[1])).all()
+
+
+def test_vertex_normals_of_a_sphere_are_radial():
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 65)[:-1], np.linspace(0, np.pi, 34)[1:-1])
+    sphere = np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), np.cos(v)], axis=-1).reshape(-1, 3)
+    index = np.arange(len(sphere)).reshape(u.shape)
+    a, b, c, d = index[:-1], index[1:], np.roll(index, -1, axis=1)[1:], np.roll(index, -1, axis=1)[:-1]
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    mesh = TriangleMesh(np.vstack([sphere, [[9, 9, 9]]]), faces)
+    inner = slice(64, -65)  # the rings at the poles have holes beside them
+    cosine = (mesh.vertex_normals[inner] * sphere[64:-64]).sum(axis=1)
+    assert cosine.min() > np.cos(np.radians(2))
+    assert (mesh.vertex_normals[-1] == 0).all()  # no face uses it
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.data())
+def test_checked_mesh_keeps_the_surface_and_nothing_else(data):
+    vertices = data.draw(hnp.arrays(np.float64, (12, 3), elements=st.integers(-4, 4).map(float)))
+    faces = data.draw(hnp.arrays(np.int64, (data.draw(st.integers(1, 20)), 3), elements=st.integers(0, 11)))
+    triangles = vertices[faces]
+    edges = triangles[:, 1:] - triangles[:, :1]
+    # exact in integers: a face has area if its edges are linearly independent
+    solid = [np.linalg.matrix_rank(pair) == 2 for pair in edges]
+    if not any(solid):
+        with pytest.raises(InputError, match="all with zero area"):
+            checked_mesh(vertices, faces, "mesh")
+        return
+    mesh, told = checked_mesh(vertices, faces, "mesh")
+    assert np.array_equal(mesh.vertices[mesh.faces], triangles[solid])
+    assert np.array_equal(np.unique(mesh.faces), np.arange(len(mesh.vertices)))
+    assert ("zero area" in " ".join(told)) == (not all(solid))
+    assert ("no face uses" in " ".join(told)) == (len(mesh.vertices) < len(vertices))
+    again, told_again = checked_mesh(mesh.vertices, mesh.faces, "mesh")
+    assert told_again == []
+    assert np.array_equal(again.vertices, mesh.vertices)
+    assert np.array_equal(again.faces, mesh.faces)
+    assert (mesh.vertices.dtype, mesh.faces.dtype) == (np.float64, np.int32)
+
+
+@given(st.floats(-6, 6), st.integers(0, 2))
+@settings(deadline=None)
+def test_needles_are_dropped_at_any_scale(power, shift):
+    width = np.array([3e-8, 3e-7])  # relative to the length: too thin for single precision, and just enough
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0.5, width[0], 0], [0.5, 0, width[1]]]) * 10**power
+    mesh, told = checked_mesh(vertices, np.roll([[0, 1, 2], [0, 1, 3]], shift, axis=1), "mesh")
+    assert np.array_equal(mesh.vertices, vertices[[0, 1, 3]])
+    assert told == ["mesh: dropped 1 of 2 faces with zero area", "mesh: dropped 1 of 4 vertices that no face uses"]
+
+
+@pytest.mark.parametrize(
+    ("row", "value"), [(2, np.nan), (0, np.inf), (7, -np.inf), (3, 1e300), (3, -np.finfo(float).max)]
+)
+@pytest.mark.filterwarnings("error")
+def test_checked_mesh_refuses_coordinates(row, value):
+    vertices = CUBE_VERTICES.copy()
+    vertices[row, 1] = value
+    with pytest.raises(
+        InputError, match=rf"x\.ply: expected coordinates .* in 1 of 8 vertices \(first: vertex {row}\)"
+    ):
+        checked_mesh(vertices, CUBE_FACES, "x.ply")
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "message"),
+    [
+        (np.empty((0, 3)), np.empty((0, 3), int), "0 vertices and 0 faces"),
+        (CUBE_VERTICES, np.empty((0, 3), int), "8 vertices and 0 faces"),
+        (np.empty((0, 3)), CUBE_FACES, "0 vertices and 12 faces"),
+        (CUBE_VERTICES, CUBE_FACES + 1, r"indices 0\.\.7, found 1\.\.8"),
+        (CUBE_VERTICES, CUBE_FACES - 1, r"indices 0\.\.7, found -1\.\.6"),
+        (CUBE_VERTICES, CUBE_FACES + 2**40, "indices"),
+        (CUBE_VERTICES, CUBE_FACES[:, [0, 0, 1]], "12 faces, all with zero area"),
+        (CUBE_VERTICES * [1, 0, 0], CUBE_FACES, "12 faces, all with zero area"),
+    ],
+)
+def test_checked_mesh_refuses(vertices, faces, message):
+    with pytest.raises(InputError, match=rf"^x\.ply: expected .*{message}"):
+        checked_mesh(vertices, faces, "x.ply")

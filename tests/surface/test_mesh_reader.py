@@ -1,0 +1,437 @@
+"""Reading mesh files: any legal layout gives the same triangles, any damage gives a refusal that says where."""
+
+import re
+import struct
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from pipeline.errors import InputError
+from pipeline.files.numbers import parsed_numbers
+from pipeline.surface.mesh import checked_mesh
+from pipeline.surface.mesh_reader import read_mesh
+
+TYPE_NAMES = {
+    "b": ("char", "int8"),
+    "B": ("uchar", "uint8"),
+    "h": ("short", "int16"),
+    "H": ("ushort", "uint16"),
+    "i": ("int", "int32"),
+    "I": ("uint", "uint32"),
+    "f": ("float", "float32"),
+    "d": ("double", "float64"),
+}
+ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
+quick = settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@st.composite
+def polygon_soups(draw) -> tuple[np.ndarray, list[list[int]]]:
+    """Vertices (of small integers, which every type can hold) and polygons of three to six corners."""
+    vertices = draw(hnp.arrays(np.float64, (8, 3), elements=st.integers(0, 100).map(float)))
+    sizes = st.sampled_from([[3], [4], [3, 4], [3, 4, 5, 6]])
+    size = st.sampled_from(draw(sizes))
+    corner = st.integers(0, 7)
+    polygons = draw(st.lists(size.flatmap(lambda n: st.lists(corner, min_size=n, max_size=n)), min_size=1, max_size=8))
+    return vertices, polygons
+
+
+def fans(polygons: list[list[int]]) -> np.ndarray:
+    return np.array([[p[0], p[k], p[k + 1]] for p in polygons for k in range(1, len(p) - 1)])
+
+
+def read_or_refusal(path: Path) -> tuple[np.ndarray, list[str]] | str:
+    """``(F, 3, 3)`` triangles and what was told, or the message; any other exception or a warning fails the test."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            mesh, told = read_mesh(path)
+        except InputError as error:
+            return str(error)
+    return mesh.vertices[mesh.faces], told
+
+
+def checked_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | str:
+    try:
+        mesh, _ = checked_mesh(vertices, faces, "expected")
+    except InputError as error:
+        return str(error)
+    return mesh.vertices[mesh.faces]
+
+
+def assert_reads_as(path: Path, vertices: np.ndarray, polygons: list[list[int]]) -> None:
+    found, expected = read_or_refusal(path), checked_triangles(vertices, fans(polygons))
+    if isinstance(expected, str):
+        assert isinstance(found, str)
+        assert "all with zero area" in found
+    else:
+        assert not isinstance(found, str), found
+        assert np.array_equal(found[0], expected)
+
+
+def stl_binary(triangles: np.ndarray, header: bytes = b"solid that is binary") -> bytes:
+    records = [struct.pack("<12fH", 0, 0, 1, *triangle.ravel(), 7) for triangle in triangles]
+    return header.ljust(80, b"\0") + struct.pack("<I", len(records)) + b"".join(records)
+
+
+def stl_text(triangles: np.ndarray, name: str = "two words") -> bytes:
+    lines = [f"solid {name}"]
+    for triangle in triangles:
+        lines += ["  facet normal 0 0 1", "    outer loop"]
+        lines += [f"      vertex {x:.9e} {y:.9e} {z:.9e}" for x, y, z in triangle]
+        lines += ["    endloop", "  endfacet"]
+    return "\n".join([*lines, f"endsolid {name}", ""]).encode()
+
+
+def ply_encoded(order: str, elements: list[tuple[str, int, list[tuple]]], comment: str = "") -> bytes:
+    """PLY from elements (name, rows, columns); a column is (name, item type, length type or None, values)."""
+    header, body = ["ply", f"format {order} 1.0", f"comment {comment}end_header"], []
+    for element, rows, columns in elements:
+        header.append(f"element {element} {rows}")
+        for name, item, length, _ in columns:
+            types = f"{length[1]} {item[1]}" if length else item[1]
+            header.append(f"property {'list ' if length else ''}{types} {name}")
+        for row in range(rows):
+            for _, item, length, values in columns:
+                numbers = [int(n) if item[0] not in "fd" else n for n in np.atleast_1d(values[row]).tolist()]
+                counted = [len(numbers), *numbers] if length else numbers
+                if order == "ascii":
+                    body.append((" ".join(f"{n!r}" for n in counted) + " ").encode())
+                    continue
+                codes = (length[0] if length else "") + item[0] * len(numbers)
+                body.append(struct.pack(ORDERS[order] + codes, *counted))
+            if order == "ascii":
+                body.append(b"\n")
+    return "\n".join([*header, "obj_info none", "end_header", ""]).encode() + b"".join(body)
+
+
+def sample_files() -> dict[str, bytes]:
+    """One small valid file per format and variant."""
+    vertices = np.array([[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0], [2, 2, 13.5], [2, -3, 0.25]])
+    polygons = [[0, 1, 2, 3], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [0, 5, 1]]
+    triangles = vertices[fans(polygons)]
+    files = {}
+    for order in ("ascii", *ORDERS):
+        for shape, corners in (("mixed", polygons), ("triangles", fans(polygons).tolist())):
+            xyz = [(axis, ("f", "float"), None, vertices[:, k]) for k, axis in enumerate("xyz")]
+            face = [("vertex_indices", ("i", "int"), ("B", "uchar"), corners)]
+            elements = [("vertex", len(vertices), xyz), ("face", len(corners), face)]
+            files[f"{order} {shape}.ply"] = ply_encoded(order, elements)
+    files["text.stl"], files["binary.stl"] = stl_text(triangles), stl_binary(triangles)
+    lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in vertices]
+    lines += ["f " + " ".join(f"{index + 1}/{index + 1}" for index in polygon) for polygon in polygons]
+    files["mesh.obj"] = "\n".join([*lines, ""]).encode()
+    return files
+
+
+SAMPLES = sample_files()
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_extensions_in_capitals_are_the_same(tmp_path, name):
+    meshes = []
+    for path in (tmp_path / name, tmp_path / name.upper()):
+        path.write_bytes(SAMPLES[name])
+        meshes.append(read_mesh(path)[0])
+    assert np.array_equal(meshes[0].vertices, meshes[1].vertices)
+    assert np.array_equal(meshes[0].faces, meshes[1].faces)
+
+
+# --- layouts
+
+
+@quick
+@given(st.data(), polygon_soups(), st.sampled_from(["ascii", *ORDERS]))
+def test_any_ply_layout_gives_the_same_triangles(tmp_path, data, soup, order):
+    vertices, polygons = soup
+
+    def type_of(codes: str) -> tuple[str, str]:
+        code = data.draw(st.sampled_from(codes))
+        return code, data.draw(st.sampled_from(TYPE_NAMES[code]))
+
+    def extra_columns(rows: int, prefix: str) -> list[tuple]:
+        columns = []
+        for number in range(data.draw(st.integers(0, 2))):
+            if data.draw(st.booleans()):
+                lists = [list(range(data.draw(st.integers(0, 3)))) for _ in range(rows)]
+                columns.append((f"{prefix}{number}", type_of("bBhHiIfd"), type_of("BHiI"), lists))
+            else:
+                columns.append((f"{prefix}{number}", type_of("bBhHiIfd"), None, [7] * rows))
+        return columns
+
+    xyz = [(axis, type_of("bBhHiIfd"), None, vertices[:, k]) for k, axis in enumerate("xyz")]
+    name = data.draw(st.sampled_from(["vertex_indices", "vertex_index"]))
+    face = [(name, type_of("bBhHiIfd"), type_of("bBhHiIf"), polygons)]
+    elements = [
+        ("vertex", len(vertices), data.draw(st.permutations(xyz + extra_columns(len(vertices), "v")))),
+        ("face", len(polygons), data.draw(st.permutations(face + extra_columns(len(polygons), "f")))),
+        ("camera", 2, extra_columns(2, "c")),
+        ("nothing", 0, [("q", ("i", "int"), ("B", "uchar"), [])]),
+    ]
+    content = ply_encoded(order, data.draw(st.permutations(elements)))
+    (tmp_path / "a.ply").write_bytes(content)
+    assert_reads_as(tmp_path / "a.ply", vertices, polygons)
+
+
+@quick
+@given(st.data(), polygon_soups(), st.sampled_from(["\n", "\r\n", "\r"]))
+def test_any_obj_spelling_gives_the_same_triangles(tmp_path, data, soup, line_break):
+    vertices, polygons = soup
+    tail = st.sampled_from(["", " 1.0", " 0.1 0.2 0.3", " # why", "\t"])
+    indent = st.sampled_from(["", "", " ", "\t "])
+    lines = ["# v 9 9 9", "mtllib x.mtl", "o v", "vt 0 0", "vn 0 0 1", "g f", "s off", "", "l 1 2"]
+    # faces come as soon as their vertices are there, so that negative numbers count back from different places
+    waiting = list(polygons)
+    for known, vertex in enumerate(vertices.tolist(), start=1):
+        lines.append(f"{data.draw(indent)}v {' '.join(map(repr, vertex))}{data.draw(tail)}")
+        while waiting and max(waiting[0]) < known:
+            words = []
+            for corner in waiting.pop(0):
+                index = corner - known if data.draw(st.booleans()) else corner + 1
+                words.append(
+                    data.draw(st.sampled_from(["{0}", "{0}/1", "{0}//1", "{0}/1/1", "{0}/-1/-1"])).format(index)
+                )
+            cut = data.draw(st.integers(0, len(words) - 1))
+            joint = f" \\{line_break}  " if cut else " "
+            lines.append(f"{data.draw(indent)}f {' '.join(words[:cut])}{joint}{' '.join(words[cut:])}  ")
+    (tmp_path / "a.obj").write_bytes((line_break.join(lines) + line_break).encode())
+    assert_reads_as(tmp_path / "a.obj", vertices, polygons)
+
+
+@quick
+@given(polygon_soups(), st.sampled_from([None, b"solid", b"", b"\xff" * 80, b"solid facet normal 0 0 1\n"]))
+def test_stl_keeps_triangles_and_merges_corners(tmp_path, soup, header):
+    vertices, polygons = soup
+    triangles = vertices[fans(polygons)]
+    (tmp_path / "a.stl").write_bytes(stl_text(triangles) if header is None else stl_binary(triangles, header))
+    assert_reads_as(tmp_path / "a.stl", vertices, polygons)
+    if isinstance(checked_triangles(vertices, fans(polygons)), np.ndarray):
+        mesh, _ = read_mesh(tmp_path / "a.stl")
+        assert len(mesh.vertices) == len(np.unique(mesh.vertices, axis=0))
+
+
+def test_several_text_solids_become_one_mesh(tmp_path):
+    triangles = np.arange(36.0).reshape(4, 3, 3) ** 2
+    (tmp_path / "a.stl").write_bytes(
+        stl_text(triangles[:2]) + stl_text(triangles[2:], "endsolid solid").upper().replace(b"\n", b"\r\n")
+    )
+    mesh, told = read_mesh(tmp_path / "a.stl")
+    assert told == []
+    assert np.array_equal(mesh.vertices[mesh.faces], triangles)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        (
+            "a.ply",
+            SAMPLES["binary_big_endian triangles.ply"] + b"xyz",
+            r"a\.ply: ignored 3 bytes after the last element",
+        ),
+        ("a.stl", SAMPLES["binary.stl"] + b"xyz", r"a\.stl: ignored 3 bytes after the last triangle"),
+        ("a.ply", SAMPLES["ascii mixed.ply"].rstrip(), r"a\.ply: the last line has no line break"),
+        ("a.obj", SAMPLES["mesh.obj"].rstrip(), r"a\.obj: the last line has no line break"),
+        ("a.obj", SAMPLES["mesh.obj"] + b"f 1 2\n", r"a\.obj: dropped 1 of 7 faces with less than 3 corners"),
+        ("a.obj", SAMPLES["mesh.obj"] + b"f 1 2 2\n", r"a\.obj: dropped 1 of 8 faces with zero area"),
+        ("a.obj", SAMPLES["mesh.obj"] + b"v 1 2 2\n", r"a\.obj: dropped 1 of 7 vertices that no face uses"),
+    ],
+)
+def test_what_was_passed_over_is_told(tmp_path, name, content, told):
+    (tmp_path / name).write_bytes(content)
+    mesh, sentences = read_mesh(tmp_path / name)
+    assert len(mesh.faces) == 7
+    assert len(sentences) == 1
+    assert re.match(told, sentences[0])
+
+
+# --- damage
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_a_file_cut_at_any_byte_is_refused(tmp_path, name):
+    content, path = SAMPLES[name], tmp_path / name
+    path.write_bytes(content)
+    whole = read_or_refusal(path)[0]
+    lengths = {*range(0, len(content), 5), *range(max(0, len(content) - 200), len(content))}
+    for length in sorted(lengths):
+        part = content[:length]
+        path.write_bytes(part)
+        found = read_or_refusal(path)
+        if isinstance(found, str):
+            assert name in found
+            continue
+        triangles, told = found
+        at_line_end = part.endswith(b"\n") or content[length:].startswith(b"\n")
+        assert at_line_end or b"endsolid" in part or "no line break" in told[0]
+        if name == "mesh.obj":  # nothing says how many lines there should be: a prefix, of which the last may be wrong
+            lines = part.count(b"\nf ") if at_line_end else part.count(b"\nf ") - 1
+            complete = {0: 0, 1: 2}.get(lines, lines + 1)  # the first face is a quad
+            assert np.array_equal(triangles[:complete], whole[:complete])
+            assert len(triangles) - complete in ((0,) if at_line_end else (0, 1, 2))
+        elif name == "text.stl":  # only the name after endsolid is missing
+            assert np.array_equal(triangles, whole)
+        else:  # only digits of the last number, or the last line break
+            assert name.startswith("ascii")
+            assert b" " not in content[length:].strip()
+            assert np.array_equal(triangles[:-2], whole[:-2])
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+@settings(quick, max_examples=80)
+@given(st.data())
+def test_damaged_bytes_give_a_refusal_or_a_mesh(tmp_path, name, data):
+    content = bytearray(SAMPLES[name])
+    for _ in range(data.draw(st.integers(1, 4))):
+        position = data.draw(st.integers(0, len(content) - 1))
+        content[position] = data.draw(st.one_of(st.integers(0, 255), st.sampled_from(b"0-9 .\n\r/#e\\\0\xff")))
+    (tmp_path / name).write_bytes(content)
+    found = read_or_refusal(tmp_path / name)
+    if isinstance(found, str):
+        assert found.startswith(f"{name}: ")
+        assert len(found) < 400
+    else:
+        assert np.isfinite(found[0]).all()
+
+
+@quick
+@given(
+    st.sampled_from([".ply", ".obj", ".stl"]),
+    st.sampled_from([b"", b"ply\nformat ascii 1.0\n", b"solid\n", b"v 1 2 3\nf "]),
+    st.binary(max_size=200),
+)
+def test_noise_is_refused(tmp_path, extension, begin, noise):
+    (tmp_path / f"a{extension}").write_bytes(begin + noise)
+    assert isinstance(read_or_refusal(tmp_path / f"a{extension}"), str)
+
+
+@settings(quick, max_examples=200)
+@given(
+    st.lists(
+        st.sampled_from(list("0123456789+-.eEnaif/\0\v#") + [" "] * 9 + ["\n"] * 3 + ["12", "1.5", "-3", "7e-2"]),
+        max_size=9,
+    )
+)
+def test_numbers_are_those_of_the_words(letters):
+    text = "".join(letters)
+    floats = parsed_numbers(text.encode(), np.float64)
+    integers = parsed_numbers(text.encode(), np.int64)
+    if all(re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", word) for word in text.split()):
+        assert floats.tolist() == [float(word) for word in text.split()]
+    elif floats is not None:  # nan or inf
+        assert np.array_equal(floats, [float(word) for word in text.split()], equal_nan=True)
+    if all(re.fullmatch(r"[+-]?\d+", word) for word in text.split()):
+        assert integers.tolist() == [int(word) for word in text.split()]
+    else:
+        assert integers is None
+
+
+XYZ = b"property float x\nproperty float y\nproperty float z\n"
+FACES = b"property list uchar int vertex_indices\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.ply", b"", r"a\.ply: expected a mesh, found an empty file"),
+        ("a.ply", SAMPLES["binary.stl"], r"expected a PLY header .*another format"),
+        ("a.ply", b"ply\nelement vertex 3\nend_header\n", r"expected a line 'format"),
+        ("a.ply", b"ply\nformat ascii 2.0\nend_header\n", r"line 2: .*found 'format ascii 2\.0'"),
+        ("a.ply", b"ply\nformat ascii 1.0\nproperty int x\nend_header\n", r"line 3: .*found 'property int x'"),
+        ("a.ply", b"ply\nformat ascii 1.0\nelement a -3\nend_header\n", r"line 3: .*found 'element a -3'"),
+        ("a.ply", b"ply\nformat ascii 1.0\nelement a 3\nproperty half q\nend_header\n", r"line 4: .*'property half q'"),
+        ("a.ply", b"ply\nformat ascii 1.0\nend_header\n", r"expected elements vertex .* found none"),
+        (
+            "a.ply",
+            b"ply\nformat ascii 1.0\nelement vertex 1\n" + XYZ + b"end_header\n1 2 3\n",
+            r"expected elements vertex .* found vertex \(x, y, z\);",
+        ),
+        (
+            "a.ply",
+            b"ply\nformat ascii 1.0\nelement vertex 1\n"
+            + XYZ
+            + b"element face 1\n"
+            + FACES
+            + b"end_header\n1 2 3\n3 0 0.5 1\n",
+            r"expected whole numbers as vertex indices",
+        ),
+        (
+            "a.ply",
+            b"ply\nformat ascii 1.0\nelement vertex 1\n"
+            + XYZ
+            + b"element face 1\n"
+            + FACES
+            + b"end_header\n1 2 3\n-3 0\n",
+            r"expected the length of a list in row 0 of element 'face', found -3",
+        ),
+        (
+            "a.ply",
+            b"ply\nformat ascii 1.0\nelement vertex 1\n"
+            + XYZ
+            + b"element face 1\n"
+            + FACES
+            + b"end_header\n1 2o 3\n3 0 0 0\n",
+            r"line 10: .*found '2o'",
+        ),
+        (
+            "a.ply",
+            SAMPLES["binary_little_endian triangles.ply"][:-30],
+            r"expected 7 rows of element 'face', the file \(\d+ bytes\) ends after 4; it is truncated: copy",
+        ),
+        (
+            "a.ply",
+            SAMPLES["binary_little_endian mixed.ply"].replace(b"vertex 6", b"vertex 99999999999"),
+            r"expected 99999999999 rows of element 'vertex', .* ends after 12; it is truncated",
+        ),
+        ("a.ply", SAMPLES["ascii mixed.ply"] + b"4\n", r"expected 43 numbers after the header, found 44"),
+        ("a.obj", b"v 1 2 3\nv 1 2\nf 1 1 1\n", r"a\.obj: line 2: expected 'v x y z', found 2 numbers"),
+        ("a.obj", b"v 1 2 3\nv 1 2 x3\nf 1 1 1\n", r"line 2: expected numbers, found 'x3'"),
+        ("a.obj", b"v 1 2 3\n\nf 1 1 1.5\n", r"line 3: expected numbers, found '1\.5'"),
+        ("a.obj", b"v 1 2 3\n\nf 1 1 - 1\n", r"line 3: expected numbers, found '-'"),
+        ("a.obj", b"v 1 2 3\n\nf 1 1 /1\n", r"line 3: expected numbers, found '/1'"),
+        ("a.obj", b"v 1 2 3\nf 1 1 1\nf 1 2 1\n", r"line 3: expected vertex numbers 1\.\.1 .*found 2"),
+        ("a.obj", b"v 1 2 3\nf 1 1 0\n", r"line 2: .*found 0"),
+        ("a.obj", b"v 1 2 3\nf -1 -2 -1\nv 1 1 1\n", r"line 2: .*found -2"),
+        ("a.obj", b"v 1 2 3\nv 3 4 5\n", r"found 2 vertices and 0 faces"),
+        ("a.stl", b"anything else", r"a\.stl: expected 0 triangles in 84 bytes, the file has 13 bytes"),
+        (
+            "a.stl",
+            SAMPLES["binary.stl"][:-1],
+            r"expected 7 triangles in 434 bytes, the file has 433 bytes; it is truncated",
+        ),
+        ("a.stl", SAMPLES["text.stl"][:-20], r"expected 'endsolid' in the last line, .* it is truncated"),
+        ("a.stl", SAMPLES["text.stl"].replace(b"vertex 0", b"vertex o", 1), r"facet 0: .*found 'o\.000000000e\+00'"),
+        (
+            "a.stl",
+            SAMPLES["text.stl"].replace(b"    endloop\n", b"", 1),
+            r"facet 0: expected 'endloop', found 'endfacet'",
+        ),
+        ("a.stl", b"solid\nfacet\nendsolid\n", r"facet 0: expected 'endsolid' or a whole facet, found 'facet'"),
+        ("a.stl", b"solid\nendsolid\n", r"0 vertices and 0 faces"),
+        ("a.gltf", b"{}", r"a\.gltf: expected a mesh file \.ply, \.obj, \.stl, found extension '\.gltf'"),
+        ("a", b"{}", r"found extension ''"),
+    ],
+)
+def test_bad_file_is_refused(tmp_path, name, content, message):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        read_mesh(tmp_path / name)
+
+
+def test_missing_folder_and_unreadable_are_refused(tmp_path, monkeypatch):
+    with pytest.raises(InputError, match=r"gone\.ply: expected a mesh file, found none; check the path"):
+        read_mesh(tmp_path / "gone.ply")
+    (tmp_path / "folder.ply").mkdir()
+    with pytest.raises(InputError, match=r"folder\.ply: expected a mesh file, found a folder"):
+        read_mesh(tmp_path / "folder.ply")
+
+    def locked(path: Path) -> bytes:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "read_bytes", locked)  # a file mode would not stop an administrator
+    with pytest.raises(InputError, match=r"a\.ply: expected a readable file, found: Permission denied; check"):
+        read_mesh(tmp_path / "a.ply")

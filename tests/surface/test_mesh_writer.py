@@ -1,0 +1,191 @@
+"""Writing meshes: exact round trips, agreement with an independent reader and writer, atomic replacement."""
+
+import os
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from pipeline.errors import InputError
+from pipeline.files.content import write_bytes_atomically
+from pipeline.surface.mesh import TriangleMesh, checked_mesh
+from pipeline.surface.mesh_reader import read_mesh
+from pipeline.surface.mesh_writer import write_obj, write_ply
+
+SHARED_DATA = Path(__file__).parents[3] / "shared" / "data"
+quick = settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@st.composite
+def meshes(draw) -> TriangleMesh:
+    """A mesh that every format gives back as it is: short numbers, all faces with area, all vertices used."""
+    count = draw(st.integers(3, 12))
+    grid = draw(hnp.arrays(np.int32, (count, 3), elements=st.integers(-99, 99), unique=True))
+    faces = draw(hnp.arrays(np.int32, (draw(st.integers(1, 15)), 3), elements=st.integers(0, count - 1)))
+    vertices = (grid * draw(st.sampled_from([1.0, 0.125, 64.0]))).astype(np.float32)
+    try:
+        return checked_mesh(vertices, faces, "drawn")[0]
+    except InputError:
+        return TriangleMesh(np.eye(3), np.array([[0, 1, 2]], np.int32))
+
+
+@quick
+@given(meshes(), st.booleans(), st.booleans(), st.booleans())
+def test_ply_round_trip_is_exact(tmp_path, mesh, with_colors, with_normals, with_uv):
+    write_ply(
+        tmp_path / "a.PLY",
+        mesh,
+        colors=np.full(mesh.vertices.shape, 200, np.uint8) if with_colors else None,
+        normals=mesh.vertex_normals if with_normals else None,
+        uv=np.zeros((*mesh.faces.shape, 2)) if with_uv else None,
+    )
+    found, told = read_mesh(tmp_path / "a.PLY")
+    assert told == []
+    assert np.array_equal(found.vertices, mesh.vertices)
+    assert np.array_equal(found.faces, mesh.faces)
+
+
+@quick
+@given(meshes(), st.booleans())
+def test_obj_round_trip_is_exact(tmp_path, mesh, with_uv):
+    uv = np.random.default_rng(1).random((*mesh.faces.shape, 2)) if with_uv else None
+    write_obj(tmp_path / "a.Obj", mesh, uv=uv)
+    found, told = read_mesh(tmp_path / "a.Obj")
+    assert told == []
+    assert np.array_equal(found.vertices, mesh.vertices)
+    assert np.array_equal(found.faces, mesh.faces)
+
+
+def test_obj_keeps_single_precision(tmp_path):
+    rng = np.random.default_rng(3)
+    vertices = (rng.normal(size=(3000, 3)) * 10 ** rng.uniform(-4, 4, (3000, 1))).astype(np.float32)
+    uv = rng.random((1000, 3, 2)).astype(np.float32)
+    write_obj(tmp_path / "a.obj", TriangleMesh(vertices, np.arange(3000).reshape(-1, 3)), uv=uv)
+    words = [line.split() for line in (tmp_path / "a.obj").read_text().splitlines()]
+    numbers = {tag: np.array([w[1:] for w in words if w[0] == tag], dtype=np.float32) for tag in ("v", "vt")}
+    corners = [[int(corner.split("/")[1]) - 1 for corner in w[1:]] for w in words if w[0] == "f"]
+    assert np.array_equal(numbers["v"], vertices)
+    assert np.array_equal(numbers["vt"][corners], uv)
+
+
+@quick
+@given(meshes())
+def test_trimesh_reads_what_is_written_and_the_reverse(tmp_path, mesh):
+    trimesh = pytest.importorskip("trimesh")
+    triangles = mesh.vertices[mesh.faces]
+    colors = np.arange(mesh.vertices.size, dtype=np.uint8).reshape(-1, 3)
+    write_ply(tmp_path / "a.ply", mesh, colors=colors, normals=mesh.vertex_normals)
+    write_obj(tmp_path / "a.obj", mesh)
+    for name in ("a.ply", "a.obj"):
+        theirs = trimesh.load(tmp_path / name, process=False, maintain_order=True)
+        assert np.array_equal(theirs.triangles, triangles)
+    theirs = trimesh.load(tmp_path / "a.ply", process=False)
+    assert np.array_equal(theirs.visual.vertex_colors[:, :3], colors)
+    assert np.allclose(theirs.vertex_normals, mesh.vertex_normals, atol=1e-6)
+    for name, options in [
+        ("b.ply", {"encoding": "ascii"}),
+        ("c.ply", {"encoding": "binary"}),
+        ("d.stl", {"file_type": "stl"}),
+        ("e.stl", {"file_type": "stl_ascii"}),
+        ("f.obj", {"digits": 12}),
+    ]:
+        theirs.export(tmp_path / name, **options)
+        ours, _ = read_mesh(tmp_path / name)
+        assert np.allclose(ours.vertices[ours.faces], triangles, rtol=1e-6, atol=1e-6)
+
+
+@quick
+@given(meshes(), st.integers(0, 99))
+def test_trimesh_reads_texture_coordinates_per_corner(tmp_path, mesh, seed):
+    trimesh = pytest.importorskip("trimesh")
+    uv = np.random.default_rng(seed).integers(0, 9, (*mesh.faces.shape, 2)) / np.float32(8)
+    write_obj(tmp_path / "a.obj", mesh, uv=uv, texture="skin 1.png")
+    write_ply(tmp_path / "a.ply", mesh, uv=uv, texture="skin 1.png")
+    theirs = trimesh.load(tmp_path / "a.obj", process=False)
+    assert np.array_equal(theirs.triangles, mesh.vertices[mesh.faces])
+    assert np.array_equal(theirs.visual.uv[theirs.faces], uv)
+    material = (tmp_path / "a.mtl").read_text().splitlines()
+    assert material == ["newmtl surface", "Kd 1 1 1", "illum 0", "map_Kd skin 1.png"]
+    header, _, body = (tmp_path / "a.ply").read_bytes().partition(b"end_header\n")
+    assert b"\ncomment TextureFile skin 1.png\n" in header
+    rows = body[12 * len(mesh.vertices) :]
+    assert len(rows) == 38 * len(mesh.faces)
+    for index in range(len(mesh.faces)):
+        three, *corners, six = struct.unpack_from("<B3iB", rows, 38 * index)
+        assert (three, corners, six) == (3, mesh.faces[index].tolist(), 6)
+        assert struct.unpack_from("<6f", rows, 38 * index + 14) == tuple(uv[index].ravel().tolist())
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "lmo/models/obj_000001.ply",
+        "lmo/models/obj_000012.ply",
+        "bloster/mesh_7k.ply",
+        "bloster/mesh_70k.ply",
+        "temporal_bones/ply/LT143/stapes.ply",
+        "temporal_bones/ply/RT143/bone.ply",
+    ],
+)
+def test_published_meshes(name, tmp_path):
+    if not SHARED_DATA.is_dir():
+        pytest.skip("no folder shared/data beside the repository")
+    mesh, told = read_mesh(SHARED_DATA / name)
+    write_ply(tmp_path / "a.ply", mesh)
+    again, told_again = read_mesh(tmp_path / "a.ply")
+    assert np.allclose(again.vertices, mesh.vertices, rtol=1e-6)
+    assert len(again.faces) == len(mesh.faces) or told_again
+    trimesh = pytest.importorskip("trimesh")
+    theirs = trimesh.load(SHARED_DATA / name, process=False)
+    dropped = len(theirs.faces) - len(mesh.faces)
+    assert (dropped == 0) == (told == [])
+    assert np.linalg.norm(mesh.face_cross, axis=1).sum() / 2 == pytest.approx(theirs.area, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"colors": np.zeros((3, 3))}, "colors"),
+        ({"colors": np.zeros((2, 3), np.uint8)}, "colors"),
+        ({"normals": np.zeros((3, 4))}, "normals"),
+        ({"uv": np.zeros((3, 2))}, "uv"),
+        ({"texture": "a.png"}, "texture"),
+        ({"texture": "b/a.png", "uv": np.zeros((1, 3, 2))}, "texture"),
+    ],
+)
+def test_write_refuses_arrays_that_do_not_fit(tmp_path, options, message):
+    mesh = TriangleMesh(np.eye(3), np.array([[0, 1, 2]], np.int32))
+    with pytest.raises(ValueError, match=f"^{message}: expected"):
+        write_ply(tmp_path / "a.ply", mesh, **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_atomic_write_leaves_the_old_file_or_the_new_one(tmp_path, monkeypatch):
+    path = tmp_path / "a.bin"
+    write_bytes_atomically(path, b"old")
+    plain = tmp_path / "plain"
+    plain.write_bytes(b"")
+    assert path.stat().st_mode == plain.stat().st_mode
+    plain.unlink()
+
+    def seen_at_replacement(source: Path, target: Path) -> None:
+        assert source.parent == target.parent
+        assert source.name.startswith(".partial-")
+        assert (source.read_bytes(), target.read_bytes()) == (b"new", b"old")
+        raise OSError("disk full")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", seen_at_replacement)
+        with pytest.raises(OSError, match="disk full"):
+            write_bytes_atomically(path, b"new")
+    assert path.read_bytes() == b"old"
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(OSError):  # noqa: PT011 (which one depends on the system)
+        write_bytes_atomically(tmp_path / "folder", b"new")
+    write_bytes_atomically(path, b"new")
+    assert path.read_bytes() == b"new"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.bin", "folder"]

@@ -1,0 +1,140 @@
+"""Video frames: the very frame that was asked for, however the container counts and seeks."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.video.frame_reader import read_video_frame, video_info, write_video_frame
+
+FRAMES = 90
+SIZE = (128, 96)
+FORMATS = {"lossless.mkv": "FFV1", "a.avi": "MJPG", "a.mp4": "mp4v", "a.webm": "VP80", "a.mkv": "VP90", "a.mpg": "mpg2"}
+
+
+def numbered(index: int) -> np.ndarray:
+    """RGB with the index as eight black or white bars."""
+    image = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8)
+    for bit in range(8):
+        image[8:40, 4 + bit * 15 : 16 + bit * 15] = 230 if index >> bit & 1 else 20
+    image[50:90, index : index + 20] = (220, 160, 30)
+    return image
+
+
+def number_of(image: np.ndarray) -> int:
+    return sum(int(image[16:32, 7 + bit * 15 : 13 + bit * 15].mean() > 125) << bit for bit in range(8))
+
+
+def write_video(path: Path, fourcc: str, fps: float = 29.97) -> Path:
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*fourcc), fps, SIZE)
+    if not writer.isOpened():
+        pytest.skip(f"this OpenCV writes no {fourcc}")
+    for index in range(FRAMES):
+        writer.write(numbered(index)[..., ::-1])
+    writer.release()
+    return path
+
+
+def with_uneven_times(source: Path, path: Path) -> Path:
+    """The same packets, shown later and later."""
+    packets = cv2.VideoCapture(str(source), cv2.CAP_FFMPEG)
+    fps, fourcc = packets.get(cv2.CAP_PROP_FPS), int(packets.get(cv2.CAP_PROP_FOURCC))
+    packets.set(cv2.CAP_PROP_FORMAT, -1)
+    settings = [cv2.VIDEOWRITER_PROP_RAW_VIDEO, 1]
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, fps, SIZE, settings)
+    while True:
+        ok, packet = packets.read()
+        if not ok:
+            break
+        shown = int(packets.get(cv2.CAP_PROP_PTS))
+        writer.set(cv2.VIDEOWRITER_PROP_PTS, shown + shown // 3 + shown**2 // 20)
+        writer.write(packet)
+    writer.release()
+    return path
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_frame_is_the_one_asked_for(tmp_path, name):
+    path = write_video(tmp_path / name, FORMATS[name])
+    info = video_info(path)
+    assert (info.frames, info.size_wh) == (FRAMES, SIZE)
+    assert info.fps == pytest.approx(29.97, abs=0.1)
+    for index in (0, 1, 11, 12, 13, 50, FRAMES - 2, FRAMES - 1):
+        assert number_of(read_video_frame(path, index)) == index
+
+
+def test_colours_are_rgb_and_every_bit_is_kept(tmp_path):
+    path = write_video(tmp_path / "a.mkv", "FFV1")
+    assert np.array_equal(read_video_frame(path, 37), numbered(37))
+
+
+@pytest.mark.parametrize("suffix", [".mkv", ".webm"])
+def test_seeking_that_misses_is_noticed(tmp_path, suffix):
+    path = with_uneven_times(write_video(tmp_path / "even.webm", "VP80"), tmp_path / f"uneven{suffix}")
+    capture, missed = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG), 0
+    for index in range(0, FRAMES, 7):
+        capture.set(cv2.CAP_PROP_POS_FRAMES, index)
+        ok, image = capture.read()
+        missed += not ok or number_of(image) != index
+        assert number_of(read_video_frame(path, index)) == index
+    assert missed > 0, "OpenCV's own seeking is exact here: the test shows nothing"
+    assert capture.get(cv2.CAP_PROP_FRAME_COUNT) != FRAMES
+    assert video_info(path).frames == FRAMES
+
+
+def test_a_frame_that_is_not_there_is_refused(tmp_path):
+    path = write_video(tmp_path / "a.mp4", "mp4v")
+    for index in (-1, FRAMES):
+        with pytest.raises(InputError, match=rf"a.mp4: expected a frame from 0 to 89, found {index}; the file has 90"):
+            read_video_frame(path, index)
+
+
+def test_what_is_no_video_is_refused(tmp_path):
+    (tmp_path / "text.mp4").write_text("not a video")
+    (tmp_path / "empty.mp4").touch()
+    for name in ("text.mp4", "empty.mp4"):
+        with pytest.raises(InputError, match=f"{name}: expected a video, cannot open it"):
+            video_info(tmp_path / name)
+    with pytest.raises(InputError, match="does not exist; correct the path"):
+        video_info(tmp_path / "none.mp4")
+    with pytest.raises(InputError, match="expected a video, cannot read it"):
+        video_info(tmp_path)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_video_that_is_cut_off_gives_what_is_whole_or_a_sentence(tmp_path, name):
+    path = write_video(tmp_path / name, FORMATS[name])
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    if name == "a.mp4":  # its index stands at the end
+        with pytest.raises(InputError, match="expected a video, cannot open it; it is cut off"):
+            video_info(path)
+        return
+    frames = video_info(path).frames
+    assert 0 < frames < FRAMES
+    assert number_of(read_video_frame(path, frames // 2)) == frames // 2
+    with pytest.raises(InputError, match=f"expected a frame from 0 to {frames - 1}"):
+        read_video_frame(path, FRAMES - 1)
+
+
+def test_damaged_packets_are_refused(tmp_path):
+    path = write_video(tmp_path / "a.avi", "MJPG")
+    data = bytearray(path.read_bytes())
+    half = len(data) // 2
+    data[half : half + 40_000] = bytes(40_000)
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"cannot decode frame|expected a frame from 0 to"):
+        read_video_frame(path, FRAMES - 1)
+    assert number_of(read_video_frame(path, 3)) == 3
+
+
+def test_a_frame_is_written_beside_its_video_and_replaces_no_work(tmp_path):
+    path = write_video(tmp_path / "film.mkv", "FFV1")
+    image = write_video_frame(path, 7)
+    assert image == tmp_path / "film_frame_000007.png"
+    assert np.array_equal(cv2.imread(str(image))[..., ::-1], numbered(7))
+    assert write_video_frame(path, 7) == image
+    with pytest.raises(InputError, match="found another image; use that one"):
+        write_video_frame(path, 8, image=image)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["film.mkv", "film_frame_000007.png"]

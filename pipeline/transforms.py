@@ -2,18 +2,19 @@
 
 Frames
 ------
-``given``
-    The frame of the mesh file and of the pose that the user gave, in millimetres.
+``mesh``
+    The frame of the mesh file and of the pose beside it, ``cam_from_mesh``, in millimetres.
 ``model``
-    ``given`` moved so that the mean of the surface's vertices is the origin (V' = V - mean(V), Zhang & Noble). All
-    computation and every dataset file uses it; ``given_from_model`` is stored with each dataset.
+    ``mesh`` moved so that the mean of the surface's vertices is the origin (V' = V - mean(V), Zhang & Noble). All
+    computation and every dataset file uses it; each dataset stores ``mesh_from_model`` (in ``dataset.json`` under the
+    name ``given_from_model``).
 ``cam``
     A camera with OpenCV axes: x right, y down, z forward, origin at the centre of projection.
 ``px``
     Pixels: x right, y down, (0, 0) is the *centre* of the top-left pixel.
 
 Transforms are named ``b_from_a`` and are 4x4 float64 matrices that act on column vectors, so neighbours cancel when
-they are composed: ``cam_from_given = cam_from_model @ model_from_given``. All frames are right-handed, lengths are
+they are composed: ``cam_from_mesh = cam_from_model @ model_from_mesh``. All frames are right-handed, lengths are
 millimetres, angles are degrees where the name ends in ``_deg`` and radians otherwise.
 """
 
@@ -118,8 +119,8 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
     if deviation > ORTHONORMAL_TO_ROUNDING:
         b_from_a[:3, :3] = nearest_rotation(rotation)
     b_from_a[3] = [0, 0, 0, 1]
-    told = f"{where}: rotation made orthonormal (it was off by {deviation:.1e})" if deviation > 1e-6 else None
-    return b_from_a, told
+    message = f"{where}: rotation made orthonormal (it was off by {deviation:.1e})" if deviation > 1e-6 else None
+    return b_from_a, message
 
 
 def rotation_from_vector(rotation_vector: np.ndarray) -> np.ndarray:

@@ -29,7 +29,7 @@ from pipeline.case.landmark_file import read_landmarks
 from pipeline.case.loaded_case import LoadedCase
 from pipeline.errors import InputError, RunError
 from pipeline.files.content import write_bytes_atomically
-from pipeline.images.pixel_values import eight_bit
+from pipeline.images.pixel_values import to_uint8
 from pipeline.images.png import encode_png
 from pipeline.surface.mesh_reader import read_mesh
 from pipeline.transforms import inverse_rigid
@@ -38,11 +38,11 @@ try:
     from pipeline.alignment.landmarks.picture import marked
     from pipeline.alignment.landmarks.report import (
         Alignment,
+        alignment_record,
         complete_landmarks,
         off_surface,
         pose_lines,
         pose_table,
-        provenance,
         report_lines,
         report_table,
     )
@@ -82,26 +82,26 @@ def main(argv: Sequence[str]) -> int:
     if arguments.pairs:
         case = replace(case, landmarks=read_landmarks(arguments.pairs, mm_per_unit=case.mm_per_unit))
     tool, today = f"OneFrame {__version__}, align.py", datetime.date.today().isoformat()
-    alignment, told = None, []
+    alignment, messages = None, []
     if complete_landmarks(case.landmarks) or not arguments.refine:
         alignment = aligned(case, arguments.click_sigma_px)
         # before the rest of the case, whose pose would be blamed for landmarks of another mesh
-        told = [*landmarks_off_surface(alignment, case), *alignment.estimate.told]
-        record = provenance(alignment, tool, today)
-        case = replace(case, cam_from_given=alignment.estimate.cam_from_model, alignment=record)
+        messages = [*landmarks_off_surface(alignment, case), *alignment.estimate.messages]
+        record = alignment_record(alignment, tool, today)
+        case = replace(case, cam_from_mesh=alignment.estimate.cam_from_model, alignment=record)
         output.write("\n".join(report_lines(alignment)) + "\n")
     loaded = load_case(case, aligned=alignment is not None)
-    for sentence in (*loaded.told, *told):
+    for sentence in (*loaded.messages, *messages):
         output.write(f"note: {sentence}\n")
     if arguments.refine:
         case, loaded = refined(loaded, {"method": "refined", "tool": tool, "date": today}, output, alignment is None)
     if arguments.json:
         table = report_table(alignment) if alignment else {}
-        text = json.dumps({**table, **pose_table(case.cam_from_given)}, indent=2, allow_nan=False) + "\n"
+        text = json.dumps({**table, **pose_table(case.cam_from_mesh)}, indent=2, allow_nan=False) + "\n"
         written(arguments.json, lambda path: write_bytes_atomically(path, text.encode()))
     if arguments.picture:
         overlay = frame_overlay(loaded)
-        picture = encode_png(eight_bit(marked(overlay, alignment) if alignment else overlay))
+        picture = encode_png(to_uint8(marked(overlay, alignment) if alignment else overlay))
         written(arguments.picture, lambda path: write_bytes_atomically(path, picture))
         drawn = "frame, overlay, residuals (10 times their length), 95 % ellipses" if alignment else "frame, overlay"
         output.write(f"{drawn}: {arguments.picture}\n")
@@ -117,12 +117,12 @@ def refined(loaded: LoadedCase, record: dict[str, object], output: TextIO, neede
     result = refine_pose(loaded.image, loaded.valid, loaded.case.camera, loaded.mesh, loaded.cam_from_model)
     if not result.accepted:
         if needed:
-            raise InputError(f"{loaded.case.path.name}: {result.told}")
-        output.write(f"note: {result.told}\n")
+            raise InputError(f"{loaded.case.path.name}: {result.message}")
+        output.write(f"note: {result.message}\n")
         return loaded.case, loaded
-    cam_from_given = result.cam_from_model @ inverse_rigid(loaded.given_from_model)
-    output.write("\n".join([result.told, *pose_lines(cam_from_given)]) + "\n")
-    case = replace(loaded.case, cam_from_given=cam_from_given, alignment=record)
+    cam_from_mesh = result.cam_from_model @ inverse_rigid(loaded.mesh_from_model)
+    output.write("\n".join([result.message, *pose_lines(cam_from_mesh)]) + "\n")
+    case = replace(loaded.case, cam_from_mesh=cam_from_mesh, alignment=record)
     return case, replace(loaded, case=case, cam_from_model=result.cam_from_model)
 
 
@@ -134,7 +134,7 @@ def aligned(case: Case, click_sigma_px: float) -> "Alignment":
         [landmark.pixel for landmark in used],
         case.camera,
         click_sigma_px=click_sigma_px,
-        start=case.cam_from_given,
+        start=case.cam_from_mesh,
         names=[landmark.name for landmark in used],
     )
     return Alignment(used, case.camera, estimate, click_sigma_px)

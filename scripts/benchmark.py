@@ -32,9 +32,9 @@ from pipeline.blender.render.engines import keep_freed_memory, render_view
 from pipeline.blender.render.surface_scene import SurfaceScene
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.dataset.folder import Shard
-from pipeline.dataset.layout import FramePaths
+from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.options import DatasetOptions
-from pipeline.images.pixel_values import eight_bit
+from pipeline.images.pixel_values import to_uint8
 from pipeline.images.png import encode_png
 from pipeline.surface.mesh import TriangleMesh
 from pipeline.surface.mesh_writer import write_ply
@@ -74,7 +74,7 @@ def frame_image() -> np.ndarray:
         smooth += (coarse[i + 1, j] * (1 - t) + coarse[i + 1, j + 1] * t) * s
         image += smooth * period**0.5
     image = 0.55 + 0.16 * image / image.std()
-    return eight_bit(image)
+    return to_uint8(image)
 
 
 def write_case(folder: Path, triangles: int) -> Path:
@@ -92,7 +92,7 @@ K = {FRAME.k.tolist()}
 [surface]
 mesh = "surface.ply"
 [pose]
-cam_from_model = {POSE.tolist()}
+cam_from_mesh = {POSE.tolist()}
 """
     )
     return folder / "case.toml"
@@ -143,16 +143,16 @@ def pyvista_views(mesh: TriangleMesh, colours: np.ndarray, poses: np.ndarray, *,
 # --- what is measured ------------------------------------------------------------------------------------------------
 
 
-def measure_speed(folder: Path, tell: Callable[[str], None], *, rounds: int) -> dict:
+def measure_speed(folder: Path, report: Callable[[str], None], *, rounds: int) -> dict:
     """Time a complete frame on disk against PyVista's RGB in memory: alternating blocks of the same poses."""
     case = write_case(folder / "speed", 200_000)
     block = 12
     opened = open_case(case, folder / "unused")
-    with opened.maker(threads=available_cores()) as maker:
-        poses = np.stack([maker.plan(index).cam_from_model for index in range(block)])
-        colours, _ = colour_of(maker.source, "vertex")
-    codes = eight_bit(colours.rgb)
-    mesh = maker.source.mesh
+    with opened.renderer(threads=available_cores()) as renderer:
+        poses = np.stack([renderer.plan(index).cam_from_model for index in range(block)])
+        colours, _ = colour_of(renderer.source, "vertex")
+    codes = to_uint8(colours.rgb)
+    mesh = renderer.source.mesh
     peers = {
         "PyVista, 8x MSAA, default light": pyvista_views(mesh, codes, poses, samples=8, lit=True),
         "PyVista, 8x MSAA, no light": pyvista_views(mesh, codes, poses, samples=8, lit=False),
@@ -173,7 +173,7 @@ def measure_speed(folder: Path, tell: Callable[[str], None], *, rounds: int) -> 
             times[name].append((time.perf_counter() - start) / block)
         for name, options in ours.items():
             times[name].append(_time_of_dataset(case, folder / f"out-{turn}", options))
-        tell(
+        report(
             f"  round {turn} of {rounds}: "
             + ", ".join(f"{name} {each[-1] * 1e3:.0f} ms" for name, each in times.items())
         )
@@ -188,49 +188,47 @@ def _time_of_dataset(case: Path, out: Path, options: dict) -> float:
     arguments = [f"--{name.replace('_', '-')}={value}" for name, value in options.items()]
     command = [sys.executable, str(SCRIPT), str(case), "--out", str(out), "--scale=0.5", f"--count={count}", *arguments]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    written = sorted(FramePaths(out, index).file("frame").stat().st_mtime for index in range(count))
+    written = sorted(ViewPaths(out, index).file("frame").stat().st_mtime for index in range(count))
     shutil.rmtree(out)
     # the first and the last views: workers start one after the other and end one after the other
     first, last = 10, count - 4
     return (written[last] - written[first]) / (last - first)
 
 
-def measure_antialiasing(folder: Path, tell: Callable[[str], None]) -> dict:
+def measure_antialiasing(folder: Path, report: Callable[[str], None]) -> dict:
     """SSIM of exact and anti-aliased views against 256 samples a pixel."""
     from skimage.metrics import structural_similarity
 
     case, figures = write_case(folder / "aa", 200_000), {}
     for samples in (1, 4, 8, 16):
         opened, values = open_case(case, folder / "unused", samples=samples), []
-        with opened.maker(threads=available_cores()) as maker:
-            views = [maker.make(index) for index in range(3)]
-        colour, _ = colour_of(maker.source, "projective")
-        with SurfaceScene(maker.source.mesh, CAMERA, colour, samples=REFERENCE_SAMPLES) as reference:
+        with opened.renderer(threads=available_cores()) as renderer:
+            views = [renderer.make(index) for index in range(3)]
+        colour, _ = colour_of(renderer.source, "projective")
+        with SurfaceScene(renderer.source.mesh, CAMERA, colour, samples=REFERENCE_SAMPLES) as reference:
             for view in views:
-                truth = eight_bit(render_view(reference, view.planned.cam_from_model).rgb)
-                values.append(
-                    structural_similarity(truth, eight_bit(view.rendered.rgb), channel_axis=2, data_range=255)
-                )
+                truth = to_uint8(render_view(reference, view.planned.cam_from_model).rgb)
+                values.append(structural_similarity(truth, to_uint8(view.rendered.rgb), channel_axis=2, data_range=255))
         figures[f"SSIM with {samples} rays at edges" if samples > 1 else "SSIM of exact views"] = min(values)
-        tell(f"  {samples} samples: SSIM {min(values):.5f} (worst of {len(values)})")
+        report(f"  {samples} samples: SSIM {min(values):.5f} (worst of {len(values)})")
     return figures
 
 
-def measure_scaling(folder: Path, tell: Callable[[str], None]) -> dict:
+def measure_scaling(folder: Path, report: Callable[[str], None]) -> dict:
     """Milliseconds a view by triangle count, in one process."""
     figures = {}
     for triangles in (20_000, 200_000, 1_000_000):
         opened = open_case(write_case(folder / f"t{triangles}", triangles), folder / "scaling")
-        with opened.maker(threads=available_cores()) as maker:
+        with opened.renderer(threads=available_cores()) as renderer:
             ends: list[float] = []
-            render_views(maker, folder / "scaling", range(24), lambda _, ends=ends: ends.append(time.perf_counter()))
+            render_views(renderer, folder / "scaling", range(24), lambda _, ends=ends: ends.append(time.perf_counter()))
         figures[f"{triangles} triangles"] = median_ms(np.diff(ends[4:]))
         shutil.rmtree(folder / "scaling")
-        tell(f"  {triangles} triangles: {figures[f'{triangles} triangles']:.0f} ms a view")
+        report(f"  {triangles} triangles: {figures[f'{triangles} triangles']:.0f} ms a view")
     return figures
 
 
-def measure_memory(folder: Path, tell: Callable[[str], None], *, views: int) -> dict:
+def measure_memory(folder: Path, report: Callable[[str], None], *, views: int) -> dict:
     """Growth of the process's resident memory over many views, MB."""
     opened = open_case(write_case(folder / "memory", 200_000), folder / "memory-out")
     sizes: dict[int, float] = {}
@@ -240,11 +238,11 @@ def measure_memory(folder: Path, tell: Callable[[str], None], *, views: int) -> 
             sizes[index + 1] = _resident_mb()
             shutil.rmtree(folder / "memory-out" / "train_pbr" / "000000" / "rgb", ignore_errors=True)
 
-    with opened.maker(threads=available_cores()) as maker:
-        render_views(maker, folder / "memory-out", range(views), finished)
+    with opened.renderer(threads=available_cores()) as renderer:
+        render_views(renderer, folder / "memory-out", range(views), finished)
     shutil.rmtree(folder / "memory-out")
     growth = sizes[max(sizes)] - sizes[min(sizes)]
-    tell(f"  {min(sizes)} to {max(sizes)} views: {growth:+.1f} MB (of {sizes[max(sizes)]:.0f} MB)")
+    report(f"  {min(sizes)} to {max(sizes)} views: {growth:+.1f} MB (of {sizes[max(sizes)]:.0f} MB)")
     return {f"growth from view {min(sizes)} to {max(sizes)}": growth}
 
 
@@ -255,7 +253,7 @@ def _resident_mb() -> float:
     raise RuntimeError("the kernel tells no VmRSS")
 
 
-def measure_start(folder: Path, tell: Callable[[str], None]) -> dict:
+def measure_start(folder: Path, report: Callable[[str], None]) -> dict:
     """Seconds from the command to the first view on disk."""
     case, times = write_case(folder / "start", 200_000), []
     for _ in range(3):
@@ -263,18 +261,18 @@ def measure_start(folder: Path, tell: Callable[[str], None]) -> dict:
         before = time.time()
         command = [sys.executable, str(SCRIPT), str(case), "--out", str(out), "--scale=0.5", "--count=8"]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        times.append(min(FramePaths(out, index).file("frame").stat().st_mtime for index in range(8)) - before)
+        times.append(min(ViewPaths(out, index).file("frame").stat().st_mtime for index in range(8)) - before)
         shutil.rmtree(out)
-    tell(f"  first view after {np.median(times):.1f} s")
+    report(f"  first view after {np.median(times):.1f} s")
     return {"seconds to the first view": float(np.median(times))}
 
 
-def measure_workers(folder: Path, tell: Callable[[str], None]) -> dict:
+def measure_workers(folder: Path, report: Callable[[str], None]) -> dict:
     """Milliseconds a view by number of processes."""
     case, figures = write_case(folder / "workers", 200_000), {}
     for workers in dict.fromkeys((1, 2, available_cores())):
         figures[f"{workers} workers"] = 1e3 * _time_of_dataset(case, folder / "workers-out", {"workers": workers})
-        tell(f"  {workers} workers: {figures[f'{workers} workers']:.0f} ms a view")
+        report(f"  {workers} workers: {figures[f'{workers} workers']:.0f} ms a view")
     return figures
 
 
@@ -287,7 +285,7 @@ def main(argv: Sequence[str]) -> int:
     arguments = parser.parse_args(argv)
     output = own_output()
 
-    def tell(text: str) -> None:
+    def report(text: str) -> None:
         output.write(text + "\n")
         output.flush()
 
@@ -295,24 +293,24 @@ def main(argv: Sequence[str]) -> int:
     figures: dict[str, dict] = {}
     with tempfile.TemporaryDirectory(prefix="oneframe-benchmark-") as name:
         folder = Path(name)
-        tell(f"{available_cores()} cores, {CAMERA.width}x{CAMERA.height} px, 200 000 triangles")
+        report(f"{available_cores()} cores, {CAMERA.width}x{CAMERA.height} px, 200 000 triangles")
         measures = {
-            "speed": lambda: measure_speed(folder, tell, rounds=2 if arguments.quick else 5),
-            "antialiasing": lambda: measure_antialiasing(folder, tell),
-            "scaling": lambda: measure_scaling(folder, tell),
-            "workers": lambda: measure_workers(folder, tell),
-            "start": lambda: measure_start(folder, tell),
-            "memory": lambda: measure_memory(folder, tell, views=300 if arguments.quick else 2000),
+            "speed": lambda: measure_speed(folder, report, rounds=2 if arguments.quick else 5),
+            "antialiasing": lambda: measure_antialiasing(folder, report),
+            "scaling": lambda: measure_scaling(folder, report),
+            "workers": lambda: measure_workers(folder, report),
+            "start": lambda: measure_start(folder, report),
+            "memory": lambda: measure_memory(folder, report, views=300 if arguments.quick else 2000),
         }
         for key in arguments.only:
-            tell(f"{key}:")
+            report(f"{key}:")
             figures[key] = measures[key]()
     if "speed" in figures:
-        tell("\n| a frame | ms | / PyVista 8x MSAA, default light | / no light |\n|---|---|---|---|")
+        report("\n| a frame | ms | / PyVista 8x MSAA, default light | / no light |\n|---|---|---|---|")
         speed = figures["speed"]
         lit, unlit = speed["PyVista, 8x MSAA, default light"], speed["PyVista, 8x MSAA, no light"]
         for label, value in speed.items():
-            tell(f"| {label} | {value:.0f} | {value / lit:.2f} | {value / unlit:.2f} |")
+            report(f"| {label} | {value:.0f} | {value / lit:.2f} | {value / unlit:.2f} |")
     if arguments.out:
         arguments.out.write_text(json.dumps(figures, indent=2) + "\n")
     return 0

@@ -28,7 +28,7 @@ import numpy as np
 
 from pipeline.alignment.landmarks.solver import UndeterminedPose, solve_pose
 from pipeline.blender.case.load_case import load_case
-from pipeline.blender.colour.reference_view import source_of
+from pipeline.blender.colour.reference_view import reference_view_of
 from pipeline.blender.command_line import ArgumentParser, own_output, run_script
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.case.case_file import read_case
@@ -48,15 +48,15 @@ def main(argv: Sequence[str]) -> int:
     cv2.setNumThreads(1)
     output = own_output()
 
-    def tell(line: str) -> None:
+    def report(line: str) -> None:
         output.write(line + "\n")
         output.flush()
 
     figures: dict[str, object] = {"trials": arguments.trials}
-    tell(f"accuracy, {arguments.trials} trials each: rotation deg / surface px, median (95 %)")
-    figures["box"] = measured(box_trials, MICROSCOPE, arguments.trials, arguments.noise_px, tell)
+    report(f"accuracy, {arguments.trials} trials each: rotation deg / surface px, median (95 %)")
+    figures["box"] = measured(box_trials, MICROSCOPE, arguments.trials, arguments.noise_px, report)
     if arguments.case:
-        source = source_of(load_case(read_case(arguments.case)))
+        source = reference_view_of(load_case(read_case(arguments.case)))
         seen = source.view.observed(source.mesh.vertices, source.mesh.vertex_normals)
         visible, camera = source.mesh.vertices[seen], source.view.camera
 
@@ -65,10 +65,10 @@ def main(argv: Sequence[str]) -> int:
                 rng, count, sigma_px, camera=camera, cam_from_model=source.view.cam_from_model, visible_points=visible
             )
 
-        tell(f"the same for {arguments.case.name}: {seen.sum()} of {len(seen)} vertices seen")
-        figures["case"] = measured(case_trials, camera, arguments.trials, arguments.noise_px, tell)
-    figures["wrong pairs"] = measured_outliers(max(arguments.trials // 10, 20), tell)
-    figures["time"] = measured_time(tell)
+        report(f"the same for {arguments.case.name}: {seen.sum()} of {len(seen)} vertices seen")
+        figures["case"] = measured(case_trials, camera, arguments.trials, arguments.noise_px, report)
+    figures["wrong pairs"] = measured_outliers(max(arguments.trials // 10, 20), report)
+    figures["time"] = measured_time(report)
     if arguments.out:
         arguments.out.write_text(json.dumps(figures, indent=2) + "\n")
     return 0
@@ -83,7 +83,7 @@ def measured(
     camera: PinholeCamera,
     trials: int,
     noise_px: Sequence[float],
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> list[dict[str, object]]:
     """Accuracy and coverage for every number of pairs and every true noise; the solver is always told the same."""
     rows = []
@@ -105,7 +105,7 @@ def measured(
                     "coverage": ours.coverage,
                 }
             )
-            tell(
+            report(
                 f"  {count:2d} pairs, {sigma_px:g} px: accepted {in_words(accepted)}; all {in_words(everything)}; "
                 + "".join(f"{name} {in_words(each)}; " for name, each in theirs.items())
                 + f"coverage {ours.coverage:.1%}; refused {refused.total()} {dict(refused)}"
@@ -126,7 +126,7 @@ def in_words(figures: dict[str, tuple[float, float]]) -> str:
     return f"{turn:.2f} ({most_turn:.2f}) / {shift:.2f} ({most_shift:.2f})"
 
 
-def measured_outliers(trials: int, tell: Callable[[str], None]) -> list[dict[str, object]]:
+def measured_outliers(trials: int, report: Callable[[str], None]) -> list[dict[str, object]]:
     """How often exactly the wrong pairs are left out."""
     rows = []
     for count, wrong, shift_px in ((6, 0, 0), (6, 1, 40), (8, 2, 60), (10, 3, 60), (20, 0, 0), (20, 8, 80)):
@@ -143,11 +143,11 @@ def measured_outliers(trials: int, tell: Callable[[str], None]) -> list[dict[str
             else:
                 outcomes["exact" if set(np.flatnonzero(~inliers)) == set(bad) else "not exact"] += 1
         rows.append({"pairs": count, "wrong": wrong, "shift_px": shift_px, "outcomes": dict(outcomes)})
-        tell(f"  {wrong} of {count} pairs wrong by {shift_px} px: {dict(outcomes)} of {trials}")
+        report(f"  {wrong} of {count} pairs wrong by {shift_px} px: {dict(outcomes)} of {trials}")
     return rows
 
 
-def measured_time(tell: Callable[[str], None]) -> list[dict[str, float]]:
+def measured_time(report: Callable[[str], None]) -> list[dict[str, float]]:
     """Milliseconds a solve."""
     rows = []
     for count, wrong in ((4, 0), (6, 0), (10, 0), (20, 0), (10, 2), (20, 4)):
@@ -161,7 +161,7 @@ def measured_time(tell: Callable[[str], None]) -> list[dict[str, float]]:
             times.append((time.process_time() - start) * 1e3)
         median, most = float(np.median(times)), float(np.quantile(times, 0.95))
         rows.append({"pairs": count, "wrong": wrong, "median_ms": median, "most_ms": most})
-        tell(f"  {count} pairs, {wrong} wrong: {median:.1f} ms, 95 % below {most:.1f} ms")
+        report(f"  {count} pairs, {wrong} wrong: {median:.1f} ms, 95 % below {most:.1f} ms")
     return rows
 
 

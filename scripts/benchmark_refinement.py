@@ -89,10 +89,10 @@ class Trial:
     score_after: float
     edge_px_before: float
     edge_px_after: float
-    halves_px: float
-    rivalry: float
+    split_half_px: float
+    second_peak_ratio: float
     seconds: float
-    told: str
+    message: str
 
 
 def case_scene(path: Path) -> Scene:
@@ -101,7 +101,7 @@ def case_scene(path: Path) -> Scene:
     mesh, _ = read_mesh(case.mesh)
     mesh = mesh.scaled(case.mm_per_unit)
     offset = mesh.vertices.mean(axis=0)
-    mesh, pose = mesh.moved(-offset), case.cam_from_given @ rigid(translation=offset)
+    mesh, pose = mesh.moved(-offset), case.cam_from_mesh @ rigid(translation=offset)
     image, valid = _read_image(case.image), np.ones(case.camera.shape_hw, bool)
     if image.shape[:2] != case.camera.shape_hw:
         raise InputError(
@@ -200,10 +200,10 @@ def run_trial(scene: Scene, wrong: str, angle_deg: float, percent: float, rng: n
         score_after=result.after.score,
         edge_px_before=result.before.edge_distance_px,
         edge_px_after=result.after.edge_distance_px,
-        halves_px=result.belief.halves_px if result.belief else np.inf,
-        rivalry=result.belief.rivalry if result.belief else np.inf,
+        split_half_px=result.verification.split_half_px if result.verification else np.inf,
+        second_peak_ratio=result.verification.second_peak_ratio if result.verification else np.inf,
         seconds=seconds,
-        told=result.told,
+        message=result.message,
     )
 
 

@@ -26,7 +26,7 @@ def main(argv: Sequence[str]) -> int:
     arguments = parser.parse_args(argv)
     output = own_output()
     loaded = load_case(read_case(arguments.case))
-    for sentence in (*loaded.told, *export_coloured_surface(loaded, arguments.out, colour=arguments.colour)):
+    for sentence in (*loaded.messages, *export_coloured_surface(loaded, arguments.out, colour=arguments.colour)):
         output.write(sentence + "\n")
     output.write(f"coloured surface: {arguments.out}\n")
     output.flush()

@@ -2,7 +2,7 @@
 
     python scripts/compare_views.py CASE.toml PHOTOGRAPHS.json --out DIR [--colour projective|texture|vertex]
 
-PHOTOGRAPHS.json is a list of {"image": file, "cam_from_model": 4x4}. Writes likeness.csv, a picture of each pair and a
+PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}. Writes likeness.csv, a picture of each pair and a
 sheet of all of them.
 """
 
@@ -25,7 +25,7 @@ from pipeline.dataset.options import COLOURS
 from pipeline.evaluation.photographs import read_photographs
 from pipeline.files.content import write_bytes_atomically
 from pipeline.images.contact_sheet import contact_sheet
-from pipeline.images.pixel_values import eight_bit
+from pipeline.images.pixel_values import to_uint8
 from pipeline.images.png import encode_png
 
 
@@ -54,10 +54,10 @@ def main(argv: Sequence[str]) -> int:
         )
         output.flush()
         pictures.append(comparison.picture())
-        write_bytes_atomically(arguments.out / f"{Path(name).stem}.png", encode_png(eight_bit(pictures[-1])))
+        write_bytes_atomically(arguments.out / f"{Path(name).stem}.png", encode_png(to_uint8(pictures[-1])))
     write_bytes_atomically(arguments.out / "likeness.csv", table.getvalue().encode())
     sheet = contact_sheet(pictures, columns=2, tile_width=900)
-    write_bytes_atomically(arguments.out / "sheet.png", encode_png(eight_bit(sheet)))
+    write_bytes_atomically(arguments.out / "sheet.png", encode_png(to_uint8(sheet)))
     output.write(f"photograph, view, difference: {arguments.out / 'sheet.png'}\n")
     output.flush()
     return 0

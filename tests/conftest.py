@@ -179,7 +179,7 @@ K = [[320.0, 0, 30.0], [0, 318.0, 25.5], [0, 0, 1]]
 [surface]
 mesh = "surface.ply"
 [pose]
-cam_from_model = [[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]]
+cam_from_mesh = [[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]]
 """
 
 
@@ -220,7 +220,7 @@ def loaded_case(tmp_path: Path) -> Callable[..., LoadedCase]:
         camera: PinholeCamera,
         valid: np.ndarray | None = None,
         *,
-        given_from_model: np.ndarray = SAME_FRAME,
+        mesh_from_model: np.ndarray = SAME_FRAME,
         mm_per_unit: float = 1.0,
     ) -> LoadedCase:
         case = Case(
@@ -230,10 +230,10 @@ def loaded_case(tmp_path: Path) -> Callable[..., LoadedCase]:
             camera=camera,
             distortion=None,
             mesh=tmp_path / "surface.ply",
-            cam_from_given=cam_from_model @ inverse_rigid(given_from_model),
+            cam_from_mesh=cam_from_model @ inverse_rigid(mesh_from_model),
         )
         valid = np.ones(camera.shape_hw, dtype=bool) if valid is None else valid
-        return LoadedCase(case, image, valid, mesh, given_from_model, cam_from_model, (), ())
+        return LoadedCase(case, image, valid, mesh, mesh_from_model, cam_from_model, (), ())
 
     return make
 

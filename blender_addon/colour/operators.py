@@ -10,7 +10,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from ..pipeline.blender.colour.coverage import coverage_of
 from ..pipeline.blender.colour.export import export_coloured_surface
-from ..pipeline.blender.colour.reference_view import colour_of, source_of
+from ..pipeline.blender.colour.reference_view import colour_of, reference_view_of
 from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, put_colour, remove_colour
 from ..pipeline.errors import InputError
 from ..state import from_scene
@@ -44,14 +44,14 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
         context.window_manager.progress_begin(0, 3)
         try:
             loaded = from_scene.loaded_case(scene)
-            source = source_of(loaded)
+            source = reference_view_of(loaded)
             context.window_manager.progress_update(1)
-            colour, told = colour_of(source, self.mode)
+            colour, messages = colour_of(source, self.mode)
             context.window_manager.progress_update(2)
             coverage = coverage_of(source, colour)
         finally:
             context.window_manager.progress_end()
-        sentences = [*loaded.told, *source.told, *told, coverage.told()]
+        sentences = [*loaded.messages, *source.messages, *messages, coverage.summary()]
         record = {
             "frame": str(loaded.case.image),
             "cam_from_model": loaded.cam_from_model.tolist(),
@@ -59,7 +59,7 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
             "of_surface": coverage.of_surface,
             "mean_error": coverage.mean_error,
             "max_error": coverage.max_error,
-            "told": [*source.told, *told],
+            "messages": [*source.messages, *messages],
         }
         marked = before is None or before["unseen_marked"]
         put_colour(surface, loaded.mesh, source, colour, mark_unseen=marked, record=record)
@@ -148,10 +148,10 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operat
                 '"glTF 2.0 format" in the preferences, or write OBJ or PLY'
             )
         try:
-            told = export_coloured_surface(from_scene.loaded_case(context.scene), path, colour=self.mode)
+            messages = export_coloured_surface(from_scene.loaded_case(context.scene), path, colour=self.mode)
         except OSError as error:
             raise InputError(f"{path}: cannot write the file ({error.strerror}); choose another folder") from None
-        return (*told, f"saved {path}")
+        return (*messages, f"saved {path}")
 
 
 def is_outdated(scene: bpy.types.Scene, record: dict) -> bool:

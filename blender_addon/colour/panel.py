@@ -56,7 +56,7 @@ def _draw_record(layout: bpy.types.UILayout, scene: bpy.types.Scene, record: dic
         split = column.split(factor=0.68)
         split.label(text=name)
         split.label(text=value)
-    for sentence in record["told"]:
+    for sentence in record.get("messages", ()):
         draw_sentence(layout, sentence, icon="INFO")
 
 

@@ -134,9 +134,9 @@ class BackgroundJob:
                 self.errors.append(line.strip())
 
     def _reason(self) -> str:
-        told = [line.removeprefix("error: ") for line in self.errors if line.startswith("error: ")]
-        if told:
-            return told[-1]
+        reported = [line.removeprefix("error: ") for line in self.errors if line.startswith("error: ")]
+        if reported:
+            return reported[-1]
         if self.code == EXIT_STOPPED:
             return "the run was stopped from outside; start it again to go on"
         how = f"was ended by signal {-self.code}" if self.code < 0 else f"ended with code {self.code}"

@@ -9,8 +9,8 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
-from ..pipeline.blender.colour.reference_view import source_of
-from ..pipeline.blender.dataset.view_renderer import ViewMaker
+from ..pipeline.blender.colour.reference_view import reference_view_of
+from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_writer import case_text, write_case
 from ..pipeline.dataset.options import DatasetOptions, merged_options
@@ -38,11 +38,14 @@ class ONEFRAME_OT_preview_poses(NeedsAlignment, Reporting, bpy.types.Operator):
 
     def run(self, context):
         planned = pose_preview.plan(context.scene, context.scene.oneframe.preview_poses)
-        told = (
+        message = (
             f"{len(planned.lines)} of {planned.count} poses: the frame saw {planned.observed.min():.0%} to "
             f"{planned.observed.max():.0%} of the surface in view; {planned.attempts:.1f} poses tried for each"
         )
-        return told, "turn the 3D view out of the camera (middle mouse button, or numpad 0) to see the poses around it"
+        return (
+            message,
+            "turn the 3D view out of the camera (middle mouse button, or numpad 0) to see the poses around it",
+        )
 
 
 class ONEFRAME_OT_hide_poses(Reporting, bpy.types.Operator):
@@ -75,9 +78,9 @@ class ONEFRAME_OT_preview_view(NeedsAlignment, Reporting, bpy.types.Operator):
         count = options.count if listed is None else len(listed)
         if index >= count:
             raise InputError(f"view {index}: expected a view of the dataset, 0 to {count - 1}; lower the number")
-        with ViewMaker(loaded, source_of(loaded), options, listed) as maker:
-            made = maker.make(index)
-            told = maker.told
+        with ViewRenderer(loaded, reference_view_of(loaded), options, listed) as renderer:
+            made = renderer.make(index)
+            messages = renderer.messages
         statistics = made.planned.statistics
         sentence = (
             f"view {index}: surface on {statistics.surface_fraction:.0%} of the image, the frame saw "
@@ -85,7 +88,7 @@ class ONEFRAME_OT_preview_view(NeedsAlignment, Reporting, bpy.types.Operator):
         )
         image = _put_preview(made.rendered.rgb, key, sentence)
         _show_in_image_editors(context, image)
-        return *told, sentence
+        return *messages, sentence
 
 
 class ONEFRAME_OT_enlarge_preview(Reporting, bpy.types.Operator):
@@ -140,13 +143,13 @@ class ONEFRAME_OT_render_dataset(NeedsAlignment, Reporting, bpy.types.Operator):
         from_scene.loaded_case(scene)
         pose_preview.dataset_options(scene)
         case_path = from_scene.absolute_path(settings.case_path)
-        told = _save_if_changed(scene, case_path)
+        messages = _save_if_changed(scene, case_path)
         if not settings.dataset_out:
             settings.dataset_out = str(case_path.parent / "dataset")
         out = from_scene.absolute_path(settings.dataset_out)
         arguments = [str(case_path), "--out", str(out), "--progress-seconds", "1", "--end-with-input"]
         background_job.start(SCRIPT, arguments, out)
-        return *told, f"rendering to {out} in the background; you can go on working"
+        return *messages, f"rendering to {out} in the background; you can go on working"
 
 
 class ONEFRAME_OT_cancel_dataset(Reporting, bpy.types.Operator):

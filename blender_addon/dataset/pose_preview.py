@@ -14,13 +14,13 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
-from ..pipeline.blender.colour.reference_view import Source, source_of
-from ..pipeline.blender.dataset.view_renderer import ViewMaker, view_camera
+from ..pipeline.blender.colour.reference_view import ReferenceView, reference_view_of
+from ..pipeline.blender.dataset.view_renderer import ViewRenderer, view_camera
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.dataset.options import DatasetOptions, merged_options
 from ..pipeline.errors import InputError
-from ..pipeline.poses.constraints import Planned
+from ..pipeline.poses.constraints import PlannedPose
 from ..pipeline.poses.pose_file import read_poses
 from ..pipeline.transforms import inverse_rigid, transform_points
 from ..state import from_scene
@@ -112,7 +112,7 @@ def given_poses(loaded: LoadedCase, options: DatasetOptions) -> np.ndarray | Non
     if options.poses is None:
         return None
     mm_per_unit = loaded.case.mm_per_unit
-    return read_poses(options.poses, given_from_model=loaded.given_from_model, mm_per_unit=mm_per_unit)[0]
+    return read_poses(options.poses, mesh_from_model=loaded.mesh_from_model, mm_per_unit=mm_per_unit)[0]
 
 
 def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
@@ -129,9 +129,9 @@ def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
     key, loaded = pose_key(scene), from_scene.loaded_case(scene)
     listed = given_poses(loaded, options)
     count = options.count if listed is None else len(listed)
-    source = source_of(loaded)
-    with ViewMaker(loaded, source, options, listed) as maker:
-        planned = [maker.plan(index) for index in range(min(number, count))]
+    source = reference_view_of(loaded)
+    with ViewRenderer(loaded, source, options, listed) as renderer:
+        planned = [renderer.plan(index) for index in range(min(number, count))]
     lines = frusta(planned, view_camera(loaded, options), source)
     statistics = [view.statistics for view in planned]
     _planned = PlannedPoses(
@@ -145,7 +145,7 @@ def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
     return _planned
 
 
-def frusta(planned: list[Planned], camera: PinholeCamera, source: Source) -> np.ndarray:
+def frusta(planned: list[PlannedPose], camera: PinholeCamera, source: ReferenceView) -> np.ndarray:
     """``(N, 10, 2, 3)`` ends of the lines of each pose's frustum, model frame, mm; a roof tells where up is."""
     width, height = camera.size_wh
     corners = np.array([[0, 0], [width, 0], [width, height], [0, height], [width / 2, -height / 4]]) - 0.5

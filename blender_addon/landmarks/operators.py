@@ -210,7 +210,7 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting, bpy.types.Operator):
         solved = solve.solution(scene)
         solve.apply(scene, solved)
         used = f"{int(solved.estimate.inliers.sum())} of {len(solved.pairs.names)} pairs"
-        return *solved.estimate.told, f"pose from {used}, RMS {solved.estimate.rms_px:.2f} px"
+        return *solved.estimate.messages, f"pose from {used}, RMS {solved.estimate.rms_px:.2f} px"
 
 
 class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Operator, ImportHelper):
@@ -229,7 +229,7 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Oper
         scene = context.scene
         path = self.chosen_file()
         read = read_landmarks(path, mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
-        present = from_scene.landmarks_given(scene) if self.keep else ()
+        present = from_scene.landmarks_mesh(scene) if self.keep else ()
         to_scene.replace_landmarks(scene, (*present, *read))
         events.landmarks_changed(scene)
         return f"{path.name}: {len(read)} landmarks", *off_surface(scene)
@@ -250,7 +250,7 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Opera
         scene = context.scene
         path = self.chosen_file()
         try:
-            write_landmarks(path, from_scene.landmarks_given(scene), mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
+            write_landmarks(path, from_scene.landmarks_mesh(scene), mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
         except OSError as error:
             raise InputError(f"{path}: cannot write the file ({error.strerror}); choose another folder") from None
         return (f"saved {path}: {len(scene.oneframe.landmarks)} landmarks",)

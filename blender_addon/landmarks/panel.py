@@ -5,7 +5,7 @@ import numpy as np
 
 from ..pipeline.alignment.landmarks.covariance import PoseUncertainty
 from ..pipeline.errors import InputError
-from ..pipeline.files.numbers import two_digits
+from ..pipeline.files.numbers import format_two_digits
 from ..state import from_scene
 from ..ui.wrapped_text import draw_sentence
 from . import solve, tool
@@ -107,7 +107,8 @@ def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: S
     if away is not None:
         draw_sentence(
             layout,
-            f"The pose is {two_digits(away.turn_deg)}° and {two_digits(away.shift_mm)} mm from the landmarks' pose, "
+            f"The pose is {format_two_digits(away.turn_deg)}° and {format_two_digits(away.shift_mm)} mm "
+            f"from the landmarks' pose, "
             f"up to {away.largest_px:.1f} px.",
             icon="INFO",
         )
@@ -115,7 +116,7 @@ def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: S
     row.enabled = away is not None
     row.operator("oneframe.solve_landmarks", icon="CHECKMARK")
     _draw_uncertainty(layout.box(), found.uncertainty)
-    for sentence in found.told:
+    for sentence in found.messages:
         draw_sentence(layout, sentence, icon="ERROR")
 
 
@@ -132,7 +133,7 @@ def _draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty) -> 
         column = columns.column(align=True)
         column.scale_y = 0.8
         for name, deviation in zip(names, deviations, strict=True):
-            column.label(text=f"{name} ± {two_digits(deviation)}{unit}")
+            column.label(text=f"{name} ± {format_two_digits(deviation)}{unit}")
     draw_sentence(box, f"Weakest: {uncertainty.weakest}")
 
 

@@ -21,7 +21,7 @@ AWAY_PX = 0.05
 
 
 @dataclass(frozen=True)
-class LandmarkPairs:
+class LandmarkCorrespondences:
     """The enabled landmarks that have both halves.
 
     Attributes
@@ -42,7 +42,7 @@ class LandmarkPairs:
     pixels: np.ndarray
 
     @classmethod
-    def of(cls, scene: bpy.types.Scene) -> "LandmarkPairs":
+    def of(cls, scene: bpy.types.Scene) -> "LandmarkCorrespondences":
         """Those of a scene."""
         used = [
             (index, entry)
@@ -71,7 +71,7 @@ class Solution:
         Then the reason, a sentence.
     """
 
-    pairs: LandmarkPairs
+    pairs: LandmarkCorrespondences
     estimate: PoseEstimate | None
     refusal: str
 
@@ -99,7 +99,7 @@ def solution(scene: bpy.types.Scene) -> Solution:
     InputError
         There is no camera.
     """
-    pairs = LandmarkPairs.of(scene)
+    pairs = LandmarkCorrespondences.of(scene)
     given = (
         pairs.points_model.tobytes(),
         pairs.pixels.tobytes(),
@@ -196,7 +196,7 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
         from_scene.surface_of(scene),
         from_scene.camera(scene),
     )
-    pairs = LandmarkPairs.of(scene)
+    pairs = LandmarkCorrespondences.of(scene)
     pivot = visible_surface(surface, camera, cam_from_model).pivot_model
     if pivot is None:
         pivot = pairs.points_model.mean(axis=0)

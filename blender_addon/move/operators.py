@@ -9,7 +9,7 @@ from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.pivot import keep_pivot, pivot_of
-from ..state.pose_text import pose_from_text, pose_rows, set_pose_given
+from ..state.pose_text import pose_from_text, pose_rows, set_cam_from_mesh
 from ..ui.frame_view import FrameView, shows_frame, window_region
 from ..ui.keymap import OBJECT_MODE, Key, Keys
 from ..ui.operator import NeedsAlignment, Reporting, redraw
@@ -185,7 +185,7 @@ class ONEFRAME_OT_copy_pose(Reporting, bpy.types.Operator):
     bl_idname = "oneframe.copy_pose"
     bl_label = "Copy Pose"
 
-    inverse: BoolProperty(name="Inverse", description="Copy model_from_cam instead of cam_from_model", default=False)
+    inverse: BoolProperty(name="Inverse", description="Copy mesh_from_cam instead of cam_from_mesh", default=False)
 
     def run(self, context):
         context.window_manager.clipboard = "\n".join(pose_rows(context.scene, inverse=self.inverse))
@@ -193,16 +193,16 @@ class ONEFRAME_OT_copy_pose(Reporting, bpy.types.Operator):
 
 
 class ONEFRAME_OT_paste_pose(Reporting, bpy.types.Operator):
-    """Take cam_from_model from the clipboard: 16 or 12 numbers, row by row, for the mesh as it was given"""
+    """Take cam_from_mesh from the clipboard: 16 or 12 numbers, row by row"""
 
     bl_idname = "oneframe.paste_pose"
     bl_label = "Paste Pose"
     bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context):
-        pose, told = pose_from_text(context.window_manager.clipboard)
-        set_pose_given(context.scene, pose)
-        return (told,) if told else ()
+        pose, message = pose_from_text(context.window_manager.clipboard)
+        set_cam_from_mesh(context.scene, pose)
+        return (message,) if message else ()
 
 
 _CLASSES = (ONEFRAME_OT_nudge, ONEFRAME_OT_drag_pose, ONEFRAME_OT_copy_pose, ONEFRAME_OT_paste_pose)

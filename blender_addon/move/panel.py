@@ -5,7 +5,7 @@ import bpy
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import inverse_rigid
 from ..state import from_scene
-from ..state.pose_text import pose_given
+from ..state.pose_text import cam_from_mesh_of
 from ..ui.keymap import binding
 from ..ui.wrapped_text import draw_sentence
 from .operators import STEPS
@@ -66,7 +66,7 @@ class ONEFRAME_PT_pose(bpy.types.Panel):
 
 
 class _Matrix:
-    """A matrix for the mesh as it was given, read from the objects at every redraw."""
+    """A matrix for the mesh file's own frame, read from the objects at every redraw."""
 
     bl_parent_id = "ONEFRAME_PT_pose"
     bl_space_type = "VIEW_3D"
@@ -77,7 +77,7 @@ class _Matrix:
     def draw(self, context):
         layout, scene = self.layout, context.scene
         try:
-            pose = pose_given(scene)
+            pose = cam_from_mesh_of(scene)
         except InputError as error:
             draw_sentence(layout, str(error), icon="ERROR")
             return
@@ -95,21 +95,21 @@ class _Matrix:
             row.operator("oneframe.load_pose", text="", icon="FILE_FOLDER")
 
 
-class ONEFRAME_PT_cam_from_model(_Matrix, bpy.types.Panel):
+class ONEFRAME_PT_cam_from_mesh(_Matrix, bpy.types.Panel):
     """The pose of the surface in the camera's frame"""
 
-    bl_idname = "ONEFRAME_PT_cam_from_model"
-    bl_label = "cam_from_model"
+    bl_idname = "ONEFRAME_PT_cam_from_mesh"
+    bl_label = "cam_from_mesh"
 
 
-class ONEFRAME_PT_model_from_cam(_Matrix, bpy.types.Panel):
+class ONEFRAME_PT_mesh_from_cam(_Matrix, bpy.types.Panel):
     """The pose of the camera in the surface's frame"""
 
-    bl_idname = "ONEFRAME_PT_model_from_cam"
-    bl_label = "model_from_cam (inverse)"
+    bl_idname = "ONEFRAME_PT_mesh_from_cam"
+    bl_label = "mesh_from_cam (inverse)"
     bl_options = {"DEFAULT_CLOSED"}
     inverse = True
 
 
-_CLASSES = (ONEFRAME_PT_pose, ONEFRAME_PT_cam_from_model, ONEFRAME_PT_model_from_cam)
+_CLASSES = (ONEFRAME_PT_pose, ONEFRAME_PT_cam_from_mesh, ONEFRAME_PT_mesh_from_cam)
 register, unregister = bpy.utils.register_classes_factory(_CLASSES)

@@ -107,10 +107,10 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
         result = refined(loaded, known_colours(scene))
         _remember(result)
         if not result.accepted:
-            raise InputError(result.told)
+            raise InputError(result.message)
         set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), result.cam_from_model)
         remember_refined(scene, result.cam_from_model)
-        return (result.told,)
+        return (result.message,)
 
     def invoke(self, context, event):
         if context.window is None or bpy.app.background:
@@ -147,7 +147,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
         if work.running:
             if event.type == "ESC" and event.value == "PRESS":
                 work.stop()
-                return self._end(context, "CANCELLED", told="refinement stopped, the pose is unchanged")
+                return self._end(context, "CANCELLED", message="refinement stopped, the pose is unchanged")
             _tell(context, f"Refining the pose: {work.fraction:.0%}      Esc: stop")
             return self._passed(event)
         if work.error is not None:
@@ -157,16 +157,16 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
             self._stop_timer(context)
             _remember(result)
             if not result.accepted:
-                return self._end(context, "CANCELLED", error=result.told)
+                return self._end(context, "CANCELLED", error=result.message)
             self._show(context, result.cam_from_model, True)
         if event.value == "PRESS":
             if event.type in KEEP:
                 self._show(context, result.cam_from_model, True)
                 remember_refined(context.scene, result.cam_from_model)
-                return self._end(context, "FINISHED", told=result.told)
+                return self._end(context, "FINISHED", message=result.message)
             if event.type in DISCARD:
                 self._show(context, work.start, False)
-                return self._end(context, "CANCELLED", told="the pose is as it was before")
+                return self._end(context, "CANCELLED", message="the pose is as it was before")
             if event.type == "SPACE":
                 self._show(context, work.start if self._shows_result else result.cam_from_model, not self._shows_result)
         agreed = result.after if self._shows_result else result.before
@@ -192,11 +192,11 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None
 
-    def _end(self, context, outcome, *, told="", error=""):
+    def _end(self, context, outcome, *, message="", error=""):
         self._stop_timer(context)
         _tell(context, None)
-        if told:
-            self.report({"INFO"}, told)
+        if message:
+            self.report({"INFO"}, message)
         if error:
             self.report({"ERROR"}, error)
         redraw(context)

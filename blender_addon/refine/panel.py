@@ -47,7 +47,7 @@ class ONEFRAME_PT_refine(bpy.types.Panel):
             row = table.split(factor=0.5)
             for text in (name, before, after):
                 row.label(text=text)
-        draw_sentence(layout, found.told, icon="CHECKMARK" if found.accepted else "ERROR")
+        draw_sentence(layout, found.message, icon="CHECKMARK" if found.accepted else "ERROR")
 
 
 def _pixels(value: float) -> str:

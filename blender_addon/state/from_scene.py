@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..pipeline.blender.alignment.alignment_scene import absolute_path, camera_of, given_from_model_of, pose_of
+from ..pipeline.blender.alignment.alignment_scene import absolute_path, camera_of, mesh_from_model_of, pose_of
 from ..pipeline.blender.case.load_case import load_frame
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
@@ -95,13 +95,13 @@ def distortion(scene: bpy.types.Scene) -> Distortion | None:
     return Distortion(*json.loads(text)) if text else None
 
 
-def landmarks_given(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
+def landmarks_mesh(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
     """All landmarks, in the frame of the mesh file, mm."""
     found = scene.oneframe.surface
-    given_from_model = np.eye(4) if found is None else given_from_model_of(found)
+    mesh_from_model = np.eye(4) if found is None else mesh_from_model_of(found)
     landmarks = []
     for entry in scene.oneframe.landmarks:
-        point = transform_points(given_from_model, np.array([entry.point], float))[0]
+        point = transform_points(mesh_from_model, np.array([entry.point], float))[0]
         landmarks.append(
             Landmark(
                 entry.name,
@@ -145,10 +145,10 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
         camera=camera(scene),
         distortion=distortion(scene),
         mesh=absolute_path(surface.oneframe.mesh_path),
-        cam_from_given=cam_from_model(scene) @ inverse_rigid(given_from_model_of(surface)),
+        cam_from_mesh=cam_from_model(scene) @ inverse_rigid(mesh_from_model_of(surface)),
         structures=structures,
         dataset=dataset_table(scene),
-        landmarks=landmarks_given(scene),
+        landmarks=landmarks_mesh(scene),
     )
 
 
@@ -179,17 +179,17 @@ def loaded_case(scene: bpy.types.Scene, *, aligned: bool = True) -> LoadedCase:
     settings = scene.oneframe
     wanted = case(scene, Path(bpy.path.abspath(settings.case_path) or "the scene"))
     image, valid = frame_at(scene, wanted.image)
-    mesh, given_from_model, told = _surface(wanted.mesh, stamp(wanted.mesh), wanted.mm_per_unit)
+    mesh, mesh_from_model, messages = _surface(wanted.mesh, stamp(wanted.mesh), wanted.mm_per_unit)
     _check_unedited(surface_of(scene), mesh)
     pose = cam_from_model(scene)
     if aligned:
         check_pose(wanted, mesh, pose)
     structures = tuple(
         (structure, _mesh(structure.mesh, stamp(structure.mesh)).scaled(wanted.mm_per_unit).moved(-offset))
-        for offset in (given_from_model[:3, 3],)
+        for offset in (mesh_from_model[:3, 3],)
         for structure in wanted.structures
     )
-    return LoadedCase(wanted, image, valid, mesh, given_from_model, pose, structures, tuple(told))
+    return LoadedCase(wanted, image, valid, mesh, mesh_from_model, pose, structures, tuple(messages))
 
 
 def frame_at(scene: bpy.types.Scene, path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -9,17 +9,17 @@ from ..pipeline.transforms import checked_rigid, inverse_rigid
 from . import from_scene
 
 
-def pose_given(scene: bpy.types.Scene) -> np.ndarray:
-    """``cam_from_model`` (4x4) for the mesh file's own frame and units, as it stands in a case file."""
+def cam_from_mesh_of(scene: bpy.types.Scene) -> np.ndarray:
+    """``cam_from_mesh`` (4x4) for the mesh file's own frame and units, as it stands in a case file."""
     surface = from_scene.surface_of(scene)
-    cam_from_given = from_scene.cam_from_model(scene) @ inverse_rigid(alignment_scene.given_from_model_of(surface))
-    cam_from_given[:3, 3] /= MM_PER_UNIT[scene.oneframe.units]
-    return cam_from_given
+    cam_from_mesh = from_scene.cam_from_model(scene) @ inverse_rigid(alignment_scene.mesh_from_model_of(surface))
+    cam_from_mesh[:3, 3] /= MM_PER_UNIT[scene.oneframe.units]
+    return cam_from_mesh
 
 
 def pose_rows(scene: bpy.types.Scene, *, inverse: bool = False) -> list[str]:
     """Four rows of four numbers each, which read back to the same pose."""
-    pose = pose_given(scene)
+    pose = cam_from_mesh_of(scene)
     if inverse:
         pose = inverse_rigid(pose)
     return [" ".join(f"{value!r}" for value in row) for row in pose.tolist()]
@@ -44,10 +44,10 @@ def pose_from_text(text: str) -> tuple[np.ndarray, str | None]:
     return checked_rigid(matrix, "the clipboard's pose")
 
 
-def set_pose_given(scene: bpy.types.Scene, cam_from_given: np.ndarray) -> None:
+def set_cam_from_mesh(scene: bpy.types.Scene, cam_from_mesh: np.ndarray) -> None:
     """Move the surface to a pose for the mesh file's own frame and units."""
     camera_object, surface = from_scene.camera_object_of(scene), from_scene.surface_of(scene)
-    cam_from_given = cam_from_given.copy()
-    cam_from_given[:3, 3] *= MM_PER_UNIT[scene.oneframe.units]
-    given_from_model = alignment_scene.given_from_model_of(surface)
-    alignment_scene.set_pose(camera_object, surface, cam_from_given @ given_from_model)
+    cam_from_mesh = cam_from_mesh.copy()
+    cam_from_mesh[:3, 3] *= MM_PER_UNIT[scene.oneframe.units]
+    mesh_from_model = alignment_scene.mesh_from_model_of(surface)
+    alignment_scene.set_pose(camera_object, surface, cam_from_mesh @ mesh_from_model)

@@ -48,9 +48,9 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
 def replace_landmarks(scene: bpy.types.Scene, landmarks: tuple[Landmark, ...]) -> None:
     """Landmarks in the frame of the mesh file, mm, in place of those that are there; the pose stays."""
     settings = scene.oneframe
-    model_from_given = np.eye(4)
+    model_from_mesh = np.eye(4)
     if settings.surface is not None:
-        model_from_given = inverse_rigid(alignment_scene.given_from_model_of(settings.surface))
+        model_from_mesh = inverse_rigid(alignment_scene.mesh_from_model_of(settings.surface))
     with events.untold():
         settings.landmarks.clear()
         for landmark in landmarks:
@@ -58,7 +58,7 @@ def replace_landmarks(scene: bpy.types.Scene, landmarks: tuple[Landmark, ...]) -
             entry.name, entry.enabled = landmark.name, landmark.enabled
             entry.has_point, entry.has_pixel = landmark.point is not None, landmark.pixel is not None
             if landmark.point is not None:
-                entry.point = transform_points(model_from_given, np.array([landmark.point]))[0]
+                entry.point = transform_points(model_from_mesh, np.array([landmark.point]))[0]
             if landmark.pixel is not None:
                 entry.pixel = landmark.pixel
         settings.landmark_index = 0
@@ -170,12 +170,12 @@ def relink_surface(context: bpy.types.Context, path: Path) -> None:
     scene = context.scene
     settings = scene.oneframe
     pose, surface = from_scene.cam_from_model(scene), settings.surface
-    landmarks = from_scene.landmarks_given(scene)
-    given_from_old = alignment_scene.given_from_model_of(surface)
+    landmarks = from_scene.landmarks_mesh(scene)
+    mesh_from_old = alignment_scene.mesh_from_model_of(surface)
     mesh = alignment_scene.edited_mesh(surface)
     shift = mesh.vertices.mean(axis=0)
     old_from_new = rigid(translation=shift)
-    alignment_scene.replace_mesh(surface, mesh.moved(-shift), given_from_old @ old_from_new)
+    alignment_scene.replace_mesh(surface, mesh.moved(-shift), mesh_from_old @ old_from_new)
     for child in surface.children:
         child.location = [value - offset for value, offset in zip(child.location, shift, strict=True)]
     alignment_scene.set_pose(settings.camera_object, surface, pose @ old_from_new)

@@ -19,7 +19,7 @@ class Reporting:
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Called by Blender."""
         try:
-            told = self.run(context)
+            messages = self.run(context)
         except (InputError, RunError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -27,7 +27,7 @@ class Reporting:
             # a full disk, a folder that does not exist or may not be written to
             self.report({"ERROR"}, f"{error.filename or self.bl_label}: {error.strerror or error}")
             return {"CANCELLED"}
-        for sentence in told or ():
+        for sentence in messages or ():
             self.report({"INFO"}, sentence)
         redraw(context)
         return {"FINISHED"}

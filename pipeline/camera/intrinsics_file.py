@@ -67,7 +67,7 @@ class CameraFile:
     size: tuple[int, int] | None
     distortion: tuple[float, float, float, float, float] | None
     pixel_origin: str
-    told: tuple[str, ...] = ()
+    messages: tuple[str, ...] = ()
 
     def camera(self, size_wh: tuple[int, int]) -> PinholeCamera:
         """The camera for images of a size, K as it stands; :mod:`pipeline.camera.plausibility` says if it fits."""
@@ -106,7 +106,7 @@ def read_camera(path: Path) -> CameraFile:
         size=None if found.size is None else camera.size_wh,
         distortion=_coefficients(found, path.name),
         pixel_origin=_origin_sentence(found, camera),
-        told=tuple(f"{path.name}: {sentence}" for sentence in found.told),
+        messages=tuple(f"{path.name}: {sentence}" for sentence in found.messages),
     )
 
 

@@ -47,7 +47,7 @@ class Calibration:
     size: tuple[float, float] | None
     distortion: tuple[float, ...]
     pixel_origin: str | None
-    told: tuple[str, ...] = ()
+    messages: tuple[str, ...] = ()
 
     def same_as(self, other: "Calibration") -> bool:
         """Whether they differ in their place only."""
@@ -92,11 +92,11 @@ def _calibrations(
         return
     keys = {_plain_key(key): value for key, value in table.items()}
     scopes = (keys, *around)
-    matrix, told = _matrix(keys)
+    matrix, messages = _matrix(keys)
     if matrix is not None:
         place = ".".join(path)
         distortion = _distortion(scopes, f"{where}: {place}" if place else where)
-        yield Calibration(place, matrix, _size(scopes), distortion, _pixel_origin(scopes), told)
+        yield Calibration(place, matrix, _size(scopes), distortion, _pixel_origin(scopes), messages)
         return
     for key, value in table.items():
         yield from _calibrations(value, (*path, str(key)), scopes, where)

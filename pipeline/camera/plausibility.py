@@ -36,23 +36,23 @@ class CameraFit:
 
     camera: PinholeCamera
     rescaled: PinholeCamera | None
-    told: tuple[str, ...]
+    messages: tuple[str, ...]
 
 
 def fit_of(file: CameraFile, size_wh: tuple[int, int]) -> CameraFit:
     """Compare a camera file with the image, of (width, height) ``size_wh``, that it is to be used for."""
-    told, rescaled = [], None
+    messages, rescaled = [], None
     if file.size is not None and file.size != size_wh:
         same_shape = _same_shape(file.size, size_wh)
         if same_shape:
             rescaled = file.camera(file.size).resized(*size_wh)
-        told.append(_size_sentence(file.size, size_wh, same_shape))
+        messages.append(_size_sentence(file.size, size_wh, same_shape))
     camera = PinholeCamera(*size_wh, file.fx, file.fy, file.cx, file.cy)
     sentences = _normalised_sentence(camera) or [*_centre_sentence(camera), *_focal_sentence(camera)]
     if rescaled is not None:
         # one cause, one sentence: what is odd about K for this size may be well once it is rescaled
         sentences = _normalised_sentence(rescaled) or [*_centre_sentence(rescaled), *_focal_sentence(rescaled)]
-    return CameraFit(camera, rescaled, (*told, *sentences, *_aspect_sentence(camera)))
+    return CameraFit(camera, rescaled, (*messages, *sentences, *_aspect_sentence(camera)))
 
 
 def _same_shape(one: tuple[int, int], other: tuple[int, int]) -> bool:

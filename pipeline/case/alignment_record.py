@@ -43,7 +43,7 @@ KEYS = (
 _TEXTS, _AMOUNTS = ("method", "tool", "weakest"), ("rms_px", "click_sigma_px")
 
 
-def checked_provenance(table: object, where: str) -> dict[str, object]:
+def checked_alignment_record(table: object, where: str) -> dict[str, object]:
     """Check a table ``[alignment]``; every key may be missing.
 
     Returns

@@ -15,15 +15,16 @@ from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
 from ..files.numbers import MM_PER_UNIT, WrittenFloat, millimetres
 from ..files.tables import check_keys
+from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY, pose_key
 from ..transforms import checked_rigid
-from .alignment_record import checked_provenance
+from .alignment_record import checked_alignment_record
 from .landmarks import Landmark, landmarks_from_tables
 
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "frame": (("image",), ()),
     "camera": (("size", "K"), ("pixel_origin", "distortion")),
     "surface": (("mesh",), ()),
-    "pose": (("cam_from_model",), ()),
+    "pose": ((), (POSE_KEY, FORMER_POSE_KEY)),
     "structures": (("name", "mesh"), ("color",)),
 }
 """Table -> its required and its optional keys."""
@@ -35,7 +36,7 @@ class Structure:
 
     name: str
     mesh: Path
-    color: tuple[float, float, float]
+    colour: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -54,14 +55,14 @@ class Case:
         Intrinsics with the pixel origin at the centre of the top-left pixel; OpenCV distortion or ``None``.
     mesh
         The surface's file.
-    cam_from_given
+    cam_from_mesh
         4x4, mm: the pose as given, for the frame of the mesh file.
     structures
         What overlays show beside the surface.
     dataset
         The raw ``[dataset]`` table: options of the run, checked by :mod:`pipeline.dataset.options`.
     landmarks
-        Points of the surface (mm, ``given``) with their pixels in the undistorted frame.
+        Points of the surface (mm, ``mesh``) with their pixels in the undistorted frame.
     alignment
         Where the pose comes from: see :mod:`pipeline.case.alignment_record`.
     told
@@ -74,10 +75,10 @@ class Case:
     camera: PinholeCamera
     distortion: Distortion | None
     mesh: Path
-    cam_from_given: np.ndarray
+    cam_from_mesh: np.ndarray
     structures: tuple[Structure, ...] = ()
     dataset: dict[str, object] = field(default_factory=dict)
-    told: tuple[str, ...] = ()
+    messages: tuple[str, ...] = ()
     landmarks: tuple[Landmark, ...] = ()
     alignment: dict[str, object] = field(default_factory=dict)
 
@@ -125,10 +126,11 @@ def case_from_text(text: str, path: Path) -> Case:
     mm_per_unit = MM_PER_UNIT[table["units"]]
     frame, camera, surface, pose = (_table(table, key, name) for key in ("frame", "camera", "surface", "pose"))
     intrinsics, distortion = checked_camera(camera, f"{name}: [camera]")
-    cam_from_given, told = checked_rigid(pose["cam_from_model"], f"{name}: [pose] cam_from_model")
-    cam_from_given[:3, 3] = [millimetres(row[3], mm_per_unit) for row in pose["cam_from_model"][:3]]
-    if not np.isfinite(cam_from_given).all():
-        raise InputError(f"{name}: [pose] cam_from_model: expected a translation in {table['units']}, it is too long")
+    key = pose_key(pose, f"{name}: [pose] ")
+    cam_from_mesh, message = checked_rigid(pose[key], f"{name}: [pose] {key}")
+    cam_from_mesh[:3, 3] = [millimetres(row[3], mm_per_unit) for row in pose[key][:3]]
+    if not np.isfinite(cam_from_mesh).all():
+        raise InputError(f"{name}: [pose] {key}: expected a translation in {table['units']}, it is too long")
     return Case(
         path=path,
         mm_per_unit=mm_per_unit,
@@ -136,17 +138,17 @@ def case_from_text(text: str, path: Path) -> Case:
         camera=intrinsics,
         distortion=distortion,
         mesh=_path(path, surface["mesh"], f"{name}: [surface] mesh"),
-        cam_from_given=cam_from_given,
+        cam_from_mesh=cam_from_mesh,
         structures=_structures(path, table.get("structures", [])),
         dataset=_dataset(table.get("dataset", {}), name),
-        told=(told,) if told else (),
+        messages=(message,) if message else (),
         landmarks=landmarks_from_tables(
             table.get("landmarks", []),
             f"{name}: [[landmarks]]",
             mm_per_unit=mm_per_unit,
             pixel_origin=camera.get("pixel_origin", "center"),
         ),
-        alignment=checked_provenance(table.get("alignment", {}), f"{name}: [alignment]"),
+        alignment=checked_alignment_record(table.get("alignment", {}), f"{name}: [alignment]"),
     )
 
 
@@ -202,10 +204,10 @@ def _structures(path: Path, entries: object) -> tuple[Structure, ...]:
         check_keys(entry, *_TABLES["structures"], where)
         if not isinstance(entry["name"], str) or not entry["name"]:
             raise InputError(f"{where}expected a name, found {entry['name']!r}")
-        color = entry.get("color", "#ffffff")
-        if not isinstance(color, str) or not re.fullmatch(r"#[0-9a-fA-F]{6}", color):
-            raise InputError(f'{where}expected color = "#rrggbb", found {color!r}')
-        red, green, blue = (int(color[at : at + 2], 16) / 255 for at in (1, 3, 5))
+        colour = entry.get("color", "#ffffff")
+        if not isinstance(colour, str) or not re.fullmatch(r"#[0-9a-fA-F]{6}", colour):
+            raise InputError(f'{where}expected color = "#rrggbb", found {colour!r}')
+        red, green, blue = (int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5))
         structures.append(Structure(entry["name"], _path(path, entry["mesh"], f"{where}mesh"), (red, green, blue)))
     names = [structure.name for structure in structures]
     if len(set(names)) != len(names):

@@ -14,7 +14,8 @@ import numpy as np
 from ..errors import InputError
 from ..files.content import write_bytes_atomically
 from ..files.numbers import MM_PER_UNIT, length_text
-from .alignment_record import checked_provenance
+from ..poses.pose_file import POSE_KEY
+from .alignment_record import checked_alignment_record
 from .case_file import Case, Structure, case_from_text
 from .landmarks import Landmark
 
@@ -66,12 +67,12 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
         [
             "[pose]",
             "# OpenCV axes (x right, y down, z forward), frame of the mesh file",
-            f"cam_from_model = {_rows(_pose_texts(case.cam_from_given, case.mm_per_unit))}",
+            f"{POSE_KEY} = {_rows(_pose_texts(case.cam_from_mesh, case.mm_per_unit))}",
         ],
     ]
     if case.alignment:
-        provenance = checked_provenance(case.alignment, f"{path.name}: [alignment]")
-        blocks.append(["[alignment]", *_pairs(provenance)])
+        alignment_record = checked_alignment_record(case.alignment, f"{path.name}: [alignment]")
+        blocks.append(["[alignment]", *_pairs(alignment_record)])
     blocks += [_landmark_lines(landmark, case.mm_per_unit) for landmark in case.landmarks]
     blocks += [_structure_lines(structure, folder) for structure in case.structures]
     if case.dataset:
@@ -103,7 +104,7 @@ def _landmark_lines(landmark: Landmark, mm_per_unit: float) -> list[str]:
 
 
 def _structure_lines(structure: Structure, folder: Path) -> list[str]:
-    codes = [round(min(max(value, 0.0), 1.0) * 255) for value in structure.color]
+    codes = [round(min(max(value, 0.0), 1.0) * 255) for value in structure.colour]
     return [
         "[[structures]]",
         f"name = {toml_value(structure.name)}",
@@ -112,10 +113,10 @@ def _structure_lines(structure: Structure, folder: Path) -> list[str]:
     ]
 
 
-def _pose_texts(cam_from_given: np.ndarray, mm_per_unit: float) -> list[list[str]]:
-    texts = [[repr(value) for value in row] for row in cam_from_given.tolist()]
+def _pose_texts(cam_from_mesh: np.ndarray, mm_per_unit: float) -> list[list[str]]:
+    texts = [[repr(value) for value in row] for row in cam_from_mesh.tolist()]
     for row in range(3):
-        texts[row][3] = length_text(float(cam_from_given[row, 3]), mm_per_unit)
+        texts[row][3] = length_text(float(cam_from_mesh[row, 3]), mm_per_unit)
     return texts
 
 

@@ -19,7 +19,7 @@ from ..files.tables import check_keys
 class Landmark:
     """One point of the surface and the pixel where it is seen; either may still be missing.
 
-    `point` is in mm, in a `Case` in the frame `given`. `pixel` is in the UNDISTORTED frame, in px, with (0, 0) at the
+    `point` is in mm, in a `Case` in the frame `mesh`. `pixel` is in the UNDISTORTED frame, in px, with (0, 0) at the
     centre of the top-left pixel. A landmark that is not `enabled` is kept, but takes no part in the alignment.
     """
 

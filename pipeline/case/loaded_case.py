@@ -27,7 +27,7 @@ class LoadedCase:
         ``(H, W, 3)`` float32 code values 0..1 of the undistorted frame; ``(H, W)`` bool, False where it shows nothing.
     mesh
         The surface in the model frame (demeaned), mm.
-    given_from_model
+    mesh_from_model
         4x4, the translation by the mean of the given vertices.
     cam_from_model
         4x4, the pose of the frame.
@@ -41,24 +41,24 @@ class LoadedCase:
     image: np.ndarray
     valid: np.ndarray
     mesh: TriangleMesh
-    given_from_model: np.ndarray
+    mesh_from_model: np.ndarray
     cam_from_model: np.ndarray
     structures: tuple[tuple[Structure, TriangleMesh], ...]
-    told: tuple[str, ...]
+    messages: tuple[str, ...]
 
 
 def load_surface(path: Path, mm_per_unit: float) -> tuple[TriangleMesh, np.ndarray, list[str]]:
-    """The surface in the model frame, mm; ``given_from_model`` (4x4); and sentences about what was dropped.
+    """The surface in the model frame, mm; ``mesh_from_model`` (4x4); and sentences about what was dropped.
 
     Raises
     ------
     InputError
         No usable mesh.
     """
-    given, told = read_mesh(path)
+    given, messages = read_mesh(path)
     given = given.scaled(mm_per_unit)
     centre = given.vertices.mean(axis=0)
-    return given.moved(-centre), rigid(translation=centre), told
+    return given.moved(-centre), rigid(translation=centre), messages
 
 
 def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> None:
@@ -76,7 +76,7 @@ def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> No
     if not in_front.any():
         raise InputError(
             f"{name}: expected the surface in front of the camera, all of it lies behind (depth {depth.min():.4g} to "
-            f"{depth.max():.4g} mm); cam_from_model maps the mesh to OpenCV axes (z forward): "
+            f"{depth.max():.4g} mm); cam_from_mesh maps the mesh to OpenCV axes (z forward): "
             "invert the matrix if it is model_from_cam, negate its 2nd and 3rd row if its axes are OpenGL's, "
             "and give mesh and translation in the same unit"
         )

@@ -68,7 +68,7 @@ class TextureAtlas:
     separate_charts: int
     coarse_charts: int
 
-    def told(self) -> list[str]:
+    def messages(self) -> list[str]:
         """Sentences for the report: size, coverage, and what was lost."""
         height, width = self.observed.shape
         unseen, partly, fully = self.faces_seen

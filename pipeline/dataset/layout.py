@@ -14,14 +14,14 @@ FORMAT = "oneframe dataset 1"
 SPLIT = "train_pbr"
 
 
-FRAMES_PER_SCENE = 1000
+VIEWS_PER_SCENE = 1000
 
 
 OBJECT_ID = 1
 
 
 @dataclass(frozen=True)
-class FramePaths:
+class ViewPaths:
     """The files of view ``index`` of a dataset in ``root``; one object (ground truth 0) a view."""
 
     root: Path
@@ -29,13 +29,13 @@ class FramePaths:
 
     @property
     def scene_id(self) -> int:
-        """BOP scene: :data:`FRAMES_PER_SCENE` views each."""
-        return self.index // FRAMES_PER_SCENE
+        """BOP scene: :data:`VIEWS_PER_SCENE` views each."""
+        return self.index // VIEWS_PER_SCENE
 
     @property
     def image_id(self) -> int:
         """Number of the view within its scene."""
-        return self.index % FRAMES_PER_SCENE
+        return self.index % VIEWS_PER_SCENE
 
     @property
     def scene(self) -> Path:
@@ -53,9 +53,9 @@ class FramePaths:
         return self.file(kind).relative_to(self.root).as_posix()
 
 
-def finished_frames(root: Path, frames: range) -> set[int]:
+def finished_views(root: Path, frames: range) -> set[int]:
     """Which of these views have a record (an empty one, as a loss of power leaves it, is none)."""
-    return {index for index in frames if _has_content(FramePaths(root, index).file("frame"))}
+    return {index for index in frames if _has_content(ViewPaths(root, index).file("frame"))}
 
 
 def _has_content(path: Path) -> bool:

@@ -17,7 +17,7 @@ from ..files.content import write_bytes_atomically
 from ..surface.mesh import TriangleMesh, diameter
 from ..surface.mesh_writer import write_ply
 from ..transforms import CAM_FROM_OPENGL_CAM, inverse_rigid, rigid
-from .layout import OBJECT_ID, FramePaths
+from .layout import OBJECT_ID, ViewPaths
 from .view import read_record
 
 HIDDEN_BELOW = 0.1
@@ -33,11 +33,11 @@ def pose_cells(cam_from_model: np.ndarray) -> list[str]:
     return [repr(float(value)) for value in (*cam_from_model[:3, :3].ravel(), *cam_from_model[:3, 3])]
 
 
-def write_models(root: Path, mesh: TriangleMesh, colors: np.ndarray) -> None:
+def write_models(root: Path, mesh: TriangleMesh, colours: np.ndarray) -> None:
     """``models/``: the surface in the model frame with ``(V, 3)`` uint8 colours, and ``models_info.json``."""
     folder = root / "models"
     folder.mkdir(exist_ok=True)
-    write_ply(folder / f"obj_{OBJECT_ID:06d}.ply", mesh, colors=colors, normals=mesh.vertex_normals)
+    write_ply(folder / f"obj_{OBJECT_ID:06d}.ply", mesh, colours=colours, normals=mesh.vertex_normals)
     low, high = mesh.bounds
     info: dict[str, float] = {"diameter": diameter(mesh.vertices)}
     info |= {f"min_{axis}": float(value) for axis, value in zip("xyz", low, strict=True)}
@@ -63,7 +63,7 @@ def write_camera(root: Path, camera: PinholeCamera, depth_scale: float) -> None:
 
 def write_scene(root: Path, frames: range, camera: PinholeCamera) -> None:
     """The four JSON tables of one BOP scene from the records of its views."""
-    paths = [FramePaths(root, index) for index in frames]
+    paths = [ViewPaths(root, index) for index in frames]
     records = [read_record(path) for path in paths]
     scene_camera, scene_gt, scene_gt_info = {}, {}, {}
     for path, record in zip(paths, records, strict=True):
@@ -84,7 +84,7 @@ def write_scene(root: Path, frames: range, camera: PinholeCamera) -> None:
     _write_json(folder / "scene_gt_coco.json", _coco(paths, records, camera), indent=None)
 
 
-def _coco(paths: Sequence[FramePaths], records: Sequence[dict], camera: PinholeCamera) -> dict:
+def _coco(paths: Sequence[ViewPaths], records: Sequence[dict], camera: PinholeCamera) -> dict:
     images, annotations = [], []
     for number, (path, record) in enumerate(zip(paths, records, strict=True)):
         info = record["gt_info"]
@@ -119,18 +119,18 @@ def record_pose(record: dict) -> np.ndarray:
     return rigid(np.reshape(record["cam_R_m2c"], (3, 3)), np.array(record["cam_t_m2c"]))
 
 
-def write_poses(root: Path, frames: Iterable[int], camera: PinholeCamera, given_from_model: np.ndarray) -> None:
+def write_poses(root: Path, frames: Iterable[int], camera: PinholeCamera, mesh_from_model: np.ndarray) -> None:
     """``poses.csv`` and ``transforms.json`` for all views."""
-    model_from_given = inverse_rigid(given_from_model)
+    model_from_mesh = inverse_rigid(mesh_from_model)
     lines = io.StringIO(newline="")
     table = csv.writer(lines, lineterminator="\n")
     table.writerow(["index", "image", *POSE_COLUMNS, "given_tx_mm", "given_ty_mm", "given_tz_mm"])
     nerf_frames = []
     for index in frames:
-        paths = FramePaths(root, index)
+        paths = ViewPaths(root, index)
         cam_from_model = record_pose(read_record(paths))
-        cam_from_given = cam_from_model @ model_from_given
-        given = [repr(float(value)) for value in cam_from_given[:3, 3]]
+        cam_from_mesh = cam_from_model @ model_from_mesh
+        given = [repr(float(value)) for value in cam_from_mesh[:3, 3]]
         table.writerow([index, paths.relative("rgb"), *pose_cells(cam_from_model), *given])
         model_from_opengl_cam = inverse_rigid(cam_from_model) @ CAM_FROM_OPENGL_CAM
         nerf_frames.append(

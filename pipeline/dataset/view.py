@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 from ..files.content import write_bytes_atomically
 from ..images.png import encode_png
-from .layout import FramePaths
+from .layout import ViewPaths
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def view_files(
     return files
 
 
-def write_view(paths: FramePaths, files: dict[str, bytes], record: dict) -> None:
+def write_view(paths: ViewPaths, files: dict[str, bytes], record: dict) -> None:
     """Write a view's files, then its record with their hashes."""
     for kind, data in files.items():
         _write(paths.file(kind), data)
@@ -119,7 +119,7 @@ def _write(path: Path, data: bytes) -> None:
         write_bytes_atomically(path, data)
 
 
-def read_record(paths: FramePaths) -> dict:
+def read_record(paths: ViewPaths) -> dict:
     """The record of a finished view."""
     return json.loads(paths.file("frame").read_bytes())
 

@@ -1,4 +1,4 @@
-"""Photographs."""
+"""Posed photographs that views are compared with."""
 
 import json
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import numpy as np
 
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
+from ..poses.pose_file import pose_key
 from ..transforms import checked_rigid
 
 
@@ -20,7 +21,7 @@ class PosedPhotograph:
 
 
 def read_photographs(path: Path, loaded: LoadedCase) -> list[PosedPhotograph]:
-    """Read a JSON list of ``{"image": file, "cam_from_model": 4x4}``, poses as in the case file.
+    """Read a JSON list of ``{"image": file, "cam_from_mesh": 4x4}``, poses as in the case file.
 
     Raises
     ------
@@ -34,10 +35,11 @@ def read_photographs(path: Path, loaded: LoadedCase) -> list[PosedPhotograph]:
     except ValueError as error:
         raise InputError(f"{path.name}: expected JSON, found something else ({error})") from None
     if not isinstance(entries, list) or not all(isinstance(e, dict) and "image" in e for e in entries):
-        raise InputError(f'{path.name}: expected a list of {{"image": ..., "cam_from_model": ...}}')
+        raise InputError(f'{path.name}: expected a list of {{"image": ..., "cam_from_mesh": ...}}')
     photographs = []
     for number, entry in enumerate(entries):
-        pose, _ = checked_rigid(entry.get("cam_from_model"), f"{path.name}: entry {number}: cam_from_model")
+        key = pose_key(entry, f"{path.name}: entry {number}: ")
+        pose, _ = checked_rigid(entry[key], f"{path.name}: entry {number}: {key}")
         pose[:3, 3] *= loaded.case.mm_per_unit
-        photographs.append(PosedPhotograph(path.parent / entry["image"], pose @ loaded.given_from_model))
+        photographs.append(PosedPhotograph(path.parent / entry["image"], pose @ loaded.mesh_from_model))
     return photographs

@@ -68,7 +68,7 @@ def first_wrong_word(text: bytes, dtype: type[np.float64] | type[np.int64]) -> t
     return 0, "something else"
 
 
-def told_if_unfinished(data: bytes, where: str) -> list[str]:
+def unfinished_warnings(data: bytes, where: str) -> list[str]:
     """A sentence for the user if a text file does not end with a line break.
 
     Many writers leave it out. But a file that was cut inside its last number is still valid, and this is its only mark.
@@ -101,6 +101,6 @@ def number_rows(text: str) -> np.ndarray | None:
     return parsed_numbers(re.sub(r"[\[\](){},;]", " ", text).encode(), np.float64)
 
 
-def two_digits(value: float) -> str:
+def format_two_digits(value: float) -> str:
     """Two significant digits, without an exponent for large numbers: 0.034, 1.2, 120."""
     return f"{value:.2g}" if abs(value) < 99.5 else f"{value:.0f}"

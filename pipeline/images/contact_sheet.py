@@ -10,7 +10,7 @@ PAPER = 1.0
 
 def contact_sheet(images: Sequence[np.ndarray], *, columns: int, tile_width: int) -> np.ndarray:
     """Lay ``(H, W, 3)`` images of one size (values 0..1) out in rows -> ``(h, w, 3)``."""
-    tiles = [shrunk(image, tile_width) for image in images]
+    tiles = [downscaled(image, tile_width) for image in images]
     tile_height, tile_width = tiles[0].shape[:2]
     rows = -(-len(tiles) // columns)
     pitch = np.array([tile_height, tile_width]) + GAP_PX
@@ -21,7 +21,7 @@ def contact_sheet(images: Sequence[np.ndarray], *, columns: int, tile_width: int
     return sheet
 
 
-def shrunk(image: np.ndarray, width: int) -> np.ndarray:
+def downscaled(image: np.ndarray, width: int) -> np.ndarray:
     """Resize to a width by averaging over areas (exact for any ratio); a smaller image stays as it is."""
     height_in, width_in = image.shape[:2]
     if width >= width_in:

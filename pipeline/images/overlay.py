@@ -17,15 +17,15 @@ class Layer:
     ----------
     depth_mm
         ``(H, W)``, 0 where the structure is not.
-    color
+    colour
         sRGB code values 0..1.
     """
 
     depth_mm: np.ndarray
-    color: tuple[float, float, float]
+    colour: tuple[float, float, float]
 
 
-def overlaid(image: np.ndarray, surface_depth_mm: np.ndarray, layers: Sequence[Layer]) -> np.ndarray:
+def draw_overlay(image: np.ndarray, surface_depth_mm: np.ndarray, layers: Sequence[Layer]) -> np.ndarray:
     """Draw structures and the surface's outline over an ``(H, W, 3)`` image (values 0..1).
 
     A structure is opaque where it lies before the surface or beside it, and shines through where the surface hides it.
@@ -42,9 +42,9 @@ def overlaid(image: np.ndarray, surface_depth_mm: np.ndarray, layers: Sequence[L
         shown = (nearest == number) & (layer.depth_mm > 0)
         hidden = mask & (layer.depth_mm > surface_depth_mm)
         opacity = np.where(hidden, HIDDEN_OPACITY, VISIBLE_OPACITY)[..., None]
-        blended = (1 - opacity) * result + opacity * np.array(layer.color, np.float32)
+        blended = (1 - opacity) * result + opacity * np.array(layer.colour, np.float32)
         result = np.where(shown[..., None], blended, result)
-        result[_outline(shown)] = layer.color
+        result[_outline(shown)] = layer.colour
     return result
 
 

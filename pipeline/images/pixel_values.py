@@ -23,7 +23,7 @@ def sample_bilinear(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     return np.where(inside, upper * (1 - down) + lower * down, 0)
 
 
-def eight_bit(values: np.ndarray) -> np.ndarray:
+def to_uint8(values: np.ndarray) -> np.ndarray:
     """Code values 0..1 of any shape -> the nearest uint8 codes; what lies outside is clipped."""
     return np.clip(np.rint(values * 255), 0, 255).astype(np.uint8)
 

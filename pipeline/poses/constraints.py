@@ -98,7 +98,7 @@ class Constraints:
 
 
 @dataclass(frozen=True)
-class Planned:
+class PlannedPose:
     """One frame's pose and how it was found.
 
     Attributes
@@ -121,7 +121,7 @@ class Planned:
 
 def plan_pose(
     distribution: PoseDistribution, constraints: Constraints, probe: Probe, *, seed: int, index: int
-) -> Planned:
+) -> PlannedPose:
     """Draw the pose of frame ``index`` until it meets the constraints; the result depends on (seed, index) only.
 
     Raises
@@ -137,7 +137,7 @@ def plan_pose(
         statistics = probe(cam_from_model)
         broken = constraints.broken_by(statistics)
         if not broken:
-            return Planned(cam_from_model, statistics, attempt, rejections)
+            return PlannedPose(cam_from_model, statistics, attempt, rejections)
         rejections += broken
         rejected.append(statistics)
     raise InputError(_found_none(constraints, rejections, rejected, index))
@@ -145,22 +145,22 @@ def plan_pose(
 
 def plan_given_poses(
     cams_from_model: np.ndarray, constraints: Constraints, probe: Probe
-) -> tuple[list[Planned], list[str]]:
+) -> tuple[list[PlannedPose], list[str]]:
     """Take ``(N, 4, 4)`` poses as they are; also return sentences that tell how many break which constraint."""
     planned = []
     for cam_from_model in cams_from_model:
         statistics = probe(cam_from_model)
-        planned.append(Planned(cam_from_model, statistics, 1, constraints.broken_by(statistics)))
-    told = []
+        planned.append(PlannedPose(cam_from_model, statistics, 1, constraints.broken_by(statistics)))
+    messages = []
     for field in fields(Rejections):
         breaking = [index for index, plan in enumerate(planned) if getattr(plan.rejections, field.name)]
         if breaking:
             option, what, _ = _reason(field.name, constraints, [planned[breaking[0]].statistics])
-            told.append(
+            messages.append(
                 f"pose list: {len(breaking)} of {len(planned)} poses {what} ({option}); "
                 f"all are kept, the first is pose {breaking[0]} (counted from 0)"
             )
-    return planned, told
+    return planned, messages
 
 
 def _found_none(constraints: Constraints, rejections: Rejections, rejected: list[ViewStatistics], index: int) -> str:

@@ -33,7 +33,7 @@ class PoseDistribution(Protocol):
 
 
 @dataclass(frozen=True)
-class Reference:
+class ReferencePose:
     """The pose of the aligned frame and the point that the camera moves around.
 
     Attributes
@@ -112,7 +112,7 @@ class Cone:
         Afterwards the camera slides along its own x and y by a vector uniform in a disc of this radius.
     """
 
-    reference: Reference
+    reference: ReferencePose
     cone_deg: float
     roll_deg: float = 0.0
     distance_min: float = 1.0
@@ -154,7 +154,7 @@ class Gaussian:
         Standard deviations per axis. Rotations wrap around at 180 degrees, so ``sigma_deg`` up to about 50 makes sense.
     """
 
-    reference: Reference
+    reference: ReferencePose
     sigma_deg: float
     sigma_mm: float
 
@@ -191,7 +191,7 @@ class Shell:
         point is far from the middle of the image (a cropped frame) needs the ray of the middle pixel.
     """
 
-    reference: Reference
+    reference: ReferencePose
     distance_min: float
     distance_max: float
     max_polar_deg: float = 180.0
@@ -234,7 +234,7 @@ class Trajectory:
         Limits as for :class:`Cone`, all of them reached; the factors must include 1, the reference's own distance.
     """
 
-    reference: Reference
+    reference: ReferencePose
     cone_deg: float
     roll_deg: float = 0.0
     distance_min: float = 1.0

@@ -1,8 +1,11 @@
-"""Reading one pose from a file: 4x4 numbers as ``.npy`` (Vision6D's), text or JSON."""
+"""Poses in files: one as ``.npy`` (Vision6D's), text or JSON, or a list of them as ``.npy`` or JSON.
+
+All are ``cam_from_mesh``: for the frame of the mesh file that the user gave, see :mod:`pipeline.transforms`.
+"""
 
 import json
 import tokenize
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +15,29 @@ from ..files.content import decoded, file_content
 from ..files.numbers import npy_array, number_rows
 from ..transforms import checked_rigid
 
+POSE_KEY = "cam_from_mesh"
+FORMER_POSE_KEY = "cam_from_model"
+"""What :data:`POSE_KEY` was called in files of version 0.1; readers accept it."""
+
+
+def pose_key(table: Mapping[str, object], where: str) -> str:
+    """The key of the pose in a table; ``where`` begins the message, such as ``"case.toml: [pose] "``.
+
+    Raises
+    ------
+    InputError
+        There is none, or there are two.
+    """
+    found = [key for key in (POSE_KEY, FORMER_POSE_KEY) if key in table]
+    if not found:
+        raise InputError(f"{where}expected the key {POSE_KEY}, found {', '.join(table) or 'none'}")
+    if len(found) > 1:
+        raise InputError(f"{where}expected {POSE_KEY} or its former name {FORMER_POSE_KEY}, found both; remove one")
+    return found[0]
+
 
 def read_pose(path: Path, *, mm_per_unit: float = 1.0) -> tuple[np.ndarray, str | None]:
-    """Read ``cam_from_given``: from the mesh file's frame to a camera with OpenCV axes, as Vision6D saves it.
+    """Read ``cam_from_mesh``: from the mesh file's frame to a camera with OpenCV axes, as Vision6D saves it.
 
     Parameters
     ----------
@@ -34,9 +57,9 @@ def read_pose(path: Path, *, mm_per_unit: float = 1.0) -> tuple[np.ndarray, str 
         No file, none of these formats, or not rigid (see :func:`pipeline.transforms.checked_rigid`).
     """
     path = Path(path)
-    cam_from_given, told = checked_rigid(_matrix(file_content(path, "a pose"), path.name), path.name)
-    cam_from_given[:3, 3] *= mm_per_unit
-    return cam_from_given, told
+    cam_from_mesh, message = checked_rigid(_matrix(file_content(path, "a pose"), path.name), path.name)
+    cam_from_mesh[:3, 3] *= mm_per_unit
+    return cam_from_mesh, message
 
 
 def _matrix(data: bytes, name: str) -> object:
@@ -66,6 +89,9 @@ def _entry(text: str, name: str) -> object:
         for key, value in table.items()
         if isinstance(value, list) and len(value) == 4 and all(isinstance(row, list) and len(row) == 4 for row in value)
     }
+    for key in (POSE_KEY, FORMER_POSE_KEY):
+        if key in found:
+            return found[key]
     if len(found) != 1:
         names = ", ".join(map(repr, found)) or "none"
         raise InputError(
@@ -75,19 +101,18 @@ def _entry(text: str, name: str) -> object:
 
 
 def read_poses(
-    path: Path | str, *, given_from_model: np.ndarray, mm_per_unit: float = 1.0
+    path: Path | str, *, mesh_from_model: np.ndarray, mm_per_unit: float = 1.0
 ) -> tuple[np.ndarray, list[str]]:
     """Read explicit poses from a ``.npy`` or ``.json`` file. Pickled objects are refused and never loaded.
 
     A ``.npy`` file holds a real array ``(N, 4, 4)``, or ``(4, 4)`` for one pose; a ``.json`` file the same as nested
-    lists, or a list of objects with the key ``cam_from_model``. As in a case file, they are for the frame of the mesh
-    file that the user gave: ``cam_from_given`` in the words of :mod:`pipeline.transforms`.
+    lists, or a list of objects with the key ``cam_from_mesh``.
 
     Parameters
     ----------
     path
         The file.
-    given_from_model
+    mesh_from_model
         ``(4, 4)`` rigid, mm, from the frame of all computation to the frame of the user's mesh.
     mm_per_unit
         Scales the translations, e.g. 1000 if the poses are in metres.
@@ -118,10 +143,10 @@ def read_poses(
     cams_from_model = np.empty((len(entries), 4, 4))
     corrected: list[str] = []
     for index, matrix in enumerate(entries):
-        pose, told = checked_rigid(matrix, f"{path.name}: pose {index} (counted from 0)")
+        pose, message = checked_rigid(matrix, f"{path.name}: pose {index} (counted from 0)")
         pose[:3, 3] *= mm_per_unit
-        cams_from_model[index] = pose @ given_from_model
-        corrected += [told] if told else []
+        cams_from_model[index] = pose @ mesh_from_model
+        corrected += [message] if message else []
     sentences = corrected[:1]
     if len(corrected) > 1:
         sentences.append(f"{path.name}: likewise the rotations of {len(corrected) - 1} other poses")
@@ -164,9 +189,7 @@ def _read_json(path: Path) -> list[object]:
 def _json_entry(entry: object, where: str) -> object:
     if not isinstance(entry, dict):
         return entry
-    if "cam_from_model" not in entry:
-        raise InputError(f"{where}: expected the key cam_from_model, found {', '.join(entry) or 'none'}")
-    return entry["cam_from_model"]
+    return entry[pose_key(entry, f"{where}: ")]
 
 
 def _is_list(value: object) -> bool:

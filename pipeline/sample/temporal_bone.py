@@ -7,7 +7,7 @@ it the antrum, the lateral semicircular canal and the ossicles. Beside numpy it 
 
 The bone is an implicit function on a regular grid, positive in bone and negative in air; drilling is a minimum with the
 distance to a burr. Notes on the shape are in the frame ``local``: x posterior, y superior, z lateral, the origin on
-the cortex over the antrum; results are in ``given``, the LPS axes of a CT scanner (x left, y posterior, z superior).
+the cortex over the antrum; results are in ``mesh``, the LPS axes of a CT scanner (x left, y posterior, z superior).
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ SPACING_MM = 0.3
 LOWER_MM, UPPER_MM = np.array([-42.0, -31.0, -26.0]), np.array([36.0, 29.9, 3.7])
 
 # A head that lies slightly turned in the scanner: cyclic axes (z lateral -> x left), then a small rotation.
-GIVEN_FROM_LOCAL = rigid(
+MESH_FROM_LOCAL = rigid(
     rotation_from_vector(np.radians([4.0, -7.0, 5.0])) @ np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]),
     np.array([61.3, -147.8, 1042.6]),
 )
@@ -52,7 +52,7 @@ MICROSCOPE = PinholeCamera(960, 720, fx=5204.6, fy=5217.9, cx=489.3, cy=351.7)
 
 @dataclass(frozen=True)
 class SampleSurface:
-    """The sample case's meshes, frame ``given``, mm.
+    """The sample case's meshes, frame ``mesh``, mm.
 
     Attributes
     ----------
@@ -98,14 +98,14 @@ def sample_surface(rng: np.random.Generator | None = None, *, spacing_mm: float 
         "ossicles": largest_component(*ossicles.surface()),
     }
     return SampleSurface(
-        bone=_in_given(bone_local),
-        structures={name: _in_given(mesh) for name, mesh in structures.items()},
+        bone=_in_mesh_frame(bone_local),
+        structures={name: _in_mesh_frame(mesh) for name, mesh in structures.items()},
         tissue=_tissue(bone_local.vertices, grid.at(cell_depth, bone_local.vertices)),
     )
 
 
 def microscope_pose(tilt_deg: float, azimuth_deg: float, roll_deg: float, distance_mm: float) -> np.ndarray:
-    """``cam_from_given`` of a microscope over the cavity.
+    """``cam_from_mesh`` of a microscope over the cavity.
 
     Parameters
     ----------
@@ -123,16 +123,16 @@ def microscope_pose(tilt_deg: float, azimuth_deg: float, roll_deg: float, distan
     level = np.stack([right, np.cross(right, backward), -backward])
     rotation = rotation_from_vector(np.array([0.0, 0.0, roll])) @ level
     mouth = np.array([-2.5, 0.0, -4.0])
-    return rigid(rotation, -rotation @ (mouth + distance_mm * backward)) @ inverse_rigid(GIVEN_FROM_LOCAL)
+    return rigid(rotation, -rotation @ (mouth + distance_mm * backward)) @ inverse_rigid(MESH_FROM_LOCAL)
 
 
 def frame_pose() -> np.ndarray:
-    """``cam_from_given`` of the sample's frame, from below and behind into the antrum."""
+    """``cam_from_mesh`` of the sample's frame, from below and behind into the antrum."""
     return microscope_pose(20, 328, 4, 300)
 
 
 def held_out_poses() -> list[np.ndarray]:
-    """``cam_from_given`` of photographs that are kept aside, 12 to 20 degrees from the frame."""
+    """``cam_from_mesh`` of photographs that are kept aside, 12 to 20 degrees from the frame."""
     views = (6, 300, -6, 292), (27, 358, 8, 284), (23, 285, 14, 304), (16, 33, -8, 308)
     return [microscope_pose(*view) for view in views]
 
@@ -329,5 +329,5 @@ def _tissue(local: np.ndarray, cell_depth: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def _in_given(local: TriangleMesh) -> TriangleMesh:
-    return TriangleMesh(transform_points(GIVEN_FROM_LOCAL, local.vertices), local.faces)
+def _in_mesh_frame(local: TriangleMesh) -> TriangleMesh:
+    return TriangleMesh(transform_points(MESH_FROM_LOCAL, local.vertices), local.faces)

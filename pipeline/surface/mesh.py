@@ -100,7 +100,7 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
         No vertices or faces, coordinates that are not finite or absurdly large, indices out of range, or all faces
         without area.
     """
-    told: list[str] = []
+    messages: list[str] = []
     if len(vertices) == 0 or len(faces) == 0:
         raise InputError(
             f"{where}: expected a surface, found {len(vertices)} vertices and {len(faces)} faces; "
@@ -127,15 +127,15 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
     if flat.all():
         raise InputError(f"{where}: expected a surface, found {len(faces)} faces, all with zero area")
     if flat.any():
-        told.append(f"{where}: dropped {flat.sum()} of {len(faces)} faces with zero area")
+        messages.append(f"{where}: dropped {flat.sum()} of {len(faces)} faces with zero area")
         faces = faces[~flat]
     used = np.zeros(len(vertices), dtype=bool)
     used[faces] = True
     if not used.all():
-        told.append(f"{where}: dropped {(~used).sum()} of {len(vertices)} vertices that no face uses")
+        messages.append(f"{where}: dropped {(~used).sum()} of {len(vertices)} vertices that no face uses")
         new_index = np.cumsum(used) - 1
         vertices, faces = vertices[used], new_index[faces]
-    return TriangleMesh(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.int32)), told
+    return TriangleMesh(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.int32)), messages
 
 
 def diameter(points: np.ndarray) -> float:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..files.numbers import first_wrong_word, parsed_numbers, told_if_unfinished
+from ..files.numbers import first_wrong_word, parsed_numbers, unfinished_warnings
 from .mesh import TriangleMesh, checked_mesh
 from .ply_reader import read_ply
 
@@ -49,12 +49,12 @@ def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
     if not data:
         raise InputError(f"{path.name}: expected a mesh, found an empty file; copy or export it again")
     with np.errstate(invalid="ignore", over="ignore"):  # damaged files hold any number; checked_mesh judges them
-        vertices, lengths, corners, told = reader(data, path.name)
+        vertices, lengths, corners, messages = reader(data, path.name)
         if (lengths < 3).any():
             short = f"{path.name}: dropped {(lengths < 3).sum()} of {len(lengths)} faces with less than 3 corners"
-            told = [*told, short]
+            messages = [*messages, short]
         mesh, dropped = checked_mesh(vertices, _fans(lengths, corners), path.name)
-    return mesh, told + dropped
+    return mesh, messages + dropped
 
 
 def _fans(lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -106,7 +106,7 @@ def _read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarr
             f"{where}: line {line}: expected vertex numbers 1..{len(vertices)} or negative ones that count back, "
             f"found {given[first]}; the file is truncated or corrupt: copy or export it again"
         )
-    return vertices, lengths, corners, told_if_unfinished(data, where)
+    return vertices, lengths, corners, unfinished_warnings(data, where)
 
 
 def _obj_numbers(text: bytes, dtype: type, rows: list[int], where: str) -> tuple[np.ndarray, np.ndarray]:
@@ -134,7 +134,7 @@ def _read_stl(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarr
     header, record = 84, 50
     announced = int.from_bytes(data[80:header], "little")
     expected = header + record * announced
-    told: list[str] = []
+    messages: list[str] = []
     # the header of a binary file may begin with "solid" too; read as binary, a text announces more than 100 million
     begins_as_text = data[:200].lstrip()[:5].lower() == b"solid" and b"\0" not in data[:1000]
     if begins_as_text and len(data) < expected:
@@ -148,9 +148,9 @@ def _read_stl(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarr
         shape, strides = (announced, 3, 3), (record, 12, 4)
         points = np.ndarray(shape, "<f4", data, header + 12, strides) if announced else np.empty(shape)
         if len(data) > expected:
-            told.append(f"{where}: ignored {len(data) - expected:,} bytes after the last triangle")
+            messages.append(f"{where}: ignored {len(data) - expected:,} bytes after the last triangle")
     vertices, corners = _merged(points.reshape(-1, 3).astype(np.float64))
-    return vertices, np.full(len(points), 3), corners, told
+    return vertices, np.full(len(points), 3), corners, messages
 
 
 def _stl_text_points(data: bytes, where: str) -> np.ndarray:

@@ -17,7 +17,7 @@ def write_ply(
     path: Path,
     mesh: TriangleMesh,
     *,
-    colors: np.ndarray | None = None,
+    colours: np.ndarray | None = None,
     normals: np.ndarray | None = None,
     uv: np.ndarray | None = None,
     texture: str | None = None,
@@ -26,7 +26,7 @@ def write_ply(
 
     Parameters
     ----------
-    colors
+    colours
         ``(V, 3)`` uint8 RGB, written as ``red green blue``.
     normals
         ``(V, 3)`` unit normals, written as ``nx ny nz``.
@@ -43,7 +43,7 @@ def write_ply(
         The file cannot be written.
     """
     vertex_count, face_count = len(mesh.vertices), len(mesh.faces)
-    _check("colors", colors, (vertex_count, 3), np.uint8)
+    _check("colours", colours, (vertex_count, 3), np.uint8)
     _check("normals", normals, (vertex_count, 3), np.float64)
     _check("uv", uv, (face_count, 3, 2), np.float64)
     _check_texture(uv, texture)
@@ -56,7 +56,7 @@ def write_ply(
     if normals is not None:
         vertex_fields.append(("normal", "<f4", 3))
         header += [f"property float {axis}" for axis in ("nx", "ny", "nz")]
-    if colors is not None:
+    if colours is not None:
         vertex_fields.append(("rgb", "u1", 3))
         header += [f"property uchar {channel}" for channel in ("red", "green", "blue")]
     face_fields = [("count", "u1"), ("indices", "<i4", 3)]
@@ -70,8 +70,8 @@ def write_ply(
     vertices["xyz"] = mesh.vertices
     if normals is not None:
         vertices["normal"] = normals
-    if colors is not None:
-        vertices["rgb"] = colors
+    if colours is not None:
+        vertices["rgb"] = colours
     faces = np.empty(face_count, face_fields)
     faces["count"], faces["indices"] = 3, mesh.faces
     if uv is not None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import InputError
-from ..files.numbers import first_wrong_word, parsed_numbers, told_if_unfinished
+from ..files.numbers import first_wrong_word, parsed_numbers, unfinished_warnings
 
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -65,10 +65,10 @@ def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
         or no elements ``vertex`` with x, y, z and ``face`` with a list ``vertex_indices`` or ``vertex_index``.
     """
     order, elements, start = _header(data, where)
-    told: list[str] = []
+    messages: list[str] = []
     size = f"{len(data):,} bytes"
     if order == "ascii":
-        told += told_if_unfinished(data, where)
+        messages += unfinished_warnings(data, where)
         numbers = parsed_numbers(data[start:], np.float64)
         if numbers is None:
             line, word = first_wrong_word(data[start:], np.float64)
@@ -88,7 +88,7 @@ def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
             "header and body do not match: export the file again"
         )
     if start < len(data):
-        told.append(f"{where}: ignored {len(data) - start:,} bytes after the last element")
+        messages.append(f"{where}: ignored {len(data) - start:,} bytes after the last element")
     vertex, face = columns.get("vertex", {}), columns.get("face", {})
     polygons = face.get("vertex_indices") or face.get("vertex_index")
     xyz = [vertex[axis] for axis in "xyz" if axis in vertex and vertex[axis].lengths is None]
@@ -99,7 +99,7 @@ def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
             f"found {described or 'none'}; export the surface as a polygon mesh"
         )
     vertices = np.stack([axis.values for axis in xyz], axis=1).astype(np.float64, copy=False)
-    return vertices, polygons.lengths, _whole(polygons.values, where), told
+    return vertices, polygons.lengths, _whole(polygons.values, where), messages
 
 
 def _header(data: bytes, where: str) -> tuple[str, list[_Element], int]:

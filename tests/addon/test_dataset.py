@@ -88,9 +88,9 @@ def test_previewed_poses_are_those_of_the_run(opened, case_path, tmp_path):
     planned = preview.shown()
     assert (len(planned.lines), planned.count) == (6, 6)
     assert preview.is_current(opened)
-    with script_job(case_path, tmp_path).maker(threads=1) as maker:
+    with script_job(case_path, tmp_path).renderer(threads=1) as renderer:
         for index in range(6):
-            expected = maker.plan(index)
+            expected = renderer.plan(index)
             # a frustum's first line begins in the centre of projection
             centre = planned.lines[index, 0, 0]
             assert np.allclose(centre, camera_centre(expected.cam_from_model), atol=1e-9)
@@ -101,8 +101,8 @@ def test_previewed_poses_are_those_of_the_run(opened, case_path, tmp_path):
 def test_a_frustum_is_what_the_view_shows(opened, case_path, tmp_path):
     preview = importlib.import_module("blender_addon.dataset.pose_preview")
     bpy.ops.oneframe.preview_poses()
-    with script_job(case_path, tmp_path).maker(threads=1) as maker:
-        pose, camera = maker.plan(3).cam_from_model, maker.camera
+    with script_job(case_path, tmp_path).renderer(threads=1) as renderer:
+        pose, camera = renderer.plan(3).cam_from_model, renderer.camera
     corners = preview.shown().lines[3, :4, 1]
     pixels = camera.project(corners @ pose[:3, :3].T + pose[:3, 3])
     width, height = camera.size_wh
@@ -111,7 +111,7 @@ def test_a_frustum_is_what_the_view_shows(opened, case_path, tmp_path):
 
 def test_poses_of_a_list_replace_the_sampler(addon, write_tiny_case, tmp_path):
     path = write_tiny_case(tmp_path / "case")
-    pose = read_case(path).cam_from_given
+    pose = read_case(path).cam_from_mesh
     np.save(tmp_path / "case" / "poses.npy", np.stack([pose, rigid(translation=[1.0, 0, 5.0]) @ pose]))
     path.write_text(path.read_text() + '\n[dataset]\nposes = "poses.npy"\n')
     bpy.ops.oneframe.open_case(filepath=str(path))
@@ -169,8 +169,8 @@ def test_previewed_view_is_that_of_the_run(opened, case_path, tmp_path):
     image, sentence, outdated = dataset.preview(opened)
     assert not outdated
     assert sentence.startswith("view 2: surface on ")
-    with script_job(case_path, tmp_path).maker(threads=1) as maker:
-        expected = maker.make(2).rendered.rgb
+    with script_job(case_path, tmp_path).renderer(threads=1) as renderer:
+        expected = renderer.make(2).rendered.rgb
     found = np.empty(expected.shape[0] * expected.shape[1] * 4, np.float32)
     image.pixels.foreach_get(found)
     found = found.reshape(*expected.shape[:2], 4)[::-1, :, :3]

@@ -73,15 +73,15 @@ def test_is_enabled_disabled_and_removed_without_a_trace(installed, run_stock, t
     assert ended.returncode == 0, ended.stderr
     assert ended.stderr == ""
     assert "Policy violation" not in ended.stdout
-    told = json.loads(ended.stdout.splitlines()[-1])
-    for cycle in told["cycles"]:
+    messages = json.loads(ended.stdout.splitlines()[-1])
+    for cycle in messages["cycles"]:
         assert "Scene.oneframe" in cycle["added"]["properties"]
         assert {name for name in cycle["added"]["operators"] if not name.startswith("oneframe.")} == set()
         assert cycle["added"]["operators"] != []
         assert (cycle["warnings"], cycle["left"], cycle["held"]) == ({}, {}, [])
     resources = tmp_path / "resources"
-    assert Path(told["cv2"]).is_relative_to(resources / "extensions" / ".local")
-    assert not Path(told["numpy"]).is_relative_to(resources)
+    assert Path(messages["cv2"]).is_relative_to(resources / "extensions" / ".local")
+    assert not Path(messages["numpy"]).is_relative_to(resources)
     assert not installed.exists()
     assert list(resources.rglob("cv2")) == []
 
@@ -140,9 +140,9 @@ def test_a_blender_program_builds_the_same(extension_zip, tmp_path):
 )
 def test_bad_arguments_are_one_line(arguments, message, tmp_path, capsys):
     assert build_extension.main([*arguments, "--out", str(tmp_path / "out")]) == 2
-    told = capsys.readouterr()
-    assert (told.out, told.err.count("\n")) == ("", 1)
-    assert message in told.err
+    messages = capsys.readouterr()
+    assert (messages.out, messages.err.count("\n")) == ("", 1)
+    assert message in messages.err
     assert not (tmp_path / "out").exists()
 
 
@@ -151,10 +151,10 @@ def test_without_a_network_the_place_for_the_wheel_is_named(tmp_path, monkeypatc
     monkeypatch.setenv("PIP_CONFIG_FILE", os.devnull)
     monkeypatch.setenv("PIP_INDEX_URL", "http://127.0.0.1:9/simple")
     assert build_extension.main(["--platform", "windows-x64", "--out", str(tmp_path / "out")]) == 3
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1
-    assert "no connection" in told
-    assert str(tmp_path / "wheels" / "windows-x64") in told
+    messages = capsys.readouterr().err
+    assert messages.count("\n") == 1
+    assert "no connection" in messages
+    assert str(tmp_path / "wheels" / "windows-x64") in messages
     assert list((tmp_path / "wheels").iterdir()) == []
 
 
@@ -169,7 +169,7 @@ def test_what_blender_refuses_is_told_in_one_line(tmp_path, monkeypatch, capsys,
     manifest.write_text(manifest.read_text().replace('tags = ["', 'tags = ["Otology", "'))
     monkeypatch.setattr(build_extension, "ROOT", root)
     assert build_extension.main(["--platform", "current", "--out", str(tmp_path / "out")]) == 2
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1
-    assert "Otology" in told
+    messages = capsys.readouterr().err
+    assert messages.count("\n") == 1
+    assert "Otology" in messages
     assert not (tmp_path / "out").exists()

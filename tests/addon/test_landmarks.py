@@ -117,7 +117,7 @@ def test_a_wrong_pair_is_pointed_out_by_its_name(scene, pairs):
     scene.oneframe.landmarks[4].name = "promontory"
     found = solution(scene)
     assert [found.is_outlier(index) for index in range(len(points))] == [index == 4 for index in range(len(points))]
-    assert any("promontory" in sentence for sentence in found.estimate.told)
+    assert any("promontory" in sentence for sentence in found.estimate.messages)
 
 
 def test_residuals_are_those_of_the_present_pose_and_its_distance_from_the_solution_is_told(scene, pairs):
@@ -262,13 +262,13 @@ def test_what_is_exported_is_imported_again(scene, pairs, tmp_path, suffix, unit
     scene.oneframe.units = units
     add(*pairs)
     bpy.ops.oneframe.landmark_set(name="half", pixel=(5, 6))
-    before = from_scene.landmarks_given(scene)
+    before = from_scene.landmarks_mesh(scene)
     path = tmp_path / f"pairs{suffix}"
     bpy.ops.oneframe.export_landmarks(filepath=str(path))
     bpy.ops.oneframe.landmarks_clear()
     moved = displace(scene)
     bpy.ops.oneframe.import_landmarks(filepath=str(path))
-    for one, other in zip(before, from_scene.landmarks_given(scene), strict=True):
+    for one, other in zip(before, from_scene.landmarks_mesh(scene), strict=True):
         assert (one.name, one.enabled, one.point is None) == (other.name, other.enabled, other.point is None)
         assert np.allclose(one.pixel, other.pixel, atol=1e-5)
         assert one.point is None or np.allclose(one.point, other.point, atol=1e-5)
@@ -279,8 +279,8 @@ def test_files_with_too_little_or_nonsense_leave_the_pose(scene, pairs, tmp_path
     from blender_addon.state import from_scene, to_scene
 
     moved = displace(scene)
-    given_from_model = from_scene.given_from_model_of(from_scene.surface_of(scene))
-    given = transform_points(given_from_model, pairs[0])
+    mesh_from_model = from_scene.mesh_from_model_of(from_scene.surface_of(scene))
+    given = transform_points(mesh_from_model, pairs[0])
     three = tuple(Landmark(str(n), tuple(given[n]), tuple(pairs[1][n])) for n in range(3))
     to_scene.replace_landmarks(scene, three)
     path = tmp_path / "three.csv"

@@ -86,29 +86,29 @@ def refine(addon):
 
 
 def rotation_error_deg(gather, scene) -> float:
-    given_from_model = gather.given_from_model_of(gather.surface_of(scene))
-    true = TRUE_POSE @ given_from_model
+    mesh_from_model = gather.mesh_from_model_of(gather.surface_of(scene))
+    true = TRUE_POSE @ mesh_from_model
     return rotation_angle_deg(gather.cam_from_model(scene)[:3, :3] @ true[:3, :3].T)
 
 
 def test_the_operator_gives_the_functions_result_in_one_undo_step(opened, gather, refine):
     loaded, start = gather.loaded_case(opened), gather.cam_from_model(opened)
     expected = refine_pose(loaded.image, loaded.valid, loaded.case.camera, loaded.mesh, start)
-    assert expected.accepted, expected.told
+    assert expected.accepted, expected.messages
     before = rotation_error_deg(gather, opened)
     bpy.ops.ed.undo_push(message="before")
     assert bpy.ops.oneframe.refine() == {"FINISHED"}
     bpy.ops.ed.undo_push(message="refined")
     assert np.array_equal(gather.cam_from_model(opened), expected.cam_from_model)
     assert rotation_error_deg(gather, opened) < min(0.5, before / 3)
-    assert refine.outcome(opened).told == expected.told
+    assert refine.outcome(opened).messages == expected.messages
     bpy.ops.ed.undo()
     scene = bpy.context.scene
     assert np.array_equal(gather.cam_from_model(scene), start)
     # what was told belongs to the refined pose
     assert refine.outcome(scene) is None
     bpy.ops.ed.redo()
-    assert refine.outcome(bpy.context.scene).told == expected.told
+    assert refine.outcome(bpy.context.scene).messages == expected.messages
 
 
 def test_a_refusal_leaves_the_pose_and_says_why(opened, gather, refine, case_folder):
@@ -148,8 +148,8 @@ def test_colours_count_only_if_they_are_of_another_frame(addon, gather, refine, 
     known = refine.known_colours(scene)
     assert known.shape == (len(scene.oneframe.surface.data.vertices), 3)
     assert np.isfinite(known).all()
-    given_from_model = gather.given_from_model_of(scene.oneframe.surface)
-    start = START @ given_from_model
+    mesh_from_model = gather.mesh_from_model_of(scene.oneframe.surface)
+    start = START @ mesh_from_model
     scene_module = importlib.import_module("blender_addon.pipeline.blender.alignment.alignment_scene")
     scene_module.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, start)
     bpy.ops.oneframe.refine()
@@ -168,7 +168,7 @@ def test_the_thread_gives_the_same_and_can_be_stopped(opened, gather, refine):
     work = refine.Refining(loaded, None)
     waited(work)
     assert work.fraction == 1
-    assert work.result.told == refine.refined(loaded, None).told
+    assert work.result.messages == refine.refined(loaded, None).messages
     stopped = refine.Refining(loaded, None)
     stopped.stop()
     waited(stopped)

@@ -77,10 +77,10 @@ def test_a_case_that_is_opened_and_saved_is_the_same_to_the_last_bit(opened, cas
     copy.parent.mkdir()
     bpy.ops.oneframe.save_case(filepath=str(copy))
     first, second = read_case(case_path), read_case(copy)
-    assert np.array_equal(first.cam_from_given, second.cam_from_given)
+    assert np.array_equal(first.cam_from_mesh, second.cam_from_mesh)
     assert (second.camera, second.distortion, second.dataset) == (first.camera, first.distortion, first.dataset)
-    assert {(s.name, s.color, s.mesh.resolve()) for s in first.structures} == {
-        (s.name, s.color, s.mesh.resolve()) for s in second.structures
+    assert {(s.name, s.colour, s.mesh.resolve()) for s in first.structures} == {
+        (s.name, s.colour, s.mesh.resolve()) for s in second.structures
     }
     assert (second.image.resolve(), second.mesh.resolve()) == (first.image.resolve(), first.mesh.resolve())
     for one, other in zip(first.landmarks, second.landmarks, strict=True):
@@ -107,7 +107,7 @@ def test_the_blend_file_keeps_everything(opened, case_path, tmp_path):
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "again.toml"))
     case, again = read_case(case_path), read_case(tmp_path / "again.toml")
     assert np.array_equal(updated_pose(bpy.context.scene), first)
-    assert np.array_equal(case.cam_from_given, again.cam_from_given)
+    assert np.array_equal(case.cam_from_mesh, again.cam_from_mesh)
     assert (case.camera, case.dataset, len(case.landmarks)) == (again.camera, again.dataset, len(again.landmarks))
 
 
@@ -243,7 +243,7 @@ def test_an_edited_surface_is_noticed_and_can_be_saved(opened, case_path, tmp_pa
     saved, given = read_case(tmp_path / "edited.toml"), read_case(case_path)
     assert saved.mesh.name == "edited.ply"
     # the file's frame is the same one, so its pose is too, though the mean of the vertices has moved
-    assert np.allclose(saved.cam_from_given, given.cam_from_given, rtol=0, atol=1e-4)
+    assert np.allclose(saved.cam_from_mesh, given.cam_from_mesh, rtol=0, atol=1e-4)
     assert np.allclose(saved.landmarks[0].point, given.landmarks[0].point, atol=1e-4)
     bpy.context.view_layer.update()
     assert (surface.matrix_world @ surface.data.vertices[7].co - point).length < 1e-3
@@ -257,7 +257,7 @@ def test_the_pose_goes_through_the_clipboard(opened, tmp_path):
     pose, _ = pose_text.pose_from_text(", ".join(f"[{row.replace(' ', ', ')}]" for row in rows))
     before = updated_pose(opened)
     bpy.ops.oneframe.nudge(axis="roll", step_px=10)
-    pose_text.set_pose_given(opened, pose)
+    pose_text.set_cam_from_mesh(opened, pose)
     assert np.allclose(updated_pose(opened), before, rtol=0, atol=1e-9)
 
 

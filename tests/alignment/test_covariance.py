@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.alignment.landmarks.confidence_region import f_exceedance, f_quantile
+from pipeline.alignment.landmarks.confidence_region import f_quantile, f_survival
 from pipeline.alignment.landmarks.covariance import PRIOR_DOF, PoseUncertainty, pose_uncertainty
-from pipeline.alignment.landmarks.reprojection import Pairs, moved_by
+from pipeline.alignment.landmarks.reprojection import Correspondences, moved_by
 from pipeline.alignment.landmarks.solver import solve_pose
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.evaluation.landmark_trials import MICROSCOPE, box_trial
@@ -27,12 +27,12 @@ def uncertainty(covariance, pivot_cam=(0, 0, 300.0), dof=20.0):
 @given(st.floats(0.01, 50), st.sampled_from([2, 4, 6]), st.floats(0.5, 400))
 def test_the_closed_form_is_the_f_distribution(value, above, below):
     stats = pytest.importorskip("scipy.stats")
-    assert f_exceedance(value, above, below) == pytest.approx(stats.f.sf(value, above, below), rel=1e-9, abs=1e-14)
+    assert f_survival(value, above, below) == pytest.approx(stats.f.sf(value, above, below), rel=1e-9, abs=1e-14)
 
 
 @given(st.floats(0.01, 0.999), st.sampled_from([2, 6]), st.floats(1, 400))
 def test_quantiles_undo_probabilities(level, above, below):
-    assert f_exceedance(f_quantile(level, above, below), above, below) == pytest.approx(1 - level, rel=1e-6)
+    assert f_survival(f_quantile(level, above, below), above, below) == pytest.approx(1 - level, rel=1e-6)
 
 
 # --- covariance ------------------------------------------------------------------------------------------------------
@@ -79,7 +79,7 @@ def test_more_noise_than_stated_widens_the_region_and_less_narrows_it():
         trial = box_trial(rng, count, 0.0)
         for sigma in (0.5, 2.0, 8.0):
             pixels = trial.pixels + rng.normal(size=trial.pixels.shape) * sigma
-            pairs = Pairs.about(trial.points_model, pixels, MICROSCOPE)
+            pairs = Correspondences.about(trial.points_model, pixels, MICROSCOPE)
             found = pose_uncertainty(pairs, trial.cam_from_model, 2.0)
             dof = 2 * count - 6
             expected = np.sqrt((PRIOR_DOF * 2.0**2 + 2 * count * sigma**2) / (PRIOR_DOF + dof))
@@ -91,7 +91,7 @@ def test_what_is_not_determined_is_enormous_not_an_error():
     points = np.outer(np.linspace(-9, 9, 5), [1, 2, 0.5])
     pose = rigid(rotation_from_vector(np.array([0.3, 0.2, 0.1])), [0, 0, 300])
     pixels = MICROSCOPE.project(transform_points(pose, points))
-    found = pose_uncertainty(Pairs.about(points, pixels, MICROSCOPE), pose, 2.0)
+    found = pose_uncertainty(Correspondences.about(points, pixels, MICROSCOPE), pose, 2.0)
     assert np.isfinite(found.covariance).all()
     assert found.largest_rotation_deg > 1e4
 

@@ -97,10 +97,10 @@ def test_a_pitch_or_yaw_moves_what_is_before_the_pivot_by_the_step(pose, camera,
 @given(poses(), cameras, st.sampled_from(AXES), steps, st.integers(0, 1000))
 def test_the_frame_of_the_model_does_not_matter(pose, camera, axis, step, seed):
     rng = np.random.default_rng(seed)
-    model_from_given = rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 400)
-    given_pivot = transform_points(np.linalg.inv(model_from_given), PIVOT)
-    moved = nudged(pose @ model_from_given, camera, given_pivot, axis, step, RADIUS)
-    assert moved == pytest.approx(nudged(pose, camera, PIVOT, axis, step, RADIUS) @ model_from_given, abs=1e-8)
+    model_from_mesh = rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 400)
+    given_pivot = transform_points(np.linalg.inv(model_from_mesh), PIVOT)
+    moved = nudged(pose @ model_from_mesh, camera, given_pivot, axis, step, RADIUS)
+    assert moved == pytest.approx(nudged(pose, camera, PIVOT, axis, step, RADIUS) @ model_from_mesh, abs=1e-8)
 
 
 def test_no_step_leads_through_the_camera_or_to_infinity():

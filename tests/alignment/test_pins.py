@@ -89,12 +89,12 @@ def test_pulling_turns_with_the_model(seed, camera, count):
     rng, points, pose, _ = scene(seed, camera, count)
     points[1:] += rng.normal(size=(count - 1, 3)) * 3
     target = shown(camera, pose, points) + rng.normal(size=(count, 2)) * 3
-    model_from_given = rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 50)
+    model_from_mesh = rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 50)
     given_points, given_pivot = (
-        transform_points(np.linalg.inv(model_from_given), each) for each in (points, PIVOT[None])
+        transform_points(np.linalg.inv(model_from_mesh), each) for each in (points, PIVOT[None])
     )
     pulled = pull_pins(points, target, camera, pose, PIVOT)
-    turned = pull_pins(given_points, target, camera, pose @ model_from_given, given_pivot[0])
+    turned = pull_pins(given_points, target, camera, pose @ model_from_mesh, given_pivot[0])
     assert shown(camera, turned, given_points) == pytest.approx(shown(camera, pulled, points), abs=1e-3)
 
 

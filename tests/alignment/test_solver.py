@@ -108,7 +108,7 @@ def test_the_answer_turns_with_the_model_and_ignores_the_order(seed, count, came
     pixels = clicked(rng, camera, pose, points)
     if wrong:
         pixels[0] += [300, -200]
-    given_from_model = rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 500)
+    mesh_from_model = rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 500)
     order = rng.permutation(count)
 
     def solved(points, pixels, names):
@@ -119,19 +119,19 @@ def test_the_answer_turns_with_the_model_and_ignores_the_order(seed, count, came
 
     names = NAMES[:count]
     one = solved(points, pixels, names)
-    moved = solved(transform_points(given_from_model, points), pixels, names)
+    moved = solved(transform_points(mesh_from_model, points), pixels, names)
     shuffled = solved(points[order], pixels[order], [names[index] for index in order])
     assert type(one) is type(moved) is type(shuffled)
     if isinstance(one, UndeterminedPose):
         assert one.kind == moved.kind == shuffled.kind
         return
-    assert moved.cam_from_model @ given_from_model == pytest.approx(one.cam_from_model, abs=2e-5)
+    assert moved.cam_from_model @ mesh_from_model == pytest.approx(one.cam_from_model, abs=2e-5)
     assert shuffled.cam_from_model == pytest.approx(one.cam_from_model, abs=2e-5)
     assert np.array_equal(shuffled.inliers, one.inliers[order])
     assert shuffled.residuals_px == pytest.approx(one.residuals_px[order], abs=1e-5)
     assert moved.uncertainty.covariance == pytest.approx(one.uncertainty.covariance, rel=1e-3, abs=1e-9)
-    assert one.told == moved.told
-    assert sorted(shuffled.told) == sorted(one.told)
+    assert one.messages == moved.messages
+    assert sorted(shuffled.messages) == sorted(one.messages)
     again = solved(points, pixels, names)
     assert np.array_equal(again.cam_from_model, one.cam_from_model)
 
@@ -170,7 +170,7 @@ def test_wrong_pairs_are_found_named_and_left_out(count, wrong, shift_px):
             exact += 1
             assert rotation_angle_deg(estimate.cam_from_model[:3, :3] @ trial.cam_from_model[:3, :3].T) < 5
             for index in bad:
-                assert any(repr(NAMES[index]) in sentence and "left out" in sentence for sentence in estimate.told)
+                assert any(repr(NAMES[index]) in sentence and "left out" in sentence for sentence in estimate.messages)
     # a pair that alone determines a direction cannot be told wrong
     assert exact >= trials - 1
 
@@ -193,7 +193,7 @@ def test_a_pair_behind_the_camera_is_left_out_and_said_to_be_there():
     estimate = solve_pose(points, pixels, WIDE)
     assert np.flatnonzero(~estimate.inliers).tolist() == [4]
     assert np.isnan(estimate.residuals_px[4]).all()
-    assert any("'5' lies behind the camera" in sentence for sentence in estimate.told)
+    assert any("'5' lies behind the camera" in sentence for sentence in estimate.messages)
     assert estimate.cam_from_model == pytest.approx(pose, abs=1e-6)
 
 
@@ -281,7 +281,7 @@ def test_of_two_possible_poses_the_start_decides_and_that_is_told():
         start = moved_by(np.array([1, -2, 9, 0.02, -0.01, 0.02]), candidate, np.zeros(3))
         estimate = solve_pose(points, pixels, MICROSCOPE, start=start)
         assert estimate.cam_from_model == pytest.approx(candidate, abs=1e-6)
-        assert "nearest the present pose was taken" in estimate.told[0]
+        assert "nearest the present pose was taken" in estimate.messages[0]
     far = moved_by(np.array([0, 0, 0, 1.5, 0, 0]), pose, np.zeros(3))
     with pytest.raises(UndeterminedPose):
         solve_pose(points, pixels, MICROSCOPE, start=far)
@@ -290,14 +290,14 @@ def test_of_two_possible_poses_the_start_decides_and_that_is_told():
 def test_few_pairs_and_large_residuals_are_told():
     rng = np.random.default_rng(9)
     trial = box_trial(rng, 5, 1.0)
-    told = solve_pose(trial.points_model, trial.pixels, MICROSCOPE).told
-    assert len(told) == 1
-    assert told[0].startswith("The pose rests on 5 pairs")
+    messages = solve_pose(trial.points_model, trial.pixels, MICROSCOPE).messages
+    assert len(messages) == 1
+    assert messages[0].startswith("The pose rests on 5 pairs")
     noisy = box_trial(rng, 12, 9.0)
-    told = solve_pose(noisy.points_model, noisy.pixels, MICROSCOPE).told
-    assert any("larger than clicks of 2 px explain" in sentence for sentence in told)
+    messages = solve_pose(noisy.points_model, noisy.pixels, MICROSCOPE).messages
+    assert any("larger than clicks of 2 px explain" in sentence for sentence in messages)
     fine = box_trial(rng, 12, 2.0)
-    assert solve_pose(fine.points_model, fine.pixels, MICROSCOPE).told == ()
+    assert solve_pose(fine.points_model, fine.pixels, MICROSCOPE).messages == ()
 
 
 def test_a_pair_that_stands_twice_is_told():
@@ -305,7 +305,7 @@ def test_a_pair_that_stands_twice_is_told():
     points, pixels = np.vstack([trial.points_model, trial.points_model[2]]), np.vstack([trial.pixels, trial.pixels[2]])
     assert (
         "'g' repeats 'c', which counts twice: delete one."
-        in solve_pose(points, pixels, MICROSCOPE, names=NAMES[:7]).told
+        in solve_pose(points, pixels, MICROSCOPE, names=NAMES[:7]).messages
     )
 
 

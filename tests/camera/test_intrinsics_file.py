@@ -159,7 +159,7 @@ def test_every_format_gives_the_same_camera(tmp_path_factory, name, k):
     np.testing.assert_allclose(found(file), [k[0, 0], k[1, 1], k[0, 2], k[1, 2]], rtol=1e-15, atol=1e-12)
     assert file.size == (None if name in WITHOUT_SIZE else SIZE)
     assert file.distortion == (DISTORTION if name in ALL else None)
-    assert bool(file.told) == (name == "transposed")
+    assert bool(file.messages) == (name == "transposed")
     assert file.camera(SIZE).size_wh == SIZE
 
 
@@ -327,14 +327,14 @@ def camera_file(k: np.ndarray = K, size: tuple[int, int] | None = SIZE) -> Camer
 def test_a_camera_that_fits_says_nothing():
     fit = fit_of(camera_file(), SIZE)
     assert fit.camera == PinholeCamera(*SIZE, *found(camera_file()))
-    assert (fit.rescaled, fit.told) == (None, ())
+    assert (fit.rescaled, fit.messages) == (None, ())
 
 
 @pytest.mark.parametrize("size", [(960, 540), (3840, 2160), (1000, 563), (240, 135)])
 def test_a_resized_image_gets_a_rescaled_camera(size):
     fit = fit_of(camera_file(), size)
     assert fit.rescaled == PinholeCamera(*SIZE, *found(camera_file())).resized(*size)
-    (sentence,) = fit.told
+    (sentence,) = fit.messages
     assert f"K is for images of 1920x1080 px, this image has {size[0]}x{size[1]}: it was resized; rescale K" in sentence
 
 
@@ -352,7 +352,7 @@ def test_a_resized_image_gets_a_rescaled_camera(size):
 )
 def test_what_does_not_fit_is_told(file, size, message):
     fit = fit_of(file, size)
-    assert any(re.search(message, sentence) for sentence in fit.told), fit.told
+    assert any(re.search(message, sentence) for sentence in fit.messages), fit.messages
     assert fit.rescaled is None
 
 
@@ -366,7 +366,7 @@ def test_what_does_not_fit_is_told(file, size, message):
     ],
 )
 def test_cameras_of_real_data_fit_their_images(name, size):
-    assert fit_of(read_camera(SHARED / name), size).told == ()
+    assert fit_of(read_camera(SHARED / name), size).messages == ()
 
 
 # --- poses
@@ -384,9 +384,9 @@ POSES = {
 
 @pytest.mark.parametrize("name", POSES)
 def test_poses_are_read_to_the_last_bit(tmp_path, name):
-    pose, told = read_pose(file_of(tmp_path, POSES[name]))
+    pose, messages = read_pose(file_of(tmp_path, POSES[name]))
     assert np.array_equal(pose, POSE)
-    assert told is None
+    assert messages is None
     metres, _ = read_pose(file_of(tmp_path, POSES[name]), mm_per_unit=1000.0)
     assert metres[:3, 3].tolist() == [1250, -3500, 300_000]
 

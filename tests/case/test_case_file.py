@@ -23,7 +23,7 @@ PARTS = {
     "size": "size = [64, 48]",
     "K": "K = [[320.0, 0, 31.5], [0, 330.0, 23.5], [0, 0, 1]]",
     "mesh": 'mesh = "../surface.ply"',
-    "pose": "cam_from_model = [[1, 0, 0, 2], [0, -1, 0, 3], [0, 0, -1, 300], [0, 0, 0, 1]]",
+    "pose": "cam_from_mesh = [[1, 0, 0, 2], [0, -1, 0, 3], [0, 0, -1, 300], [0, 0, 0, 1]]",
 }
 
 LANDMARKS = """
@@ -62,18 +62,18 @@ def test_a_case_is_read_as_written(tmp_path):
     assert case.camera.size_wh == (64, 48)
     assert case.image == tmp_path / "frame.png"
     assert case.mesh == tmp_path / "../surface.ply"
-    assert case.cam_from_given[:3, 3].tolist() == [2, 3, 300]
+    assert case.cam_from_mesh[:3, 3].tolist() == [2, 3, 300]
     assert case.structures == (Structure("nerve", tmp_path / "nerve.ply", (1.0, 128 / 255, 0.0)),)
     assert case.dataset == {"count": 3}
     assert case.distortion is None
-    assert case.told == ()
+    assert case.messages == ()
     assert list(case.input_files()) == ["case", "frame", "surface", "structure nerve"]
 
 
 def test_metres_become_millimetres(tmp_path):
     case = read_case(case_file(tmp_path, LANDMARKS, units='units = "m"'))
     assert case.mm_per_unit == 1000
-    assert case.cam_from_given[:3, 3].tolist() == [2000, 3000, 300_000]
+    assert case.cam_from_mesh[:3, 3].tolist() == [2000, 3000, 300_000]
     # as written, although 1000 times the float next to 1.005 is 1004.9999999999999
     assert case.landmarks[0].point == (1005, 2000, -3500)
     assert case.landmarks[0].pixel == (10.5, 20)
@@ -110,15 +110,15 @@ def test_distortion_is_read_in_opencvs_order(tmp_path):
 
 
 def test_a_slightly_rounded_rotation_is_made_orthonormal_and_told(tmp_path):
-    rounded = "cam_from_model = [[0.801, -0.6, 0, 0], [-0.6, -0.8, 0, 0], [0, 0, -1, 300], [0, 0, 0, 1]]"
+    rounded = "cam_from_mesh = [[0.801, -0.6, 0, 0], [-0.6, -0.8, 0, 0], [0, 0, -1, 300], [0, 0, 0, 1]]"
     case = read_case(case_file(tmp_path, pose=rounded))
-    rotation = case.cam_from_given[:3, :3]
+    rotation = case.cam_from_mesh[:3, :3]
     assert np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-14
-    assert case.told == ("case.toml: [pose] cam_from_model: rotation made orthonormal (it was off by 1.6e-03)",)
+    assert case.messages == ("case.toml: [pose] cam_from_mesh: rotation made orthonormal (it was off by 1.6e-03)",)
 
 
 def pose(rows: str) -> dict[str, str]:
-    return {"pose": f"cam_from_model = {rows}"}
+    return {"pose": f"cam_from_mesh = {rows}"}
 
 
 def intrinsics(rows: str) -> dict[str, str]:

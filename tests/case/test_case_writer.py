@@ -87,7 +87,7 @@ def cases(draw, folder: Path = Path("/case")) -> Case:
                 Structure,
                 name=names,
                 mesh=file_names.map(lambda name: folder / "structures" / name),
-                color=st.tuples(codes, codes, codes),
+                colour=st.tuples(codes, codes, codes),
             ),
             max_size=2,
             unique_by=lambda structure: structure.name,
@@ -100,7 +100,7 @@ def cases(draw, folder: Path = Path("/case")) -> Case:
         camera=draw(cameras),
         distortion=draw(maybe(st.just(Distortion(1e-9, -1e-9, 1e-9, 0.0, 1e-12)))),
         mesh=folder / ".." / draw(file_names),
-        cam_from_given=draw(poses),
+        cam_from_mesh=draw(poses),
         structures=tuple(structures),
         dataset=draw(st.dictionaries(any_text, toml_values, max_size=3)),
         landmarks=draw(landmarks),
@@ -111,7 +111,7 @@ def cases(draw, folder: Path = Path("/case")) -> Case:
 def assert_equal(one: Case, other: Case) -> None:
     for field in fields(Case):
         ours, theirs = getattr(one, field.name), getattr(other, field.name)
-        if field.name == "cam_from_given":
+        if field.name == "cam_from_mesh":
             assert np.array_equal(ours, theirs)
         else:
             assert ours == theirs, field.name
@@ -144,7 +144,7 @@ def simple_case(folder: Path) -> Case:
         camera=PinholeCamera(64, 48, 320.0, 330.0, 31.5, 23.5),
         distortion=None,
         mesh=folder / "surface.ply",
-        cam_from_given=rigid(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 300.0])),
+        cam_from_mesh=rigid(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 300.0])),
     )
 
 
@@ -181,7 +181,7 @@ BAD = {
         "expected a different name for each landmark, found 'a' twice",
     ),
     "point": ({"landmarks": (Landmark("a", (np.nan, 0.0, 0.0), None),)}, "expected surface = .*3 finite numbers"),
-    "pose": ({"cam_from_given": np.full((4, 4), np.nan)}, "cam_from_model: expected finite numbers"),
+    "pose": ({"cam_from_mesh": np.full((4, 4), np.nan)}, "cam_from_mesh: expected finite numbers"),
     "provenance": ({"alignment": {"rms": 1.0}}, "unknown key 'rms'"),
     "option": ({"dataset": {"count": None}}, "expected a value that TOML can hold, found None"),
     "file": ({"image": Path("\udcff.png")}, "expected names in Unicode"),

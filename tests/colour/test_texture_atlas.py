@@ -347,7 +347,7 @@ def test_floor_that_passes_under_the_camera():
     atlas, seen = bake(mesh, image, facing_rule(camera, CAM_FROM_MODEL), camera)
     assert (seen == 1).all()
     assert atlas.coarse_charts == 2
-    assert "subdivide" in atlas.told()[1]
+    assert "subdivide" in atlas.messages()[1]
     points = SurfacePoints(mesh, 30000, rng)
     colour, flag = points.look_up(atlas)
     expected, inside = points.sampled_directly(image, camera, CAM_FROM_MODEL)

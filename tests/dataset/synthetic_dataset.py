@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from pipeline.camera.pinhole import PinholeCamera
-from pipeline.dataset.layout import FramePaths
+from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.tables import write_camera, write_models, write_poses, write_scene
 from pipeline.dataset.view import mask_statistics, view_files, write_view
 from pipeline.images.png import encode_png
@@ -127,7 +127,7 @@ def write_one(root: Path, index: int) -> None:
         "rle_counts": visible["rle_counts"],
     }
     files = view_files(colour, depth, observed, depth_scale=DEPTH_SCALE, float_depth=True)
-    write_view(FramePaths(root, index), files, record)
+    write_view(ViewPaths(root, index), files, record)
 
 
 def write_tables(root: Path, camera: PinholeCamera) -> None:

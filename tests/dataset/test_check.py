@@ -18,7 +18,7 @@ import pytest
 from pipeline.dataset import layout as dataset
 from pipeline.dataset.check import check_dataset as dataset_check
 from pipeline.dataset.check.findings import Findings
-from pipeline.dataset.layout import FramePaths
+from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.tables import write_models, write_poses
 from pipeline.dataset.view import read_record, write_view
 from pipeline.images.png import encode_png
@@ -83,7 +83,7 @@ def swap(first: Path, second: Path) -> None:
 
 def replace_file(root: Path, index: int, kind: str, image: np.ndarray) -> None:
     """Another image with a record that has its hash: only the content can tell."""
-    paths = FramePaths(root, index)
+    paths = ViewPaths(root, index)
     record = read_record(paths)
     kinds = [name.split("/")[2] for name in record["sha256"]]
     files = {name: paths.file(name).read_bytes() for name in kinds} | {kind: encode_png(image)}
@@ -91,12 +91,12 @@ def replace_file(root: Path, index: int, kind: str, image: np.ndarray) -> None:
 
 
 def image_of(root: Path, index: int, kind: str) -> np.ndarray:
-    return cv2.imread(str(FramePaths(root, index).file(kind)), cv2.IMREAD_UNCHANGED)
+    return cv2.imread(str(ViewPaths(root, index).file(kind)), cv2.IMREAD_UNCHANGED)
 
 
 def change_record(root: Path, index: int, change: Callable[[dict], object], *, tables: bool = True) -> None:
     """Change a record and, so that they agree, all tables."""
-    edit(FramePaths(root, index).file("frame"), change)
+    edit(ViewPaths(root, index).file("frame"), change)
     if tables:
         write_tables(root, CAMERA)
 
@@ -107,9 +107,9 @@ def nudge(values: list, place: int = 0, by: float = 1e-6) -> None:
 
 def test_a_sound_dataset_passes(sound, run, capsys):
     assert run(sound) == 0
-    told = capsys.readouterr().out
-    assert f"dataset of {COUNT} views: whole and consistent (checked: hashes of {6 * COUNT} files" in told
-    agreeing, shift = re.search(r"at ([\d.]+)% of .* largest shift of a view (\S+) px", told).groups()
+    messages = capsys.readouterr().out
+    assert f"dataset of {COUNT} views: whole and consistent (checked: hashes of {6 * COUNT} files" in messages
+    agreeing, shift = re.search(r"at ([\d.]+)% of .* largest shift of a view (\S+) px", messages).groups()
     assert float(agreeing) == 100
     assert float(shift) < 0.01
 
@@ -144,9 +144,9 @@ def test_a_file_that_is_missing_or_cut_off_is_named(copied, run, capsys, name, d
 def test_a_flipped_byte_is_named(copied, run, capsys, name):
     flip_byte(copied / name)
     assert run(copied) == 1
-    told = capsys.readouterr().out
-    assert f"{name}: its sha256" in told
-    assert "1 finding\n" in told
+    messages = capsys.readouterr().out
+    assert f"{name}: its sha256" in messages
+    assert "1 finding\n" in messages
 
 
 def far_by(units: int, depth: np.ndarray) -> np.ndarray:
@@ -376,9 +376,9 @@ def test_damage_is_found_and_named(copied, run, capsys, name):
     mutate, expected = MUTATIONS[name]
     mutate(copied)
     assert run(copied) == 1
-    told = capsys.readouterr().out
-    assert re.search(expected, told, re.MULTILINE), told
-    assert "NOT whole and consistent" in told.splitlines()[-1]
+    messages = capsys.readouterr().out
+    assert re.search(expected, messages, re.MULTILINE), messages
+    assert "NOT whole and consistent" in messages.splitlines()[-1]
 
 
 def test_without_hashes_swapped_images_are_still_seen(copied, run, capsys):
@@ -452,9 +452,9 @@ def test_a_stopped_run_is_unfinished_and_nothing_else(copied, run, capsys):
         (copied / name).unlink()
     (copied / S1 / "rgb" / ".partial-0123").touch()
     assert run(copied) == 1
-    told = capsys.readouterr().out
-    assert "unfinished (3 of 4 views are there): run the same command" in told
-    assert "1 finding\n" in told
+    messages = capsys.readouterr().out
+    assert "unfinished (3 of 4 views are there): run the same command" in messages
+    assert "1 finding\n" in messages
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.dataset import folder as run_folder
 from pipeline.dataset.folder import RunFolder, Shard
-from pipeline.dataset.layout import FramePaths
+from pipeline.dataset.layout import ViewPaths
 from pipeline.errors import InputError, RunError
 
 WHOLE = Shard()
@@ -27,7 +27,7 @@ def tree(folder: Path) -> dict[str, tuple[bytes, int]]:
 
 
 def write_record(folder: Path, index: int) -> Path:
-    path = FramePaths(folder, index).file("frame")
+    path = ViewPaths(folder, index).file("frame")
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("{}")
     return path
@@ -190,10 +190,10 @@ def test_finished_views_stay_whatever_happens(tmp_path, error):
 
     with pytest.raises(type(error)):
         stopped(error)
-    assert FramePaths(tmp_path, 1).file("frame").exists()
+    assert ViewPaths(tmp_path, 1).file("frame").exists()
     with pytest.raises(InputError):
         stopped(InputError("bad"))
-    assert FramePaths(tmp_path, 1).file("frame").exists()
+    assert ViewPaths(tmp_path, 1).file("frame").exists()
 
 
 def test_a_resumed_folder_stays_even_without_views(tmp_path):

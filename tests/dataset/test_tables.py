@@ -15,7 +15,7 @@ from hypothesis.extra import numpy as hnp
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.dataset import layout as dataset
 from pipeline.dataset.folder import Shard
-from pipeline.dataset.layout import FramePaths, finished_frames
+from pipeline.dataset.layout import ViewPaths, finished_views
 from pipeline.dataset.tables import record_pose, write_camera, write_models, write_poses, write_scene
 from pipeline.dataset.view import depth_scale_for, mask_statistics, quantised_depth, read_record, view_files, write_view
 from pipeline.errors import InputError
@@ -154,13 +154,13 @@ def test_view_files_and_record(tmp_path):
         np.testing.assert_array_equal(decoded[kind], 255 * expected)
     np.testing.assert_array_equal(np.load(io.BytesIO(files["depth_mm"])), depth)
 
-    paths = FramePaths(tmp_path, 1003)
+    paths = ViewPaths(tmp_path, 1003)
     write_view(paths, files, {"depth_scale": 0.01})
     assert paths.relative("mask_observed") == "train_pbr/000001/mask_observed/000003_000000.png"
     record = read_record(paths)
     assert record["index"] == 1003
     assert {tmp_path / name for name in record["sha256"]} == {paths.file(kind) for kind in files}
-    assert finished_frames(tmp_path, range(1010)) == {1003}
+    assert finished_views(tmp_path, range(1010)) == {1003}
     written = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
     assert written == {*record["sha256"], "train_pbr/000001/frame/000003.json"}
 
@@ -194,7 +194,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 "gt_info": {**info, **{name: statistics[name] for name in ("bbox_visib", "px_count_visib")}},
                 "rle_counts": statistics["rle_counts"],
             }
-            write_view(FramePaths(root, index), {"rgb": b""}, record)
+            write_view(ViewPaths(root, index), {"rgb": b""}, record)
         write_camera(root, CAMERA, 0.002)
         write_scene(root, range(3), CAMERA)
         write_scene(root, range(3, 5), CAMERA)

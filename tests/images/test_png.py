@@ -11,7 +11,7 @@ from PIL import Image
 
 from pipeline.errors import InputError
 from pipeline.images.image_check import check_image_file
-from pipeline.images.pixel_values import eight_bit
+from pipeline.images.pixel_values import to_uint8
 
 TURNED = {
     2: "mirrored",
@@ -70,7 +70,7 @@ def test_any_bytes_are_taken_or_refused(tmp_path_factory, data, begin):
 
 def test_codes_are_the_nearest(rng):
     values = rng.uniform(-0.5, 1.5, (50, 3))
-    codes = eight_bit(values)
+    codes = to_uint8(values)
     assert codes.dtype == np.uint8
     assert np.abs(codes - np.clip(values, 0, 1) * 255).max() <= 0.5
-    assert np.array_equal(eight_bit(np.arange(256, dtype=np.float32) / 255), np.arange(256))
+    assert np.array_equal(to_uint8(np.arange(256, dtype=np.float32) / 255), np.arange(256))

@@ -11,14 +11,14 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.poses.constraints import Constraints, Rejections, ViewStatistics, plan_given_poses, plan_pose
-from pipeline.poses.distributions import Reference, Shell
+from pipeline.poses.distributions import ReferencePose, Shell
 from pipeline.poses.pose_file import read_poses
 from pipeline.transforms import camera_centre, inverse_rigid, rigid, rotation_from_vector
 
 COUNT = 1500
 KS_BOUND = np.sqrt(np.log(2 / 1e-6) / (2 * COUNT))
 PIVOT = np.array([2.0, -1.0, 5.0])
-SHELL = Shell(reference=Reference(rigid(translation=[3.0, -2.0, 100.0]), PIVOT), distance_min=1, distance_max=2)
+SHELL = Shell(reference=ReferencePose(rigid(translation=[3.0, -2.0, 100.0]), PIVOT), distance_min=1, distance_max=2)
 DISTANCE = SHELL.reference.distance_mm
 GIVEN_FROM_MODEL = rigid(translation=[10.0, -20.0, 300.0])
 
@@ -128,7 +128,7 @@ def test_useless_constraints_are_refused(options, message):
 def test_given_poses_are_kept_and_those_that_break_constraints_are_told():
     poses = np.stack([SHELL.draw(np.random.default_rng([1, index])) for index in range(40)])
     constraints = Constraints(min_observed=0.8, min_clearance_mm=1.5 * DISTANCE)
-    planned, told = plan_given_poses(poses, constraints, probe)
+    planned, messages = plan_given_poses(poses, constraints, probe)
     assert np.array_equal(np.stack([plan.cam_from_model for plan in planned]), poses)
     unobserved = [index for index, pose in enumerate(poses) if probe(pose).observed_fraction < 0.8]
     near = [index for index, pose in enumerate(poses) if probe(pose).clearance_mm < 1.5 * DISTANCE]
@@ -136,11 +136,11 @@ def test_given_poses_are_kept_and_those_that_break_constraints_are_told():
     assert [plan.rejections for plan in planned] == [
         Rejections(observed=int(index in unobserved), clearance=int(index in near)) for index in range(40)
     ]
-    assert len(told) == 2
-    assert f"{len(unobserved)} of 40 poses" in told[0]
-    assert "(min_observed = 0.8)" in told[0]
-    assert f"first is pose {unobserved[0]} " in told[0]
-    assert f"{len(near)} of 40 poses came nearer" in told[1]
+    assert len(messages) == 2
+    assert f"{len(unobserved)} of 40 poses" in messages[0]
+    assert "(min_observed = 0.8)" in messages[0]
+    assert f"first is pose {unobserved[0]} " in messages[0]
+    assert f"{len(near)} of 40 poses came nearer" in messages[1]
     assert plan_given_poses(poses, Constraints(), probe)[1] == []
 
 
@@ -160,6 +160,7 @@ def as_objects(key):
     "stored",
     [
         lambda poses: poses.tolist(),
+        as_objects("cam_from_mesh"),
         as_objects("cam_from_model"),
     ],
 )
@@ -167,9 +168,9 @@ def test_json_and_npy_give_the_same_poses(tmp_path, stored):
     poses = some_poses()
     np.save(tmp_path / "poses.npy", poses)
     (tmp_path / "poses.JSON").write_text(json.dumps(stored(poses)), encoding="utf-8-sig")
-    from_npy, told = read_poses(tmp_path / "poses.npy", given_from_model=GIVEN_FROM_MODEL)
-    from_json, _ = read_poses(str(tmp_path / "poses.JSON"), given_from_model=GIVEN_FROM_MODEL)
-    assert told == []
+    from_npy, messages = read_poses(tmp_path / "poses.npy", mesh_from_model=GIVEN_FROM_MODEL)
+    from_json, _ = read_poses(str(tmp_path / "poses.JSON"), mesh_from_model=GIVEN_FROM_MODEL)
+    assert messages == []
     assert np.allclose(from_npy @ inverse_rigid(GIVEN_FROM_MODEL), poses, rtol=0, atol=1e-12)
     assert np.allclose(from_json, from_npy, rtol=0, atol=1e-12)
 
@@ -179,25 +180,25 @@ def test_metres_single_poses_and_other_number_types(tmp_path, dtype):
     pose = np.array([[0, 0, 1, 2], [1, 0, 0, -3], [0, 1, 0, 4], [0, 0, 0, 1]])
     for stored in (pose, np.asfortranarray(pose[None])):
         np.save(tmp_path / "one.npy", stored.astype(dtype))
-        read, _ = read_poses(tmp_path / "one.npy", given_from_model=np.eye(4), mm_per_unit=1000)
+        read, _ = read_poses(tmp_path / "one.npy", mesh_from_model=np.eye(4), mm_per_unit=1000)
         expected = pose.astype(float)
         expected[:3, 3] *= 1000
         assert read.dtype == np.float64
         assert np.array_equal(read, expected[None])
-    for stored in (pose.tolist(), {"cam_from_model": pose.tolist()}):
+    for stored in (pose.tolist(), {"cam_from_mesh": pose.tolist()}):
         (tmp_path / "one.json").write_text(json.dumps(stored))
-        read, _ = read_poses(tmp_path / "one.json", given_from_model=np.eye(4), mm_per_unit=1000)
+        read, _ = read_poses(tmp_path / "one.json", mesh_from_model=np.eye(4), mm_per_unit=1000)
         assert np.array_equal(read, expected[None])
 
 
 def test_rounded_rotations_are_made_exact_and_told_once(tmp_path):
     np.save(tmp_path / "rounded.npy", some_poses().round(4))
-    poses, told = read_poses(tmp_path / "rounded.npy", given_from_model=np.eye(4))
+    poses, messages = read_poses(tmp_path / "rounded.npy", mesh_from_model=np.eye(4))
     rotation = poses[:, :3, :3]
     assert np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max() < 1e-12
-    assert len(told) == 2
-    assert "pose 0 (counted from 0): rotation made orthonormal" in told[0]
-    assert told[1] == "rounded.npy: likewise the rotations of 4 other poses"
+    assert len(messages) == 2
+    assert "pose 0 (counted from 0): rotation made orthonormal" in messages[0]
+    assert messages[1] == "rounded.npy: likewise the rotations of 4 other poses"
 
 
 def broken(index, change):
@@ -236,7 +237,7 @@ def test_poses_that_are_not_rigid_are_refused_by_index(tmp_path, poses, message)
     (tmp_path / "bad.json").write_text(json.dumps(poses.tolist()))
     for name in ("bad.npy", "bad.json"):
         with pytest.raises(InputError, match=f"{name}: {message}"):
-            read_poses(tmp_path / name, given_from_model=np.eye(4))
+            read_poses(tmp_path / name, mesh_from_model=np.eye(4))
 
 
 @pytest.mark.parametrize(
@@ -254,7 +255,7 @@ def test_poses_that_are_not_rigid_are_refused_by_index(tmp_path, poses, message)
 def test_arrays_that_are_not_poses_are_refused(tmp_path, array, message):
     np.save(tmp_path / "bad.npy", array)
     with pytest.raises(InputError, match=message):
-        read_poses(tmp_path / "bad.npy", given_from_model=np.eye(4))
+        read_poses(tmp_path / "bad.npy", mesh_from_model=np.eye(4))
 
 
 @pytest.mark.parametrize(
@@ -265,7 +266,7 @@ def test_arrays_that_are_not_poses_are_refused(tmp_path, array, message):
         ("[[1, 2", "expected JSON"),
         ("[" * 100_000, "expected JSON"),
         ("\x00\xff", "expected JSON"),
-        ('[{"pose": 1}]', "pose 0 .*expected the key cam_from_model, found pose"),
+        ('[{"pose": 1}]', "pose 0 .*expected the key cam_from_mesh, found pose"),
         ('["a"]', "pose 0 .*expected 4 rows of 4 numbers"),
         ("[null]", r"pose 0 .*shape \(\)"),
         ("[[[1, 2], [3]]]", "pose 0 .*expected 4 rows"),
@@ -277,7 +278,7 @@ def test_arrays_that_are_not_poses_are_refused(tmp_path, array, message):
 def test_json_that_is_not_poses_is_refused(tmp_path, text, message):
     (tmp_path / "bad.json").write_bytes(text.encode("latin-1"))
     with pytest.raises(InputError, match=message):
-        read_poses(tmp_path / "bad.json", given_from_model=np.eye(4))
+        read_poses(tmp_path / "bad.json", mesh_from_model=np.eye(4))
 
 
 @pytest.mark.parametrize(
@@ -295,7 +296,7 @@ def test_json_that_is_not_poses_is_refused(tmp_path, text, message):
 def test_wrong_files_and_units_are_refused(tmp_path, name, mm_per_unit, message):
     (tmp_path / "folder.npy").mkdir()
     with pytest.raises(InputError, match=message):
-        read_poses(tmp_path / name, given_from_model=np.eye(4), mm_per_unit=mm_per_unit)
+        read_poses(tmp_path / name, mesh_from_model=np.eye(4), mm_per_unit=mm_per_unit)
 
 
 class Malicious:
@@ -329,7 +330,7 @@ def test_pickles_are_refused_and_never_executed(tmp_path, pack, message):
     trace = tmp_path / "executed"
     (tmp_path / "evil.npy").write_bytes(pack(Malicious(trace)))
     with pytest.raises(InputError, match=message):
-        read_poses(tmp_path / "evil.npy", given_from_model=np.eye(4))
+        read_poses(tmp_path / "evil.npy", mesh_from_model=np.eye(4))
     assert not trace.exists()
     # control: the payload does work for those who load it
     loaded = np.load(tmp_path / "evil.npy", allow_pickle=True)
@@ -350,7 +351,7 @@ def test_damaged_npy_files_give_an_input_error_or_poses(tmp_path):
             data[position] = rng.choice(list(b"(),'{}0123456789-:\xff"))
         (tmp_path / "p.npy").write_bytes(data[: rng.choice([len(data), rng.integers(0, len(data))])])
         try:
-            read_poses(tmp_path / "p.npy", given_from_model=np.eye(4))
+            read_poses(tmp_path / "p.npy", mesh_from_model=np.eye(4))
         except InputError:
             refused += 1
     assert refused > 200
@@ -360,4 +361,4 @@ def test_a_header_that_claims_more_than_the_file_holds_takes_no_memory(tmp_path)
     header = "{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000, 4, 4), }".ljust(117) + "\n"
     (tmp_path / "huge.npy").write_bytes(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode())
     with pytest.raises(InputError, match="greater than file size"):
-        read_poses(tmp_path / "huge.npy", given_from_model=np.eye(4))
+        read_poses(tmp_path / "huge.npy", mesh_from_model=np.eye(4))

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.errors import InputError
-from pipeline.poses.distributions import Cone, Gaussian, Reference, Shell, Trajectory
+from pipeline.poses.distributions import Cone, Gaussian, ReferencePose, Shell, Trajectory
 from pipeline.transforms import camera_centre, rigid, rotation_from_vector
 
 COUNT = 3000
@@ -27,7 +27,7 @@ PIVOT_CAM = np.array([60.0, -35.0, 240.0])  # off the optical axis, so that a tu
 DISTANCE = float(np.linalg.norm(PIVOT_CAM))
 RAY = PIVOT_CAM / DISTANCE
 ROTATION = rotation_from_vector(np.array([0.7, -1.9, 0.8]))
-REFERENCE = Reference(rigid(ROTATION, PIVOT_CAM - ROTATION @ PIVOT), PIVOT)
+REFERENCE = ReferencePose(rigid(ROTATION, PIVOT_CAM - ROTATION @ PIVOT), PIVOT)
 CAMERA = PinholeCamera(1280, 960, 2900.0, 2750.0, 600.0, 510.0)
 AXIS = np.array([0.0, 0.0, 1.0])
 
@@ -346,7 +346,7 @@ vectors = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
 @settings(max_examples=150, deadline=None)
 def test_poses_are_rigid_and_keep_the_pivot_on_its_pixel(kind, cone, roll, factor, mm, turn, pivot, pivot_cam, seed):
     rotation = rotation_from_vector(turn)
-    reference = Reference(rigid(rotation, np.array(pivot_cam) - rotation @ pivot), pivot)
+    reference = ReferencePose(rigid(rotation, np.array(pivot_cam) - rotation @ pivot), pivot)
     low, high = (min(factor[0], 1), max(factor[1], 1)) if kind is Trajectory else factor
     limits = {"distance_min": low, "distance_max": high, "roll_deg": roll}
     parameters = {
@@ -382,7 +382,10 @@ def test_poses_are_rigid_and_keep_the_pivot_on_its_pixel(kind, cone, roll, facto
         (lambda: replace(DISTRIBUTIONS["shell"], look_ray_cam=(1, 0, 0)), "look_ray_cam in front of the camera"),
         (lambda: replace(DISTRIBUTIONS["gaussian"], sigma_mm=-2), "sigma_mm .* found -2"),
         (lambda: replace(TRAJECTORY, distance_min=1.05), "distance_min <= 1 <= distance_max.* 1.05 and 1.1"),
-        (lambda: Reference(rigid(translation=[0, 0, -90.0]), np.zeros(3)), "in front of the camera, found z = -90 mm"),
+        (
+            lambda: ReferencePose(rigid(translation=[0, 0, -90.0]), np.zeros(3)),
+            "in front of the camera, found z = -90 mm",
+        ),
     ],
 )
 def test_useless_parameters_are_refused(make, message):

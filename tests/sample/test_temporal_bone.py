@@ -8,8 +8,8 @@ from scipy.spatial import cKDTree
 
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.sample.temporal_bone import (
-    GIVEN_FROM_LOCAL,
     LOWER_MM,
+    MESH_FROM_LOCAL,
     MICROSCOPE,
     UPPER_MM,
     SampleSurface,
@@ -29,8 +29,8 @@ def sample() -> SampleSurface:
 class Layers:
     """All crossings of viewing rays with a mesh, by brute force in the image plane."""
 
-    def __init__(self, mesh: TriangleMesh, camera: PinholeCamera, cam_from_given: np.ndarray):
-        points_cam = transform_points(cam_from_given, mesh.vertices)
+    def __init__(self, mesh: TriangleMesh, camera: PinholeCamera, cam_from_mesh: np.ndarray):
+        points_cam = transform_points(cam_from_mesh, mesh.vertices)
         corners = camera.project(points_cam)[mesh.faces]
         self.corners, self.inverse_z = corners, 1 / points_cam[:, 2][mesh.faces]
         self.low, self.high = corners.min(axis=1), corners.max(axis=1)
@@ -79,7 +79,7 @@ def test_bone_is_an_open_sheet_wound_one_way(sample):
     forward, backward = edges @ [count, 1], edges @ [1, count]
     assert len(np.unique(forward)) == len(forward), "an edge is run twice in the same direction"
     rim = edges[~np.isin(forward, backward)].ravel()
-    local = transform_points(inverse_rigid(GIVEN_FROM_LOCAL), sample.bone.vertices)
+    local = transform_points(inverse_rigid(MESH_FROM_LOCAL), sample.bone.vertices)
     to_side = np.minimum(local - LOWER_MM, UPPER_MM - local)[:, :2].min(axis=1)
     assert len(rim) > 0
     assert to_side[rim].max() < 1e-3, "the sheet has a hole within"

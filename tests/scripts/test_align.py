@@ -17,7 +17,7 @@ from pipeline.surface.mesh_writer import write_ply
 from pipeline.transforms import transform_points
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "align.py"
-ROUGH = "cam_from_model = [[1, 0, 0, 300], [0, -1, 0, -7], [0, 0, -1, 700], [0, 0, 0, 1]]"
+ROUGH = "cam_from_mesh = [[1, 0, 0, 300], [0, -1, 0, -7], [0, 0, -1, 700], [0, 0, 0, 1]]"
 FINE = "--click-sigma-px=0.1"
 
 
@@ -27,7 +27,7 @@ def case_path(tmp_path, write_tiny_case) -> Path:
     path = write_tiny_case(tmp_path / "case")
     text = path.read_text()
     path.with_name("true.toml").write_text(text)
-    path.write_text(re.sub("cam_from_model = .*", ROUGH, text))
+    path.write_text(re.sub("cam_from_mesh = .*", ROUGH, text))
     return path
 
 
@@ -45,7 +45,7 @@ def clicked_landmarks(case_path: Path, count: int = 7) -> list[Landmark]:
     case = true_case(case_path)
     mesh, _ = read_mesh(case.mesh)
     points = mesh.vertices[np.linspace(40, len(mesh.vertices) - 60, count).astype(int)]
-    pixels = case.camera.project(transform_points(case.cam_from_given, points))
+    pixels = case.camera.project(transform_points(case.cam_from_mesh, points))
     return [
         Landmark(f"feature {number}", tuple(point), tuple(pixel))
         for number, (point, pixel) in enumerate(zip(points.tolist(), pixels.tolist(), strict=True))
@@ -70,9 +70,9 @@ def test_pairs_become_a_case_a_record_and_a_picture(case_path, tmp_path, align):
     assert "rms 0.00 px over 7 of 8 landmarks" in ended.stdout
 
     found = json.loads(record.read_text())
-    pose = np.array(found["cam_from_model"])
-    assert pose == pytest.approx(true_case(case_path).cam_from_given, abs=1e-5)
-    assert np.array_equal(printed_matrix(ended.stdout, "cam_from_model"), pose)
+    pose = np.array(found["cam_from_mesh"])
+    assert pose == pytest.approx(true_case(case_path).cam_from_mesh, abs=1e-5)
+    assert np.array_equal(printed_matrix(ended.stdout, "cam_from_mesh"), pose)
     assert np.array_equal(printed_matrix(ended.stdout, "model_from_cam"), found["model_from_cam"])
     assert np.array(found["model_from_cam"]) @ pose == pytest.approx(np.eye(4), abs=1e-9)
     assert [pair["name"] for pair in found["pairs"]] == [*(each.name for each in landmarks), "wrong one"]
@@ -83,7 +83,7 @@ def test_pairs_become_a_case_a_record_and_a_picture(case_path, tmp_path, align):
     assert np.sqrt(np.diag(covariance)[:3]) == pytest.approx(found["uncertainty"]["standard_deviation_mm"])
 
     written = read_case(out)
-    assert np.array_equal(written.cam_from_given, pose)
+    assert np.array_equal(written.cam_from_mesh, pose)
     assert written.landmarks == (*landmarks, wrong, *unused)
     assert written.alignment["method"] == "landmarks"
     assert written.alignment["pairs"] == 7
@@ -93,7 +93,7 @@ def test_pairs_become_a_case_a_record_and_a_picture(case_path, tmp_path, align):
     # what was written holds the pairs itself, and aligns to the same pose again
     again = align(out, FINE)
     assert again.returncode == 0, again.stderr
-    assert printed_matrix(again.stdout, "cam_from_model") == pytest.approx(pose, abs=1e-5)
+    assert printed_matrix(again.stdout, "cam_from_mesh") == pytest.approx(pose, abs=1e-5)
 
 
 def test_metres_are_millimetres_inside(case_path, tmp_path, align):
@@ -109,9 +109,9 @@ def test_metres_are_millimetres_inside(case_path, tmp_path, align):
     write_ply(case_path.with_name("surface.ply"), ply)
     ended = align(metres, "--pairs", pairs, FINE, "--json", record, "--out", out)
     assert ended.returncode == 0, ended.stderr
-    pose = np.array(json.loads(record.read_text())["cam_from_model"])
-    assert pose == pytest.approx(true_case(case_path).cam_from_given, abs=1e-5)
-    assert np.array_equal(read_case(out).cam_from_given, pose)
+    pose = np.array(json.loads(record.read_text())["cam_from_mesh"])
+    assert pose == pytest.approx(true_case(case_path).cam_from_mesh, abs=1e-5)
+    assert np.array_equal(read_case(out).cam_from_mesh, pose)
 
 
 @pytest.mark.parametrize(
@@ -161,7 +161,7 @@ def test_a_blender_program_without_opencv_says_what_is_missing(case_path, tmp_pa
         BLENDER_USER_RESOURCES=str(tmp_path / "resources"),
     )
     if ended.returncode == 0:  # a Blender that has OpenCV
-        assert "cam_from_model:" in ended.stdout
+        assert "cam_from_mesh:" in ended.stdout
     else:
         assert ended.returncode == 3
         assert "expected OpenCV" in ended.stderr

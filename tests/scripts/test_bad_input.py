@@ -199,7 +199,7 @@ MISFITS = {
     "no focal length": (("[[320.0", "[[-320.0"), "expected positive focal lengths in pixels, found fx = -320"),
     "skewed": ((K, K.replace("320.0, 0,", "320.0, 2,")), "expected no skew, found 2; .*rectify the frame"),
     "K with NaN": ((K, K.replace("30.0", "nan")), "K: expected finite numbers, found NaN"),
-    "3x4 pose": ((", [0, 0, 0, 1]]", "]"), r"cam_from_model: expected a 4x4 matrix, found shape \(3, 4\)"),
+    "3x4 pose": ((", [0, 0, 0, 1]]", "]"), r"cam_from_mesh: expected a 4x4 matrix, found shape \(3, 4\)"),
 }
 
 
@@ -309,10 +309,10 @@ def test_a_pickle_named_npy_is_not_loaded(case, tmp_path, monkeypatch):
 
 
 def test_explicit_poses_that_miss_the_surface_are_rendered_and_told(case, tmp_path):
-    away = rigid(rotation_from_vector(np.array([0, 1.0, 0]))) @ read_case(case).cam_from_given
+    away = rigid(rotation_from_vector(np.array([0, 1.0, 0]))) @ read_case(case).cam_from_mesh
     np.save(tmp_path / "poses.npy", away[None])
-    told = run_here(case, dataclasses.replace(OPTIONS, poses=str(tmp_path / "poses.npy")))
-    assert "no view shows any surface" in told
+    messages = run_here(case, dataclasses.replace(OPTIONS, poses=str(tmp_path / "poses.npy")))
+    assert "no view shows any surface" in messages
 
 
 # --- end to end -----------------------------------------------------------------------------------------------------

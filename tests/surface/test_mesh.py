@@ -120,11 +120,11 @@ def test_checked_mesh_keeps_the_surface_and_nothing_else(data):
         with pytest.raises(InputError, match="all with zero area"):
             checked_mesh(vertices, faces, "mesh")
         return
-    mesh, told = checked_mesh(vertices, faces, "mesh")
+    mesh, messages = checked_mesh(vertices, faces, "mesh")
     assert np.array_equal(mesh.vertices[mesh.faces], triangles[solid])
     assert np.array_equal(np.unique(mesh.faces), np.arange(len(mesh.vertices)))
-    assert ("zero area" in " ".join(told)) == (not all(solid))
-    assert ("no face uses" in " ".join(told)) == (len(mesh.vertices) < len(vertices))
+    assert ("zero area" in " ".join(messages)) == (not all(solid))
+    assert ("no face uses" in " ".join(messages)) == (len(mesh.vertices) < len(vertices))
     again, told_again = checked_mesh(mesh.vertices, mesh.faces, "mesh")
     assert told_again == []
     assert np.array_equal(again.vertices, mesh.vertices)
@@ -137,9 +137,9 @@ def test_checked_mesh_keeps_the_surface_and_nothing_else(data):
 def test_needles_are_dropped_at_any_scale(power, shift):
     width = np.array([3e-8, 3e-7])  # relative to the length: too thin for single precision, and just enough
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0.5, width[0], 0], [0.5, 0, width[1]]]) * 10**power
-    mesh, told = checked_mesh(vertices, np.roll([[0, 1, 2], [0, 1, 3]], shift, axis=1), "mesh")
+    mesh, messages = checked_mesh(vertices, np.roll([[0, 1, 2], [0, 1, 3]], shift, axis=1), "mesh")
     assert np.array_equal(mesh.vertices, vertices[[0, 1, 3]])
-    assert told == ["mesh: dropped 1 of 2 faces with zero area", "mesh: dropped 1 of 4 vertices that no face uses"]
+    assert messages == ["mesh: dropped 1 of 2 faces with zero area", "mesh: dropped 1 of 4 vertices that no face uses"]
 
 
 @pytest.mark.parametrize(

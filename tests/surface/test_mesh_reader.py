@@ -50,10 +50,10 @@ def read_or_refusal(path: Path) -> tuple[np.ndarray, list[str]] | str:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            mesh, told = read_mesh(path)
+            mesh, messages = read_mesh(path)
         except InputError as error:
             return str(error)
-    return mesh.vertices[mesh.faces], told
+    return mesh.vertices[mesh.faces], messages
 
 
 def checked_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | str:
@@ -220,8 +220,8 @@ def test_several_text_solids_become_one_mesh(tmp_path):
     (tmp_path / "a.stl").write_bytes(
         stl_text(triangles[:2]) + stl_text(triangles[2:], "endsolid solid").upper().replace(b"\n", b"\r\n")
     )
-    mesh, told = read_mesh(tmp_path / "a.stl")
-    assert told == []
+    mesh, messages = read_mesh(tmp_path / "a.stl")
+    assert messages == []
     assert np.array_equal(mesh.vertices[mesh.faces], triangles)
 
 
@@ -241,12 +241,12 @@ def test_several_text_solids_become_one_mesh(tmp_path):
         ("a.obj", SAMPLES["mesh.obj"] + b"v 1 2 2\n", r"a\.obj: dropped 1 of 7 vertices that no face uses"),
     ],
 )
-def test_what_was_passed_over_is_told(tmp_path, name, content, told):
+def test_what_was_passed_over_is_told(tmp_path, name, content, messages):
     (tmp_path / name).write_bytes(content)
     mesh, sentences = read_mesh(tmp_path / name)
     assert len(mesh.faces) == 7
     assert len(sentences) == 1
-    assert re.match(told, sentences[0])
+    assert re.match(messages, sentences[0])
 
 
 # --- damage
@@ -265,9 +265,9 @@ def test_a_file_cut_at_any_byte_is_refused(tmp_path, name):
         if isinstance(found, str):
             assert name in found
             continue
-        triangles, told = found
+        triangles, messages = found
         at_line_end = part.endswith(b"\n") or content[length:].startswith(b"\n")
-        assert at_line_end or b"endsolid" in part or "no line break" in told[0]
+        assert at_line_end or b"endsolid" in part or "no line break" in messages[0]
         if name == "mesh.obj":  # nothing says how many lines there should be: a prefix, of which the last may be wrong
             lines = part.count(b"\nf ") if at_line_end else part.count(b"\nf ") - 1
             complete = {0: 0, 1: 2}.get(lines, lines + 1)  # the first face is a quad

@@ -35,16 +35,16 @@ def meshes(draw) -> TriangleMesh:
 
 @quick
 @given(meshes(), st.booleans(), st.booleans(), st.booleans())
-def test_ply_round_trip_is_exact(tmp_path, mesh, with_colors, with_normals, with_uv):
+def test_ply_round_trip_is_exact(tmp_path, mesh, with_colours, with_normals, with_uv):
     write_ply(
         tmp_path / "a.PLY",
         mesh,
-        colors=np.full(mesh.vertices.shape, 200, np.uint8) if with_colors else None,
+        colours=np.full(mesh.vertices.shape, 200, np.uint8) if with_colours else None,
         normals=mesh.vertex_normals if with_normals else None,
         uv=np.zeros((*mesh.faces.shape, 2)) if with_uv else None,
     )
-    found, told = read_mesh(tmp_path / "a.PLY")
-    assert told == []
+    found, messages = read_mesh(tmp_path / "a.PLY")
+    assert messages == []
     assert np.array_equal(found.vertices, mesh.vertices)
     assert np.array_equal(found.faces, mesh.faces)
 
@@ -54,8 +54,8 @@ def test_ply_round_trip_is_exact(tmp_path, mesh, with_colors, with_normals, with
 def test_obj_round_trip_is_exact(tmp_path, mesh, with_uv):
     uv = np.random.default_rng(1).random((*mesh.faces.shape, 2)) if with_uv else None
     write_obj(tmp_path / "a.Obj", mesh, uv=uv)
-    found, told = read_mesh(tmp_path / "a.Obj")
-    assert told == []
+    found, messages = read_mesh(tmp_path / "a.Obj")
+    assert messages == []
     assert np.array_equal(found.vertices, mesh.vertices)
     assert np.array_equal(found.faces, mesh.faces)
 
@@ -77,14 +77,14 @@ def test_obj_keeps_single_precision(tmp_path):
 def test_trimesh_reads_what_is_written_and_the_reverse(tmp_path, mesh):
     trimesh = pytest.importorskip("trimesh")
     triangles = mesh.vertices[mesh.faces]
-    colors = np.arange(mesh.vertices.size, dtype=np.uint8).reshape(-1, 3)
-    write_ply(tmp_path / "a.ply", mesh, colors=colors, normals=mesh.vertex_normals)
+    colours = np.arange(mesh.vertices.size, dtype=np.uint8).reshape(-1, 3)
+    write_ply(tmp_path / "a.ply", mesh, colours=colours, normals=mesh.vertex_normals)
     write_obj(tmp_path / "a.obj", mesh)
     for name in ("a.ply", "a.obj"):
         theirs = trimesh.load(tmp_path / name, process=False, maintain_order=True)
         assert np.array_equal(theirs.triangles, triangles)
     theirs = trimesh.load(tmp_path / "a.ply", process=False)
-    assert np.array_equal(theirs.visual.vertex_colors[:, :3], colors)
+    assert np.array_equal(theirs.visual.vertex_colors[:, :3], colours)
     assert np.allclose(theirs.vertex_normals, mesh.vertex_normals, atol=1e-6)
     for name, options in [
         ("b.ply", {"encoding": "ascii"}),
@@ -134,7 +134,7 @@ def test_trimesh_reads_texture_coordinates_per_corner(tmp_path, mesh, seed):
 def test_published_meshes(name, tmp_path):
     if not SHARED_DATA.is_dir():
         pytest.skip("no folder shared/data beside the repository")
-    mesh, told = read_mesh(SHARED_DATA / name)
+    mesh, messages = read_mesh(SHARED_DATA / name)
     write_ply(tmp_path / "a.ply", mesh)
     again, told_again = read_mesh(tmp_path / "a.ply")
     assert np.allclose(again.vertices, mesh.vertices, rtol=1e-6)
@@ -142,15 +142,15 @@ def test_published_meshes(name, tmp_path):
     trimesh = pytest.importorskip("trimesh")
     theirs = trimesh.load(SHARED_DATA / name, process=False)
     dropped = len(theirs.faces) - len(mesh.faces)
-    assert (dropped == 0) == (told == [])
+    assert (dropped == 0) == (messages == [])
     assert np.linalg.norm(mesh.face_cross, axis=1).sum() / 2 == pytest.approx(theirs.area, rel=1e-6)
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"colors": np.zeros((3, 3))}, "colors"),
-        ({"colors": np.zeros((2, 3), np.uint8)}, "colors"),
+        ({"colours": np.zeros((3, 3))}, "colours"),
+        ({"colours": np.zeros((2, 3), np.uint8)}, "colours"),
         ({"normals": np.zeros((3, 4))}, "normals"),
         ({"uv": np.zeros((3, 2))}, "uv"),
         ({"texture": "a.png"}, "texture"),

@@ -85,8 +85,8 @@ def play(blender: str, resources: Path, sample: Path, tmp_path: Path, run_in_win
         for folder in folders.values():
             folder.mkdir()
         result, settings = tmp_path / "result.json", tmp_path / "settings.json"
-        told = {"scenario": scenario, "case": case, "result": result, "timeout_s": timeout_s, **folders}
-        settings.write_text(json.dumps(told, default=str))
+        messages = {"scenario": scenario, "case": case, "result": result, "timeout_s": timeout_s, **folders}
+        settings.write_text(json.dumps(messages, default=str))
         flags = ["--factory-startup", "--enable-event-simulate", "-noaudio", *WINDOW_FLAGS]
         command = [blender, *flags, "--python-exit-code", "1", "-P", HERE / "driver.py", "--", settings]
         try:
@@ -119,8 +119,8 @@ def _display(size: tuple[int, int]) -> Iterator[str]:
     )
     try:
         os.close(writing)
-        with open(reading, encoding="ascii") as told:
-            number = told.readline().strip()
+        with open(reading, encoding="ascii") as messages:
+            number = messages.readline().strip()
         assert number, "Xvfb has not started"
         yield f":{number}"
     finally:

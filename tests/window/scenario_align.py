@@ -102,7 +102,7 @@ def scenario(user):
     saved = read_case(rough)
     assert saved.camera == true.camera
     given = from_scene.case(scene, rough)
-    assert np.array_equal(saved.cam_from_given, given.cam_from_given)
+    assert np.array_equal(saved.cam_from_mesh, given.cam_from_mesh)
     yield from user.picture("4_reopened")
 
 

@@ -34,7 +34,7 @@ def test_opens_the_case_in_a_blender(run_in_window, blender, sample, extension_z
 
 def test_a_missing_blender_is_told_in_one_line(capsys):
     assert addon_dev.main(["--blender", "no-such-program"]) == 2
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1
-    assert "no-such-program" in told
-    assert "BLENDER=" in told
+    messages = capsys.readouterr().err
+    assert messages.count("\n") == 1
+    assert "no-such-program" in messages
+    assert "BLENDER=" in messages

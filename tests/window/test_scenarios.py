@@ -27,8 +27,8 @@ def test_scenario(scenario, play):
         ("while True: pass", "not at an end", 8),
     ],
 )
-def test_a_scenario_that_goes_wrong_fails(body, told, timeout_s, play, tmp_path):
+def test_a_scenario_that_goes_wrong_fails(body, messages, timeout_s, play, tmp_path):
     scenario = tmp_path / "scenario_going_wrong.py"
     scenario.write_text(f"def scenario(user):\n    yield 0\n    {body}\n")
-    with pytest.raises(AssertionError, match=told):
+    with pytest.raises(AssertionError, match=messages):
         play(scenario, timeout_s)

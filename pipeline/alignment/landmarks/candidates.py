@@ -6,12 +6,12 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from .reprojection import Pairs, Poses
+from .reprojection import Correspondences, Poses
 
 UNDISTORTED = np.zeros(4)
 
 
-def candidate_poses(pairs: Pairs, samples: int) -> Poses:
+def candidate_poses(pairs: Correspondences, samples: int) -> Poses:
     """Poses in front of which most points lie, each near one that could explain the pairs.
 
     From all pairs: SQPnP (Terzakis & Lourakis 2020), EPnP (Lepetit et al. 2009) and both solutions of IPPE (Collins &
@@ -30,7 +30,7 @@ def candidate_poses(pairs: Pairs, samples: int) -> Poses:
     return Poses(rotations, positions)[((depths > 0).mean(axis=1) > 0.5) & (deviation < 1e-6)]
 
 
-def _from_all(pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _from_all(pairs: Correspondences) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     if len(pairs) >= 4:
         yield from _solutions(pairs, cv2.SOLVEPNP_SQPNP)
         yield from _solutions(pairs, cv2.SOLVEPNP_EPNP)
@@ -39,7 +39,9 @@ def _from_all(pairs: Pairs) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         axes[2] *= np.linalg.det(axes)
         flat = (pairs.offsets - centre) @ axes.T
         flat[:, 2] = 0
-        for rotation, position in _solutions(Pairs(flat, pairs.pixels, pairs.camera, centre), cv2.SOLVEPNP_IPPE):
+        for rotation, position in _solutions(
+            Correspondences(flat, pairs.pixels, pairs.camera, centre), cv2.SOLVEPNP_IPPE
+        ):
             turned = rotation @ axes
             yield turned, position - turned @ centre
 
@@ -53,7 +55,7 @@ def _samples(count: int, samples: int) -> Iterator[list[int]]:
     yield from (list(triple) for triple in triples)
 
 
-def _solutions(pairs: Pairs, method: int) -> list[tuple[np.ndarray, np.ndarray]]:
+def _solutions(pairs: Correspondences, method: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Rotations and positions that a solver of OpenCV gives; none where it gives up."""
     try:
         if len(pairs) == 3:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 
-def f_exceedance(value: float, above: int, below: float) -> float:
+def f_survival(value: float, above: int, below: float) -> float:
     """Probability that F(above, below) exceeds a value >= 0; ``above`` is even."""
     if not math.isfinite(value):
         return 0.0
@@ -27,11 +27,11 @@ def f_exceedance(value: float, above: int, below: float) -> float:
 def f_quantile(level: float, above: int, below: float) -> float:
     """The value that F(above, below) stays under with probability ``level``, 0 < level < 1; ``above`` is even."""
     lower, upper = 0.0, 1.0
-    while f_exceedance(upper, above, below) > 1 - level:
+    while f_survival(upper, above, below) > 1 - level:
         lower, upper = upper, 2 * upper
     for _ in range(100):
         middle = 0.5 * (lower + upper)
-        if f_exceedance(middle, above, below) > 1 - level:
+        if f_survival(middle, above, below) > 1 - level:
             lower = middle
         else:
             upper = middle

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...files.numbers import two_digits
+from ...files.numbers import format_two_digits
 from ...transforms import transform_points
 from .confidence_region import f_quantile
-from .reprojection import Pairs, jacobian_at, twist_between
+from .reprojection import Correspondences, jacobian_at, twist_between
 
 PRIOR_DOF = 3.0
 """What the stated click noise counts for, in degrees of freedom, against the residuals (2 for a pair, less 6)."""
@@ -129,7 +129,7 @@ class PoseUncertainty:
         axes = self._view_axes()
         covariance = axes @ self.covariance @ axes.T
         deviation = np.sqrt(covariance[number, number])
-        return _FREEDOMS[number].format(two_digits(deviation if number < 3 else np.degrees(deviation)))
+        return _FREEDOMS[number].format(format_two_digits(deviation if number < 3 else np.degrees(deviation)))
 
     def pixel_covariances(
         self, points_model: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray
@@ -170,7 +170,7 @@ class PoseUncertainty:
         return self._view_axes() @ twist
 
 
-def pose_uncertainty(pairs: Pairs, cam_from_model: np.ndarray, click_sigma_px: float) -> PoseUncertainty:
+def pose_uncertainty(pairs: Correspondences, cam_from_model: np.ndarray, click_sigma_px: float) -> PoseUncertainty:
     """Uncertainty of a pose that was fitted to pairs by least squares.
 
     sigma^2 (J^T J)^-1 with J at the pose and sigma^2 from :class:`NoiseEstimate`. What the pairs do not determine at

@@ -6,10 +6,10 @@ from typing import Literal
 import numpy as np
 
 from ...errors import InputError
-from ...files.numbers import two_digits
+from ...files.numbers import format_two_digits
 from .covariance import PoseUncertainty
 from .hypotheses import Hypothesis
-from .reprojection import Pairs
+from .reprojection import Correspondences
 
 Kind = Literal[
     "few",
@@ -59,7 +59,7 @@ class UndeterminedPose(InputError):
         self.candidates = tuple(candidates)
 
 
-def check_pairs(points_model: np.ndarray, pixels: np.ndarray, names: Sequence[str]) -> None:
+def check_correspondences(points_model: np.ndarray, pixels: np.ndarray, names: Sequence[str]) -> None:
     """Refuse pairs that no solver can use.
 
     Raises
@@ -93,7 +93,7 @@ def check_pairs(points_model: np.ndarray, pixels: np.ndarray, names: Sequence[st
         raise UndeterminedPose("collinear", _collinear(count))
 
 
-def repeated_pairs(points_model: np.ndarray, pixels: np.ndarray) -> list[tuple[int, int]]:
+def repeated_correspondences(points_model: np.ndarray, pixels: np.ndarray) -> list[tuple[int, int]]:
     """Places of pairs that have point and pixel in common: the first, and each further one."""
     both = np.hstack([points_model, pixels])
     return [(first, index) for index, first in enumerate(_groups(both, 0.0)) if first != index]
@@ -111,7 +111,9 @@ def _collinear(count: int) -> str:
     )
 
 
-def check_fit(pairs: Pairs, found: list[Hypothesis], mirrored: Hypothesis | None, click_sigma_px: float) -> None:
+def check_fit(
+    pairs: Correspondences, found: list[Hypothesis], mirrored: Hypothesis | None, click_sigma_px: float
+) -> None:
     """Refuse pairs that no pose explains.
 
     Parameters
@@ -135,7 +137,7 @@ def check_fit(pairs: Pairs, found: list[Hypothesis], mirrored: Hypothesis | None
             raise UndeterminedPose(
                 "mirrored",
                 f"landmarks: no pose fits these {count} pairs as well as their mirror image does, to "
-                f"{two_digits(mirrored.noise_px)} px: the mesh is mirrored, or the points are; "
+                f"{format_two_digits(mirrored.noise_px)} px: the mesh is mirrored, or the points are; "
                 "mirror it in one of its axes",
                 candidates,
             )
@@ -156,12 +158,12 @@ def check_fit(pairs: Pairs, found: list[Hypothesis], mirrored: Hypothesis | None
 
 
 def ambiguity(
-    pairs: Pairs, possible: list[Hypothesis], turn_deg: float, names: Sequence[str], click_sigma_px: float
+    pairs: Correspondences, possible: list[Hypothesis], turn_deg: float, names: Sequence[str], click_sigma_px: float
 ) -> UndeterminedPose:
     """The refusal of pairs that fit several poses nearly equally, the most probable first."""
     candidates = [each.pose.matrix(0, pairs.pivot_model) for each in possible]
     best, second = possible[0], possible[1]
-    fits = f"landmarks: the pairs fit {len(possible)} poses, up to {two_digits(turn_deg)}° apart, nearly equally"
+    fits = f"landmarks: the pairs fit {len(possible)} poses, up to {format_two_digits(turn_deg)}° apart, nearly equally"
     if not np.array_equal(best.inliers, second.inliers):
         doubtful = [repr(names[index]) for index in np.flatnonzero(best.inliers != second.inliers).tolist()]
         advice = f"they differ on {', '.join(doubtful)}, at least one of which is wrong; check these, or add pairs"
@@ -175,7 +177,7 @@ def ambiguity(
 
 
 def check_uncertainty(
-    pairs: Pairs, cam_from_model: np.ndarray, uncertainty: PoseUncertainty, click_sigma_px: float
+    pairs: Correspondences, cam_from_model: np.ndarray, uncertainty: PoseUncertainty, click_sigma_px: float
 ) -> None:
     """Refuse a pose that could as well be quite another.
 
@@ -190,9 +192,9 @@ def check_uncertainty(
         return
     count = len(pairs)
     found = (
-        f"± {two_digits(turn_deg)}° of rotation"
+        f"± {format_two_digits(turn_deg)}° of rotation"
         if turn_deg > LARGEST_TURN_DEG
-        else f"± {two_digits(100 * depth)} % of distance"
+        else f"± {format_two_digits(100 * depth)} % of distance"
     )
     kind, cause = _cause(pairs, float(np.linalg.norm(uncertainty.pivot_cam)), click_sigma_px)
     raise UndeterminedPose(
@@ -200,7 +202,7 @@ def check_uncertainty(
     )
 
 
-def _cause(pairs: Pairs, distance: float, click_sigma_px: float) -> tuple[Kind, str]:
+def _cause(pairs: Correspondences, distance: float, click_sigma_px: float) -> tuple[Kind, str]:
     width, height = np.ptp(pairs.pixels, axis=0)
     spread_px = _spread_px(pairs, distance)
     if max(width, height) < 25 * click_sigma_px:
@@ -215,7 +217,7 @@ def _cause(pairs: Pairs, distance: float, click_sigma_px: float) -> tuple[Kind, 
     return "ambiguous", "they contradict each other or lie badly; check them, and add pairs towards all sides"
 
 
-def _spread_px(pairs: Pairs, distance: float) -> np.ndarray:
+def _spread_px(pairs: Correspondences, distance: float) -> np.ndarray:
     """``(3,)`` standard deviations of the points along their main axes, as large as they look at their distance."""
     px_per_mm = np.sqrt(pairs.camera.fx * pairs.camera.fy) / distance
     values = np.linalg.svd(pairs.offsets - pairs.offsets.mean(axis=0), compute_uv=False)

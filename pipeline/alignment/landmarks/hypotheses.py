@@ -10,8 +10,8 @@ import numpy as np
 
 from .candidates import candidate_poses
 from .levenberg_marquardt import Loss, fitted_poses
-from .outliers import agreeing_pairs
-from .reprojection import Pairs, Poses, residuals
+from .outliers import select_inliers
+from .reprojection import Correspondences, Poses, residuals
 
 WRONG_PAIR, WRONG_SIGMAS = 0.05, 50.0
 """Probability that a pair is wrong, before anything is known; it then lies anywhere within so many sigmas."""
@@ -62,7 +62,9 @@ class Hypothesis:
         return math.sqrt(self.squared_px / self.dof)
 
 
-def hypotheses(pairs: Pairs, start: Poses, click_sigma_px: float, *, doubting: bool = True) -> list[Hypothesis]:
+def hypotheses(
+    pairs: Correspondences, start: Poses, click_sigma_px: float, *, doubting: bool = True
+) -> list[Hypothesis]:
     """What explains the pairs, the most probable first; empty if no pose puts the points in front of the camera.
 
     Every candidate is refined. From 5 pairs on, and unless all agree, some may be wrong: the candidates are refined
@@ -90,7 +92,7 @@ def hypotheses(pairs: Pairs, start: Poses, click_sigma_px: float, *, doubting: b
     agree = cost.min(initial=np.inf) <= (2 * len(pairs) - 6) * (DOUBTFUL * click_sigma_px) ** 2
     if doubting and len(pairs) > 4 and not agree:
         trials += _consensus(pairs, starts, click_sigma_px)
-        inliers, pose = agreeing_pairs(pairs, fitted[[int(np.argmin(cost))]], everyone, click_sigma_px)
+        inliers, pose = select_inliers(pairs, fitted[[int(np.argmin(cost))]], everyone, click_sigma_px)
         trials = [(pose, inliers), *trials[1:]]
     explained: list[Hypothesis] = []
     for pose, inliers in _different(trials):
@@ -101,18 +103,18 @@ def hypotheses(pairs: Pairs, start: Poses, click_sigma_px: float, *, doubting: b
     return sorted(explained, key=lambda each: -each.log_evidence)
 
 
-def _consensus(pairs: Pairs, starts: Poses, click_sigma_px: float) -> list[tuple[Poses, np.ndarray]]:
+def _consensus(pairs: Correspondences, starts: Poses, click_sigma_px: float) -> list[tuple[Poses, np.ndarray]]:
     """Poses that some of the pairs agree on, and which these are."""
     robust = _best(pairs, starts, 16 * click_sigma_px)
     for scale in (16, 4):
         robust, cost = fitted_poses(pairs, robust, loss=Loss(scale * click_sigma_px), iterations=15)
     poses = [robust[[number]] for number in np.argsort(cost, kind="stable")]
     trials = _different([(pose, _nearest_pairs(pairs, pose, 4 * click_sigma_px)) for pose in poses])[:TRIED]
-    agreed = [agreeing_pairs(pairs, pose, inliers, click_sigma_px) for pose, inliers in trials]
+    agreed = [select_inliers(pairs, pose, inliers, click_sigma_px) for pose, inliers in trials]
     return [(pose, inliers) for inliers, pose in agreed]
 
 
-def _best(pairs: Pairs, poses: Poses, scale_px: float) -> Poses:
+def _best(pairs: Correspondences, poses: Poses, scale_px: float) -> Poses:
     """The poses of lowest bounded cost, only one of those that are nearly the same."""
     squared = (residuals(pairs, poses)[0] ** 2).sum(axis=-1)
     order = np.argsort(Loss(scale_px)(squared)[0].sum(axis=1), kind="stable")
@@ -141,13 +143,13 @@ def _near(rotation: np.ndarray, rotations: np.ndarray, within_deg: float) -> np.
     return ((rotations - rotation) ** 2).sum(axis=(1, 2)) <= 8 * np.sin(np.radians(within_deg) / 2) ** 2
 
 
-def _nearest_pairs(pairs: Pairs, pose: Poses, within_px: float) -> np.ndarray:
+def _nearest_pairs(pairs: Correspondences, pose: Poses, within_px: float) -> np.ndarray:
     """``(N,)`` bool: the pairs with residuals up to a bound, at least the 4 smallest."""
     length = np.nan_to_num(np.linalg.norm(residuals(pairs, pose)[0][0], axis=-1), nan=np.inf)
     return length <= max(within_px, float(np.sort(length)[3]))
 
 
-def _log_evidence(pairs: Pairs, inliers: np.ndarray, squared: float, click_sigma_px: float) -> float:
+def _log_evidence(pairs: Correspondences, inliers: np.ndarray, squared: float, click_sigma_px: float) -> float:
     """The pose and the noise integrated out: a normal of unknown variance, its prior scaled inverse chi^2.
 
     With n inliers, nu prior degrees of freedom and half = nu / 2 + n - 3 it is

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...transforms import cross_matrices, rotation_vector, rotations_from_vectors
-from .reprojection import Pairs, Poses, residuals, twist_jacobians
+from .reprojection import Correspondences, Poses, residuals, twist_jacobians
 
 ITERATIONS = 60
 CONVERGED = 1e-8
@@ -73,7 +73,7 @@ class Held:
 
 
 def fitted_poses(
-    pairs: Pairs,
+    pairs: Correspondences,
     start: Poses,
     *,
     loss: Loss | None = None,
@@ -136,7 +136,7 @@ def fitted_poses(
 
 
 def _normal_equations(
-    pairs: Pairs, poses: Poses, loss: Loss, held: Held | None, basis: np.ndarray
+    pairs: Correspondences, poses: Poses, loss: Loss, held: Held | None, basis: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Costs ``(K,)``, weighted J^T J ``(K, D, D)`` and J^T r ``(K, D)``."""
     apart, turned = residuals(pairs, poses)

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from .confidence_region import f_exceedance
+from .confidence_region import f_survival
 from .covariance import NoiseEstimate, inverse_normal
 from .levenberg_marquardt import fitted_poses
-from .reprojection import Pairs, Poses, residuals, twist_jacobians
+from .reprojection import Correspondences, Poses, residuals, twist_jacobians
 
 FALSE_ALARM = 0.01
 """Probability that of all pairs, none of them wrong, any is called wrong."""
@@ -13,7 +13,9 @@ FALSE_ALARM = 0.01
 ROUNDS = 10
 
 
-def agreeing_pairs(pairs: Pairs, pose: Poses, inliers: np.ndarray, click_sigma_px: float) -> tuple[np.ndarray, Poses]:
+def select_inliers(
+    pairs: Correspondences, pose: Poses, inliers: np.ndarray, click_sigma_px: float
+) -> tuple[np.ndarray, Poses]:
     """Fit the pairs that agree, until no pair left out belongs to them and none of them stands out.
 
     Parameters
@@ -35,7 +37,7 @@ def agreeing_pairs(pairs: Pairs, pose: Poses, inliers: np.ndarray, click_sigma_p
     pose, _ = fitted_poses(pairs[inliers], pose)
     while len(seen) < ROUNDS and inliers.tobytes() not in seen:
         seen.add(inliers.tobytes())
-        chances = chances_of_residuals(pairs, pose, inliers, click_sigma_px)
+        chances = residual_p_values(pairs, pose, inliers, click_sigma_px)
         unlikely = chances < FALSE_ALARM / len(pairs)
         # one at a time: a wrong pair makes its neighbours look wrong; and never below the 4 that a pose needs
         worst = int(np.argmin(np.where(inliers, chances, np.inf)))
@@ -51,7 +53,7 @@ def agreeing_pairs(pairs: Pairs, pose: Poses, inliers: np.ndarray, click_sigma_p
     return inliers, pose
 
 
-def chances_of_residuals(pairs: Pairs, pose: Poses, inliers: np.ndarray, click_sigma_px: float) -> np.ndarray:
+def residual_p_values(pairs: Correspondences, pose: Poses, inliers: np.ndarray, click_sigma_px: float) -> np.ndarray:
     """``(N,)`` probability of a residual as large as each pair's, were the pair right.
 
     A pair that took part pulls the pose towards itself: its residual is divided by what is left of the noise after
@@ -74,5 +76,5 @@ def chances_of_residuals(pairs: Pairs, pose: Poses, inliers: np.ndarray, click_s
     for index in np.flatnonzero(visible):
         without, less = (float(squared[index]), 2) if inliers[index] else (0.0, 0)
         noise = NoiseEstimate.of(max(total - without, 0.0), dof - less, click_sigma_px)
-        chances[index] = f_exceedance(float(squared[index]) / (2 * noise.variance), 2, noise.dof)
+        chances[index] = f_survival(float(squared[index]) / (2 * noise.variance), 2, noise.dof)
     return chances

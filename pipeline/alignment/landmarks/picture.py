@@ -33,10 +33,10 @@ def marked(picture: np.ndarray, alignment: Alignment) -> np.ndarray:
     size = max(picture.shape[:2]) / 100
     pen = _Pen(result, max(1, round(size / 8)))
     covariances = estimate.uncertainty.pixel_covariances(
-        alignment.points_given, alignment.camera, estimate.cam_from_model
+        alignment.points_mesh, alignment.camera, estimate.cam_from_model
     )
     outlines = ellipse_outlines(np.nan_to_num(covariances), estimate.uncertainty.ellipse_scale())
-    shown = alignment.camera.project(transform_points(estimate.cam_from_model, alignment.points_given))
+    shown = alignment.camera.project(transform_points(estimate.cam_from_model, alignment.points_mesh))
     for landmark, pixel, place, outline, apart, inlier in zip(
         alignment.landmarks, alignment.pixels, shown, outlines, estimate.residuals_px, estimate.inliers, strict=True
     ):

@@ -7,13 +7,13 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.landmarks import Landmark
-from ...files.numbers import two_digits
+from ...files.numbers import format_two_digits
 from ...surface.mesh import TriangleMesh
 from ...transforms import inverse_rigid, transform_points
 from .solver import PoseEstimate
 
 CONVENTION = (
-    "cam_from_model maps points of the mesh file (mm) to a camera with OpenCV axes: x right, y down, z forward; "
+    "cam_from_mesh maps points of the mesh file (mm) to a camera with OpenCV axes: x right, y down, z forward; "
     "pixel (0, 0) is the centre of the top-left pixel of the undistorted frame"
 )
 
@@ -32,7 +32,7 @@ class Alignment:
     camera
         Intrinsics.
     estimate
-        Solved with points of the mesh file's frame, so that its ``cam_from_model`` is ``cam_from_given``.
+        Solved with points of the mesh file's frame, so that its ``cam_from_model`` is ``cam_from_mesh``.
     click_sigma_px
         What was assumed of a click.
     """
@@ -43,7 +43,7 @@ class Alignment:
     click_sigma_px: float
 
     @property
-    def points_given(self) -> np.ndarray:
+    def points_mesh(self) -> np.ndarray:
         """``(N, 3)`` mm."""
         return np.array([landmark.point for landmark in self.landmarks])
 
@@ -62,25 +62,25 @@ def off_surface(alignment: Alignment, mesh_given: TriangleMesh) -> dict[str, flo
     """Names of the landmarks that do not lie on the surface, and their distances from its nearest vertex in mm."""
     limit = OFF_SURFACE * float(np.linalg.norm(np.ptp(mesh_given.bounds, axis=0))) + mesh_given.median_edge
     found = {}
-    for landmark, point in zip(alignment.landmarks, alignment.points_given, strict=True):
+    for landmark, point in zip(alignment.landmarks, alignment.points_mesh, strict=True):
         distance = float(np.sqrt(((mesh_given.vertices - point) ** 2).sum(axis=1).min()))
         if distance > limit:
             found[landmark.name] = distance
     return found
 
 
-def pose_lines(cam_from_given: np.ndarray) -> list[str]:
+def pose_lines(cam_from_mesh: np.ndarray) -> list[str]:
     """A pose (4x4, mm) in both directions with all its digits."""
-    forth, back = _rows(cam_from_given), _rows(inverse_rigid(cam_from_given))
-    return [CONVENTION, "cam_from_model:", *forth, "model_from_cam:", *back]
+    forth, back = _rows(cam_from_mesh), _rows(inverse_rigid(cam_from_mesh))
+    return [CONVENTION, "cam_from_mesh:", *forth, "mesh_from_cam:", *back]
 
 
-def pose_table(cam_from_given: np.ndarray) -> dict[str, object]:
+def pose_table(cam_from_mesh: np.ndarray) -> dict[str, object]:
     """The same for JSON."""
     return {
         "convention": CONVENTION,
-        "cam_from_model": _plain(cam_from_given),
-        "model_from_cam": _plain(inverse_rigid(cam_from_given)),
+        "cam_from_mesh": _plain(cam_from_mesh),
+        "mesh_from_cam": _plain(inverse_rigid(cam_from_mesh)),
     }
 
 
@@ -106,7 +106,7 @@ def report_lines(alignment: Alignment) -> list[str]:
 def report_table(alignment: Alignment) -> dict[str, object]:
     """The same for JSON: lengths in mm, angles in degrees, ``None`` where a pair lies behind the camera."""
     estimate, uncertainty = alignment.estimate, alignment.estimate.uncertainty
-    predicted = alignment.camera.project(transform_points(estimate.cam_from_model, alignment.points_given))
+    predicted = alignment.camera.project(transform_points(estimate.cam_from_model, alignment.points_mesh))
     pairs = [
         {
             "name": landmark.name,
@@ -119,12 +119,12 @@ def report_table(alignment: Alignment) -> dict[str, object]:
         }
         for landmark, point, pixel, shown, apart, inlier, covariance in zip(
             alignment.landmarks,
-            alignment.points_given,
+            alignment.points_mesh,
             alignment.pixels,
             predicted,
             estimate.residuals_px,
             estimate.inliers,
-            uncertainty.pixel_covariances(alignment.points_given, alignment.camera, estimate.cam_from_model),
+            uncertainty.pixel_covariances(alignment.points_mesh, alignment.camera, estimate.cam_from_model),
             strict=True,
         )
     ]
@@ -146,12 +146,12 @@ def report_table(alignment: Alignment) -> dict[str, object]:
             "weakest": uncertainty.weakest,
             "weakest_twist": _plain(uncertainty.weakest_twist),
         },
-        "told": list(estimate.told),
+        "messages": list(estimate.messages),
     }
 
 
-def provenance(alignment: Alignment, tool: str, date: str) -> dict[str, object]:
-    """The record for a case file: see :mod:`.provenance`."""
+def alignment_record(alignment: Alignment, tool: str, date: str) -> dict[str, object]:
+    """The record for a case file: see :mod:`.alignment_record`."""
     estimate, uncertainty = alignment.estimate, alignment.estimate.uncertainty
     return {
         "method": "landmarks",
@@ -179,4 +179,4 @@ def _rows(matrix: np.ndarray) -> list[str]:
 
 
 def _three(values: np.ndarray) -> str:
-    return ", ".join(map(two_digits, values))
+    return ", ".join(map(format_two_digits, values))

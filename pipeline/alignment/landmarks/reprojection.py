@@ -9,7 +9,7 @@ from ...transforms import cross_matrices, rigid, rotation_from_vector, rotation_
 
 
 @dataclass(frozen=True)
-class Pairs:
+class Correspondences:
     """Points of the model and the pixels where they were clicked.
 
     The points are kept relative to a pivot, which keeps the numbers small and the two halves of a twist apart, however
@@ -35,7 +35,7 @@ class Pairs:
     @classmethod
     def about(
         cls, points_model: np.ndarray, pixels: np.ndarray, camera: PinholeCamera, pivot_model: np.ndarray | None = None
-    ) -> "Pairs":
+    ) -> "Correspondences":
         """Pairs about a pivot; without one, about the mean of the points."""
         pivot = points_model.mean(axis=0) if pivot_model is None else np.asarray(pivot_model, float)
         return cls(points_model - pivot, pixels, camera, pivot)
@@ -43,9 +43,9 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.offsets)
 
-    def __getitem__(self, chosen: np.ndarray | list[int]) -> "Pairs":
+    def __getitem__(self, chosen: np.ndarray | list[int]) -> "Correspondences":
         """Some of the pairs, about the same pivot."""
-        return Pairs(self.offsets[chosen], self.pixels[chosen], self.camera, self.pivot_model)
+        return Correspondences(self.offsets[chosen], self.pixels[chosen], self.camera, self.pivot_model)
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Poses:
         return rigid(rotation, self.positions[number] - rotation @ pivot_model)
 
 
-def residuals(pairs: Pairs, poses: Poses) -> tuple[np.ndarray, np.ndarray]:
+def residuals(pairs: Correspondences, poses: Poses) -> tuple[np.ndarray, np.ndarray]:
     """Clicked minus predicted pixels ``(K, N, 2)``, NaN behind the camera, and the turned offsets ``(K, N, 3)``."""
     turned = pairs.offsets @ np.swapaxes(poses.rotations, -1, -2)
     predicted = pairs.camera.project(turned + poses.positions[:, None])

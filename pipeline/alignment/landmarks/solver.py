@@ -7,12 +7,19 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
-from ...files.numbers import two_digits
+from ...files.numbers import format_two_digits
 from ...transforms import rotation_angle_deg
 from .covariance import PoseUncertainty, pose_uncertainty
-from .degeneracy import UndeterminedPose, ambiguity, check_fit, check_pairs, check_uncertainty, repeated_pairs
+from .degeneracy import (
+    UndeterminedPose,
+    ambiguity,
+    check_correspondences,
+    check_fit,
+    check_uncertainty,
+    repeated_correspondences,
+)
 from .hypotheses import Hypothesis, hypotheses
-from .reprojection import Pairs, Poses, residuals
+from .reprojection import Correspondences, Poses, residuals
 
 __all__ = ["PoseEstimate", "UndeterminedPose", "solve_pose"]
 
@@ -64,7 +71,7 @@ class PoseEstimate:
     inliers: np.ndarray
     rms_px: float
     uncertainty: PoseUncertainty
-    told: tuple[str, ...]
+    messages: tuple[str, ...]
 
 
 def solve_pose(
@@ -104,14 +111,14 @@ def solve_pose(
         Arrays of the wrong shape, numbers that are not finite, a click noise that is not positive.
     """
     points_model, pixels, names = _checked(points_model, pixels, names, click_sigma_px)
-    check_pairs(points_model, pixels, names)
-    pairs = Pairs.about(points_model, pixels, camera)
+    check_correspondences(points_model, pixels, names)
+    pairs = Correspondences.about(points_model, pixels, camera)
     found = hypotheses(pairs, _start(start, pairs), click_sigma_px)
     mirrored = _mirrored(pairs, found, click_sigma_px)
     check_fit(pairs, found, mirrored, click_sigma_px)
-    chosen, told = _chosen(pairs, found, start, click_sigma_px, names)
+    chosen, messages = _chosen(pairs, found, start, click_sigma_px, names)
     cam_from_model = chosen.pose.matrix(0, pairs.pivot_model)
-    fitted = Pairs.about(points_model[chosen.inliers], pixels[chosen.inliers], camera)
+    fitted = Correspondences.about(points_model[chosen.inliers], pixels[chosen.inliers], camera)
     uncertainty = pose_uncertainty(fitted, cam_from_model, click_sigma_px)
     check_uncertainty(fitted, cam_from_model, uncertainty, click_sigma_px)
     apart = residuals(pairs, chosen.pose)[0][0]
@@ -121,11 +128,11 @@ def solve_pose(
         inliers=chosen.inliers,
         rms_px=float(np.sqrt(chosen.squared_px / chosen.inliers.sum())),
         uncertainty=uncertainty,
-        told=(
-            *told,
+        messages=(
+            *messages,
             *(
                 f"{names[second]!r} repeats {names[first]!r}, which counts twice: delete one."
-                for first, second in repeated_pairs(points_model, pixels)
+                for first, second in repeated_correspondences(points_model, pixels)
             ),
             *_warnings(chosen, apart, uncertainty, mirrored, click_sigma_px, names),
         ),
@@ -155,16 +162,16 @@ def _checked(
     return points, clicks, labels
 
 
-def _start(start: np.ndarray | None, pairs: Pairs) -> Poses:
+def _start(start: np.ndarray | None, pairs: Correspondences) -> Poses:
     matrices = np.zeros((0, 4, 4)) if start is None else np.asarray(start, np.float64)[None]
     return Poses.of(matrices, pairs.pivot_model)
 
 
-def _mirrored(pairs: Pairs, found: list[Hypothesis], click_sigma_px: float) -> Hypothesis | None:
+def _mirrored(pairs: Correspondences, found: list[Hypothesis], click_sigma_px: float) -> Hypothesis | None:
     """What explains the mirror image of the points, if that fits them much better than the points do."""
     if found and found[0].inliers.all() and found[0].noise_px <= DOUBTFUL * click_sigma_px:
         return None
-    image = Pairs(-pairs.offsets, pairs.pixels, pairs.camera, pairs.pivot_model)
+    image = Correspondences(-pairs.offsets, pairs.pixels, pairs.camera, pairs.pivot_model)
     mirrored = hypotheses(image, _start(None, pairs), click_sigma_px, doubting=False)
     if not mirrored or (found and mirrored[0].log_evidence - found[0].log_evidence < np.log(MIRROR_ODDS)):
         return None
@@ -172,7 +179,7 @@ def _mirrored(pairs: Pairs, found: list[Hypothesis], click_sigma_px: float) -> H
 
 
 def _chosen(
-    pairs: Pairs, found: list[Hypothesis], start: np.ndarray | None, click_sigma_px: float, names: list[str]
+    pairs: Correspondences, found: list[Hypothesis], start: np.ndarray | None, click_sigma_px: float, names: list[str]
 ) -> tuple[Hypothesis, list[str]]:
     """The best hypothesis, or of several possible ones the one near the start, and what to tell of that."""
     rivals = [each for each in found[1:] if _rivals(pairs, found[0], each, click_sigma_px)]
@@ -183,7 +190,7 @@ def _chosen(
     if max(turns) <= CONTRADICTION_DEG and not any(_agree(found[0], each) for each in rivals):
         doubtful = " or ".join(repr(names[index]) for index in np.flatnonzero(found[0].inliers != rivals[0].inliers))
         return found[0], [
-            f"The pairs fit another pose, {two_digits(turns[0])}° apart, nearly as well: check {doubtful}, "
+            f"The pairs fit another pose, {format_two_digits(turns[0])}° apart, nearly as well: check {doubtful}, "
             "and add pairs."
         ]
     if start is not None:
@@ -203,7 +210,7 @@ def _agree(one: Hypothesis, other: Hypothesis) -> bool:
     return np.array_equal(one.inliers, other.inliers)
 
 
-def _rivals(pairs: Pairs, best: Hypothesis, other: Hypothesis, click_sigma_px: float) -> bool:
+def _rivals(pairs: Correspondences, best: Hypothesis, other: Hypothesis, click_sigma_px: float) -> bool:
     """Whether another hypothesis is nearly as probable as the best one, and another pose for the user."""
     if other.log_evidence - best.log_evidence < np.log(RIVAL_ODDS):
         return False
@@ -213,7 +220,9 @@ def _rivals(pairs: Pairs, best: Hypothesis, other: Hypothesis, click_sigma_px: f
     if turn_deg < RIVAL_APART_DEG and shift_px < RIVAL_APART_SIGMAS * click_sigma_px:
         return False
     # what lies inside the region that is shown anyway is no surprise
-    fitted = Pairs.about(pairs.offsets[best.inliers] + pairs.pivot_model, pairs.pixels[best.inliers], pairs.camera)
+    fitted = Correspondences.about(
+        pairs.offsets[best.inliers] + pairs.pivot_model, pairs.pixels[best.inliers], pairs.camera
+    )
     estimate, rival = (each.pose.matrix(0, pairs.pivot_model) for each in (best, other))
     return not pose_uncertainty(fitted, estimate, click_sigma_px).contains(rival, estimate)
 
@@ -230,25 +239,27 @@ def _warnings(
     click_sigma_px: float,
     names: list[str],
 ) -> list[str]:
-    told = []
+    messages = []
     for index in np.flatnonzero(~chosen.inliers):
         length = np.linalg.norm(apart[index])
         seen = f"is {length:.3g} px off where the others put it" if np.isfinite(length) else "lies behind the camera"
-        told.append(f"{names[index]!r} {seen} and was left out: check it, or disable it.")
+        messages.append(f"{names[index]!r} {seen} and was left out: check it, or disable it.")
     if mirrored is not None:
-        told.append(
+        messages.append(
             "The mirror image of the surface fits these pairs much better than the surface itself: check whether the "
             "mesh is mirrored."
         )
     if chosen.noise_px > DOUBTFUL * click_sigma_px:
-        told.append(
+        messages.append(
             f"The residuals are larger than clicks of {click_sigma_px:g} px explain (they look like "
-            f"{two_digits(chosen.noise_px)} px): check the pairs, K and the mesh."
+            f"{format_two_digits(chosen.noise_px)} px): check the pairs, K and the mesh."
         )
     turn_deg, depth = uncertainty.largest_rotation_deg, uncertainty.relative_depth
     if turn_deg > VAGUE_TURN_DEG or depth > VAGUE_DEPTH:
-        told.append(f"The pairs leave the pose vague ({uncertainty.weakest}): spread them farther apart.")
+        messages.append(f"The pairs leave the pose vague ({uncertainty.weakest}): spread them farther apart.")
     count = int(chosen.inliers.sum())
     if count < FEW_PAIRS:
-        told.append(f"The pose rests on {count} pairs, which hardly check each other: {FEW_PAIRS} or more are better.")
-    return told
+        messages.append(
+            f"The pose rests on {count} pairs, which hardly check each other: {FEW_PAIRS} or more are better."
+        )
+    return messages

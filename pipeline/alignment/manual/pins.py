@@ -6,7 +6,7 @@ from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
 from ...transforms import transform_points
 from ..landmarks.levenberg_marquardt import Held, fitted_poses
-from ..landmarks.reprojection import Pairs, Poses
+from ..landmarks.reprojection import Correspondences, Poses
 
 HELD_PX_PER_DISTANCE = 0.1
 HELD_PX_PER_RADIAN = 0.3
@@ -52,7 +52,7 @@ def pull_pins(
         No pin, arrays of the wrong shape or not finite, a pin or the pivot at or behind the camera.
     """
     points, clicks, pivot = _checked(points_model, pixels, cam_from_model, pivot_model)
-    pairs = Pairs.about(points, clicks, camera, pivot)
+    pairs = Correspondences.about(points, clicks, camera, pivot)
     present = Poses.of(cam_from_model[None], pivot)
     if len(pairs) == 1:
         depth = transform_points(cam_from_model, points[0])[2]

@@ -12,7 +12,7 @@ RIDGE = 1e-4
 """Of the mean variance, added to each: features that are constant or alike must not decide."""
 
 
-class Mixture(NamedTuple):
+class CanonicalCorrelation(NamedTuple):
     """The mixtures of channels and of features that follow each other best.
 
     Attributes
@@ -29,7 +29,7 @@ class Mixture(NamedTuple):
     feature_weights: np.ndarray
 
 
-def best_mixture(channels: np.ndarray, features: np.ndarray, weights: np.ndarray) -> Mixture:
+def best_mixture(channels: np.ndarray, features: np.ndarray, weights: np.ndarray) -> CanonicalCorrelation:
     """Canonical correlation of ``(N, C)`` channels and ``(N, K)`` features with ``(N,)`` weights >= 0."""
     total = max(float(weights.sum()), 1e-12)
     y, p = channels - weights @ channels / total, features - weights @ features / total
@@ -42,7 +42,7 @@ def best_mixture(channels: np.ndarray, features: np.ndarray, weights: np.ndarray
     channel_weights = inverse_root.T @ vectors[:, -1]
     # the sign of an eigenvector is arbitrary
     channel_weights *= np.sign(channel_weights.sum()) or 1.0
-    return Mixture(float(np.clip(values[-1], 0, 1)), channel_weights, regression @ channel_weights)
+    return CanonicalCorrelation(float(np.clip(values[-1], 0, 1)), channel_weights, regression @ channel_weights)
 
 
 def summed_correlation(within_y: np.ndarray, within_p: np.ndarray, between: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...transforms import rigid, se3_exp, transform_points
-from .canonical_correlation import Mixture, best_mixture
+from .canonical_correlation import CanonicalCorrelation, best_mixture
 from .image_pyramid import PyramidLevel
 from .shading_features import Appearance, appearance, image_without_local_mean
 
@@ -52,10 +52,10 @@ class _State(NamedTuple):
     pixels: np.ndarray
     weights: np.ndarray
     channels: np.ndarray
-    mixture: Mixture
+    mixture: CanonicalCorrelation
 
 
-def climb(
+def refine_on_level(
     level: PyramidLevel, cam_from_model: np.ndarray, *, renderings: int = 8, steps: int = 12, half: int | None = None
 ) -> LocalResult | None:
     """Refine a pose on one level, or ``None`` if too little of the surface is in the image.

@@ -100,7 +100,7 @@ def search_poses(
     ]
 
 
-def rivalry(level: PyramidLevel, cam_from_model: np.ndarray) -> float:
+def second_peak_ratio(level: PyramidLevel, cam_from_model: np.ndarray) -> float:
     """The best correlation of the same rendering elsewhere in the image over that at the pose itself.
 
     Near 0: the pose stands alone; near 1 or above: other places fit as well, and the pose is not to be believed.

@@ -25,10 +25,10 @@ from ...transforms import (
     turned_about,
 )
 from .image_pyramid import PyramidLevel, pyramid
-from .local_search import LocalResult, climb
-from .pose_search import REACH, rivalry, search_poses
+from .local_search import LocalResult, refine_on_level
+from .pose_search import REACH, search_poses, second_peak_ratio
 from .shading_features import RIM, Surface
-from .verification import Agreement, Belief, agreement, belief, contrast, mean_distance_px
+from .verification import ImageAgreement, Verification, agreement, contrast, mean_distance_px, verify
 
 SIDES_PX = (70.0, 125.0, 220.0)
 """Square roots of the surface's area on the levels."""
@@ -47,7 +47,7 @@ SMALL_PX = 10000
 LEAST_CONTRAST = 1e-3
 """Root mean square of the coarsest image less its local mean, code values 0..1."""
 LEAST_SCORE = 0.1
-LARGEST_RIVALRY = 0.5
+LARGEST_SECOND_PEAK_RATIO = 0.5
 SHORT_TURN_DEG, LARGEST_TURN_DEG = 6.0, 15.0
 """A climb that turned farther than the first may have found a wrong peak: search too. Farther than the second, where
 slanted views begin to fit anything, is refused."""
@@ -66,31 +66,31 @@ class Refinement:
     cam_from_model
         ``(4, 4)`` the refined pose if accepted, else the one given.
     accepted
-        Whether the refined pose is better than the given one and believed.
+        Whether the refined pose is better than the given one and verified.
     before, after
         Agreement of the given pose and of the refined one, whether accepted or not.
     told
         One sentence: why it was accepted or refused, with numbers.
     found
         ``(4, 4)`` the refined pose, also if it was refused.
-    believed
+    verified
         Whether ``found`` passed the tests; if it did and is not accepted, the given pose was as good.
     moved_px, turned_deg
         From the given pose to ``found``: mean over the visible points, and the angle of rotation.
-    belief
+    verification
         The tests that the refined pose had to pass; ``None`` if there was nothing to test.
     """
 
     cam_from_model: np.ndarray
     accepted: bool
-    before: Agreement
-    after: Agreement
-    told: str
+    before: ImageAgreement
+    after: ImageAgreement
+    message: str
     found: np.ndarray
-    believed: bool
+    verified: bool
     moved_px: float
     turned_deg: float
-    belief: Belief | None
+    verification: Verification | None
 
 
 def refine_pose(
@@ -127,43 +127,43 @@ def refine_pose(
     """
     start, _ = checked_rigid(cam_from_model, "refinement: cam_from_model")
     _check(image, valid, camera, mesh, colours)
-    tell = progress or (lambda fraction: None)
-    tell(0.0)
+    report = progress or (lambda fraction: None)
+    report(0.0)
     levels, points, area_px = _levels(image, valid, camera, Surface(mesh, colours), start)
     if not levels:
         return _nothing_to_go_by(start, "it shows next to nothing of the surface in the image; move it there first")
     if contrast(levels[0]) < LEAST_CONTRAST:
         return _nothing_to_go_by(start, "the image shows no detail there; use a frame with more contrast")
     before = agreement(levels[-1], start)
-    tell(0.05)
+    report(0.05)
 
     def judged(pose: np.ndarray) -> Refinement:
         if area_px / levels[-1].px ** 2 < SMALL_PX:
-            pose = _hopped(levels[-1], pose, points)
-        return _judged(start, pose, before, levels, points, camera)
+            pose = _multistart(levels[-1], pose, points)
+        return _accept(start, pose, before, levels, points, camera)
 
     # where other shifts fit as well, finer images would be lost on it
-    pose = _hopped(levels[0], start, points, lambda fraction: tell(0.05 + 0.05 * fraction))
-    if rivalry(levels[0], pose) <= LARGEST_RIVALRY:
-        pose = _climbed([pose], levels[1:], points, camera, lambda fraction: tell(0.1 + 0.1 * fraction))
+    pose = _multistart(levels[0], start, points, lambda fraction: report(0.05 + 0.05 * fraction))
+    if second_peak_ratio(levels[0], pose) <= LARGEST_SECOND_PEAK_RATIO:
+        pose = _refined_over_levels([pose], levels[1:], points, camera, lambda fraction: report(0.1 + 0.1 * fraction))
         near = judged(pose)
-        if near.believed and near.turned_deg <= SHORT_TURN_DEG:
-            tell(1.0)
+        if near.verified and near.turned_deg <= SHORT_TURN_DEG:
+            report(1.0)
             return near
-    tell(0.25)
+    report(0.25)
     pivot = transform_points(start, points).mean(axis=0)
-    candidates = search_poses(levels[0], start, pivot, progress=lambda fraction: tell(0.25 + 0.4 * fraction))
+    candidates = search_poses(levels[0], start, pivot, progress=lambda fraction: report(0.25 + 0.4 * fraction))
     starts = [pose, *(candidate.cam_from_model for candidate in candidates[:CLIMBERS])]
-    pose = _climbed(starts, levels, points, camera, lambda fraction: tell(0.65 + 0.25 * fraction))
+    pose = _refined_over_levels(starts, levels, points, camera, lambda fraction: report(0.65 + 0.25 * fraction))
     result = judged(pose)
-    tell(1.0)
+    report(1.0)
     return result
 
 
 def _nothing_to_go_by(start: np.ndarray, reason: str) -> Refinement:
-    none = Agreement(0.0, np.nan)
-    told = f"Refused, the pose is unchanged: {reason}."
-    return Refinement(start, False, none, none, told, start, False, 0.0, 0.0, None)
+    none = ImageAgreement(0.0, np.nan)
+    message = f"Refused, the pose is unchanged: {reason}."
+    return Refinement(start, False, none, none, message, start, False, 0.0, 0.0, None)
 
 
 def _check(
@@ -218,20 +218,20 @@ def _levels(
     return levels, transform_points(inverse_rigid(start), points_cam), area_px
 
 
-def _climbed(
+def _refined_over_levels(
     starts: list[np.ndarray],
     levels: list[PyramidLevel],
     points: np.ndarray,
     camera: PinholeCamera,
-    tell: Callable[[float], None],
+    report: Callable[[float], None],
 ) -> np.ndarray:
     """The best pose after climbing on all levels, fewer and fewer from level to level."""
     poses = starts
     for index, level in enumerate(levels):
         results: list[LocalResult] = []
         for count, pose in enumerate(poses):
-            tell((index + count / len(poses)) / len(levels))
-            result = climb(level, pose)
+            report((index + count / len(poses)) / len(levels))
+            result = refine_on_level(level, pose)
             if result is not None:
                 results.append(result)
         if not results:
@@ -246,21 +246,21 @@ def _climbed(
     return poses[0]
 
 
-def _hopped(
-    level: PyramidLevel, pose: np.ndarray, points: np.ndarray, tell: Callable[[float], None] = lambda fraction: None
+def _multistart(
+    level: PyramidLevel, pose: np.ndarray, points: np.ndarray, report: Callable[[float], None] = lambda fraction: None
 ) -> np.ndarray:
     """The best end of climbs from a pose and from tilts around that end."""
-    best = climb(level, pose)
+    best = refine_on_level(level, pose)
     for hop in range(HOPS):
         if best is None:
             return pose
         centre = best
         pivot = transform_points(centre.cam_from_model, points).mean(axis=0)
         for index in range(6):
-            tell((hop + index / 6) / HOPS)
+            report((hop + index / 6) / HOPS)
             angle = index * np.pi / 3
             tilt = rotation_from_vector(np.radians(HOP_DEG) * np.array([np.cos(angle), np.sin(angle), 0.0]))
-            result = climb(level, turned_about(pivot, tilt) @ centre.cam_from_model)
+            result = refine_on_level(level, turned_about(pivot, tilt) @ centre.cam_from_model)
             if result is not None and result.score > best.score:
                 best = result
         if best.score < LEAST_GAIN * centre.score:
@@ -268,17 +268,17 @@ def _hopped(
     return pose if best is None else best.cam_from_model
 
 
-def _judged(
+def _accept(
     start: np.ndarray,
     pose: np.ndarray,
-    before: Agreement,
+    before: ImageAgreement,
     levels: list[PyramidLevel],
     points: np.ndarray,
     camera: PinholeCamera,
 ) -> Refinement:
     """Accept or refuse a refined pose."""
     after = agreement(levels[-1], pose)
-    tests = belief(levels[0], levels[-1], pose, points, camera)
+    tests = verify(levels[0], levels[-1], pose, points, camera)
     moved_px = mean_distance_px(camera, points, start, pose)
     turned_deg = rotation_angle_deg(pose[:3, :3] @ start[:3, :3].T)
     limit_px = max(LARGEST_HALVES_PX, LARGEST_HALVES_OF_LEVEL * levels[-1].px)
@@ -286,34 +286,34 @@ def _judged(
     doubt = None
     if after.score < LEAST_SCORE:
         doubt = f"{explained}, too little to go by"
-    elif tests.rivalry > LARGEST_RIVALRY:
-        doubt = f"{explained}, but other places fit {tests.rivalry:.0%} as well as the best one"
+    elif tests.second_peak_ratio > LARGEST_SECOND_PEAK_RATIO:
+        doubt = f"{explained}, but other places fit {tests.second_peak_ratio:.0%} as well as the best one"
     elif turned_deg > LARGEST_TURN_DEG:
         doubt = f"{explained}, but {turned_deg:.0f} degrees away (at most {LARGEST_TURN_DEG:.0f})"
-    elif tests.halves_px > limit_px:
+    elif tests.split_half_px > limit_px:
         doubt = (
-            f"{explained}, but two halves of the image put the surface {tests.halves_px:.1f} px apart "
+            f"{explained}, but two halves of the image put the surface {tests.split_half_px:.1f} px apart "
             f"(at most {limit_px:.1f})"
         )
     accepted = doubt is None and after.score > before.score
     if doubt is not None:
-        told = f"Refused, the pose is unchanged: {doubt}; bring it nearer by hand or with landmarks."
+        message = f"Refused, the pose is unchanged: {doubt}; bring it nearer by hand or with landmarks."
     elif accepted:
-        told = (
+        message = (
             f"Refined by {moved_px:.1f} px and {turned_deg:.2f} degrees: {explained}, two halves of the image agree "
-            f"within {tests.halves_px:.1f} px, and elsewhere it fits {tests.rivalry:.0%} as well."
+            f"within {tests.split_half_px:.1f} px, and elsewhere it fits {tests.second_peak_ratio:.0%} as well."
         )
     else:
-        told = f"The pose is unchanged: the best one near it, {moved_px:.1f} px away, is no better ({explained})."
+        message = f"The pose is unchanged: the best one near it, {moved_px:.1f} px away, is no better ({explained})."
     return Refinement(
         cam_from_model=pose if accepted else start,
         accepted=accepted,
         before=before,
         after=after,
-        told=told,
+        message=message,
         found=pose,
-        believed=doubt is None,
+        verified=doubt is None,
         moved_px=moved_px,
         turned_deg=turned_deg,
-        belief=tests,
+        verification=tests,
     )

@@ -9,8 +9,8 @@ from ...camera.pinhole import PinholeCamera
 from ...projection.z_buffer import rasterise_depth
 from ...transforms import transform_points
 from .image_pyramid import PyramidLevel
-from .local_search import climb, score
-from .pose_search import rivalry
+from .local_search import refine_on_level, score
+from .pose_search import second_peak_ratio
 from .shading_features import without_local_mean
 
 STEP_PX = 4.0
@@ -20,7 +20,7 @@ CANNY_SHARE = 0.1
 
 
 @dataclass(frozen=True)
-class Agreement:
+class ImageAgreement:
     """A pose against the image.
 
     Attributes
@@ -38,7 +38,7 @@ class Agreement:
 
 
 @dataclass(frozen=True)
-class Belief:
+class Verification:
     """What speaks for a refined pose, beside its score.
 
     Attributes
@@ -50,27 +50,27 @@ class Belief:
         How well the same rendering fits elsewhere in the image, over how well it fits here.
     """
 
-    halves_px: float
-    rivalry: float
+    split_half_px: float
+    second_peak_ratio: float
 
 
-def agreement(level: PyramidLevel, cam_from_model: np.ndarray) -> Agreement:
+def agreement(level: PyramidLevel, cam_from_model: np.ndarray) -> ImageAgreement:
     """Measure a pose on one level."""
-    return Agreement(score(level, cam_from_model), _edge_distance_px(level, cam_from_model))
+    return ImageAgreement(score(level, cam_from_model), _edge_distance_px(level, cam_from_model))
 
 
-def belief(
+def verify(
     coarse: PyramidLevel,
     fine: PyramidLevel,
     cam_from_model: np.ndarray,
     points_model: np.ndarray,
     camera: PinholeCamera,
-) -> Belief:
+) -> Verification:
     """Test a refined pose; ``points_model`` (N, 3) are visible points, ``camera`` that of the full image."""
-    halves = [climb(fine, cam_from_model, renderings=1, half=half) for half in (0, 1)]
+    halves = [refine_on_level(fine, cam_from_model, renderings=1, half=half) for half in (0, 1)]
     first, second = (None if half is None else half.cam_from_model for half in halves)
     apart = np.inf if first is None or second is None else mean_distance_px(camera, points_model, first, second)
-    return Belief(apart, rivalry(coarse, cam_from_model))
+    return Verification(apart, second_peak_ratio(coarse, cam_from_model))
 
 
 def contrast(level: PyramidLevel) -> float:

@@ -16,7 +16,7 @@ from mathutils import Matrix
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...errors import InputError
-from ...images.pixel_values import eight_bit
+from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...surface.mesh import TriangleMesh, checked_mesh
 from ...transforms import CAM_FROM_OPENGL_CAM, checked_rigid, inverse_rigid, nearest_rotation, rigid
@@ -41,8 +41,8 @@ def set_up(scene: bpy.types.Scene, loaded: LoadedCase) -> AlignmentObjects:
     set_alignment_units(scene)
     camera_object = put_camera(scene, None, loaded.case.camera)
     show_frame(camera_object, frame_image(loaded.case.image, loaded.image if loaded.case.distortion else None))
-    surface = put_surface(scene, loaded.mesh, loaded.given_from_model, loaded.cam_from_model)
-    structures = [put_structure(surface, mesh, entry.name, entry.color) for entry, mesh in loaded.structures]
+    surface = put_surface(scene, loaded.mesh, loaded.mesh_from_model, loaded.cam_from_model)
+    structures = [put_structure(surface, mesh, entry.name, entry.colour) for entry, mesh in loaded.structures]
     fit_clip(camera_object, loaded.mesh.radius, loaded.cam_from_model)
     return AlignmentObjects(camera_object, surface, tuple(structures))
 
@@ -66,7 +66,7 @@ def frame_image(path: Path, undistorted: np.ndarray | None) -> bpy.types.Image:
     """The frame for display: the file itself, or the undistorted ``(H, W, 3)`` values packed into the .blend file."""
     if undistorted is None:
         return bpy.data.images.load(str(path.resolve()), check_existing=True)
-    data = encode_png(eight_bit(undistorted))
+    data = encode_png(to_uint8(undistorted))
     name = f"{path.name} (undistorted)"
     existing = bpy.data.images.get(name)
     if existing is not None:
@@ -164,7 +164,7 @@ def show_frame(camera_object: bpy.types.Object, image: bpy.types.Image) -> None:
 
 
 def put_surface(
-    scene: bpy.types.Scene, mesh: TriangleMesh, given_from_model: np.ndarray, cam_from_model: np.ndarray
+    scene: bpy.types.Scene, mesh: TriangleMesh, mesh_from_model: np.ndarray, cam_from_model: np.ndarray
 ) -> bpy.types.Object:
     """A new surface object in the scene.
 
@@ -174,7 +174,7 @@ def put_surface(
         Gets the object, in the alignment's collection.
     mesh
         In the model frame.
-    given_from_model, cam_from_model
+    mesh_from_model, cam_from_model
         4x4, mm; kept with the object.
     """
     surface = new_mesh_object(SURFACE, mesh)
@@ -183,27 +183,27 @@ def put_surface(
     # the frame is seen through it from the start
     surface.color = (0.75, 0.72, 0.62, 0.6)
     surface.rotation_mode = "QUATERNION"
-    set_exact(surface, OFFSET, given_from_model)
+    set_exact(surface, OFFSET, mesh_from_model)
     set_pose(None, surface, cam_from_model)
     return surface
 
 
 def put_structure(
-    surface: bpy.types.Object, mesh: TriangleMesh, name: str, color: tuple[float, float, float]
+    surface: bpy.types.Object, mesh: TriangleMesh, name: str, colour: tuple[float, float, float]
 ) -> bpy.types.Object:
     """A structure (model frame) that moves with the surface, in its colour (sRGB 0..1)."""
     structure = new_mesh_object(name, mesh)
     surface.users_collection[0].objects.link(structure)
     structure.parent = surface
-    structure.color = (*color, 1.0)
-    structure.data.materials.append(_plain_material(f"OneFrame {name}", (*color, 1.0)))
+    structure.color = (*colour, 1.0)
+    structure.data.materials.append(_plain_material(f"OneFrame {name}", (*colour, 1.0)))
     # anatomy in the bone: an annotator wants to see it whatever lies before it
     structure.show_in_front = True
     structure.hide_select = True
     return structure
 
 
-def given_from_model_of(surface: bpy.types.Object) -> np.ndarray:
+def mesh_from_model_of(surface: bpy.types.Object) -> np.ndarray:
     """4x4, mm: leads from the surface's model frame to that of its mesh file; the identity for a foreign object."""
     stored = exact(surface, OFFSET)
     return np.eye(4) if stored is None or stored.shape != (4, 4) else stored
@@ -263,7 +263,7 @@ def radius_of(surface: bpy.types.Object) -> float:
     return float(np.sqrt((vertices.reshape(-1, 3).astype(float) ** 2).sum(axis=1).max(initial=0.0)))
 
 
-def replace_mesh(surface: bpy.types.Object, mesh: TriangleMesh, given_from_model: np.ndarray) -> None:
+def replace_mesh(surface: bpy.types.Object, mesh: TriangleMesh, mesh_from_model: np.ndarray) -> None:
     """Give the surface object another mesh (model frame) in place of its own."""
     old = surface.data
     fresh = new_mesh_object(SURFACE, mesh)
@@ -273,7 +273,7 @@ def replace_mesh(surface: bpy.types.Object, mesh: TriangleMesh, given_from_model
         surface.data.materials.append(material)
     if old.users == 0:
         bpy.data.meshes.remove(old)
-    set_exact(surface, OFFSET, given_from_model)
+    set_exact(surface, OFFSET, mesh_from_model)
 
 
 def make_rigid(camera_object: bpy.types.Object | None, surface: bpy.types.Object) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
-from ...images.overlay import Layer, overlaid
+from ...images.overlay import Layer, draw_overlay
 from ..render.engines import render_view
 from ..render.surface_scene import SurfaceScene
 
@@ -25,5 +25,5 @@ def frame_overlay(loaded: LoadedCase, surface_depth_mm: np.ndarray | None = None
     layers = []
     for structure, mesh in loaded.structures:
         with SurfaceScene(mesh, camera, None) as scene:
-            layers.append(Layer(render_view(scene, loaded.cam_from_model).depth_mm, structure.color))
-    return overlaid(loaded.image, surface_depth_mm, layers)
+            layers.append(Layer(render_view(scene, loaded.cam_from_model).depth_mm, structure.colour))
+    return draw_overlay(loaded.image, surface_depth_mm, layers)

@@ -30,18 +30,18 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
         lies behind the camera, outside the frame or at a distance that no microscope has.
     """
     image, valid = load_frame(case.image, case.camera, case.distortion, name=case.path.name)
-    mesh, given_from_model, told = load_surface(case.mesh, case.mm_per_unit)
-    cam_from_model = case.cam_from_given @ given_from_model
+    mesh, mesh_from_model, messages = load_surface(case.mesh, case.mm_per_unit)
+    cam_from_model = case.cam_from_mesh @ mesh_from_model
     if aligned:
         check_pose(case, mesh, cam_from_model)
     structures = []
     for structure in case.structures:
-        structure_mesh, structure_told = read_mesh(structure.mesh)
-        centre = given_from_model[:3, 3]
+        structure_mesh, structure_messages = read_mesh(structure.mesh)
+        centre = mesh_from_model[:3, 3]
         structures.append((structure, structure_mesh.scaled(case.mm_per_unit).moved(-centre)))
-        told += structure_told
+        messages += structure_messages
     return LoadedCase(
-        case, image, valid, mesh, given_from_model, cam_from_model, tuple(structures), (*case.told, *told)
+        case, image, valid, mesh, mesh_from_model, cam_from_model, tuple(structures), (*case.messages, *messages)
     )
 
 

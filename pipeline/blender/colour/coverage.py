@@ -7,7 +7,7 @@ import numpy as np
 from ..render.engines import render_view
 from ..render.material import SurfaceColour
 from ..render.surface_scene import SurfaceScene
-from .reference_view import Source
+from .reference_view import ReferenceView
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Coverage:
     max_error: float
     pixels: int
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """One sentence."""
         return (
             f"the frame colours {self.of_view:.1%} of the surface in its view, {self.of_surface:.1%} of the whole; "
@@ -42,7 +42,7 @@ class Coverage:
         )
 
 
-def coverage_of(source: Source, colour: SurfaceColour) -> Coverage:
+def coverage_of(source: ReferenceView, colour: SurfaceColour) -> Coverage:
     """Render the frame's pose with a colour mode and compare."""
     frame = source.view
     with SurfaceScene(source.mesh, frame.camera, colour) as scene:

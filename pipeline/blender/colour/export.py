@@ -14,13 +14,13 @@ from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import VertexColours
 from ...errors import InputError
 from ...files.content import write_bytes_atomically
-from ...images.pixel_values import eight_bit, linear_from_codes
+from ...images.pixel_values import linear_from_codes, to_uint8
 from ...images.png import encode_png
 from ...surface.mesh import TriangleMesh
 from ...surface.mesh_writer import write_obj, write_ply
 from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colors, temporary_data
 from ..bridge.versions import new_node_material
-from .reference_view import colour_of, source_of
+from .reference_view import colour_of, reference_view_of
 
 FORMATS = (".glb", ".obj", ".ply")
 
@@ -51,22 +51,22 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: str) -> l
         raise InputError(f"{path}: expected a file name that ends in {', '.join(FORMATS)}, found {path.suffix!r}")
     if colour not in ("texture", "vertex") or (suffix == ".obj" and colour == "vertex"):
         raise InputError(f"{path}: a {suffix} file cannot hold {colour} colours; use texture")
-    source = source_of(loaded)
-    surface_colour, told = colour_of(source, colour)
-    given = source.mesh.moved(loaded.given_from_model[:3, 3])
+    source = reference_view_of(loaded)
+    surface_colour, messages = colour_of(source, colour)
+    given = source.mesh.moved(loaded.mesh_from_model[:3, 3])
     path.parent.mkdir(parents=True, exist_ok=True)
     if suffix == ".glb":
         _write_glb(path, given.scaled(1e-3), surface_colour)
-        return [*source.told, *told]
+        return [*source.messages, *messages]
     given = given.scaled(1 / loaded.case.mm_per_unit)
     if isinstance(surface_colour, TextureAtlas):
         picture = path.with_suffix(".png")
-        write_bytes_atomically(picture, encode_png(eight_bit(surface_colour.image)))
+        write_bytes_atomically(picture, encode_png(to_uint8(surface_colour.image)))
         write = write_ply if suffix == ".ply" else write_obj
         write(path, given, uv=surface_colour.uv, texture=picture.name)
     else:
-        write_ply(path, given, colors=eight_bit(surface_colour.rgb), normals=given.vertex_normals)
-    return [*source.told, *told]
+        write_ply(path, given, colours=to_uint8(surface_colour.rgb), normals=given.vertex_normals)
+    return [*source.messages, *messages]
 
 
 def _write_glb(path: Path, mesh: TriangleMesh, colour: VertexColours | TextureAtlas) -> None:
@@ -99,7 +99,7 @@ def _unlit_material(
     if isinstance(colour, TextureAtlas):
         set_corner_uv(surface, "UVMap", colour.uv)
         file = folder / "frame.png"
-        file.write_bytes(encode_png(eight_bit(colour.image)))
+        file.write_bytes(encode_png(to_uint8(colour.image)))
         node = nodes.new("ShaderNodeTexImage")
         node.image = bpy.data.images.load(str(file))
         node.image.pack()

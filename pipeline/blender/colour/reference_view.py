@@ -19,7 +19,7 @@ from ..render.surface_scene import SurfaceScene
 
 
 @dataclass(frozen=True)
-class Source:
+class ReferenceView:
     """The frame's view of the surface.
 
     Attributes
@@ -37,10 +37,10 @@ class Source:
     mesh: TriangleMesh
     view: SourceView
     pivot_model: np.ndarray
-    told: tuple[str, ...]
+    messages: tuple[str, ...]
 
 
-def source_of(loaded: LoadedCase) -> Source:
+def reference_view_of(loaded: LoadedCase) -> ReferenceView:
     """Render the frame's own pose to find what it saw.
 
     Raises
@@ -48,7 +48,7 @@ def source_of(loaded: LoadedCase) -> Source:
     InputError
         No pixel of the frame shows the surface.
     """
-    camera, cam_from_model, mesh, told = loaded.case.camera, loaded.cam_from_model, loaded.mesh, []
+    camera, cam_from_model, mesh, messages = loaded.case.camera, loaded.cam_from_model, loaded.mesh, []
     seen = _geometry(mesh, camera, cam_from_model)
     name = loaded.case.path.name
     if not (seen.mask & loaded.valid).any():
@@ -56,17 +56,17 @@ def source_of(loaded: LoadedCase) -> Source:
     front = seen.observed[seen.mask].mean()
     if front < 0.5:
         mesh = mesh.flipped()
-        told.append(f"{name}: the frame sees the back of {1 - front:.0%} of the surface; its faces were flipped")
+        messages.append(f"{name}: the frame sees the back of {1 - front:.0%} of the surface; its faces were flipped")
     view = SourceView(camera, cam_from_model, loaded.image, inverse_depth_map(seen.depth_mm, loaded.valid))
     v, u = np.nonzero(seen.mask & loaded.valid)
     nearest = np.argmin((u - u.mean()) ** 2 + (v - v.mean()) ** 2)
     pixel = np.array([[u[nearest], v[nearest]]], float)
     pivot_cam = camera.rays_cam(pixel) * seen.depth_mm[v[nearest], u[nearest]]
     pivot_model = transform_points(inverse_rigid(cam_from_model), pivot_cam)[0]
-    return Source(mesh, view, pivot_model, tuple(told))
+    return ReferenceView(mesh, view, pivot_model, tuple(messages))
 
 
-def colour_of(source: Source, mode: str) -> tuple[SurfaceColour, list[str]]:
+def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str]]:
     """The surface's colour in a mode (``projective``, ``texture``, ``vertex``), and sentences to tell."""
     view, mesh = source.view, source.mesh
     if mode == "projective":
@@ -74,18 +74,18 @@ def colour_of(source: Source, mode: str) -> tuple[SurfaceColour, list[str]]:
     if mode == "texture":
         faces_seen = classify_faces(mesh, view.camera, view.cam_from_model, view.observed)
         atlas = bake_atlas(mesh, view.camera, view.cam_from_model, view.image, view.observed, faces_seen)
-        return atlas, atlas.told()
+        return atlas, atlas.messages()
     colours = colour_vertices(mesh, view)
     spacing_px = (
         mesh.median_edge
         * view.camera.fx
         / np.linalg.norm(transform_points(view.cam_from_model, source.pivot_model[None]))
     )
-    told = (
+    message = (
         f"vertex colours: {colours.observed.sum()} of {len(colours.observed)} vertices seen by the frame, "
         f"{spacing_px:.1f} px apart (median): detail finer than that is lost"
     )
-    return colours, [told]
+    return colours, [message]
 
 
 def _geometry(mesh: TriangleMesh, camera: object, cam_from_model: np.ndarray) -> RenderedView:

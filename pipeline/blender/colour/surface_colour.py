@@ -15,7 +15,7 @@ import numpy as np
 
 from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import NEUTRAL, VertexColours, colour_vertices
-from ...images.pixel_values import codes_from_linear, eight_bit, linear_from_codes
+from ...images.pixel_values import codes_from_linear, linear_from_codes, to_uint8
 from ...images.png import encode_png
 from ...surface.mesh import TriangleMesh
 from ..bridge.data_blocks import set_corner_uv, set_vertex_colors
@@ -23,7 +23,7 @@ from ..bridge.image import new_packed_image
 from ..bridge.node_tree import Nodes
 from ..bridge.versions import new_node_material
 from ..render.material import COLOUR_ATTRIBUTE, OBSERVED_LEAST, UV_MAP
-from .reference_view import Source
+from .reference_view import ReferenceView
 
 OBSERVED_ATTRIBUTE = "frame_observed"
 """Boolean attribute of the vertices: the frame saw it."""
@@ -38,7 +38,7 @@ COLOUR_NODE = "frame"
 def put_colour(
     surface: bpy.types.Object,
     mesh: TriangleMesh,
-    source: Source,
+    source: ReferenceView,
     colour: VertexColours | TextureAtlas,
     *,
     mark_unseen: bool,
@@ -171,7 +171,7 @@ def _textured(surface: bpy.types.Object, atlas: TextureAtlas, mark: bool, flippe
     images = []
     for name, marked in ((TEXTURE, False), (MARKED_TEXTURE, True)):
         codes = np.where(atlas.observed[..., None], atlas.image, np.float32(_unseen_codes(marked)))
-        png = encode_png(eight_bit(codes))
+        png = encode_png(to_uint8(codes))
         images.append(new_packed_image(name, png, width=codes.shape[1], height=codes.shape[0]))
     material, nodes = _new_material()
     uv = nodes.add("ShaderNodeUVMap", uv_map=UV_MAP)

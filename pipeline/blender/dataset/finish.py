@@ -7,19 +7,19 @@ from pathlib import Path
 import numpy as np
 
 from ...colour.vertex_colours import colour_vertices
-from ...dataset.layout import FRAMES_PER_SCENE, FramePaths, finished_frames
+from ...dataset.layout import VIEWS_PER_SCENE, ViewPaths, finished_views
 from ...dataset.tables import POSE_COLUMNS, pose_cells, write_camera, write_models, write_poses, write_scene
 from ...dataset.view import read_record
 from ...files.content import write_bytes_atomically
 from ...images.contact_sheet import contact_sheet
-from ...images.pixel_values import eight_bit
+from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...progress import Progress
 from ..alignment.frame_overlay import frame_overlay
 from ..bridge.image import read_image
 from ..render.video import FRAMES_PER_SECOND, write_video
 from .job import OpenJob
-from .view_renderer import ViewMaker
+from .view_renderer import ViewRenderer
 
 SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
 TABLES = ("camera.json", "models/models_info.json", "poses.csv", "transforms.json", "overlay.png", "contact_sheet.png")
@@ -29,57 +29,57 @@ SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "sce
 def is_complete(job: OpenJob) -> bool:
     """Whether all views of the whole dataset are there and all tables beside them."""
     out, views = job.job.out, range(job.count)
-    scenes = [FramePaths(out, first).scene for first in views[::FRAMES_PER_SCENE]]
+    scenes = [ViewPaths(out, first).scene for first in views[::VIEWS_PER_SCENE]]
     tables = [out / name for name in TABLES] + [scene / name for scene in scenes for name in SCENE_TABLES]
-    return all(path.exists() for path in tables) and len(finished_frames(out, views)) == job.count
+    return all(path.exists() for path in tables) and len(finished_views(out, views)) == job.count
 
 
-def write_model_files(job: OpenJob, maker: ViewMaker) -> None:
+def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
     """``camera.json`` and ``models/``: what is known before the first view."""
-    out, source = job.job.out, maker.source
-    write_camera(out, maker.camera, maker.depth_scale)
+    out, source = job.job.out, renderer.source
+    write_camera(out, renderer.camera, renderer.depth_scale)
     colours = colour_vertices(source.mesh, source.view)
-    write_models(out, source.mesh, eight_bit(colours.rgb))
+    write_models(out, source.mesh, to_uint8(colours.rgb))
 
 
-def write_overlay(job: OpenJob, maker: ViewMaker) -> None:
+def write_overlay(job: OpenJob, renderer: ViewRenderer) -> None:
     """``overlay.png``: the frame with the surface's outline and the structures, to judge the alignment by."""
-    inverse = maker.source.view.inverse_depth
+    inverse = renderer.source.view.inverse_depth
     depth = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0)
     picture = frame_overlay(job.loaded, depth)
-    write_bytes_atomically(job.job.out / "overlay.png", encode_png(eight_bit(picture)))
+    write_bytes_atomically(job.job.out / "overlay.png", encode_png(to_uint8(picture)))
 
 
-def write_finished_scenes(job: OpenJob, maker: ViewMaker) -> bool:
+def write_finished_scenes(job: OpenJob, renderer: ViewRenderer) -> bool:
     """Write the tables of every scene of which this job's shard has a part and all views are there.
 
     Returns
     -------
     Whether all views of the whole dataset are there.
     """
-    out, done = job.job.out, finished_frames(job.job.out, range(job.count))
-    touched = sorted({index // FRAMES_PER_SCENE for index in job.frames})
+    out, done = job.job.out, finished_views(job.job.out, range(job.count))
+    touched = sorted({index // VIEWS_PER_SCENE for index in job.frames})
     for scene in touched:
-        views = range(scene * FRAMES_PER_SCENE, min((scene + 1) * FRAMES_PER_SCENE, job.count))
+        views = range(scene * VIEWS_PER_SCENE, min((scene + 1) * VIEWS_PER_SCENE, job.count))
         if done.issuperset(views):
-            write_scene(out, views, maker.camera)
+            write_scene(out, views, renderer.camera)
     return len(done) == job.count
 
 
-def write_dataset_tables(job: OpenJob, maker: ViewMaker) -> None:
+def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> None:
     """The files of a complete dataset beside its scenes: scene tables, poses, contact sheet, information."""
     out = job.job.out
-    for first in range(0, job.count, FRAMES_PER_SCENE):
-        views = range(first, min(first + FRAMES_PER_SCENE, job.count))
-        if not (FramePaths(out, first).scene / SCENE_TABLES[-1]).exists():
-            write_scene(out, views, maker.camera)
-    write_poses(out, range(job.count), maker.camera, job.loaded.given_from_model)
+    for first in range(0, job.count, VIEWS_PER_SCENE):
+        views = range(first, min(first + VIEWS_PER_SCENE, job.count))
+        if not (ViewPaths(out, first).scene / SCENE_TABLES[-1]).exists():
+            write_scene(out, views, renderer.camera)
+    write_poses(out, range(job.count), renderer.camera, job.loaded.mesh_from_model)
     chosen = np.unique(np.linspace(0, job.count - 1, min(SHEET_VIEWS, job.count)).round().astype(int))
-    images = [read_image(FramePaths(out, int(index)).file("rgb"))[0] for index in chosen]
+    images = [read_image(ViewPaths(out, int(index)).file("rgb"))[0] for index in chosen]
     columns = min(SHEET_COLUMNS, len(images))
-    write_overlay(job, maker)
+    write_overlay(job, renderer)
     sheet = contact_sheet(images, columns=columns, tile_width=SHEET_TILE_PX)
-    write_bytes_atomically(out / "contact_sheet.png", encode_png(eight_bit(sheet)))
+    write_bytes_atomically(out / "contact_sheet.png", encode_png(to_uint8(sheet)))
 
 
 def lacks_video(job: OpenJob) -> bool:
@@ -92,15 +92,15 @@ def lacks_video(job: OpenJob) -> bool:
     return (folder / "poses.csv").read_bytes().count(b"\n") - 1 != options.video_frames
 
 
-def write_trajectory_video(job: OpenJob, maker: ViewMaker, progress: Progress) -> Path:
+def write_trajectory_video(job: OpenJob, renderer: ViewRenderer, progress: Progress) -> Path:
     """``video/trajectory.mp4`` and its poses, frame by frame."""
     folder = job.job.out / "video"
     (folder / "poses.csv").unlink(missing_ok=True)
-    poses = maker.video_poses()
+    poses = renderer.video_poses()
 
     def images() -> object:
         for pose in poses:
-            yield maker.render(pose).rgb
+            yield renderer.render(pose).rgb
             progress.advance()
 
     write_video(folder / "trajectory.mp4", images())
@@ -115,13 +115,13 @@ def write_trajectory_video(job: OpenJob, maker: ViewMaker, progress: Progress) -
 
 def summary(job: OpenJob) -> list[str]:
     """Sentences about a complete dataset: size, what the frame observed, which poses were rejected."""
-    records = [read_record(FramePaths(job.job.out, index)) for index in range(job.count)]
+    records = [read_record(ViewPaths(job.job.out, index)) for index in range(job.count)]
     visible = sum(record["gt_info"]["px_count_visib"] for record in records)
     observed = sum(record["px_count_observed"] for record in records)
     attempts = sum(record["attempts"] for record in records)
     names = {"surface": "too little surface", "observed": "too little observed surface", "clearance": "too near"}
     broken = {name: sum(record["rejections"][name] for record in records) for name in names}
-    told = [
+    messages = [
         f"the frame observed {observed / visible:.1%} of the surface in the views"
         if visible
         else "no view shows any surface"
@@ -129,9 +129,9 @@ def summary(job: OpenJob) -> list[str]:
     reasons = ", ".join(f"{count} with {names[name]}" for name, count in broken.items() if count)
     if reasons:
         drawn = attempts > job.count
-        told.append(
+        messages.append(
             f"{attempts} poses drawn, {attempts - job.count} rejected ({reasons})"
             if drawn
             else f"poses that break the constraints, kept as they were given: {reasons}"
         )
-    return told
+    return messages

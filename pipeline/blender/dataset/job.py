@@ -16,14 +16,14 @@ from ... import __version__
 from ...case.case_file import Case, read_case
 from ...case.loaded_case import LoadedCase
 from ...dataset.folder import Shard
-from ...dataset.layout import FORMAT, FRAMES_PER_SCENE, FramePaths
+from ...dataset.layout import FORMAT, VIEWS_PER_SCENE, ViewPaths
 from ...dataset.options import DatasetOptions
 from ...dataset.view import write_view
 from ...errors import InputError, RunError
 from ...poses.pose_file import read_poses
 from ..case.load_case import load_case
-from ..colour.reference_view import source_of
-from .view_renderer import MadeView, ViewMaker, view_camera
+from ..colour.reference_view import reference_view_of
+from .view_renderer import RenderedSample, ViewRenderer, view_camera
 
 NO_CONTENT = ("count", "poses", "video", "video_frames")
 """Options that no view depends on, or that the identity holds elsewhere; a video may be added later."""
@@ -60,7 +60,7 @@ class OpenJob:
     job: Job
     loaded: LoadedCase
     given_poses: np.ndarray | None
-    told: tuple[str, ...]
+    messages: tuple[str, ...]
 
     @property
     def count(self) -> int:
@@ -70,12 +70,12 @@ class OpenJob:
     @property
     def frames(self) -> range:
         """The views of this job's shard."""
-        return self.job.shard.frames(self.count, FRAMES_PER_SCENE)
+        return self.job.shard.frames(self.count, VIEWS_PER_SCENE)
 
-    def maker(self, *, threads: int) -> ViewMaker:
+    def renderer(self, *, threads: int) -> ViewRenderer:
         """What makes this job's views."""
-        source = source_of(self.loaded)
-        return ViewMaker(self.loaded, source, self.job.options, self.given_poses, threads=threads)
+        source = reference_view_of(self.loaded)
+        return ViewRenderer(self.loaded, source, self.job.options, self.given_poses, threads=threads)
 
     def identity(self) -> dict:
         """Everything that the dataset's content depends on, and what is needed to use it: ``dataset.json``."""
@@ -97,9 +97,9 @@ class OpenJob:
                 "distortion": None if case.distortion is None else asdict(case.distortion),
                 "cam_from_model": self.loaded.cam_from_model.tolist(),
             },
-            "given_from_model": self.loaded.given_from_model.tolist(),
+            "given_from_model": self.loaded.mesh_from_model.tolist(),
             "mm_per_given_unit": case.mm_per_unit,
-            "structures": {structure.name: list(structure.color) for structure in case.structures},
+            "structures": {structure.name: list(structure.colour) for structure in case.structures},
             "inputs_sha256": {name: _file_hash(path) for name, path in files.items()},
         }
 
@@ -114,15 +114,17 @@ def open_job(job: Job) -> OpenJob:
     """
     case: Case = read_case(job.case_path)
     loaded = load_case(case)
-    given_poses, told = None, []
+    given_poses, messages = None, []
     if job.options.poses is not None:
-        given_poses, told = read_poses(
-            job.options.poses, given_from_model=loaded.given_from_model, mm_per_unit=case.mm_per_unit
+        given_poses, messages = read_poses(
+            job.options.poses, mesh_from_model=loaded.mesh_from_model, mm_per_unit=case.mm_per_unit
         )
-    return OpenJob(job, loaded, given_poses, tuple(told))
+    return OpenJob(job, loaded, given_poses, tuple(messages))
 
 
-def render_views(maker: ViewMaker, out: Path, frames: Iterable[int | None], finished: Callable[[int], None]) -> None:
+def render_views(
+    renderer: ViewRenderer, out: Path, frames: Iterable[int | None], finished: Callable[[int], None]
+) -> None:
     """Make views and write them; encoding and writing run beside the next render.
 
     Parameters
@@ -142,9 +144,9 @@ def render_views(maker: ViewMaker, out: Path, frames: Iterable[int | None], fini
         A file cannot be written; all views told as finished are safe.
     """
 
-    def write(index: int, made: MadeView) -> None:
-        files, record = maker.encode(made)
-        write_view(FramePaths(out, index), files, record)
+    def write(index: int, made: RenderedSample) -> None:
+        files, record = renderer.encode(made)
+        write_view(ViewPaths(out, index), files, record)
         finished(index)
 
     waiting: deque[Future[None]] = deque()
@@ -152,7 +154,7 @@ def render_views(maker: ViewMaker, out: Path, frames: Iterable[int | None], fini
         with ThreadPoolExecutor(1, "encode") as encoder:
             for index in frames:
                 if index is not None:
-                    waiting.append(encoder.submit(write, index, maker.make(index)))
+                    waiting.append(encoder.submit(write, index, renderer.make(index)))
                 while waiting and (len(waiting) > IN_FLIGHT or waiting[0].done()):
                     waiting.popleft().result()
             while waiting:

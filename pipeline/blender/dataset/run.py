@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import TextIO
 
 from ...dataset.folder import RECORD, RunFolder, check_identity
-from ...dataset.layout import finished_frames
+from ...dataset.layout import finished_views
 from ...errors import RunError
 from ...progress import LINE_SECONDS, Progress
 from ..render.engines import check_engine, keep_freed_memory
 from . import finish
 from .job import Job, OpenJob, available_cores, open_job, render_views, write_error
-from .view_renderer import ViewMaker
+from .view_renderer import ViewRenderer
 from .workers import WorkerPool, assigned_frames, tell_finished
 
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 
 
 def run(
@@ -51,7 +51,7 @@ def run(
         The folder is in use or holds another dataset, or a file cannot be written. Finished views stay.
     """
 
-    def tell(sentence: str) -> None:
+    def report(sentence: str) -> None:
         stream.write(sentence + "\n")
         stream.flush()
 
@@ -61,20 +61,20 @@ def run(
         try:
             complete = finish.is_complete(opened)
             if not complete or finish.lacks_video(opened):
-                complete = _render_missing(opened, workers, worker_command, tell, stream, progress_seconds)
+                complete = _render_missing(opened, workers, worker_command, report, stream, progress_seconds)
         except OSError as error:
             raise write_error(error, job.out) from error
         if complete:
             folder.finish()
     if complete:
         for sentence in (*finish.summary(opened), f"dataset of {opened.count} views: {job.out}"):
-            tell(sentence)
+            report(sentence)
     elif job.shard.count == 1:
         raise RunError(
             f"{job.out}: finished views have vanished; leave the folder alone and run the same command again"
         )
     else:
-        tell(
+        report(
             f"part {job.shard.index}/{job.shard.count}: {len(opened.frames)} views are finished; when all parts lie in "
             "one folder, the same command without --shard writes the tables"
         )
@@ -84,13 +84,13 @@ def _render_missing(
     opened: OpenJob,
     workers: int,
     worker_command: Sequence[str],
-    tell: Tell,
+    report: Report,
     stream: TextIO,
     progress_seconds: float,
 ) -> bool:
     """Render, then write the tables that can be written, and the video; whether the whole dataset is there."""
     out = opened.job.out
-    done = finished_frames(out, opened.frames)
+    done = finished_views(out, opened.frames)
     missing = [index for index in opened.frames if index not in done]
     workers = min(workers or available_cores(), max(1, len(missing)))
     lock = threading.Lock()
@@ -105,30 +105,30 @@ def _render_missing(
     pool = WorkerPool(missing, finished)
     try:
         pool.start(worker_command, workers - 1)
-        with opened.maker(threads=_threads(workers)) as maker:
-            for sentence in (*opened.told, *maker.told):
-                tell(sentence)
+        with opened.renderer(threads=_threads(workers)) as renderer:
+            for sentence in (*opened.messages, *renderer.messages):
+                report(sentence)
             complete = finish.is_complete(opened)
             if not complete:
-                finish.write_model_files(opened, maker)
-                render_views(maker, out, pool.frames(), finished)
+                finish.write_model_files(opened, renderer)
+                render_views(renderer, out, pool.frames(), finished)
                 progress.close()
-                complete = finish.write_finished_scenes(opened, maker)
+                complete = finish.write_finished_scenes(opened, renderer)
                 if complete:
-                    finish.write_dataset_tables(opened, maker)
-                    tell(f"contact sheet: {out / 'contact_sheet.png'}")
+                    finish.write_dataset_tables(opened, renderer)
+                    report(f"contact sheet: {out / 'contact_sheet.png'}")
             if complete and finish.lacks_video(opened):
                 shown = Progress(opened.job.options.video_frames, "video frames", **settings)
-                tell(f"video: {_video(opened, maker, shown)}")
+                report(f"video: {_video(opened, renderer, shown)}")
     finally:
         pool.stop()
-    for sentence in pool.told:
+    for sentence in pool.messages:
         sys.stderr.write(sentence + "\n")
     return complete
 
 
-def _video(opened: OpenJob, maker: ViewMaker, progress: Progress) -> Path:
-    path = finish.write_trajectory_video(opened, maker, progress)
+def _video(opened: OpenJob, renderer: ViewRenderer, progress: Progress) -> Path:
+    path = finish.write_trajectory_video(opened, renderer, progress)
     progress.close()
     return path
 
@@ -143,8 +143,8 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     opened = open_job(job)
     # the files may have changed since the run began: what it says that it is made of is what it must be made of
     check_identity(job.out / RECORD, opened.identity())
-    with opened.maker(threads=_threads(workers)) as maker:
-        render_views(maker, job.out, frames, lambda index: tell_finished(index, stream))
+    with opened.renderer(threads=_threads(workers)) as renderer:
+        render_views(renderer, job.out, frames, lambda index: tell_finished(index, stream))
 
 
 def _threads(workers: int) -> int:

@@ -7,7 +7,7 @@ from mathutils.bvhtree import BVHTree
 from ...camera.pinhole import PinholeCamera
 from ...poses.constraints import ViewStatistics
 from ...transforms import camera_centre, inverse_rigid
-from ..colour.reference_view import Source
+from ..colour.reference_view import ReferenceView
 from ..render.surface_scene import SurfaceScene
 
 GRID = 16
@@ -17,7 +17,7 @@ GRID = 16
 class ViewProbe:
     """Casts a grid of rays at the surface; call it with ``cam_from_model``."""
 
-    def __init__(self, surface_scene: SurfaceScene, source: Source, camera: PinholeCamera) -> None:
+    def __init__(self, surface_scene: SurfaceScene, source: ReferenceView, camera: PinholeCamera) -> None:
         depsgraph = surface_scene.scene.view_layers[0].depsgraph
         depsgraph.update()
         self._tree = BVHTree.FromObject(surface_scene.surface_object, depsgraph)

@@ -9,10 +9,10 @@ from ...case.loaded_case import LoadedCase
 from ...dataset.options import DatasetOptions
 from ...dataset.view import RenderedView, depth_scale_for, mask_statistics, view_files
 from ...errors import InputError
-from ...poses.constraints import Constraints, Planned, plan_given_poses, plan_pose
-from ...poses.distributions import Cone, Gaussian, PoseDistribution, Reference, Shell, Trajectory
+from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose
+from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
 from ...projection.silhouette import SilhouetteEdges, silhouette_statistics
-from ..colour.reference_view import Source, colour_of
+from ..colour.reference_view import ReferenceView, colour_of
 from ..render.anti_aliasing import EdgeSampler
 from ..render.engines import render_view
 from ..render.surface_scene import SurfaceScene
@@ -20,20 +20,20 @@ from .view_probe import ViewProbe
 
 
 @dataclass(frozen=True)
-class MadeView:
+class RenderedSample:
     """A rendered view and how its pose was found."""
 
-    planned: Planned
+    planned: PlannedPose
     rendered: RenderedView
 
 
-class ViewMaker:
+class ViewRenderer:
     """Makes views of one dataset; building it prepares everything that they share. Use as a context manager."""
 
     def __init__(
         self,
         loaded: LoadedCase,
-        source: Source,
+        source: ReferenceView,
         options: DatasetOptions,
         given_poses: np.ndarray | None,
         *,
@@ -55,8 +55,8 @@ class ViewMaker:
         self._options = options
         self.camera = view_camera(loaded, options)
         self.source = source
-        colour, told = colour_of(source, options.colour)
-        self.told = (*loaded.told, *source.told, *told)
+        colour, messages = colour_of(source, options.colour)
+        self.messages = (*loaded.messages, *source.messages, *messages)
         # rasterisers average many samples at little cost
         at_edges = options.samples > 1 and options.engine == "cycles"
         self._scene = SurfaceScene(
@@ -76,7 +76,7 @@ class ViewMaker:
         self._probe = ViewProbe(self._scene, source, self.camera)
         self._edges = SilhouetteEdges.of(source.mesh)
         self._given = given_poses
-        reference = Reference(loaded.cam_from_model, source.pivot_model)
+        reference = ReferencePose(loaded.cam_from_model, source.pivot_model)
         self._trajectory = Trajectory(
             reference=reference,
             cone_deg=options.cone_deg,
@@ -93,13 +93,13 @@ class ViewMaker:
         )
         self.depth_scale = depth_scale_for(_farthest_mm(source, options, reference, given_poses))
 
-    def __enter__(self) -> "ViewMaker":
+    def __enter__(self) -> "ViewRenderer":
         return self
 
     def __exit__(self, *_: object) -> None:
         self._scene.close()
 
-    def plan(self, index: int) -> Planned:
+    def plan(self, index: int) -> PlannedPose:
         """The pose of view ``index``; depends on the case, the options and (seed, index) only.
 
         Raises
@@ -114,10 +114,10 @@ class ViewMaker:
             return plan_given_poses(pose[None], self._constraints, self._probe)[0][0]
         return plan_pose(self._distribution, self._constraints, self._probe, seed=self._options.seed, index=index)
 
-    def make(self, index: int) -> MadeView:
+    def make(self, index: int) -> RenderedSample:
         """Plan and render view ``index``."""
         planned = self.plan(index)
-        return MadeView(planned, self.render(planned.cam_from_model))
+        return RenderedSample(planned, self.render(planned.cam_from_model))
 
     def render(self, cam_from_model: np.ndarray) -> RenderedView:
         """Render any pose."""
@@ -129,7 +129,7 @@ class ViewMaker:
         """``(video_frames, 4, 4)`` poses of the video's trajectory."""
         return self._trajectory.poses(self._options.video_frames)
 
-    def encode(self, made: MadeView) -> tuple[dict[str, bytes], dict]:
+    def encode(self, made: RenderedSample) -> tuple[dict[str, bytes], dict]:
         """The files of a view by kind, and its record; touches no Blender data, so any thread may call it."""
         rendered, cam_from_model = made.rendered, made.planned.cam_from_model
         depth_scale = self.depth_scale
@@ -186,7 +186,7 @@ def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:
     return camera.resized(width, height)
 
 
-def _distribution(options: DatasetOptions, reference: Reference, camera: PinholeCamera) -> PoseDistribution | None:
+def _distribution(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> PoseDistribution | None:
     distances = {"distance_min": options.distance_min, "distance_max": options.distance_max}
     match options.sampler:
         case "cone":
@@ -212,7 +212,7 @@ def _distribution(options: DatasetOptions, reference: Reference, camera: Pinhole
 
 
 def _farthest_mm(
-    source: Source, options: DatasetOptions, reference: Reference, given_poses: np.ndarray | None
+    source: ReferenceView, options: DatasetOptions, reference: ReferencePose, given_poses: np.ndarray | None
 ) -> float:
     """A distance that surface in the dataset's views hardly ever exceeds (a view that does gets its own scale)."""
     reach = source.mesh.radius + float(np.linalg.norm(source.pivot_model))

@@ -32,7 +32,7 @@ class WorkerPool:
         self._threads: list[threading.Thread] = []
         self._processes: list[subprocess.Popen[str]] = []
         self._failure: Exception | None = None
-        self.told: list[str] = []
+        self.messages: list[str] = []
 
     def start(self, command: Sequence[str], count: int) -> None:
         """Start ``count`` workers with a command."""
@@ -98,15 +98,15 @@ class WorkerPool:
         reader.join()
         # what it held goes back to the others
         self._frames.extendleft(sorted(given, reverse=True))
-        told = [line for line in errors if line.startswith("error: ")] or [*errors]
-        last = told[-1].strip().removeprefix("error: ") if told else ""
+        reported = [line for line in errors if line.startswith("error: ")] or [*errors]
+        last = reported[-1].strip().removeprefix("error: ") if reported else ""
         if code == EXIT_INPUT:
             self._failure = InputError(last)
         elif code == EXIT_RUN:
             self._failure = RunError(last)
         elif code != 0:
             how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
-            self.told.append(f"worker {number} {how}; the others go on {f'({last})' if last else ''}".rstrip())
+            self.messages.append(f"worker {number} {how}; the others go on {f'({last})' if last else ''}".rstrip())
 
     def _give(self, process: subprocess.Popen[str], given: set[int]) -> None:
         stream = process.stdin

@@ -11,7 +11,7 @@ from ...errors import InputError
 from ...evaluation.photographs import PosedPhotograph
 from ...evaluation.similarity import Likeness, likeness
 from ..bridge.image import read_image
-from ..colour.reference_view import colour_of, source_of
+from ..colour.reference_view import colour_of, reference_view_of
 from ..render.engines import render_view
 from ..render.surface_scene import SurfaceScene
 
@@ -43,7 +43,7 @@ def compare(
     InputError
         A photograph cannot be used or has another size than the frame, or shows nothing that the frame saw.
     """
-    source = source_of(loaded)
+    source = reference_view_of(loaded)
     surface_colour, _ = colour_of(source, colour)
     camera = loaded.case.camera
     with SurfaceScene(source.mesh, camera, surface_colour) as scene:

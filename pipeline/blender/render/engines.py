@@ -22,7 +22,7 @@ from ...dataset.view import RenderedView
 from ...errors import InputError, RunError
 from ...images.exr import ExrError, read_exr
 from ..bridge.versions import ENGINE_IDS, set_multilayer_exr
-from .material import COLOUR_ATTRIBUTE, OBSERVED_ATTRIBUTE, OBSERVED_PASS
+from .material import COLOUR_ATTRIBUTE, OBSERVED_COLOUR_ATTRIBUTE, OBSERVED_PASS
 from .surface_scene import SurfaceScene
 
 _TRIAL_ENDED = "trial render ended"
@@ -93,11 +93,11 @@ def _render_workbench(surface_scene: SurfaceScene) -> dict[str, np.ndarray]:
     """
     scene = surface_scene.scene
     attributes, shading = surface_scene.surface_object.data.color_attributes, scene.display.shading
-    coloured = OBSERVED_ATTRIBUTE in attributes
+    coloured = OBSERVED_COLOUR_ATTRIBUTE in attributes
     passes = _render_to_file(scene)
     shading.show_backface_culling = True
     if coloured:
-        attributes.active_color_name = OBSERVED_ATTRIBUTE
+        attributes.active_color_name = OBSERVED_COLOUR_ATTRIBUTE
     try:
         flags = _render_to_file(scene)
     finally:

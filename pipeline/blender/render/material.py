@@ -20,7 +20,7 @@ from ..bridge.versions import new_node_material
 
 OBSERVED_PASS = "observed"
 COLOUR_ATTRIBUTE = "frame_colour"
-OBSERVED_ATTRIBUTE = "frame_observed"
+OBSERVED_COLOUR_ATTRIBUTE = "frame_observed_colour"
 UV_MAP = "frame_uv"
 PROJECTION_ATTRIBUTE = "frame_projection"
 FRAME_IMAGE, FILTERED_IMAGE = "frame image", "filtered image"
@@ -79,7 +79,7 @@ def assign_colour(
 def _vertex_colour(nodes: Nodes, mesh_object: bpy.types.Object, colour: VertexColours) -> tuple:
     rgba = np.concatenate([colour.rgb, colour.observed[:, None]], axis=1)
     # Workbench draws attributes, not materials, and of these their colour only
-    set_vertex_colors(mesh_object, OBSERVED_ATTRIBUTE, np.repeat(rgba[:, 3:], 4, axis=1))
+    set_vertex_colors(mesh_object, OBSERVED_COLOUR_ATTRIBUTE, np.repeat(rgba[:, 3:], 4, axis=1))
     set_vertex_colors(mesh_object, COLOUR_ATTRIBUTE, rgba)
     mesh_object.data.color_attributes.active_color_name = COLOUR_ATTRIBUTE
     attribute = nodes.add("ShaderNodeAttribute", attribute_name=COLOUR_ATTRIBUTE)

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ...files.content import write_bytes_atomically
-from ...images.pixel_values import eight_bit
+from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ..bridge.data_blocks import temporary_data
 from ..bridge.versions import new_image_strip, set_mp4
@@ -34,7 +34,7 @@ def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
             padded = np.pad(image, ((0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)), mode="edge")
             shape = padded.shape[:2]
             file = Path(folder) / f"{number:06d}.png"
-            file.write_bytes(encode_png(eight_bit(padded)))
+            file.write_bytes(encode_png(to_uint8(padded)))
             files.append(file)
         written = Path(folder) / "video.mp4"
         with temporary_data():

@@ -45,7 +45,7 @@ def take_photographs(
     camera
         Intrinsics of all shots; a pinhole, without lens effects.
     shots
-        ``cam_from_given`` (4x4, mm) and the file to write.
+        ``cam_from_mesh`` (4x4, mm) and the file to write.
     samples
         Paths per pixel before denoising.
 
@@ -62,8 +62,8 @@ def take_photographs(
         _add_bone(scene, surface, -centre)
         camera_object = new_camera(scene, camera, clip_mm=(10.0, 2000.0))
         lamp = _add_lamp(scene)
-        for cam_from_given, path in shots:
-            cam_from_scene = cam_from_given @ rigid(translation=centre)
+        for cam_from_mesh, path in shots:
+            cam_from_scene = cam_from_mesh @ rigid(translation=centre)
             place_camera(camera_object, cam_from_scene)
             _place_lamp(lamp, cam_from_scene)
             bpy.ops.render.render(scene=scene.name)
@@ -154,9 +154,9 @@ def _add_bone(scene: bpy.types.Scene, surface: SampleSurface, offset: np.ndarray
     tissue = surface.tissue
     for row, name in enumerate(("color_low", "color_high")):
         rgba = np.ones((len(surface.bone.vertices), 4))
-        for kind, (*colors, cover) in PALETTE.items():
+        for kind, (*colours, cover) in PALETTE.items():
             weight = cover * tissue[kind][:, None] if kind in tissue else 1.0
-            rgba[:, :3] += weight * (_linear(colors[row])[:3] - rgba[:, :3])
+            rgba[:, :3] += weight * (_linear(colours[row])[:3] - rgba[:, :3])
         set_vertex_colors(bone, name, rgba)
     wet = np.maximum(0.8 * tissue["drilled"], tissue["mucosa"])
     rough = 0.4 + 0.35 * tissue["drilled"] - 0.2 * tissue["canal_skin"] - 0.4 * tissue["mucosa"]
@@ -228,15 +228,15 @@ def _tissue_material() -> bpy.types.Material:
     fine = make.noise(1.7, 2.0, 2.6, position)
     grain = fine["Fac"]
 
-    color = make.mix(make.ramp(grain, 0.30, 0.52), stored("color_low")["Color"], stored("color_high")["Color"])
+    colour = make.mix(make.ramp(grain, 0.30, 0.52), stored("color_low")["Color"], stored("color_high")["Color"])
     # blood lies as a thin film where the large noise says so, and the grain breaks its edge
     edge = make.maths("MULTIPLY_ADD", grain, 0.3, blotch)
-    color = make.mix(make.ramp(edge, 0.70, 0.86, 0.0, 0.55), color, _linear(BLOOD_FILM))
+    colour = make.mix(make.ramp(edge, 0.70, 0.86, 0.0, 0.55), colour, _linear(BLOOD_FILM))
     muscle = make.mix(make.ramp(blotch, 0.35, 0.6), *map(_linear, MUSCLE))
     ragged = make.maths("MULTIPLY_ADD", edge, 2.0, stored("soft_tissue")["Fac"])
-    color = make.mix(make.ramp(ragged, 1.75, 1.92), color, muscle)
+    colour = make.mix(make.ramp(ragged, 1.75, 1.92), colour, muscle)
     pool = make.ramp(make.maths("MULTIPLY_ADD", edge, 1.5, stored("pool")["Fac"]), 1.5, 1.7, 0.0, 0.93)
-    color = make.mix(pool, color, _linear(BLOOD_POOL))
+    colour = make.mix(pool, colour, _linear(BLOOD_POOL))
 
     wet = make.ramp(make.maths("MULTIPLY_ADD", stored("wet")["Fac"], 0.25, blotch), 0.40, 0.62, 0.2, 1.0)
     # three channels of one noise tilt the normal, at a fraction of the cost of a Bump node; fluid lies smooth
@@ -246,7 +246,7 @@ def _tissue_material() -> bpy.types.Material:
     principled = make.add(
         "ShaderNodeBsdfPrincipled",
         {
-            "Base Color": color,
+            "Base Color": colour,
             "Roughness": 0.5,
             "Specular IOR Level": 0.35,
             "Normal": make.vector("NORMALIZE", make.vector("MULTIPLY_ADD", tilt, rough, normal)),

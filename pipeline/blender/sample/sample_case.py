@@ -28,7 +28,7 @@ def write_sample_case(
     """Write the sample case and photographs of it.
 
     The files are ``surface.ply``, ``structures/*.ply``, ``frame.png``, ``case.toml``, and, to judge novel views,
-    ``held_out/view_*.png`` with ``held_out.json``: a list of ``image`` (path) and ``cam_from_model`` (4x4, mm, OpenCV
+    ``held_out/view_*.png`` with ``held_out.json``: a list of ``image`` (path) and ``cam_from_mesh`` (4x4, mm, OpenCV
     axes, in the frame of the mesh file).
 
     Parameters
@@ -59,7 +59,7 @@ def write_sample_case(
     shots = {"frame.png": frame_pose(), **views}
     yield from take_photographs(surface, camera, [(pose, folder / name) for name, pose in shots.items()])
     if held_out:
-        listed = [{"image": name, "cam_from_model": pose.tolist()} for name, pose in views.items()]
+        listed = [{"image": name, "cam_from_mesh": pose.tolist()} for name, pose in views.items()]
         write_bytes_atomically(folder / "held_out.json", (json.dumps(listed, indent=1) + "\n").encode())
         yield folder / "held_out.json"
     path = folder / "case.toml"
@@ -67,7 +67,7 @@ def write_sample_case(
     yield path
 
 
-def _case(path: Path, camera: PinholeCamera, cam_from_given: np.ndarray, surface: SampleSurface) -> Case:
+def _case(path: Path, camera: PinholeCamera, cam_from_mesh: np.ndarray, surface: SampleSurface) -> Case:
     folder = path.parent
     structures = [
         Structure(name, folder / f"structures/{name}.ply", STRUCTURE_COLORS[name]) for name in surface.structures
@@ -79,6 +79,6 @@ def _case(path: Path, camera: PinholeCamera, cam_from_given: np.ndarray, surface
         camera=camera,
         distortion=None,
         mesh=folder / "surface.ply",
-        cam_from_given=cam_from_given,
+        cam_from_mesh=cam_from_mesh,
         structures=tuple(structures),
     )

@@ -22,8 +22,8 @@ from ...projection.silhouette import SilhouetteEdges
 from ...surface.mesh import diameter
 from ...surface.mesh_reader import read_mesh
 from ..folder import RECORD, WORK
-from ..layout import FRAMES_PER_SCENE, OBJECT_ID, SPLIT, FramePaths
-from .depth import Agreement
+from ..layout import OBJECT_ID, SPLIT, VIEWS_PER_SCENE, ViewPaths
+from .depth import DepthAgreement
 from .findings import Findings
 from .images import check_view
 from .records import DamagedFile, Identity, ViewRecord, mapping, numbers, read_identity, read_object, read_view_record
@@ -62,7 +62,7 @@ class CheckReport:
     count: int
     findings: Findings
     hashed: int
-    compared: tuple[Agreement, ...]
+    compared: tuple[DepthAgreement, ...]
 
     def summary(self) -> str:
         """One sentence."""
@@ -121,10 +121,10 @@ def check_dataset(
     records: dict[int, ViewRecord] = {}
     hashed, compared = 0, []
     progress = Progress(identity.count, "views checked", stream=stream)
-    for first in range(0, identity.count, FRAMES_PER_SCENE):
-        scene = range(first, min(first + FRAMES_PER_SCENE, identity.count))
+    for first in range(0, identity.count, VIEWS_PER_SCENE):
+        scene = range(first, min(first + VIEWS_PER_SCENE, identity.count))
         for index in scene:
-            paths = FramePaths(root, index)
+            paths = ViewPaths(root, index)
             record = _read_record(paths, identity, missing, findings)
             if record is not None:
                 records[index] = record
@@ -154,7 +154,7 @@ def _check_files(root: Path, identity: Identity, findings: Findings) -> set[str]
     """Compare what is in the folder with what should be; the files that are missing, relative to the folder."""
     present, views, tables = set(_files(root)), set(), set(_tables_beside_scenes(root))
     for index in range(identity.count):
-        paths = FramePaths(root, index)
+        paths = ViewPaths(root, index)
         views |= {paths.relative(kind) for kind in (*identity.kinds, "frame")}
         if paths.image_id == 0:
             tables |= {f"{paths.scene.relative_to(root).as_posix()}/{name}" for name in SCENE_TABLES}
@@ -196,7 +196,7 @@ def _files(root: Path) -> Iterator[str]:
         yield from (prefix + name for name in names)
 
 
-def _read_record(paths: FramePaths, identity: Identity, missing: set[str], findings: Findings) -> ViewRecord | None:
+def _read_record(paths: ViewPaths, identity: Identity, missing: set[str], findings: Findings) -> ViewRecord | None:
     if paths.relative("frame") in missing:
         return None
     try:
@@ -215,12 +215,12 @@ def _check_hashes(root: Path, record: ViewRecord, missing: set[str], findings: F
         try:
             with (root / name).open("rb") as stream:
                 same = hashlib.file_digest(stream, "sha256").hexdigest() == expected
-            told = f"its sha256 is not the one in {record.where}: the file was changed or damaged"
+            problem = f"its sha256 is not the one in {record.where}: the file was changed or damaged"
         except OSError as error:
-            same, told = False, f"cannot read the file ({error.strerror})"
+            same, problem = False, f"cannot read the file ({error.strerror})"
         if not same:
             wrong += 1
-            findings.add("damaged files", f"{name}: {told}")
+            findings.add("damaged files", f"{name}: {problem}")
     return wrong
 
 
@@ -229,11 +229,11 @@ def _read_model(root: Path, missing: set[str], findings: Findings) -> Silhouette
     if MODEL in missing:
         return None
     try:
-        mesh, told = read_mesh(root / MODEL)
+        mesh, messages = read_mesh(root / MODEL)
     except InputError as error:
         findings.add("damaged files", f"{MODEL}: {error}")
         return None
-    for sentence in told:
+    for sentence in messages:
         findings.add("damaged files", f"{MODEL}: {sentence}")
     # coordinates are stored in single precision
     rounding = 2e-6 * mesh.radius

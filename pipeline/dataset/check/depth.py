@@ -46,7 +46,7 @@ class SurfaceDepth:
 
 
 @dataclass(frozen=True)
-class Agreement:
+class DepthAgreement:
     """How well a depth image and a surface agree.
 
     Attributes
@@ -74,14 +74,14 @@ class Agreement:
     @property
     def misfit(self) -> str:
         """What is more than rounding, as clauses; empty if the view fits."""
-        told = []
+        parts = []
         if self.only_one > LARGEST_SHIFT_PX * self.outline + PIXELS_OF_ROUNDING:
-            told.append(f"{self.only_one} px are in one of the two masks only (outline {self.outline} px)")
+            parts.append(f"{self.only_one} px are in one of the two masks only (outline {self.outline} px)")
         if self.agreeing < LEAST_AGREEING * self.compared:
-            told.append(f"only {self.agreeing / self.compared:.1%} of the depths agree")
+            parts.append(f"only {self.agreeing / self.compared:.1%} of the depths agree")
         if np.hypot(*self.shift_px) > LARGEST_SHIFT_PX + 5 * self.shift_error_px:
-            told.append(f"the depths fit best with a shift of ({self.shift_px[0]:+.2f}, {self.shift_px[1]:+.2f}) px")
-        return ", ".join(told)
+            parts.append(f"the depths fit best with a shift of ({self.shift_px[0]:+.2f}, {self.shift_px[1]:+.2f}) px")
+        return ", ".join(parts)
 
 
 def surface_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> SurfaceDepth:
@@ -103,7 +103,7 @@ def surface_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.
     return SurfaceDepth(z.reshape(camera.shape_hw), slope.reshape(2, *camera.shape_hw))
 
 
-def agreement(depth: np.ndarray, depth_scale: float, surface: SurfaceDepth, focal_px: float) -> Agreement:
+def agreement(depth: np.ndarray, depth_scale: float, surface: SurfaceDepth, focal_px: float) -> DepthAgreement:
     """Compare ``(H, W)`` uint16 depth in units of ``depth_scale`` mm with a surface."""
     seen, expected = depth > 0, surface.z > 0
     both = seen & expected
@@ -113,7 +113,7 @@ def agreement(depth: np.ndarray, depth_scale: float, surface: SurfaceDepth, foca
     tolerance = 0.5 * depth_scale + RAY_PX * per_px + RELATIVE * z
     shift, error = _best_shift(dz, slope, tolerance, z / focal_px, near=np.abs(dz) <= tolerance + 2 * per_px)
     outline = expected & (cv2.erode(expected.view(np.uint8), _CROSS, borderType=cv2.BORDER_REPLICATE) == 0)
-    return Agreement(
+    return DepthAgreement(
         compared=int(both.sum()),
         agreeing=int((np.abs(dz) <= tolerance).sum()),
         median_dz_mm=float(np.median(np.abs(dz))) if len(dz) else 0.0,
@@ -139,10 +139,10 @@ def _best_shift(
     information = rows.T @ rows
     values, vectors = np.linalg.eigh(information)
     # a direction in which the slopes hardly vary is not told by the depths
-    told = values > 1e-4 * values[-1]
-    solution = vectors[:, told] @ ((vectors[:, told].T @ (rows.T @ residual)) / values[told])
+    determined = values > 1e-4 * values[-1]
+    solution = vectors[:, determined] @ ((vectors[:, determined].T @ (rows.T @ residual)) / values[determined])
     variance = float(np.mean((residual - rows @ solution) ** 2))
-    covariance = (vectors[:, told] * (variance / values[told])) @ vectors[:, told].T
+    covariance = (vectors[:, determined] * (variance / values[determined])) @ vectors[:, determined].T
     return (float(solution[0]), float(solution[1])), float(np.sqrt(covariance[0, 0] + covariance[1, 1]))
 
 

@@ -14,8 +14,8 @@ from numpy.typing import DTypeLike
 from ...errors import InputError
 from ...images.image_check import check_image_file
 from ...projection.silhouette import SilhouetteEdges, silhouette_statistics
-from ..layout import FramePaths
-from .depth import PIXELS_OF_ROUNDING, Agreement, agreement, surface_depth
+from ..layout import ViewPaths
+from .depth import PIXELS_OF_ROUNDING, DepthAgreement, agreement, surface_depth
 from .findings import Findings
 from .records import DamagedFile, Identity, ViewRecord
 
@@ -27,8 +27,8 @@ SOFT_EDGE_OUTLIERS = 0.005
 
 
 def check_view(
-    paths: FramePaths, record: ViewRecord, identity: Identity, surface: SilhouetteEdges | None, findings: Findings
-) -> Agreement | None:
+    paths: ViewPaths, record: ViewRecord, identity: Identity, surface: SilhouetteEdges | None, findings: Findings
+) -> DepthAgreement | None:
     """Check one view; its files are there.
 
     Parameters
@@ -71,7 +71,7 @@ def check_view(
     return found
 
 
-def _decoded(paths: FramePaths, kind: str, identity: Identity) -> np.ndarray:
+def _decoded(paths: ViewPaths, kind: str, identity: Identity) -> np.ndarray:
     where, path = paths.relative(kind), paths.file(kind)
     height, width = identity.camera.shape_hw
     if kind == "depth_mm":
@@ -108,7 +108,7 @@ def _float_depth(path: Path, where: str, shape: tuple[int, int]) -> np.ndarray:
     return depth
 
 
-def _check_images(images: dict[str, np.ndarray], paths: FramePaths, record: ViewRecord, identity: Identity) -> None:
+def _check_images(images: dict[str, np.ndarray], paths: ViewPaths, record: ViewRecord, identity: Identity) -> None:
     """The images against each other."""
     mask, depth = images["mask"] > 0, images["depth"]
     _nothing(mask != (depth > 0), paths, "mask", "differ from where the depth image has surface")
@@ -130,13 +130,13 @@ def _check_images(images: dict[str, np.ndarray], paths: FramePaths, record: View
         _nothing(wrong, paths, "depth_mm", "are not those of the depth image before rounding")
 
 
-def _nothing(wrong: np.ndarray, paths: FramePaths, kind: str, clause: str) -> None:
+def _nothing(wrong: np.ndarray, paths: ViewPaths, kind: str, clause: str) -> None:
     if wrong.any():
         v, u = np.argwhere(wrong)[0]
         raise DamagedFile(f"{paths.relative(kind)}: {int(wrong.sum())} px {clause} (first: u = {u}, v = {v})")
 
 
-def _check_record(images: dict[str, np.ndarray], paths: FramePaths, record: ViewRecord) -> None:
+def _check_record(images: dict[str, np.ndarray], paths: ViewPaths, record: ViewRecord) -> None:
     """The images against the numbers in the record."""
     visible, info = images["mask_visib"] > 0, record.gt_info
     counts = {

@@ -13,7 +13,7 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
 from ..folder import RECORD
-from ..layout import FORMAT, FramePaths
+from ..layout import FORMAT, ViewPaths
 
 ROTATION_TOLERANCE = 1e-9
 GT_INFO_COUNTS = ("px_count_all", "px_count_valid", "px_count_visib")
@@ -33,7 +33,7 @@ class Identity:
         Number of views.
     camera
         Intrinsics of the views.
-    given_from_model
+    mesh_from_model
         4x4, mm.
     kinds
         Kinds of the files of a view, without its record.
@@ -43,7 +43,7 @@ class Identity:
 
     count: int
     camera: PinholeCamera
-    given_from_model: np.ndarray
+    mesh_from_model: np.ndarray
     kinds: tuple[str, ...]
     anti_aliased: bool
 
@@ -110,21 +110,21 @@ def read_identity(root: Path) -> Identity:
     for name in ("fx", "fy", "cx", "cy"):
         if given.get(name) != getattr(camera, name):
             raise DamagedFile(f"{RECORD}: camera: {name} is {given.get(name)!r}, K has {getattr(camera, name)!r}")
-    given_from_model = numbers(content, "given_from_model", (4, 4), RECORD)
-    check_rotation(given_from_model[:3, :3], f"{RECORD}: given_from_model")
+    mesh_from_model = numbers(content, "given_from_model", (4, 4), RECORD)
+    check_rotation(mesh_from_model[:3, :3], f"{RECORD}: given_from_model")
     frame = numbers(mapping(content, "frame", RECORD), "cam_from_model", (4, 4), f"{RECORD}: frame")
     check_rotation(frame[:3, :3], f"{RECORD}: frame: cam_from_model")
     float_depth = ("depth_mm",) if options.get("float_depth") else ()
     return Identity(
         count=count,
         camera=camera,
-        given_from_model=given_from_model,
+        mesh_from_model=mesh_from_model,
         kinds=("rgb", "depth", "mask", "mask_visib", "mask_observed", *float_depth),
         anti_aliased=whole_number(options, "samples", f"{RECORD}: options", least=1) > 1,
     )
 
 
-def read_view_record(paths: FramePaths, kinds: tuple[str, ...]) -> ViewRecord:
+def read_view_record(paths: ViewPaths, kinds: tuple[str, ...]) -> ViewRecord:
     """Read ``frame/NNNNNN.json`` of a view that has files of these kinds.
 
     Raises

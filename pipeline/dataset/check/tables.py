@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...camera.pinhole import PinholeCamera
-from ..layout import OBJECT_ID, FramePaths
+from ..layout import OBJECT_ID, ViewPaths
 from .findings import Findings
 from .records import DamagedFile, Identity, ViewRecord, check_rotation, numbers, read_object, shortened
 
@@ -41,7 +41,7 @@ def check_scene_tables(
     findings
         Takes what is wrong.
     """
-    paths = {index: FramePaths(root, index) for index in views}
+    paths = {index: ViewPaths(root, index) for index in views}
     expected: dict[str, dict] = {name: {} for name in SCENE_TABLES[:3]}
     for index, record in records.items():
         key, pose = str(paths[index].image_id), (record.rotation, record.translation)
@@ -94,18 +94,18 @@ def check_pose_table(root: Path, records: Records, identity: Identity, findings:
         rows = _read_csv(root / where, where)
         if len(rows) != identity.count:
             raise DamagedFile(f"{where}: expected {identity.count} rows, found {len(rows)}")
-        model_from_given = np.linalg.inv(identity.given_from_model)
+        model_from_mesh = np.linalg.inv(identity.mesh_from_model)
         for index, record in records.items():
             here = f"{where}: row {index}"
             if (rows[index].get("index"), rows[index].get("image")) != (
                 str(index),
-                FramePaths(root, index).relative("rgb"),
+                ViewPaths(root, index).relative("rgb"),
             ):
                 raise DamagedFile(f"{here}: expected view {index} and its image, found {shortened(rows[index])}")
             _check_pose(_row_pose(rows[index], here), record, here)
             given = _row_numbers(rows[index], [f"given_t{axis}_mm" for axis in "xyz"], here)
-            expected = (record.cam_from_model @ model_from_given)[:3, 3]
-            if not _close(given, expected, np.abs(model_from_given[:3, 3]).max()):
+            expected = (record.cam_from_model @ model_from_mesh)[:3, 3]
+            if not _close(given, expected, np.abs(model_from_mesh[:3, 3]).max()):
                 raise DamagedFile(f"{here}: given_t is {given.tolist()}, {record.where} makes {expected.tolist()}")
     except DamagedFile as damage:
         findings.add(KIND, damage)
@@ -131,7 +131,7 @@ def check_nerf_file(root: Path, records: Records, identity: Identity, findings: 
         if not isinstance(frames, list) or len(frames) != identity.count:
             raise DamagedFile(f"{where}: expected {identity.count} frames, found {shortened(frames)}")
         for index, record in records.items():
-            frame, paths, here = frames[index], FramePaths(root, index), f"{where}: frame {index}"
+            frame, paths, here = frames[index], ViewPaths(root, index), f"{where}: frame {index}"
             if not isinstance(frame, dict):
                 raise DamagedFile(f"{here}: expected an object, found {shortened(frame)}")
             files = {"file_path": "rgb", "depth_file_path": "depth", "mask_path": "mask"}
@@ -160,7 +160,7 @@ def check_video_poses(root: Path, findings: Findings) -> int:
 def _check_coco(
     content: dict,
     where: str,
-    paths: Mapping[int, FramePaths],
+    paths: Mapping[int, ViewPaths],
     records: Records,
     camera: PinholeCamera,
     keys: set[str],
@@ -207,12 +207,12 @@ def _by_number(content: dict, name: str, number: str, where: str) -> dict[str, d
 def _check_keys(found: Iterable[str], expected: set[str], where: str) -> None:
     missing, surplus = expected - set(found), set(found) - expected
     if missing or surplus:
-        told = [
+        problems = [
             f"{len(some)} {what} ({', '.join(sorted(some)[:3])})"
             for some, what in ((missing, "missing"), (surplus, "too many"))
             if some
         ]
-        raise DamagedFile(f"{where}: expected an entry for each of {len(expected)} images, {' and '.join(told)}")
+        raise DamagedFile(f"{where}: expected an entry for each of {len(expected)} images, {' and '.join(problems)}")
 
 
 def _check_values(found: Mapping, expected: Mapping, where: str) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.blender.colour.reference_view import Source, colour_of, source_of
+from pipeline.blender.colour.reference_view import ReferenceView, colour_of, reference_view_of
 from pipeline.blender.render.engines import render_view
 from pipeline.blender.render.surface_scene import SurfaceScene
 from pipeline.camera.pinhole import PinholeCamera
@@ -27,7 +27,9 @@ def plane_mesh(edge: np.ndarray) -> TriangleMesh:
     return TriangleMesh(np.stack([x, y, 0 * x], -1).reshape(-1, 3), faces.astype(np.int32))
 
 
-def rendered_in(mode: str, source: Source, cam_from_model: np.ndarray, *, engine: str = "cycles") -> RenderedView:
+def rendered_in(
+    mode: str, source: ReferenceView, cam_from_model: np.ndarray, *, engine: str = "cycles"
+) -> RenderedView:
     colour, _ = colour_of(source, mode)
     with SurfaceScene(source.mesh, CAMERA, colour, engine=engine) as scene:
         return render_view(scene, cam_from_model)
@@ -36,7 +38,7 @@ def rendered_in(mode: str, source: Source, cam_from_model: np.ndarray, *, engine
 @pytest.mark.parametrize(("mode", "bound"), [("projective", 0.02), ("texture", 0.5)])
 def test_source_pose_gives_the_frame_back(bumpy_mesh, oblique_pose, sharp_image, loaded_case, mode, bound):
     image = sharp_image(CAMERA)
-    source = source_of(loaded_case(bumpy_mesh, image, oblique_pose, CAMERA))
+    source = reference_view_of(loaded_case(bumpy_mesh, image, oblique_pose, CAMERA))
     view = rendered_in(mode, source, oblique_pose)
     assert view.observed.sum() > 0.85 * view.mask.sum()
     codes = np.rint(view.rgb * 255)
@@ -49,7 +51,7 @@ def test_source_pose_gives_the_frame_back(bumpy_mesh, oblique_pose, sharp_image,
 def test_vertex_mode_is_exact_where_the_image_is_smooth(bumpy_mesh, frontal_pose, loaded_case):
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
     image = np.stack([u / CAMERA.width, v / CAMERA.height, (u + v) / 300], -1).astype(np.float32)
-    source = source_of(loaded_case(bumpy_mesh, image, frontal_pose, CAMERA))
+    source = reference_view_of(loaded_case(bumpy_mesh, image, frontal_pose, CAMERA))
     view = rendered_in("vertex", source, frontal_pose)
     assert view.observed.sum() > 0.8 * view.mask.sum()
     # colours are affine in the pixel, the mesh is dense: only perspective inside a triangle is left
@@ -61,7 +63,7 @@ def test_only_what_the_frame_saw_is_painted(
     stepped_mesh, frontal_pose, oblique_pose, sharp_image, ray_cast, loaded_case, mode
 ):
     """Against an independent ray cast: a painted point is free to the source camera, a free point is painted."""
-    source = source_of(loaded_case(stepped_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
+    source = reference_view_of(loaded_case(stepped_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
     for pose in (oblique_pose, frontal_pose @ rigid(rotation_from_vector(np.array([-0.5, 0.3, 0.8])))):
         view = rendered_in(mode, source, pose)
         rows, columns = np.nonzero(view.mask)
@@ -83,7 +85,7 @@ def test_only_what_the_frame_saw_is_painted(
 
 @pytest.mark.parametrize("mode", MODES)
 def test_back_sides_are_not_painted(stepped_mesh, frontal_pose, sharp_image, loaded_case, mode):
-    source = source_of(loaded_case(stepped_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
+    source = reference_view_of(loaded_case(stepped_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
     from_below = frontal_pose @ rigid(rotation_from_vector(np.array([np.pi, 0.0, 0.0])))
     view = rendered_in(mode, source, from_below)
     assert view.mask.mean() > 0.3
@@ -94,10 +96,10 @@ def test_flipped_mesh_gives_the_same_views_and_is_told(
     bumpy_mesh, frontal_pose, oblique_pose, sharp_image, loaded_case
 ):
     image = sharp_image(CAMERA)
-    source = source_of(loaded_case(bumpy_mesh, image, frontal_pose, CAMERA))
-    flipped = source_of(loaded_case(bumpy_mesh.flipped(), image, frontal_pose, CAMERA))
-    assert not source.told
-    assert "flipped" in flipped.told[0]
+    source = reference_view_of(loaded_case(bumpy_mesh, image, frontal_pose, CAMERA))
+    flipped = reference_view_of(loaded_case(bumpy_mesh.flipped(), image, frontal_pose, CAMERA))
+    assert not source.messages
+    assert "flipped" in flipped.messages[0]
     one, other = (rendered_in("projective", each, oblique_pose) for each in (source, flipped))
     assert np.array_equal(one.rgb, other.rgb)
     assert np.array_equal(one.observed, other.observed)
@@ -106,7 +108,7 @@ def test_flipped_mesh_gives_the_same_views_and_is_told(
 def test_transparent_pixels_of_the_frame_are_not_observed(bumpy_mesh, frontal_pose, sharp_image, loaded_case):
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
     valid = (u - 80) ** 2 + (v - 60) ** 2 < 45**2
-    source = source_of(loaded_case(bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA, valid))
+    source = reference_view_of(loaded_case(bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA, valid))
     view = rendered_in("projective", source, frontal_pose)
     assert not (view.observed & ~valid).any()
     assert view.observed.sum() > 0.9 * (valid & view.mask).sum()
@@ -118,7 +120,7 @@ def test_projection_is_exact_for_two_huge_triangles(sharp_image, loaded_case):
     image, views = sharp_image(CAMERA), []
     for cells in (1, 70):
         edge = np.linspace(-60, 60, cells + 1)
-        source = source_of(loaded_case(plane_mesh(edge), image, pose, CAMERA))
+        source = reference_view_of(loaded_case(plane_mesh(edge), image, pose, CAMERA))
         views.append(rendered_in("projective", source, pose @ rigid(rotation_from_vector(np.array([0.2, -0.3, 0.1])))))
     both = views[0].observed & views[1].observed
     assert both.sum() > 0.5 * views[0].mask.sum()
@@ -127,7 +129,7 @@ def test_projection_is_exact_for_two_huge_triangles(sharp_image, loaded_case):
 
 
 def test_views_do_not_depend_on_threads_or_order(bumpy_mesh, frontal_pose, oblique_pose, sharp_image, loaded_case):
-    source = source_of(loaded_case(bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
+    source = reference_view_of(loaded_case(bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
     colour, _ = colour_of(source, "projective")
     views = []
     for threads, poses in ((1, [frontal_pose, oblique_pose]), (2, [oblique_pose])):
@@ -138,7 +140,7 @@ def test_views_do_not_depend_on_threads_or_order(bumpy_mesh, frontal_pose, obliq
 
 
 def test_pivot_lies_on_the_surface_in_the_middle(bumpy_mesh, oblique_pose, sharp_image, loaded_case):
-    source = source_of(loaded_case(bumpy_mesh, sharp_image(CAMERA), oblique_pose, CAMERA))
+    source = reference_view_of(loaded_case(bumpy_mesh, sharp_image(CAMERA), oblique_pose, CAMERA))
     pixel = CAMERA.project(transform_points(oblique_pose, source.pivot_model[None]))[0]
     assert np.abs(pixel - [79.5, 59.5]).max() < 30
     assert np.linalg.norm(source.pivot_model - camera_centre(oblique_pose)) == pytest.approx(300, abs=10)

@@ -24,8 +24,8 @@ CAMERA = PinholeCamera(160, 120, 800.0, 790.0, 75.5, 62.25)
 def loaded(bumpy_mesh, frontal_pose, loaded_case) -> LoadedCase:
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
     image = np.stack([u / 160, v / 120, 0.5 + 0.4 * np.sin((u + v) / 9)], -1).astype(np.float32)
-    given_from_model = rigid(translation=np.array([100.0, -50.0, 30.0]))
-    return loaded_case(bumpy_mesh, image, frontal_pose, CAMERA, given_from_model=given_from_model, mm_per_unit=1000.0)
+    mesh_from_model = rigid(translation=np.array([100.0, -50.0, 30.0]))
+    return loaded_case(bumpy_mesh, image, frontal_pose, CAMERA, mesh_from_model=mesh_from_model, mm_per_unit=1000.0)
 
 
 def glb_colours(path: Path) -> np.ndarray:
@@ -51,7 +51,7 @@ def test_points_of_the_file_have_the_colours_of_the_frame(loaded, tmp_path, name
     given = np.asarray(read.vertices)
     # GLB: metres with y up
     given = 1000 * (given[:, [0, 2, 1]] * [1, -1, 1] if name.endswith(".glb") else given)
-    model = given - loaded.given_from_model[:3, 3]
+    model = given - loaded.mesh_from_model[:3, 3]
     pixels = CAMERA.project(transform_points(loaded.cam_from_model, model))
     inside = ((pixels > 1) & (pixels < [158, 118])).all(axis=1)
     expected = sample_bilinear(loaded.image, np.where(inside[:, None], pixels, 0))

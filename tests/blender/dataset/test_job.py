@@ -25,7 +25,7 @@ from pipeline.blender.render.video import _is_whole, write_video
 from pipeline.case.case_file import read_case
 from pipeline.dataset import layout as dataset
 from pipeline.dataset.folder import Shard
-from pipeline.dataset.layout import FramePaths
+from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.options import DatasetOptions
 from pipeline.dataset.tables import record_pose
 from pipeline.dataset.view import read_record
@@ -91,7 +91,7 @@ def read_rgb(path: Path) -> np.ndarray:
 
 def test_all_files_of_the_layout_are_there(reference):
     kinds = ("rgb", "depth", "mask", "mask_visib", "mask_observed", "depth_mm", "frame")
-    views = {FramePaths(reference, index).relative(kind) for index in range(VIEWS) for kind in kinds}
+    views = {ViewPaths(reference, index).relative(kind) for index in range(VIEWS) for kind in kinds}
     scene = {f"train_pbr/000000/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco")}
     models = {"models/models_info.json", "models/obj_000001.ply"}
     tables = {"camera.json", "dataset.json", "poses.csv", "transforms.json", "contact_sheet.png", "overlay.png"}
@@ -100,7 +100,7 @@ def test_all_files_of_the_layout_are_there(reference):
     sheet = cv2.imread(str(reference / "contact_sheet.png"))
     # 24 views in rows of 6, 4 px apart
     assert sheet.shape == (4 * (48 + 4) + 4, 6 * (64 + 4) + 4, 3)
-    first = cv2.imread(str(FramePaths(reference, 0).file("rgb")))
+    first = cv2.imread(str(ViewPaths(reference, 0).file("rgb")))
     assert np.array_equal(sheet[4:52, 4:68], first)
 
 
@@ -315,7 +315,7 @@ def test_another_dataset_does_not_get_into_the_folder(case, reference, tmp_path,
 def test_a_case_saved_anew_with_the_same_meaning_resumes(case, reference, tmp_path):
     other, out = shutil.copytree(case.parent, tmp_path / "case"), shutil.copytree(reference, tmp_path / "out")
     edit(other / "case.toml", "[pose]", "# aligned by eye\n[pose]")
-    shutil.rmtree(FramePaths(out, 7).file("frame").parent)
+    shutil.rmtree(ViewPaths(out, 7).file("frame").parent)
     run_here(other / "case.toml", out)
     assert_same_dataset(out, reference)
 
@@ -340,8 +340,8 @@ def test_a_run_ends_with_its_input_and_goes_on_later(case, tmp_path, render_comm
         stderr=subprocess.PIPE,
         text=True,
     )
-    told = filter(None, map(read_progress, running.stdout))
-    counts = [next(told).count, next(told).count]
+    messages = filter(None, map(read_progress, running.stdout))
+    counts = [next(messages).count, next(messages).count]
     # what the system does when the program that started it dies
     running.stdin.close()
     assert running.wait(timeout=20) == 130
@@ -413,8 +413,8 @@ def test_a_full_disk_stops_the_run_and_more_room_lets_it_go_on(
 def test_a_complete_dataset_is_left_as_it_is_without_any_preparation(case, reference, monkeypatch):
     monkeypatch.setattr(OpenJob, "maker", lambda *_, **__: pytest.fail("prepared to render"))
     before = times(reference)
-    told = run_here(case, reference)
-    assert told.splitlines()[-1] == f"dataset of {VIEWS} views: {reference}"
+    messages = run_here(case, reference)
+    assert messages.splitlines()[-1] == f"dataset of {VIEWS} views: {reference}"
     assert {name: when for name, when in times(reference).items() if name != "."} == before
     assert not (reference / ".work").exists()
 
@@ -457,9 +457,9 @@ def check_video(case: Path, folder: Path, options: DatasetOptions) -> None:
     while (read := capture.read())[0]:
         frames.append(as_tagged(read[1]))
     assert len(frames) == options.video_frames
-    with open_job(Job(case, folder, options, WHOLE)).maker(threads=1) as maker:
+    with open_job(Job(case, folder, options, WHOLE)).renderer(threads=1) as renderer:
         for frame, row in zip(frames, rows, strict=True):
-            view = maker.render(rigid(row[2:11].reshape(3, 3), row[11:14])).rgb * 255
+            view = renderer.render(rigid(row[2:11].reshape(3, 3), row[11:14])).rgb * 255
             assert frame.shape == view.shape
             # of colours, MPEG keeps a quarter of the pixels
             assert np.abs(frame - view).mean() < 8
@@ -491,20 +491,20 @@ def test_videos_of_odd_size_get_even_sides(tmp_path):
 
 
 def test_explicit_poses_are_for_the_mesh_files_frame_and_replace_the_count(case, tmp_path):
-    cam_from_given = read_case(case).cam_from_given
-    poses = np.stack([rigid(rotation_from_vector(np.array([0, 0, angle]))) @ cam_from_given for angle in (0, 0.2, 3)])
+    cam_from_mesh = read_case(case).cam_from_mesh
+    poses = np.stack([rigid(rotation_from_vector(np.array([0, 0, angle]))) @ cam_from_mesh for angle in (0, 0.2, 3)])
     np.save(tmp_path / "poses.npy", poses)
     options = dataclasses.replace(OPTIONS, count=100, poses=str(tmp_path / "poses.npy"))
     run_here(case, tmp_path / "out", options)
-    records = [read_record(FramePaths(tmp_path / "out", index)) for index in range(3)]
+    records = [read_record(ViewPaths(tmp_path / "out", index)) for index in range(3)]
     assert finished_views(tmp_path / "out") == 3
-    given_from_model = np.array(json.loads((tmp_path / "out/dataset.json").read_text())["given_from_model"])
-    assert np.allclose(given_from_model[:3, 3], [12, -7, 40], atol=0.1)
-    found = np.stack([record_pose(record) @ inverse_rigid(given_from_model) for record in records])
+    mesh_from_model = np.array(json.loads((tmp_path / "out/dataset.json").read_text())["given_from_model"])
+    assert np.allclose(mesh_from_model[:3, 3], [12, -7, 40], atol=0.1)
+    found = np.stack([record_pose(record) @ inverse_rigid(mesh_from_model) for record in records])
     assert np.allclose(found, poses, atol=1e-9)
     # at the frame's own pose, the view is the frame
-    view, frame = (read_rgb(path) for path in (FramePaths(tmp_path / "out", 0).file("rgb"), case.parent / "frame.png"))
-    observed = cv2.imread(str(FramePaths(tmp_path / "out", 0).file("mask_observed")), cv2.IMREAD_GRAYSCALE) > 0
+    view, frame = (read_rgb(path) for path in (ViewPaths(tmp_path / "out", 0).file("rgb"), case.parent / "frame.png"))
+    observed = cv2.imread(str(ViewPaths(tmp_path / "out", 0).file("mask_observed")), cv2.IMREAD_GRAYSCALE) > 0
     assert observed.mean() > 0.8
     assert np.abs(view - frame)[observed].max() <= 1
     # other poses are another dataset
@@ -527,7 +527,7 @@ def test_the_table_of_the_case_is_used_and_the_command_line_goes_before_it(
 
 
 def test_float_depth_is_the_depth_that_the_image_rounds(reference):
-    paths = FramePaths(reference, 4)
+    paths = ViewPaths(reference, 4)
     exact = np.load(paths.file("depth_mm"))
     rounded = cv2.imread(str(paths.file("depth")), cv2.IMREAD_UNCHANGED)
     scale = read_record(paths)["depth_scale"]
@@ -541,7 +541,7 @@ def test_float_depth_is_the_depth_that_the_image_rounds(reference):
 def some_view(case: Path, out: Path, **settings: object) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Colours, depth and observed mask of one view with some options."""
     run_here(case, out, dataclasses.replace(OPTIONS, count=1, **settings))
-    paths = FramePaths(out, 0)
+    paths = ViewPaths(out, 0)
     observed = cv2.imread(str(paths.file("mask_observed")), cv2.IMREAD_GRAYSCALE) > 0
     return read_rgb(paths.file("rgb")), np.load(paths.file("depth_mm")), observed
 
@@ -602,7 +602,7 @@ def test_blenders_program_runs_the_script_too(case, reference, tmp_path, render_
     assert ended.stdout.endswith(f"dataset of {VIEWS} views: {out}\n")
     # another build may round another way: the same files, the same poses up to that
     assert times(out).keys() == times(reference).keys()
-    ours, theirs = (record_pose(read_record(FramePaths(folder, 5))) for folder in (reference, out))
+    ours, theirs = (record_pose(read_record(ViewPaths(folder, 5))) for folder in (reference, out))
     assert np.allclose(ours, theirs, atol=1e-3)
 
     for arguments, code, message in [

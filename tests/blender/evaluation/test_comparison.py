@@ -24,21 +24,21 @@ def loaded_case(folder: Path, *, image: Path, size: tuple, k: list, mesh: Path, 
     path = folder / "case.toml"
     path.write_text(
         f'units = "{units}"\n[frame]\nimage = "{image}"\n[camera]\nsize = {list(size)}\nK = {k}\n'
-        f'[surface]\nmesh = "{mesh}"\n[pose]\ncam_from_model = {pose}\n'
+        f'[surface]\nmesh = "{mesh}"\n[pose]\ncam_from_mesh = {pose}\n'
     )
     return load_case(read_case(path))
 
 
-def correlation(loaded: LoadedCase, image: Path, cam_from_given: np.ndarray) -> float:
-    photograph = PosedPhotograph(image, cam_from_given @ loaded.given_from_model)
+def correlation(loaded: LoadedCase, image: Path, cam_from_mesh: np.ndarray) -> float:
+    photograph = PosedPhotograph(image, cam_from_mesh @ loaded.mesh_from_model)
     return next(compare(loaded, [photograph])).likeness.correlation
 
 
-def assert_pose_matters(loaded: LoadedCase, image: Path, cam_from_given: np.ndarray, shift_mm: float) -> float:
+def assert_pose_matters(loaded: LoadedCase, image: Path, cam_from_mesh: np.ndarray, shift_mm: float) -> float:
     """The right pose explains a held-out photograph better than poses shifted sideways; returns its correlation."""
-    right = correlation(loaded, image, cam_from_given)
+    right = correlation(loaded, image, cam_from_mesh)
     for direction in ([1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]):
-        moved = rigid(translation=np.array(direction) * shift_mm) @ cam_from_given
+        moved = rigid(translation=np.array(direction) * shift_mm) @ cam_from_mesh
         assert correlation(loaded, image, moved) < right
     return right
 

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from pipeline.blender.colour.reference_view import Source, colour_of, source_of
+from pipeline.blender.colour.reference_view import ReferenceView, colour_of, reference_view_of
 from pipeline.blender.render.anti_aliasing import EdgeSampler
 from pipeline.blender.render.engines import render_view
 from pipeline.blender.render.surface_rays import SurfaceRays
@@ -35,8 +35,8 @@ def photograph(rng):
 def source_from(loaded_case):
     """Makes the source of a mesh, a frame and its pose."""
 
-    def make(mesh, image, cam_from_model, valid=None) -> Source:
-        return source_of(loaded_case(mesh, image, cam_from_model, FRAME, valid))
+    def make(mesh, image, cam_from_model, valid=None) -> ReferenceView:
+        return reference_view_of(loaded_case(mesh, image, cam_from_model, FRAME, valid))
 
     return make
 

@@ -113,14 +113,14 @@ def test_sample_case_is_read_back_as_written(tmp_path, coarse):
     assert {path for path in (tmp_path / "case").rglob("*") if path.is_file()} == set(paths)
     case = read_case(paths[-1])
     assert case.camera == SMALL
-    assert case.told == ()
-    np.testing.assert_allclose(case.cam_from_given, frame_pose(), atol=1e-9)
+    assert case.messages == ()
+    np.testing.assert_allclose(case.cam_from_mesh, frame_pose(), atol=1e-9)
     mesh, _ = read_mesh(case.mesh)
     np.testing.assert_allclose(mesh.vertices, coarse.bone.vertices, atol=1e-4)
     np.testing.assert_array_equal(mesh.faces, coarse.bone.faces)
     assert {structure.name for structure in case.structures} == set(coarse.structures)
     listed = json.loads((tmp_path / "case" / "held_out.json").read_text())
     for entry, pose in zip(listed, held_out_poses(), strict=True):
-        np.testing.assert_array_equal(entry["cam_from_model"], pose)
+        np.testing.assert_array_equal(entry["cam_from_mesh"], pose)
         assert read_image(tmp_path / "case" / entry["image"])[0].shape == (48, 64, 3)
         np.testing.assert_allclose(pose @ inverse_rigid(pose), np.eye(4), atol=1e-9)

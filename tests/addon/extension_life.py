@@ -25,7 +25,7 @@ def modules_of_addon() -> list[str]:
 
 addon_utils.extensions_refresh(ensure_wheels=True)
 before = registered()
-messages = {"cycles": []}
+found = {"cycles": []}
 for _ in range(2):
     bpy.ops.preferences.addon_enable(module=PACKAGE)
     for name in modules_of_addon():
@@ -36,9 +36,9 @@ for _ in range(2):
     code = Code(PACKAGE)
     bpy.ops.preferences.addon_disable(module=PACKAGE)
     left = only_in(registered(), before)
-    messages["cycles"].append({"added": added, "warnings": warnings, "left": left, "held": code.still_held()})
-messages["cv2"] = importlib.import_module("cv2").__file__
-messages["numpy"] = importlib.import_module("numpy").__file__
+    found["cycles"].append({"added": added, "warnings": warnings, "left": left, "held": code.still_held()})
+found["cv2"] = importlib.import_module("cv2").__file__
+found["numpy"] = importlib.import_module("numpy").__file__
 repository = [repository.module for repository in bpy.context.preferences.extensions.repos].index("user_default")
 bpy.ops.extensions.package_uninstall(repo_index=repository, pkg_id="oneframe")
-print(json.dumps(messages))
+print(json.dumps(found))

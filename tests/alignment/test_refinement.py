@@ -75,7 +75,7 @@ def test_converges_from_a_rough_pose(mesh, frame, rng, angle_deg, percent):
     start = disturbed(rng, angle_deg, percent)
     heard = []
     result = refine_pose(frame, VALID, CAMERA, mesh, start, progress=heard.append)
-    assert result.accepted, result.messages
+    assert result.accepted, result.message
     turned, moved = error(mesh, result.cam_from_model)
     assert turned < 0.5
     assert moved < 1.0
@@ -88,7 +88,7 @@ def test_converges_from_a_rough_pose(mesh, frame, rng, angle_deg, percent):
 
 def test_the_true_pose_stays(mesh, frame):
     result = refine_pose(frame, VALID, CAMERA, mesh, TRUE_POSE)
-    assert result.verified, result.messages
+    assert result.verified, result.message
     turned, moved = error(mesh, result.cam_from_model)
     assert turned < 0.5
     assert moved < 1.0
@@ -99,7 +99,7 @@ def test_masked_pixels_have_no_say(mesh, frame, rng):
     spoilt[:, 80:110] = rng.random((180, 30, 3), np.float32)
     valid[:, 80:110] = False
     result = refine_pose(spoilt, valid, CAMERA, mesh, disturbed(rng, 2, 2))
-    assert result.accepted, result.messages
+    assert result.accepted, result.message
     assert error(mesh, result.cam_from_model)[1] < 1.0
 
 
@@ -116,7 +116,7 @@ def test_a_wrong_image_is_refused(mesh, frame, rng, kind):
         valid = np.zeros_like(VALID)
     start = disturbed(rng, 2, 2)
     result = refine_pose(image, valid, CAMERA, mesh, start)
-    assert not result.accepted, result.messages
+    assert not result.accepted, result.message
     assert not result.verified
     np.testing.assert_allclose(result.cam_from_model, start, atol=1e-12)
 
@@ -147,7 +147,7 @@ def test_an_object_with_colours_before_a_background(rng):
     turned = pose @ rigid(rotation_from_vector(np.radians([2.0, -2.0, 1.5])))
     start = rigid(translation=[6.0, -5.0, 8.0]) @ turned
     result = refine_pose(image, np.ones((240, 320), bool), camera, mesh, start, colours=colours)
-    assert result.accepted, result.messages
+    assert result.accepted, result.message
     apart = [camera.project(transform_points(p, mesh.vertices)) for p in (pose, result.cam_from_model)]
     assert np.linalg.norm(apart[0] - apart[1], axis=1).mean() < 0.7
 

@@ -30,7 +30,7 @@ from tests.dataset.synthetic_dataset import CAMERA, CENTRE, COUNT, MESH, PER_SCE
 def small_scenes() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for module in (dataset, dataset_check):
-            patch.setattr(module, "FRAMES_PER_SCENE", PER_SCENE)
+            patch.setattr(module, "VIEWS_PER_SCENE", PER_SCENE)
         yield
 
 

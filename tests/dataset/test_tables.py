@@ -182,7 +182,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Five views in two scenes with their tables; the images are blank, the fourth shows nothing."""
     root = tmp_path_factory.mktemp("dataset")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dataset, "FRAMES_PER_SCENE", 3)
+        patch.setattr(dataset, "VIEWS_PER_SCENE", 3)
         for index in range(5):
             pose, seen = pose_of(index), 0 if index == 3 else 6 + index
             info = {"bbox_obj": [1, 2, 3, 4], "px_count_all": 80, "px_count_valid": seen, "visib_fract": seen / 80}

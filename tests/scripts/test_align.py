@@ -73,8 +73,8 @@ def test_pairs_become_a_case_a_record_and_a_picture(case_path, tmp_path, align):
     pose = np.array(found["cam_from_mesh"])
     assert pose == pytest.approx(true_case(case_path).cam_from_mesh, abs=1e-5)
     assert np.array_equal(printed_matrix(ended.stdout, "cam_from_mesh"), pose)
-    assert np.array_equal(printed_matrix(ended.stdout, "model_from_cam"), found["model_from_cam"])
-    assert np.array(found["model_from_cam"]) @ pose == pytest.approx(np.eye(4), abs=1e-9)
+    assert np.array_equal(printed_matrix(ended.stdout, "mesh_from_cam"), found["mesh_from_cam"])
+    assert np.array(found["mesh_from_cam"]) @ pose == pytest.approx(np.eye(4), abs=1e-9)
     assert [pair["name"] for pair in found["pairs"]] == [*(each.name for each in landmarks), "wrong one"]
     assert [pair["inlier"] for pair in found["pairs"]] == [True] * 7 + [False]
     for pair in found["pairs"]:

@@ -226,7 +226,7 @@ def test_several_text_solids_become_one_mesh(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "told"),
+    ("name", "content", "messages"),
     [
         (
             "a.ply",

@@ -21,7 +21,7 @@ def test_scenario(scenario, play):
 
 
 @pytest.mark.parametrize(
-    ("body", "told", "timeout_s"),
+    ("body", "messages", "timeout_s"),
     [
         ("yield from user.until(lambda: False, 'the moon', timeout_s=0.2)", "the moon", TIMEOUT_S),
         ("while True: pass", "not at an end", 8),

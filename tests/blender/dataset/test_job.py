@@ -141,7 +141,7 @@ def test_shards_in_folders_of_their_own_are_merged_by_copying(case, reference, t
 
 def test_shards_write_the_tables_of_their_own_scenes(case, tmp_path, monkeypatch):
     for module in (dataset, dataset_job, dataset_finish):
-        monkeypatch.setattr(module, "FRAMES_PER_SCENE", 4)
+        monkeypatch.setattr(module, "VIEWS_PER_SCENE", 4)
     options = dataclasses.replace(OPTIONS, count=10)
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     run_here(case, whole, options)
@@ -411,7 +411,7 @@ def test_a_full_disk_stops_the_run_and_more_room_lets_it_go_on(
 
 
 def test_a_complete_dataset_is_left_as_it_is_without_any_preparation(case, reference, monkeypatch):
-    monkeypatch.setattr(OpenJob, "maker", lambda *_, **__: pytest.fail("prepared to render"))
+    monkeypatch.setattr(OpenJob, "renderer", lambda *_, **__: pytest.fail("prepared to render"))
     before = times(reference)
     messages = run_here(case, reference)
     assert messages.splitlines()[-1] == f"dataset of {VIEWS} views: {reference}"

@@ -77,7 +77,7 @@ def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> No
         raise InputError(
             f"{name}: expected the surface in front of the camera, all of it lies behind (depth {depth.min():.4g} to "
             f"{depth.max():.4g} mm); cam_from_mesh maps the mesh to OpenCV axes (z forward): "
-            "invert the matrix if it is model_from_cam, negate its 2nd and 3rd row if its axes are OpenGL's, "
+            "invert the matrix if it is mesh_from_cam, negate its 2nd and 3rd row if its axes are OpenGL's, "
             "and give mesh and translation in the same unit"
         )
     distance = float(np.median(depth[in_front]))

@@ -101,14 +101,14 @@ def test_the_operator_gives_the_functions_result_in_one_undo_step(opened, gather
     bpy.ops.ed.undo_push(message="refined")
     assert np.array_equal(gather.cam_from_model(opened), expected.cam_from_model)
     assert rotation_error_deg(gather, opened) < min(0.5, before / 3)
-    assert refine.outcome(opened).messages == expected.message
+    assert refine.outcome(opened).message == expected.message
     bpy.ops.ed.undo()
     scene = bpy.context.scene
     assert np.array_equal(gather.cam_from_model(scene), start)
     # what was told belongs to the refined pose
     assert refine.outcome(scene) is None
     bpy.ops.ed.redo()
-    assert refine.outcome(bpy.context.scene).messages == expected.message
+    assert refine.outcome(bpy.context.scene).message == expected.message
 
 
 def test_a_refusal_leaves_the_pose_and_says_why(opened, gather, refine, case_folder):
@@ -168,7 +168,7 @@ def test_the_thread_gives_the_same_and_can_be_stopped(opened, gather, refine):
     work = refine.Refining(loaded, None)
     waited(work)
     assert work.fraction == 1
-    assert work.result.message == refine.refined(loaded, None).messages
+    assert work.result.message == refine.refined(loaded, None).message
     stopped = refine.Refining(loaded, None)
     stopped.stop()
     waited(stopped)

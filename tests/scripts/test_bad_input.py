@@ -177,7 +177,7 @@ def test_faces_without_area_are_dropped_and_told(case):
 # --- frame, surface and pose together -------------------------------------------------------------------------------
 
 MISFITS = {
-    "behind": (("-1, 340]", "-1, -340]"), "surface in front of the camera, all of it lies behind .*model_from_cam"),
+    "behind": (("-1, 340]", "-1, -340]"), "surface in front of the camera, all of it lies behind .*mesh_from_cam"),
     "turned away": (
         (POSE, "[[-1, 0, 0, 12], [0, -1, 0, -7], [0, 0, 1, -380], [0, 0, 0, 1]]"),
         "all of it lies behind .*negate its 2nd and 3rd row if its axes are OpenGL's",

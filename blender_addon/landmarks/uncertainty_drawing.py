@@ -35,7 +35,7 @@ def add_uncertainty(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkView
     legend = [f"Weakest direction: {uncertainty.weakest}{times}"]
     if view.frame is not None:
         _add_ellipses(strokes, scene, view, uncertainty, samples, width=1.0)
-        _add_ellipses(strokes, scene, view, uncertainty, solved.pairs.points_model, width=1.5)
+        _add_ellipses(strokes, scene, view, uncertainty, solved.alignment.points, width=1.5)
         legend.append("Ellipses: 95 % of where the surface may lie")
     for number, text in enumerate(legend):
         strokes.text((np.array(LEGEND) + np.array([0, LINE * number])) * strokes.unit, text, UNSURE)

@@ -3,7 +3,6 @@
 The dataset is rendered without Blender and without the code that is tested.
 """
 
-import importlib.util
 import json
 import re
 import shutil
@@ -15,6 +14,8 @@ import cv2
 import numpy as np
 import pytest
 
+from pipeline.blender.command_line import exit_code
+from pipeline.commands import check
 from pipeline.dataset import layout as dataset
 from pipeline.dataset.check import check_dataset as dataset_check
 from pipeline.dataset.check.findings import Findings
@@ -48,11 +49,7 @@ def copied(sound: Path, tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def run() -> Callable[..., int]:
-    path = Path(__file__).parents[2] / "scripts" / "check_dataset.py"
-    specification = importlib.util.spec_from_file_location("check_dataset_script", path)
-    script = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(script)
-    return lambda *arguments: script.main([str(argument) for argument in arguments])
+    return lambda *arguments: exit_code(check.main, [str(argument) for argument in arguments])
 
 
 def edit(path: Path, change: Callable[[dict], object]) -> None:
@@ -475,8 +472,7 @@ def test_what_is_no_dataset_is_not_judged(tmp_path, monkeypatch, run, capsys, ar
 
 @pytest.mark.parametrize("arguments", [[], ["a", "--views", "-1"], ["a", "--views", "x"], ["a", "--what"]])
 def test_wrong_arguments(run, arguments):
-    with pytest.raises(SystemExit, match="2"):
-        run(*arguments)
+    assert run(*arguments) == 2
 
 
 def test_many_findings_are_counted_and_some_of_every_kind_shown():

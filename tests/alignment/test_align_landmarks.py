@@ -119,7 +119,7 @@ def test_landmarks_off_the_surface_are_named(bumpy_mesh):
     above = Landmark("above", (0.0, 0.0, float(bumpy_mesh.bounds[1, 2]) + 2.0), (1.0, 1.0))
     disabled = Landmark("disabled", (0.0, 0.0, 500.0), (1.0, 1.0), enabled=False)
     (sentence,) = off_surface([*marks, above, disabled, Landmark("half", None, (1.0, 1.0))], bumpy_mesh)
-    assert re_names(sentence) == ["above"]
+    assert quoted(sentence) == ["above"]
     check_landmarks_belong([*marks, above], bumpy_mesh, "surface.ply")
     check_landmarks_belong([], bumpy_mesh, "surface.ply")
     elsewhere = [Landmark(mark.name, tuple(np.array(mark.point) * 1000), None) for mark in marks]
@@ -127,5 +127,5 @@ def test_landmarks_off_the_surface_are_named(bumpy_mesh):
         check_landmarks_belong(elsewhere, bumpy_mesh, "surface.ply")
 
 
-def re_names(sentence: str) -> list[str]:
+def quoted(sentence: str) -> list[str]:
     return [part for number, part in enumerate(sentence.split("'")) if number % 2]

@@ -66,8 +66,8 @@ def error(mesh: TriangleMesh, pose: np.ndarray) -> tuple[float, float]:
 def disturbed(rng: np.random.Generator, angle_deg: float, percent: float) -> np.ndarray:
     """The true pose, rotated about the surface's centre and moved by some percent of the distance, at random."""
     axis, direction = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
-    turned = TRUE_POSE @ rigid(rotation_from_vector(np.radians(angle_deg) * axis))
-    return rigid(translation=direction * percent / 100 * TRUE_POSE[2, 3]) @ turned
+    rotated = TRUE_POSE @ rigid(rotation_from_vector(np.radians(angle_deg) * axis))
+    return rigid(translation=direction * percent / 100 * TRUE_POSE[2, 3]) @ rotated
 
 
 @pytest.mark.parametrize(("angle_deg", "percent"), [(2, 2), (5, 5)])
@@ -76,8 +76,8 @@ def test_converges_from_a_rough_pose(mesh, frame, rng, angle_deg, percent):
     fractions = []
     result = refine_pose(frame, VALID, CAMERA, mesh, start, progress=fractions.append)
     assert result.accepted, result.message
-    turned, moved = error(mesh, result.cam_from_model)
-    assert turned < 0.5
+    rotated, moved = error(mesh, result.cam_from_model)
+    assert rotated < 0.5
     assert moved < 1.0
     assert result.after.score > result.before.score
     assert result.after.edge_distance_px < result.before.edge_distance_px or np.isnan(result.before.edge_distance_px)
@@ -89,8 +89,8 @@ def test_converges_from_a_rough_pose(mesh, frame, rng, angle_deg, percent):
 def test_the_true_pose_stays(mesh, frame):
     result = refine_pose(frame, VALID, CAMERA, mesh, TRUE_POSE)
     assert result.verified, result.message
-    turned, moved = error(mesh, result.cam_from_model)
-    assert turned < 0.5
+    rotated, moved = error(mesh, result.cam_from_model)
+    assert rotated < 0.5
     assert moved < 1.0
 
 
@@ -144,8 +144,8 @@ def test_a_coloured_object_in_front_of_clutter(rng):
     clutter = 0.5 + 4 * cv2.GaussianBlur(rng.normal(size=(240, 320, 3)), (0, 0), 7)
     shown = colours[mesh.faces].mean(axis=1)[raster.face]
     image = np.clip(np.where(raster.face[..., None] >= 0, 0.8 * shown, clutter), 0, 1).astype(np.float32)
-    turned = pose @ rigid(rotation_from_vector(np.radians([2.0, -2.0, 1.5])))
-    start = rigid(translation=[6.0, -5.0, 8.0]) @ turned
+    rotated = pose @ rigid(rotation_from_vector(np.radians([2.0, -2.0, 1.5])))
+    start = rigid(translation=[6.0, -5.0, 8.0]) @ rotated
     result = refine_pose(image, np.ones((240, 320), bool), camera, mesh, start, colours=colours)
     assert result.accepted, result.message
     projected = [camera.project(transform_points(p, mesh.vertices)) for p in (pose, result.cam_from_model)]

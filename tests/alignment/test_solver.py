@@ -172,7 +172,7 @@ def test_wrong_pairs_are_found_named_and_left_out(count, wrong, shift_px):
             exact += 1
             assert rotation_angle_deg(estimate.cam_from_model[:3, :3] @ trial.cam_from_model[:3, :3].T) < 5
             for index in bad:
-                assert any(repr(NAMES[index]) in sentence and "left out" in sentence for sentence in estimate.messages)
+                assert any(repr(NAMES[index]) in message and "left out" in message for message in estimate.messages)
     # a pair that alone determines a direction cannot be recognised as wrong
     assert exact >= trials - 1
 
@@ -195,7 +195,7 @@ def test_a_pair_behind_the_camera_is_left_out_with_that_reason():
     estimate = solve_pose(points, pixels, WIDE)
     assert np.flatnonzero(~estimate.inliers).tolist() == [4]
     assert np.isnan(estimate.residuals_px[4]).all()
-    assert any("'5' lies behind the camera" in sentence for sentence in estimate.messages)
+    assert any("'5' lies behind the camera" in message for message in estimate.messages)
     assert estimate.cam_from_model == pytest.approx(pose, abs=1e-6)
 
 
@@ -209,7 +209,7 @@ def frontal(tilt=0.0):
 def refused_pairs(kind, rng):
     """Points, true pose and camera of pairs that do not determine a pose, and what the message must name."""
     if kind == "few":
-        return box_points(rng, 3), frontal(0.4), MICROSCOPE, "at least 4 enabled pairs, found 3; add 1 more"
+        return box_points(rng, 3), frontal(0.4), MICROSCOPE, "at least 4 enabled correspondences, found 3; add 1 more"
     if kind == "identical":
         points = box_points(rng, 6)
         points[3:] = points[1]
@@ -256,7 +256,7 @@ def test_pairs_in_the_wrong_order_fit_no_pose():
     rng = np.random.default_rng(6)
     points = box_points(rng, 8)
     pixels = clicked(rng, MICROSCOPE, frontal(0.4), points)
-    with pytest.raises(UndeterminedPose, match="no pose fits these 8 pairs, only") as caught:
+    with pytest.raises(UndeterminedPose, match="no pose fits these 8 correspondences, only") as caught:
         solve_pose(points, np.roll(pixels, 3, axis=0), MICROSCOPE)
     assert caught.value.kind == "no fit"
 
@@ -297,7 +297,7 @@ def test_few_pairs_and_large_residuals_give_warnings():
     assert messages[0].startswith("The pose rests on 5 correspondences")
     noisy = box_trial(rng, 12, 9.0)
     messages = solve_pose(noisy.points_model, noisy.pixels, MICROSCOPE).messages
-    assert any("larger than a click noise of 2 px explains" in sentence for sentence in messages)
+    assert any("larger than a click noise of 2 px explains" in message for message in messages)
     fine = box_trial(rng, 12, 2.0)
     assert solve_pose(fine.points_model, fine.pixels, MICROSCOPE).messages == ()
 
@@ -358,7 +358,7 @@ def test_any_pairs_are_solved_or_refused(seed, count, focal_px, extent, kind, si
     [
         (np.zeros((5, 2)), np.zeros((5, 2)), {}, "expected points"),
         (np.zeros((5, 3)), np.zeros((4, 2)), {}, "as many pixels"),
-        (np.zeros((5, 3)), np.zeros((5, 2)), {"names": ["a"]}, "a name for each of 5 pairs"),
+        (np.zeros((5, 3)), np.zeros((5, 2)), {"names": ["a"]}, "a name for each of 5 correspondences"),
         (np.full((5, 3), np.nan), np.zeros((5, 2)), {}, "NaN or infinity in '1'"),
         (np.zeros((5, 3)), np.zeros((5, 2)), {"click_sigma_px": 0}, "positive number of pixels"),
         (np.zeros((5, 3)), np.zeros((5, 2)), {"click_sigma_px": np.nan}, "positive number of pixels"),

@@ -181,7 +181,7 @@ def pose_uncertainty(
 
     Parameters
     ----------
-    pairs
+    correspondences
         The inliers, about the mean of their points.
     cam_from_model
         ``(4, 4)`` the fitted pose.

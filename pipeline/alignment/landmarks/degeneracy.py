@@ -76,7 +76,9 @@ def check_correspondences(points_model: np.ndarray, pixels: np.ndarray, names: S
     count = len(points_model)
     if count < 4:
         raise UndeterminedPose(
-            "few", f"landmarks: expected at least 4 enabled pairs, found {count}; add {4 - count} more, 6 are better"
+            "few",
+            f"landmarks: expected at least 4 enabled correspondences, found {count}; add {4 - count} more, "
+            "6 are better",
         )
     extent = float(np.ptp(points_model, axis=0).max())
     same_point = _first_equal_rows(points_model, 1e-6 * extent)
@@ -91,8 +93,8 @@ def check_correspondences(points_model: np.ndarray, pixels: np.ndarray, names: S
         which = "surface point" if distinct < 4 else "pixel"
         raise UndeterminedPose(
             "identical",
-            f"landmarks: expected at least 4 distinct pairs, found {min(distinct, count)}: {repeated}{which}; "
-            "pick other features for the repeated ones",
+            f"landmarks: expected at least 4 distinct correspondences, found {min(distinct, count)}: "
+            f"{repeated}{which}; pick other features for the repeated ones",
         )
     spread = np.linalg.svd(points_model - points_model.mean(axis=0), compute_uv=False)
     if spread[1] < 1e-4 * spread[0]:
@@ -144,7 +146,7 @@ def check_fit(
         if gain > np.log(MIRROR_MIN_ODDS):
             raise UndeterminedPose(
                 "mirrored",
-                f"landmarks: no pose fits these {count} pairs as well as one fits their mirror image, to "
+                f"landmarks: no pose fits these {count} correspondences as well as one fits their mirror image, to "
                 f"{format_two_digits(mirrored.noise_px)} px: the mesh is mirrored, or the points are; "
                 "mirror the mesh along one of its axes",
                 candidates,
@@ -159,8 +161,8 @@ def check_fit(
         best = "every candidate has points behind the camera"
     raise UndeterminedPose(
         "no fit" if found else "behind",
-        f"landmarks: no pose fits these {count} pairs, {best}; check that every pixel shows its point, that K belongs "
-        "to this frame, and that the mesh is the right one and not mirrored",
+        f"landmarks: no pose fits these {count} correspondences, {best}; check that every pixel shows its point, "
+        "that K belongs to this frame, and that the mesh is the right one and not mirrored",
         candidates,
     )
 
@@ -188,7 +190,7 @@ def ambiguous_pose(
     candidates = [each.pose.matrix(0, correspondences.pivot_model) for each in possible]
     best, second = possible[0], possible[1]
     differ = f"which differ by up to {format_two_digits(rotation_deg)}°"
-    fits = f"landmarks: the pairs fit {len(possible)} poses nearly equally well, {differ}"
+    fits = f"landmarks: the correspondences fit {len(possible)} poses nearly equally well, {differ}"
     if not np.array_equal(best.inliers, second.inliers):
         doubtful = [repr(names[index]) for index in np.flatnonzero(best.inliers != second.inliers).tolist()]
         advice = f"at least one of {', '.join(doubtful)} is wrong; check these, or add pairs"
@@ -236,7 +238,7 @@ def check_uncertainty(
     )
     kind, cause = _diagnose(correspondences, float(np.linalg.norm(uncertainty.pivot_cam)), click_sigma_px)
     raise UndeterminedPose(
-        kind, f"landmarks: {count} pairs leave the pose undetermined ({found}): {cause}", [cam_from_model]
+        kind, f"landmarks: {count} correspondences leave the pose undetermined ({found}): {cause}", [cam_from_model]
     )
 
 

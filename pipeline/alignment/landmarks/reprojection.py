@@ -104,8 +104,10 @@ def twist_jacobians(camera: PinholeCamera, offsets_cam: np.ndarray, positions: n
 
     Parameters
     ----------
-    turned
-        ``(K, N, 3)`` points minus the pivot in camera axes, mm.
+    camera
+        Intrinsics.
+    offsets_cam
+        ``(K, N, 3)`` points minus the pivot, camera axes, mm.
     positions
         ``(K, 3)`` the pivot in the camera frame, mm.
 

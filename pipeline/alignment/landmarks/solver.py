@@ -154,7 +154,7 @@ def _checked_input(
         )
     labels = [str(number) for number in range(1, count + 1)] if names is None else [str(name) for name in names]
     if len(labels) != count:
-        raise InputError(f"landmarks: expected a name for each of {count} pairs, found {len(labels)} names")
+        raise InputError(f"landmarks: expected a name for each of {count} correspondences, found {len(labels)} names")
     unusable = ~(np.isfinite(points).all(axis=1) & np.isfinite(clicks).all(axis=1))
     if unusable.any():
         name = labels[int(np.argmax(unusable))]

@@ -324,7 +324,7 @@ def _accept(
             f"{tests.split_half_px:.1f} px, and the next best place fits {tests.second_peak_ratio:.0%} as well."
         )
     else:
-        message = f"The pose is unchanged: the best one near it, {moved_px:.1f} px away, is no better ({explained})."
+        message = f"The pose is unchanged: the best pose nearby, {moved_px:.1f} px away, is no better ({explained})."
     return Refinement(
         cam_from_model=pose if accepted else start,
         accepted=accepted,

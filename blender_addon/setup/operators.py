@@ -8,7 +8,7 @@ from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.blender.case.load_case import load_case
 from ..pipeline.camera.intrinsics_file import read_camera
-from ..pipeline.camera.plausibility import check_fit_to_image
+from ..pipeline.camera.plausibility import fit_of
 from ..pipeline.case.case_file import MM_PER_UNIT, read_case
 from ..pipeline.case.case_writer import write_case
 from ..pipeline.errors import InputError
@@ -124,7 +124,7 @@ class ONEFRAME_OT_load_camera(ReportingFile, bpy.types.Operator, ImportHelper):
         size = to_scene.frame_size(context.scene) or found.size
         if size is None:
             raise InputError(f"{self.filepath}: this file holds no image size; load the frame first")
-        fit = check_fit_to_image(found, size)
+        fit = fit_of(found, size)
         to_scene.take_camera(context, fit.camera, found.distortion)
         return *found.messages, *fit.messages
 

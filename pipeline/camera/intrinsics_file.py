@@ -20,7 +20,7 @@ from ..errors import InputError
 from ..files.content import LARGEST_FILE, decoded, file_content
 from ..files.numbers import npy_array, number_rows
 from .distortion import Distortion, checked_distortion
-from .intrinsics_table import Calibration, find_calibration
+from .intrinsics_table import Calibration, calibration_of
 from .pinhole import PinholeCamera
 from .vision6d_pickle import camera_table
 
@@ -98,7 +98,7 @@ def read_camera(path: Path) -> CameraFile:
         :meth:`PinholeCamera.from_matrix`), a distortion other than OpenCV's with five coefficients.
     """
     path = Path(path)
-    found = find_calibration(_table(file_content(path, "a camera"), path), path.name)
+    found = calibration_of(_table(file_content(path, "a camera"), path), path.name)
     where = f"{path.name}: {found.place}: K" if found.place else f"{path.name}: K"
     size: Any = _ANY_SIZE if found.size is None else found.size
     camera = PinholeCamera.from_matrix(
@@ -182,8 +182,8 @@ def _json(text: str, name: str) -> object:
     try:
         found = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{name}: expected JSON, found a syntax error: {error}") from None
-    # a list is either K or a list of cameras
+        raise InputError(f"{name}: expected JSON, found a mistake: {error}") from None
+    # a list is K itself, or one of cameras
     return {"K": found, "list": found} if isinstance(found, list) else found
 
 
@@ -191,7 +191,7 @@ def _toml(text: str, name: str) -> object:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{name}: expected TOML, found a syntax error: {error}") from None
+        raise InputError(f"{name}: expected TOML, found a mistake: {error}") from None
 
 
 def _arrays(data: bytes, name: str) -> object:

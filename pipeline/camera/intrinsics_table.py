@@ -58,7 +58,7 @@ class Calibration:
         return mine == theirs and np.array_equal(self.matrix, other.matrix)
 
 
-def find_calibration(table: object, where: str) -> Calibration:
+def calibration_of(table: object, where: str) -> Calibration:
     """The one camera in a table, at any depth; several are accepted if they are the same.
 
     Raises

@@ -39,7 +39,7 @@ class CameraFit:
     messages: tuple[str, ...]
 
 
-def check_fit_to_image(file: CameraFile, size_wh: tuple[int, int]) -> CameraFit:
+def fit_of(file: CameraFile, size_wh: tuple[int, int]) -> CameraFit:
     """Compare a camera file with the (width, height) of the image that it is used for."""
     messages, rescaled = [], None
     if file.size is not None and file.size != size_wh:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from pipeline.camera.intrinsics_file import CameraFile, read_camera
 from pipeline.camera.pinhole import PinholeCamera
-from pipeline.camera.plausibility import check_fit_to_image
+from pipeline.camera.plausibility import fit_of
 from pipeline.errors import InputError
 from pipeline.poses.pose_file import read_pose
 from pipeline.transforms import rigid, rotation_from_vector
@@ -201,10 +201,10 @@ BAD = {
     ),
     "COLMAP's fisheye": ("1 OPENCV_FISHEYE 640 480 500 500 320 240 0 0 0 0", "found OPENCV_FISHEYE; undistort"),
     "COLMAP's numbers": ("1 PINHOLE 640 480 500 320 240", "expected 4 numbers for PINHOLE, found '500 320 240'"),
-    "broken JSON": ('{"K": [', "expected JSON, found a syntax error"),
+    "broken JSON": ('{"K": [', "expected JSON, found a mistake"),
     "broken YAML": ("%YAML:1.0\n---\nK: [1, 2\n", "expected YAML or XML as OpenCV writes it"),
     "broken XML": ("<?xml version='1.0'?><opencv_storage><a>1", "expected YAML or XML as OpenCV writes it"),
-    "broken TOML": ("[camera]\nK = ", "expected TOML, found a syntax error"),
+    "broken TOML": ("[camera]\nK = ", "expected TOML, found a mistake"),
     "broken npy": (saved(np.save, K)[:-8], "expected an array of numbers, cannot read it"),
     "npy of objects": (saved(np.save, np.array([K], dtype=object)), "expected an array of numbers, cannot read it"),
     "broken npz": (saved(np.savez, K)[:-50], "expected an .npz of arrays"),
@@ -325,14 +325,14 @@ def camera_file(k: np.ndarray = K, size: tuple[int, int] | None = SIZE) -> Camer
 
 
 def test_a_camera_that_fits_gives_no_messages():
-    fit = check_fit_to_image(camera_file(), SIZE)
+    fit = fit_of(camera_file(), SIZE)
     assert fit.camera == PinholeCamera(*SIZE, *found(camera_file()))
     assert (fit.rescaled, fit.messages) == (None, ())
 
 
 @pytest.mark.parametrize("size", [(960, 540), (3840, 2160), (1000, 563), (240, 135)])
 def test_a_resized_image_gets_a_rescaled_camera(size):
-    fit = check_fit_to_image(camera_file(), size)
+    fit = fit_of(camera_file(), size)
     assert fit.rescaled == PinholeCamera(*SIZE, *found(camera_file())).resized(*size)
     (message,) = fit.messages
     assert f"K is for images of 1920x1080 px, this image has {size[0]}x{size[1]}: it was resized; rescale K" in message
@@ -351,7 +351,7 @@ def test_a_resized_image_gets_a_rescaled_camera(size):
     ],
 )
 def test_what_does_not_fit_gives_a_message(file, size, message):
-    fit = check_fit_to_image(file, size)
+    fit = fit_of(file, size)
     assert any(re.search(message, each) for each in fit.messages), fit.messages
     assert fit.rescaled is None
 
@@ -366,7 +366,7 @@ def test_what_does_not_fit_gives_a_message(file, size, message):
     ],
 )
 def test_cameras_of_real_data_fit_their_images(name, size):
-    assert check_fit_to_image(read_camera(SHARED / name), size).messages == ()
+    assert fit_of(read_camera(SHARED / name), size).messages == ()
 
 
 # --- poses

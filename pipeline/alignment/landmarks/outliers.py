@@ -59,13 +59,7 @@ def residual_p_values(
 ) -> np.ndarray:
     """``(N,)`` residual p-values: probability of a residual at least this large if the correspondence is right.
 
-    Notes
-    -----
-    Let r be a residual, H = J (sum J^T J)^-1 J^T its leverage with the sum over the inliers, and sigma^2 the noise
-    variance. Then r^T (1 -+ H)^-1 r / (2 sigma^2) follows F(2, dof), with - for inliers and + for the others.
-    An inlier pulls the pose towards itself, so its residual is smaller than the noise, and sigma^2 is estimated without
-    it (externally studentised residuals, Cook & Weisberg 1982). For the others the uncertainty of the prediction is
-    added. Points behind the camera get 0.
+    Points behind the camera get 0.
 
     Parameters
     ----------
@@ -77,6 +71,14 @@ def residual_p_values(
         ``(N,)`` bool.
     click_sigma_px
         Stated click noise.
+
+    Notes
+    -----
+    Let r be a residual, H = J (sum J^T J)^-1 J^T its leverage with the sum over the inliers, and sigma^2 the noise
+    variance. Then r^T (1 -+ H)^-1 r / (2 sigma^2) follows F(2, dof), with - for inliers and + for the others.
+    An inlier pulls the pose towards itself, so its residual is smaller than the noise, and sigma^2 is estimated without
+    it (externally studentised residuals, Cook & Weisberg 1982). For the others the uncertainty of the prediction is
+    added.
     """
     residual_px, offsets_cam = residuals(correspondences, pose)
     residual_px, jacobians = residual_px[0], twist_jacobians(correspondences.camera, offsets_cam, pose.positions)[0]

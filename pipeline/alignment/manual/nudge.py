@@ -27,8 +27,8 @@ def nudged(
     =============  ====================================================================================================
     ``x``, ``y``   shift parallel to the image: the pivot's pixel moves right or down by exactly the step
     ``depth``      shift along the ray through the pivot, whose pixel stays. A circle of this radius about the pivot,
-                   parallel to the image, shrinks by exactly the step: a positive step leads away from the camera. Steps
-                   are limited to rho / 2: the distance at most doubles
+                   parallel to the image, shrinks by exactly the step: a positive step leads away from the camera. It
+                   is limited to rho / 2, so that the distance at most doubles
     ``roll``       rotation about the camera's z axis through the pivot: the circle moves along itself by exactly the
                    step, which is an angle of step / rho
     ``pitch``      rotation about the camera's x axis through the pivot by the same angle: points at this radius in

@@ -5,7 +5,7 @@ import numpy as np
 
 from ..pipeline.alignment.landmarks.confidence_region import ellipse_outlines
 from ..pipeline.alignment.landmarks.covariance import PoseUncertainty
-from ..pipeline.alignment.landmarks.reprojection import moved_by
+from ..pipeline.alignment.landmarks.reprojection import apply_twist
 from ..pipeline.blender.alignment.visible_surface import visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.transforms import inverse_rigid, transform_points
@@ -68,7 +68,7 @@ def _add_weakest(
     ways = []
     for sign in (1, -1):
         # moved as the camera sees it, in the axes of the surface as it stands now
-        moved = inverse_rigid(pose) @ moved_by(sign * twist, pose, uncertainty.pivot_model)
+        moved = inverse_rigid(pose) @ apply_twist(sign * twist, pose, uncertainty.pivot_model)
         ways.append(transform_points(moved, points_model) - points_model)
     here = view.region_from_model(scene, points_model)
     longest = np.linalg.norm(view.region_from_model(scene, points_model + ways[0]) - here, axis=1)

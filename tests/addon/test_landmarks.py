@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
-from pipeline.alignment.landmarks.reprojection import moved_by
+from pipeline.alignment.landmarks.reprojection import apply_twist
 from pipeline.alignment.landmarks.solver import UndeterminedPose, solve_pose
 from pipeline.alignment.manual.pins import pull_pins
 from pipeline.case.landmarks import Landmark
@@ -49,7 +49,9 @@ def displace(scene, twist=TWIST):
     from pipeline.blender.alignment.alignment_scene import set_pose
 
     set_pose(
-        from_scene.camera_object_of(scene), from_scene.surface_of(scene), moved_by(twist, pose_of(scene), np.zeros(3))
+        from_scene.camera_object_of(scene),
+        from_scene.surface_of(scene),
+        apply_twist(twist, pose_of(scene), np.zeros(3)),
     )
     return pose_of(scene)
 

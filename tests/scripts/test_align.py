@@ -177,9 +177,9 @@ def test_metres_are_millimetres_inside(case_path, tmp_path, align):
 @pytest.mark.parametrize(
     ("kind", "code", "message"),
     [
-        ("three", 2, "at least 4 enabled pairs, found 3"),
-        ("none", 2, "at least 4 enabled pairs, found 0"),
-        ("shuffled", 2, "no pose fits these 7 pairs"),
+        ("three", 2, "at least 4 enabled correspondences, found 3"),
+        ("none", 2, "at least 4 enabled correspondences, found 0"),
+        ("shuffled", 2, "no pose fits these 7 correspondences"),
         ("no file", 2, "it does not exist"),
         ("no folder", 3, "cannot write it"),
         ("sigma", 2, "click noise: expected a positive number"),

@@ -1,9 +1,56 @@
-"""Keys of tables that a user writes: none unknown, none missing, and the nearest name for a misspelt one."""
+"""Tables that a user writes, as JSON or TOML: parsed, and their keys checked, with a hint for a misspelt one."""
 
 import difflib
+import json
+import tomllib
 from collections.abc import Mapping
+from typing import Any
 
 from ..errors import InputError
+from .numbers import WrittenFloat
+
+
+def parsed_json(content: str | bytes, where: str) -> Any:
+    """What JSON text says; numbers with a point or an exponent remember their digits (:class:`.WrittenFloat`).
+
+    Raises
+    ------
+    InputError
+        No JSON, or brackets nested too deeply; ``where`` begins the message.
+    """
+    try:
+        return json.loads(_text(content), parse_float=WrittenFloat)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where}: expected JSON, found a mistake: {error}; correct it or write it again") from None
+
+
+def parsed_toml(content: str | bytes, where: str) -> dict[str, Any]:
+    """What TOML text says; numbers with a point or an exponent remember their digits (:class:`.WrittenFloat`).
+
+    Raises
+    ------
+    InputError
+        No TOML, or an integer that is too long; ``where`` begins the message.
+    """
+    try:
+        table = tomllib.loads(_text(content), parse_float=WrittenFloat)
+        _check_integers(table)
+        return table
+    except (ValueError, RecursionError) as error:  # tomllib's are ValueErrors
+        raise InputError(f"{where}: expected TOML, found a mistake: {error}; correct it") from None
+
+
+def _text(content: str | bytes) -> str:
+    return content if isinstance(content, str) else content.decode("utf-8-sig")
+
+
+def _check_integers(value: object) -> None:
+    """TOML's integers have 64 bits; Python reads longer ones, which no float can hold."""
+    if isinstance(value, int) and abs(value) >= 2**63:
+        raise ValueError("an integer of more than 64 bits")
+    if isinstance(value, dict | list):
+        for part in value.values() if isinstance(value, dict) else value:
+            _check_integers(part)
 
 
 def check_keys(table: Mapping, required: tuple[str, ...], optional: tuple[str, ...], where: str) -> None:

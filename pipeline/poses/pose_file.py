@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import decoded, file_content
+from ..files.content import LARGEST_FILE, decoded, read_content
 from ..files.numbers import npy_array, number_rows
+from ..files.tables import parsed_json
 from ..transforms import checked_rigid
 
 POSE_KEY = "cam_from_mesh"
@@ -57,7 +58,8 @@ def read_pose(path: Path, *, mm_per_unit: float = 1.0) -> tuple[np.ndarray, str 
         No file, none of these formats, or not rigid (see :func:`pipeline.transforms.checked_rigid`).
     """
     path = Path(path)
-    cam_from_mesh, message = checked_rigid(_matrix(file_content(path, "a pose"), path.name), path.name)
+    data = read_content(path, "a file with a pose", most=LARGEST_FILE)
+    cam_from_mesh, message = checked_rigid(_matrix(data, path.name), path.name)
     cam_from_mesh[:3, 3] *= mm_per_unit
     return cam_from_mesh, message
 
@@ -80,13 +82,9 @@ def _matrix(data: bytes, name: str) -> object:
 
 def _entry(text: str, name: str) -> object:
     """The one 4x4 entry of a JSON dictionary."""
-    try:
-        table = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{name}: expected JSON, found a mistake: {error}") from None
     found = {
         key: value
-        for key, value in table.items()
+        for key, value in parsed_json(text, name).items()
         if isinstance(value, list) and len(value) == 4 and all(isinstance(row, list) and len(row) == 4 for row in value)
     }
     for key in (POSE_KEY, FORMER_POSE_KEY):

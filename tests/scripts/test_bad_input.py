@@ -141,7 +141,7 @@ MESHES = {
     "cut off": (lambda folder: (folder / "surface.ply").write_bytes((folder / "surface.ply").read_bytes()[:5000]), "."),
     "no mesh": (lambda folder: (folder / "surface.ply").write_bytes(b"\x89PNG\r\n\x1a\n"), "."),
     "empty file": (lambda folder: (folder / "surface.ply").write_bytes(b""), "."),
-    "missing": (lambda folder: (folder / "surface.ply").unlink(), "expected a mesh file, found none; check the path"),
+    "missing": (lambda folder: (folder / "surface.ply").unlink(), "expected a mesh file, it does not exist; correct"),
     "NaN": (lambda folder: change_mesh(folder, with_nan), "found NaN, .* in 1 of 806 vertices .first: vertex 17"),
     "no faces": (
         lambda folder: change_mesh(folder, lambda mesh: dataclasses.replace(mesh, faces=mesh.faces[:0])),
@@ -355,7 +355,7 @@ def assert_refused(ended, message: str) -> None:
 
 
 def test_a_folder_in_place_of_a_case_is_refused(tmp_path, render_command, run_command):
-    assert_refused(run_command(render_command(tmp_path, "--out", tmp_path / "out")), "cannot read the case file")
+    assert_refused(run_command(render_command(tmp_path, "--out", tmp_path / "out")), "a case file, cannot read it")
 
 
 def test_a_rasteriser_without_opengl_is_refused(case, tmp_path, render_command, run_command):

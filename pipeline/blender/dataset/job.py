@@ -19,7 +19,8 @@ from ...dataset.folder import Shard
 from ...dataset.layout import FORMAT, VIEWS_PER_SCENE, ViewPaths
 from ...dataset.options import DatasetOptions
 from ...dataset.view import write_view
-from ...errors import InputError, RunError
+from ...errors import RunError
+from ...files.content import read_content
 from ...poses.pose_file import read_poses
 from ..case.load_case import load_case
 from ..colour.reference_view import reference_view_of
@@ -185,7 +186,4 @@ def available_cores() -> int:
 
 
 def _file_hash(path: Path) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the file ({error.strerror})") from None
+    return hashlib.sha256(read_content(path, "an input of the dataset")).hexdigest()

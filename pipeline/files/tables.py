@@ -3,23 +3,30 @@
 import difflib
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from ..errors import InputError
 from .numbers import WrittenFloat
 
 
-def parsed_json(content: str | bytes, where: str) -> Any:
+def parsed_json(content: str | bytes, where: str, *, parse_int: Callable[[str], Any] = int) -> Any:
     """What JSON text says; numbers with a point or an exponent remember their digits (:class:`.WrittenFloat`).
+
+    Parameters
+    ----------
+    content, where
+        The text; the beginning of messages.
+    parse_int
+        Makes a number of the digits of a whole one.
 
     Raises
     ------
     InputError
-        No JSON, or brackets nested too deeply; ``where`` begins the message.
+        No JSON, or brackets nested too deeply.
     """
     try:
-        return json.loads(_text(content), parse_float=WrittenFloat)
+        return json.loads(_text(content), parse_float=WrittenFloat, parse_int=parse_int)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{where}: expected JSON, found a mistake: {error}; correct it or write it again") from None
 

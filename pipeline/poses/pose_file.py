@@ -3,8 +3,6 @@
 All are ``cam_from_mesh``: for the frame of the mesh file that the user gave, see :mod:`pipeline.transforms`.
 """
 
-import json
-import tokenize
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -128,14 +126,10 @@ def read_poses(
     path = Path(path)
     if not (mm_per_unit > 0 and np.isfinite(mm_per_unit)):
         raise InputError(f"{path.name}: expected a positive number of mm per unit of the poses, found {mm_per_unit:g}")
-    readers: dict[str, Callable[[Path], Sequence[object]]] = {".npy": _read_npy, ".json": _read_json}
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
+    listed: dict[str, Callable[[bytes, str], Sequence[object]]] = {".npy": _array_entries, ".json": _json_entries}
+    if path.suffix.lower() not in listed:
         raise InputError(f"{path}: expected poses in a .npy or .json file, found extension {path.suffix!r}")
-    try:
-        entries = reader(path)
-    except OSError as error:
-        raise InputError(f"{path}: expected a readable file, found: {error.strerror}; check the path") from None
+    entries = listed[path.suffix.lower()](read_content(path, "a list of poses"), path.name)
     if not entries:
         raise InputError(f"{path.name}: expected poses, found an empty list")
     cams_from_model = np.empty((len(entries), 4, 4))
@@ -151,37 +145,21 @@ def read_poses(
     return cams_from_model, sentences
 
 
-def _read_npy(path: Path) -> list[np.ndarray]:
-    try:
-        # mapping makes numpy compare the header's shape with the file's size before it takes memory
-        array = np.load(path, allow_pickle=False, mmap_mode="r")
-    except (ValueError, EOFError, OverflowError, SyntaxError, tokenize.TokenError) as error:
-        raise InputError(
-            f"{path.name}: expected an array of numbers written by numpy.save, found something else ({error}); "
-            "pickled objects are never loaded: save the poses as one float array"
-        ) from None
-    if not isinstance(array, np.ndarray):
-        array.close()
-        raise InputError(f"{path.name}: expected one array written by numpy.save, found an .npz archive")
-    if array.dtype.kind not in "fiu":
-        raise InputError(f"{path.name}: expected an array of real numbers, found type {array.dtype}")
+def _array_entries(data: bytes, name: str) -> Sequence[object]:
+    array = npy_array(data, name)
     if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3):
-        raise InputError(f"{path.name}: expected shape (N, 4, 4) or (4, 4), found {array.shape}")
-    return list(np.array(array).reshape(-1, 4, 4))
+        raise InputError(f"{name}: expected shape (N, 4, 4) or (4, 4), found {array.shape}")
+    return list(array.reshape(-1, 4, 4))
 
 
-def _read_json(path: Path) -> list[object]:
-    text = path.read_bytes()
-    try:
-        # whole numbers as float too: one with 400 digits becomes infinity, which is refused with the pose's index
-        data = json.loads(text.decode("utf-8-sig"), parse_int=float)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path.name}: expected JSON, found something else ({error}); write the file again") from None
-    if isinstance(data, dict) or (_is_list(data) and _is_list(data[0]) and not _is_list(data[0][0])):
-        data = [data]
-    if not isinstance(data, list):
-        raise InputError(f"{path.name}: expected a list of poses, found {type(data).__name__}")
-    return [_json_entry(entry, f"{path.name}: pose {index} (counted from 0)") for index, entry in enumerate(data)]
+def _json_entries(data: bytes, name: str) -> list[object]:
+    # whole numbers as float too: one with 400 digits becomes infinity, which is refused with the pose's index
+    found = parsed_json(data, name, parse_int=float)
+    if isinstance(found, dict) or (_is_list(found) and _is_list(found[0]) and not _is_list(found[0][0])):
+        found = [found]
+    if not isinstance(found, list):
+        raise InputError(f"{name}: expected a list of poses, found {type(found).__name__}")
+    return [_json_entry(entry, f"{name}: pose {index} (counted from 0)") for index, entry in enumerate(found)]
 
 
 def _json_entry(entry: object, where: str) -> object:

@@ -1,12 +1,14 @@
-"""Tables that a user writes, as JSON or TOML: parsed, and their keys checked, with a hint for a misspelt one."""
+"""Tables as JSON or TOML: parsed, their keys checked with a hint for a misspelt one, and JSON written."""
 
 import difflib
 import json
 import tomllib
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
+from .content import write_bytes_atomically
 from .numbers import WrittenFloat
 
 
@@ -45,6 +47,11 @@ def parsed_toml(content: str | bytes, where: str) -> dict[str, Any]:
         return table
     except (ValueError, RecursionError) as error:  # tomllib's are ValueErrors
         raise InputError(f"{where}: expected TOML, found a mistake: {error}; correct it") from None
+
+
+def write_json(path: Path, content: object, *, indent: int | None = 2) -> None:
+    """Write JSON, whole or not at all; on one line if ``indent`` is ``None``."""
+    write_bytes_atomically(path, (json.dumps(content, indent=indent) + "\n").encode())
 
 
 def _text(content: str | bytes) -> str:

@@ -93,7 +93,7 @@ def test_impossible_constraints_end_with_counts():
     best = max(probe(pose).clearance_mm for pose in tried)
     far = sum(probe(pose).surface_fraction < 0.6 for pose in tried)
     message = str(caught.value)
-    assert message.startswith("frame 17: found no pose")
+    assert message.startswith("view 17: found no pose")
     assert f"of 200 poses tried, 200 came nearer than 5000 mm to the surface (the best: {best:.3g} mm)" in message
     assert f"{far} showed less than 60 % surface" in message
     assert "lower min_clearance_mm, which" in message

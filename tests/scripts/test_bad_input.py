@@ -257,7 +257,7 @@ def test_a_frame_without_a_visible_pixel_is_refused_and_nothing_is_left(case):
 )
 def test_constraints_that_nothing_meets_end_the_run_and_leave_nothing(case, settings, message):
     (case.parent.parent / "out").mkdir()
-    with pytest.raises(InputError, match=f"^frame 0: found no pose that meets the constraints: .*{message}"):
+    with pytest.raises(InputError, match=f"^view 0: found no pose that meets the constraints: .*{message}"):
         run_here(case, dataclasses.replace(OPTIONS, **settings))
     assert list((case.parent.parent / "out").iterdir()) == []
 

@@ -52,7 +52,7 @@ class Identity:
 
 @dataclass(frozen=True)
 class ViewRecord:
-    """The record of a finished view; see :mod:`pipeline.dataset.tables` for the meaning of ``gt_info``.
+    """The record of a finished view; see :mod:`pipeline.dataset.bop` for the meaning of ``gt_info``.
 
     Attributes
     ----------

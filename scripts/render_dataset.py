@@ -65,8 +65,9 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
 def main(argv: Sequence[str]) -> int:
     arguments = parse_arguments(argv)
     output = own_output()
-    options = merged_options(read_case(arguments.case).dataset, arguments, arguments.case)
-    job = Job(arguments.case, arguments.out, options, parse_shard(arguments.shard))
+    case = read_case(arguments.case)
+    options = merged_options(case.dataset, arguments, arguments.case)
+    job = Job(case, arguments.out, options, parse_shard(arguments.shard))
     if arguments.worker:
         work(job, workers=arguments.workers, stream=output)
     else:

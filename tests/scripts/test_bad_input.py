@@ -38,13 +38,13 @@ def case(tmp_path, write_tiny_case) -> Path:
 
 
 def opened(case: Path, options: DatasetOptions = OPTIONS) -> object:
-    return open_job(Job(case, case.parent.parent / "out", options, Shard()))
+    return open_job(Job(read_case(case), case.parent.parent / "out", options, Shard()))
 
 
 def run_here(case: Path, options: DatasetOptions = OPTIONS) -> str:
     stream = io.StringIO()
     out = case.parent.parent / "out"
-    dataset_run.run(Job(case, out, options, Shard()), workers=1, worker_command=(), stream=stream)
+    dataset_run.run(Job(read_case(case), out, options, Shard()), workers=1, worker_command=(), stream=stream)
     return stream.getvalue()
 
 

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from ... import __version__
-from ...case.case_file import Case, read_case
+from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase
 from ...dataset.folder import Shard
 from ...dataset.layout import FORMAT, VIEWS_PER_SCENE, ViewPaths
@@ -38,8 +38,8 @@ class Job:
 
     Attributes
     ----------
-    case_path
-        The case file.
+    case
+        The case file, read once.
     out
         The dataset's folder.
     options
@@ -48,7 +48,7 @@ class Job:
         The part of the views to render.
     """
 
-    case_path: Path
+    case: Case
     out: Path
     options: DatasetOptions
     shard: Shard
@@ -106,19 +106,18 @@ class OpenJob:
 
 
 def open_job(job: Job) -> OpenJob:
-    """Read and check all inputs of a job.
+    """Read and check all inputs of a job beside its case file.
 
     Raises
     ------
     InputError
         Anything that the user gave and that cannot be used.
     """
-    case: Case = read_case(job.case_path)
-    loaded = load_case(case)
+    loaded = load_case(job.case)
     given_poses, messages = None, []
     if job.options.poses is not None:
         given_poses, messages = read_poses(
-            job.options.poses, mesh_from_model=loaded.mesh_from_model, mm_per_unit=case.mm_per_unit
+            job.options.poses, mesh_from_model=loaded.mesh_from_model, mm_per_unit=job.case.mm_per_unit
         )
     return OpenJob(job, loaded, given_poses, tuple(messages))
 

@@ -60,7 +60,7 @@ def reference(case, tmp_path_factory, render_command, run_command) -> Path:
 def run_here(case: Path, out: Path, options: DatasetOptions = OPTIONS, shard: Shard = WHOLE) -> str:
     """The same in this process, without workers; gives what was told."""
     stream = io.StringIO()
-    dataset_run.run(Job(case, out, options, shard), workers=1, worker_command=(), stream=stream)
+    dataset_run.run(Job(read_case(case), out, options, shard), workers=1, worker_command=(), stream=stream)
     return stream.getvalue()
 
 
@@ -456,7 +456,7 @@ def check_video(case: Path, folder: Path, options: DatasetOptions) -> None:
     while (read := capture.read())[0]:
         frames.append(as_tagged(read[1]))
     assert len(frames) == options.video_frames
-    with open_job(Job(case, folder, options, WHOLE)).renderer(threads=1) as renderer:
+    with open_job(Job(read_case(case), folder, options, WHOLE)).renderer(threads=1) as renderer:
         for frame, row in zip(frames, rows, strict=True):
             view = renderer.render(rigid(row[2:11].reshape(3, 3), row[11:14])).rgb * 255
             assert frame.shape == view.shape

@@ -45,9 +45,7 @@ def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
 
 def write_overlay(job: OpenJob, renderer: ViewRenderer) -> None:
     """``overlay.png``: the frame with the surface's outline and the structures, to judge the alignment by."""
-    inverse = renderer.source.view.inverse_depth
-    depth = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0)
-    picture = frame_overlay(job.loaded, depth)
+    picture = frame_overlay(job.loaded, renderer.source.view.depth_mm)
     write_bytes_atomically(job.job.out / "overlay.png", encode_png(to_uint8(picture)))
 
 

@@ -31,6 +31,7 @@ from pipeline.blender.dataset.job import Job, OpenJob, available_cores, open_job
 from pipeline.blender.render.engines import keep_freed_memory, render_view
 from pipeline.blender.render.surface_scene import SurfaceScene
 from pipeline.camera.pinhole import PinholeCamera
+from pipeline.case.case_file import read_case
 from pipeline.dataset.folder import Shard
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.options import DatasetOptions
@@ -100,7 +101,7 @@ cam_from_mesh = {POSE.tolist()}
 
 def open_case(case: Path, out: Path, **options: object) -> OpenJob:
     """The job of a case at 640x480."""
-    return open_job(Job(case, out, DatasetOptions(scale=0.5, **options), Shard()))
+    return open_job(Job(read_case(case), out, DatasetOptions(scale=0.5, **options), Shard()))
 
 
 def median_ms(times: Sequence[float]) -> float:

@@ -6,9 +6,7 @@ text, an ``.npz`` of arrays, COLMAP's ``cameras.txt``, Vision6D's pickle (never 
 """
 
 import io
-import json
 import re
-import tomllib
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +15,9 @@ from typing import Any
 import cv2
 
 from ..errors import InputError
-from ..files.content import LARGEST_FILE, decoded, file_content
+from ..files.content import LARGEST_FILE, decoded, read_content
 from ..files.numbers import npy_array, number_rows
+from ..files.tables import parsed_json, parsed_toml
 from .distortion import Distortion, checked_distortion
 from .intrinsics_table import Calibration, calibration_of
 from .pinhole import PinholeCamera
@@ -98,7 +97,7 @@ def read_camera(path: Path) -> CameraFile:
         :meth:`PinholeCamera.from_matrix`), a distortion other than OpenCV's with five coefficients.
     """
     path = Path(path)
-    found = calibration_of(_table(file_content(path, "a camera"), path), path.name)
+    found = calibration_of(_table(read_content(path, "a file with a camera", most=LARGEST_FILE), path), path.name)
     where = f"{path.name}: {found.place}: K" if found.place else f"{path.name}: K"
     size: Any = _ANY_SIZE if found.size is None else found.size
     camera = PinholeCamera.from_matrix(
@@ -158,7 +157,7 @@ def _table(data: bytes, path: Path) -> object:
     if begin.startswith(("<?xml", "<opencv_storage")):
         return _opencv(text, name)
     if re.search(r"^\s*\[camera\]", text, re.MULTILINE) or path.suffix.lower() == ".toml":
-        return _toml(text, name)
+        return parsed_toml(text, name)
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if lines and all(re.match(r"\s*\d+\s+[A-Z_]+\s+\d+\s+\d+\s", line) for line in lines):
         return _colmap(lines, name)
@@ -179,19 +178,9 @@ def _unknown_format(name: str) -> InputError:
 
 
 def _json(text: str, name: str) -> object:
-    try:
-        found = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{name}: expected JSON, found a mistake: {error}") from None
+    found = parsed_json(text, name)
     # a list is K itself, or one of cameras
     return {"K": found, "list": found} if isinstance(found, list) else found
-
-
-def _toml(text: str, name: str) -> object:
-    try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{name}: expected TOML, found a mistake: {error}") from None
 
 
 def _arrays(data: bytes, name: str) -> object:

@@ -17,6 +17,7 @@ the tolerance. Frame pixels without surface (background, transparent) have w = 0
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -50,6 +51,11 @@ class SourceView:
     cam_from_model: np.ndarray
     image: np.ndarray
     inverse_depth: np.ndarray
+
+    @cached_property
+    def depth_mm(self) -> np.ndarray:
+        """``(H, W)`` float32 depth along the optical axis at the pixel centres, mm; 0 where ``inverse_depth`` is."""
+        return np.divide(1.0, self.inverse_depth, out=np.zeros_like(self.inverse_depth), where=self.inverse_depth > 0)
 
     @property
     def depth_tolerance(self) -> float:

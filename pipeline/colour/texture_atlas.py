@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..images.pixel_values import sample_bilinear
+from ..images.pixel_values import among_centres, sample_bilinear
 from ..projection.rasteriser import CHUNK, Samples, barycentric, nearest_barycentric, rasterise
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, transform_points
@@ -182,7 +182,7 @@ def bake_atlas(
         points[retry] = fallback[retry]
         good[retry] = observed(points[retry], normals[face[retry]])
         pixels = camera.project(transform_points(cam_from_model, points[good]))
-        inside = ((pixels >= -1e-3) & (pixels <= np.array(camera.size_wh) - 1 + 1e-3)).all(axis=1)
+        inside = among_centres(pixels, camera.size_wh)
         good[good] = inside
         flags[y[good], x[good]] = True
         baked[y[good], x[good]] = sample_bilinear(image, pixels[inside])

@@ -80,8 +80,9 @@ def run(arguments: argparse.Namespace, *, worker_command: Sequence[str]) -> int:
         from ..dataset.folder import parse_shard
         from ..dataset.options import merged_options
     output = own_output()
-    options = merged_options(read_case(arguments.case).dataset, arguments, arguments.case)
-    job = Job(arguments.case, arguments.out, options, parse_shard(arguments.shard))
+    case = read_case(arguments.case)
+    options = merged_options(case.dataset, arguments, arguments.case)
+    job = Job(case, arguments.out, options, parse_shard(arguments.shard))
     if arguments.worker:
         work(job, workers=arguments.workers, stream=output)
         return 0

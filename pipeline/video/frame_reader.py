@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import write_bytes_atomically
+from ..files.content import reading, write_bytes_atomically
 from ..images.png import encode_png
 
 _LEADS_S = (0.0, 2.0, 10.0, 60.0, float("inf"))
@@ -111,13 +111,9 @@ def _open(path: Path) -> cv2.VideoCapture:
 
 def _timestamps_ms(path: Path) -> list[float]:
     """Display timestamps of the video's packets in file order; one packet is one frame."""
-    try:
-        with open(path, "rb") as file:
-            file.read(1)
-    except FileNotFoundError:
-        raise InputError(f"{path}: expected a video, it does not exist; correct the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: expected a video, cannot read it ({error.strerror})") from None
+    # too long to be read whole, and OpenCV does not say why it cannot open a file
+    with reading(path, "a video"), open(path, "rb") as file:
+        file.read(1)
     capture = _open(path)
     # raw packets, not decoded
     capture.set(cv2.CAP_PROP_FORMAT, -1)

@@ -17,7 +17,6 @@ from pipeline.transforms import (
     rotation_angle_deg,
     rotation_from_vector,
     rotation_vector,
-    rotations_from_vectors,
     transform_points,
 )
 
@@ -54,7 +53,6 @@ def test_rotation_vectors_go_both_ways(axis, angle):
     vector = axis / np.linalg.norm(axis) * angle
     rotation = rotation_from_vector(vector)
     assert rotation_vector(rotation) == pytest.approx(vector, abs=2e-8)
-    assert rotations_from_vectors(np.stack([vector, 0 * vector])) == pytest.approx(np.stack([rotation, np.eye(3)]))
 
 
 def test_twists_go_both_ways_and_their_jacobian_is_the_derivative():

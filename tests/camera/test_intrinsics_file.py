@@ -211,7 +211,7 @@ BAD = {
     "four numbers": ("500 500 320 240", "expected a 3x3 matrix K, found 4 numbers"),
     "a picture": (b"\x89PNG\r\n\x1a\n\xff\xff", "found another kind of file"),
     "a novel": ("It was a dark and stormy night", "found another kind of file"),
-    "nothing": (b"", "found an empty one"),
+    "nothing": (b"", "found an empty file"),
 }
 
 

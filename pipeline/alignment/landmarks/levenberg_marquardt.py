@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...transforms import cross_matrices, rotation_vector, rotations_from_vectors
+from ...transforms import cross_matrices, rotation_from_vector, rotation_vector
 from .reprojection import Correspondences, Poses, residuals, twist_jacobians
 
 MAX_ITERATIONS = 60
@@ -123,7 +123,7 @@ def fit_poses(
         damped = normal[now] + (damping[now, None] * diagonal + floor)[..., None] * np.eye(basis.shape[1])
         step = np.linalg.solve(damped, gradient[now][..., None])[..., 0]
         twist = step @ basis.T
-        tried = Poses(rotations_from_vectors(twist[:, 3:]) @ rotations[now], positions[now] + twist[:, :3])
+        tried = Poses(rotation_from_vector(twist[:, 3:]) @ rotations[now], positions[now] + twist[:, :3])
         tried_cost, tried_normal, tried_gradient = _normal_equations(correspondences, tried, loss, prior, basis)
         better = tried_cost <= cost[now]
         moved_px = np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", step, normal[now], step), 0))

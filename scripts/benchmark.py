@@ -27,7 +27,8 @@ from pipeline.blender.evaluation.render_scaling import measure_anti_aliasing, me
 from pipeline.blender.evaluation.render_speed import measure_speed, measure_start, measure_workers
 from pipeline.blender.render.engines import keep_freed_memory
 from pipeline.evaluation.benchmark_case import VIEW_CAMERA
-from pipeline.evaluation.charts import render_speed_charts, require_matplotlib
+from pipeline.evaluation.charts.page import require_matplotlib
+from pipeline.evaluation.charts.render_speed_chart import render_speed_charts
 from pipeline.evaluation.render_times import RenderTimes, read_render_times
 from pipeline.files.content import write_bytes_atomically
 

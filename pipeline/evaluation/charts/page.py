@@ -147,11 +147,16 @@ def plain_log_axis(axis: Any, ticks: Sequence[float]) -> None:
 
 
 def round_ticks(low: float, high: float) -> list[float]:
-    """Round numbers from ``low`` to ``high`` for a logarithmic axis: as many a decade as make nine at most."""
+    """Round numbers from ``low`` to ``high`` for a logarithmic axis, as many a decade as make nine at most."""
+    from matplotlib.ticker import MaxNLocator
+
     powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    ticks: list[float] = []
-    for factors in ((1, 2, 5), (1, 3), (1,)):
-        ticks = [factor * 10.0**power for power in powers for factor in factors if low <= factor * 10.0**power <= high]
+    for factors in (range(1, 10), (1, 2, 5), (1, 3), (1,)):
+        values = [float(f"{factor}e{power}") for power in powers for factor in factors]
+        ticks = [value for value in values if low <= value <= high]
         if len(ticks) <= 9:
             break
-    return ticks
+    if len(ticks) >= 3:
+        return ticks
+    # less than half a decade: as good as linear
+    return [float(value) for value in MaxNLocator(5).tick_values(low, high) if low <= value <= high]

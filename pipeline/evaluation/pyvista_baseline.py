@@ -20,7 +20,7 @@ def pyvista_renderer(
     lit: bool,
     depth_range_mm: tuple[float, float],
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Prepare a scene that PyVista renders with K.
+    """Prepare a scene that PyVista renders with K, except that its pixels are square: it takes fx to be fy.
 
     Parameters
     ----------

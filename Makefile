@@ -50,12 +50,13 @@ lint: setup
 
 bench: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
-	$(RUN) scripts/benchmark.py
+	$(RUN) scripts/benchmark.py --out demo/bench/render_speed.json
 
 bench-alignment: setup
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
 	@test -f demo/case/case.toml || $(RUN) scripts/make_sample.py --out demo/case
-	$(RUN) scripts/benchmark_alignment.py --trials 10000 --noise-px 2 --out demo/alignment.json
-	$(RUN) scripts/benchmark_refinement.py demo/case/case.toml --out demo/refinement --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
+	$(RUN) scripts/benchmark_alignment.py --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.json
+	$(RUN) scripts/benchmark_refinement.py demo/case/case.toml --out demo/bench --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
 
 clean:
 	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

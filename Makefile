@@ -1,14 +1,14 @@
 # One command a habit. `make demo` and `make test` set everything up by themselves.
 #   PYTHON=...  a Python 3.13 (brings Blender 5.2 LTS) or 3.11 (Blender 4.5 LTS); found by itself if not given
 #   VENV=...    where the environment goes (default .venv)
-#   BLENDER=... a Blender program, for the tests that run inside one, and for addon-dev
+#   BLENDER=... a Blender program, for the tests that run inside one, for addon-dev and screenshots
 #   PLATFORM=.. for which computers `make extension` builds: all, current, or names (see its --help)
 VENV ?= .venv
 PYTHON ?= $(shell scripts/dev/find_python.sh 3.13 3.11)
 PLATFORM ?= all
 RUN = $(VENV)/bin/python
 
-.PHONY: bench-alignment setup demo extension dist addon-dev test lint bench clean
+.PHONY: setup demo extension dist addon-dev test lint bench bench-alignment docs screenshots clean
 .DEFAULT_GOAL := demo
 
 setup: $(VENV)/.ready
@@ -57,6 +57,16 @@ bench-alignment: setup
 	@test -f demo/case/case.toml || $(RUN) scripts/make_sample.py --out demo/case
 	$(RUN) scripts/benchmark_alignment.py --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.json
 	$(RUN) scripts/benchmark_refinement.py demo/case/case.toml --out demo/bench --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
+
+# the site in build/docs, from docs/ and the docstrings; every warning is an error
+docs: setup
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[docs]"
+	$(RUN) -m sphinx --fail-on-warning --keep-going --quiet docs build/docs
+	@echo "open build/docs/index.html"
+
+# the pictures of docs/img anew, in a real Blender under Xvfb: make screenshots BLENDER=/path/to/blender
+screenshots: setup
+	$(RUN) scripts/dev/make_screenshots.py --blender "$(BLENDER)"
 
 clean:
 	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

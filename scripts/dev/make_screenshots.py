@@ -1,0 +1,140 @@
+"""Take the pictures of the documentation: of the real Blender window, and of a dataset of the sample case.
+
+python scripts/dev/make_screenshots.py --blender PROGRAM [--out docs/img]
+"""
+
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+# the package, the tests and the other scripts, also where nothing is installed
+sys.path.insert(0, str(ROOT))
+
+import argparse
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+
+from PIL import Image
+
+from pipeline.errors import InputError, RunError
+from scripts.dev import build_extension
+from tests.window import session
+
+SCENARIO = ROOT / "scripts" / "dev" / "screenshot_scenario.py"
+WINDOW = 1440, 880
+TIMEOUT_S = 900
+JPEG = {"quality": 86, "optimize": True, "subsampling": 0}
+VIEWS = 24
+SHOWN_VIEWS = (1, 8, 12)
+"""Of the dataset, beside the overlay on the first page."""
+GAP_PX = 6
+
+
+def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="make_screenshots.py", description=__doc__.splitlines()[0])
+    parser.add_argument("--blender", metavar="PROGRAM", default=os.environ.get("BLENDER"), help="default: $BLENDER")
+    parser.add_argument("--out", metavar="DIR", type=Path, default=ROOT / "docs" / "img", help="default: docs/img")
+    return parser.parse_args(argv)
+
+
+def sample_dataset(folder: Path) -> tuple[Path, Path]:
+    """Make the sample case and a small dataset of it, by the commands that users have: case file and dataset."""
+    case, dataset = folder / "case" / "case.toml", folder / "dataset"
+    script(ROOT / "scripts" / "make_sample.py", "--out", case.parent)
+    script(ROOT / "scripts" / "render_dataset.py", case, "--out", dataset, "--count", VIEWS)
+    return case, dataset
+
+
+def script(path: Path, *arguments: object) -> None:
+    """Run one of the project's scripts.
+
+    Raises
+    ------
+    RunError
+        It failed.
+    """
+    ended = subprocess.run([sys.executable, path, *map(str, arguments)], check=False)
+    if ended.returncode != 0:
+        raise RunError(f"{path.name} ended with status {ended.returncode}")
+
+
+def first_page(case: Path, dataset: Path) -> Image.Image:
+    """The frame, and beside it the overlay and three views of the dataset at half its size."""
+    views = [dataset / "train_pbr" / "000000" / "rgb" / f"{number:06d}.png" for number in SHOWN_VIEWS]
+    frame, *small = (
+        Image.open(path).convert("RGB") for path in (case.parent / "frame.png", dataset / "overlay.png", *views)
+    )
+    width, height = (frame.width - GAP_PX) // 2, (frame.height - GAP_PX) // 2
+    page = Image.new("RGB", (2 * frame.width + GAP_PX, frame.height), "white")
+    page.paste(frame, (0, 0))
+    for number, view in enumerate(small):
+        row, column = divmod(number, 2)
+        place = frame.width + GAP_PX + column * (width + GAP_PX), row * (height + GAP_PX)
+        page.paste(view.resize((width, height), Image.Resampling.LANCZOS), place)
+    return page.resize((page.width * 2 // 3, page.height * 2 // 3), Image.Resampling.LANCZOS)
+
+
+def window_pictures(blender: str, case: Path, folder: Path) -> dict[str, Image.Image]:
+    """Play the scenario in Blender's window: pictures by name."""
+    (package,) = build_extension.build([build_extension.this_platform()], folder / "extension")
+    resources, pictures = folder / "resources", folder / "pictures"
+    resources.mkdir()
+    session.install_extension(blender, package, resources)
+    work = folder / "session"
+    work.mkdir()
+    facts = session.play_scenario(
+        blender,
+        SCENARIO,
+        resources=resources,
+        case=case,
+        folder=work,
+        pictures=pictures,
+        timeout_s=TIMEOUT_S,
+        size_wh=WINDOW,
+    )
+    return {
+        name: Image.open(pictures / f"{name}.png").crop((left, top, left + width, top + height))
+        for name, (left, top, width, height) in facts["crops"].items()
+    }
+
+
+def main(argv: Sequence[str]) -> int:
+    arguments = parse_arguments(argv)
+    try:
+        if not (blender := shutil.which(arguments.blender or "")):
+            raise InputError(
+                f"expected a Blender program, found {arguments.blender or 'none'!r}; "
+                "name one: make screenshots BLENDER=/path/to/blender"
+            )
+        if not shutil.which("Xvfb"):
+            raise InputError("expected Xvfb, which gives Blender a window without a screen, found none; install it")
+        with tempfile.TemporaryDirectory(prefix="oneframe-screenshots-") as name:
+            folder = Path(name)
+            case, dataset = sample_dataset(folder)
+            pictures = window_pictures(blender, case, folder)
+            pictures["first_page"] = first_page(case, dataset)
+            pictures["contact_sheet"] = Image.open(dataset / "contact_sheet.png").convert("RGB")
+            pictures["overlay"] = Image.open(dataset / "overlay.png").convert("RGB")
+            save(pictures, arguments.out)
+    except (InputError, RunError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2 if isinstance(error, InputError) else 3
+    return 0
+
+
+def save(pictures: dict[str, Image.Image], out: Path) -> None:
+    """Write each picture as JPEG, whole or not at all."""
+    out.mkdir(parents=True, exist_ok=True)
+    for name, picture in pictures.items():
+        path = out / f"{name}.jpg"
+        partial = path.with_name(f".partial-{path.name}")
+        picture.save(partial, "JPEG", **JPEG)
+        os.replace(partial, path)
+        print(f"{path}: {picture.width}x{picture.height} px, {path.stat().st_size / 1e3:.0f} kB", flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

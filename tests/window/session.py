@@ -1,0 +1,183 @@
+"""One scenario in Blender's real window: the program on a display of its own, the extension installed from its zip.
+
+Used by the fixtures of these tests and by ``scripts/dev/make_screenshots.py``.
+"""
+
+import ctypes
+import json
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.images.png import encode_png
+
+DRIVER = Path(__file__).resolve().parent / "driver.py"
+SIZE = 1280, 800
+"""Of the window, pixels."""
+
+
+def window_flags(size_wh: tuple[int, int] = SIZE) -> list[str]:
+    """Blender's flags for a window that fills the display; rendered in software, Vulkan draws lines wrongly."""
+    return ["--gpu-backend", "opengl", "--window-geometry", "0", "0", *map(str, size_wh)]
+
+
+def install_extension(blender: str, extension_zip: Path, resources: Path) -> None:
+    """Install the extension, not yet enabled, into a user's configuration of its own."""
+    ended = subprocess.run(
+        [blender, "--command", "extension", "install-file", "-r", "user_default", extension_zip],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env=os.environ | {"BLENDER_USER_RESOURCES": str(resources)},
+    )
+    installed = (resources / "extensions" / "user_default" / "oneframe").is_dir()
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert installed, ended.stdout + ended.stderr
+
+
+def play_scenario(
+    blender: str,
+    scenario: Path,
+    *,
+    resources: Path,
+    case: Path,
+    folder: Path,
+    pictures: Path,
+    timeout_s: float,
+    size_wh: tuple[int, int] = SIZE,
+) -> dict:
+    """Play a scenario file in a Blender of its own.
+
+    Parameters
+    ----------
+    blender
+        The program.
+    scenario
+        A file with a generator function ``scenario(user)``.
+    resources
+        A configuration with the extension installed; copied, never changed.
+    case
+        The case file that the user opens; copied with its folder.
+    folder
+        An empty folder for everything that is written on the way.
+    pictures
+        Where the pictures of the window go, as PNG; emptied first.
+    timeout_s, size_wh
+        When Blender is stopped; size of the window in pixels.
+
+    Returns
+    -------
+    The facts that the scenario found.
+
+    Raises
+    ------
+    AssertionError
+        The scenario failed, or Blender ended otherwise than it should.
+    """
+    own = folder / "resources"
+    shutil.copytree(resources, own, copy_function=_copy)
+    case = shutil.copytree(case.parent, folder / "case") / case.name
+    folders = {name: folder / name for name in ("folder", "pictures", "temporary")}
+    for each in folders.values():
+        each.mkdir()
+    result, settings = folder / "result.json", folder / "settings.json"
+    messages = {"scenario": scenario, "case": case, "result": result, "timeout_s": timeout_s, **folders}
+    settings.write_text(json.dumps(messages, default=str))
+    flags = ["--factory-startup", "--enable-event-simulate", "-noaudio", *window_flags(size_wh)]
+    command = [blender, *flags, "--python-exit-code", "1", "-P", DRIVER, "--", settings]
+    environment = {"BLENDER_USER_RESOURCES": own, "TMPDIR": folders["temporary"]}
+    try:
+        status, output = run_in_window(command, timeout_s + 10, size_wh, **environment)
+    finally:
+        _keep_pictures(folders["pictures"], pictures)
+    assert result.exists(), f"Blender ended with {status}:\n{output}"
+    found = json.loads(result.read_text())
+    assert found["passed"], f"{found.get('error')}\nwhat Blender wrote:\n{output}"
+    assert status == 0, f"Blender ended with {status}:\n{output}"
+    assert "Policy violation" not in output
+    return found["facts"]
+
+
+def run_in_window(
+    command: list, timeout_s: float, size_wh: tuple[int, int] = SIZE, **environment: object
+) -> tuple[int | str, str]:
+    """Run a command on a display of its own, with these environment variables besides; exit status and output."""
+    settings = {name: str(value) for name, value in environment.items()}
+    with _display(size_wh) as name:
+        return _run_group(list(map(str, command)), os.environ | settings | {"DISPLAY": name}, timeout_s)
+
+
+@contextmanager
+def _display(size: tuple[int, int]) -> Iterator[str]:
+    """A display in memory; its name."""
+    reading, writing = os.pipe()
+    screen = f"{size[0]}x{size[1]}x24"
+    server = subprocess.Popen(
+        ["Xvfb", "-displayfd", str(writing), "-screen", "0", screen, "-nolisten", "tcp"],
+        pass_fds=[writing],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        preexec_fn=_end_with_parent,
+    )
+    try:
+        os.close(writing)
+        with open(reading, encoding="ascii") as messages:
+            number = messages.readline().strip()
+        assert number, "Xvfb has not started"
+        yield f":{number}"
+    finally:
+        server.kill()
+        server.wait()
+
+
+def _end_with_parent() -> None:
+    """In a child: end when the tests are killed and can no longer end it."""
+    pr_set_pdeathsig = 1
+    ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
+
+
+def _copy(source: str, target: str) -> None:
+    """Wheels, which are large, as links; Blender's own records as copies, since it writes into them."""
+    if source.endswith(".whl"):
+        with suppress(OSError):
+            os.link(source, target)
+            return
+    shutil.copy2(source, target)
+
+
+def _run_group(command: list[str], environment: dict[str, str], timeout_s: float) -> tuple[int | str, str]:
+    """Exit status and all output of a command; killed with all its children when the time is up."""
+    with tempfile.TemporaryFile("w+") as output:
+        process = subprocess.Popen(
+            command,
+            stdout=output,
+            stderr=output,
+            env=environment,
+            start_new_session=True,
+            preexec_fn=_end_with_parent,
+        )
+        try:
+            status: int | str = process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            status = f"nothing, after {timeout_s:g} s"
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+        output.seek(0)
+        return status, output.read()
+
+
+def _keep_pictures(folder: Path, kept: Path) -> None:
+    shutil.rmtree(kept, ignore_errors=True)
+    kept.mkdir(parents=True)
+    for path in sorted(folder.glob("*.npy")):
+        (kept / f"{path.stem}.png").write_bytes(encode_png(np.load(path)))

@@ -1,4 +1,4 @@
-"""Loaded case."""
+"""A case in memory, and whether its pose can be right: the surface in view, at a distance that microscopes have."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Image check."""
+"""Whether an image file is whole, and upright to every program, before anything decodes it."""
 
 import struct
 import zlib

@@ -33,7 +33,7 @@ class LoadedCase:
         4x4, the pose of the frame.
     structures
         What overlays show, in the model frame.
-    told
+    messages
         Sentences about what was corrected or dropped.
     """
 

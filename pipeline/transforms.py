@@ -70,6 +70,27 @@ def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
     return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
 
 
+def checked_matrix(values: object, size: int, where: str) -> np.ndarray:
+    """A ``(size, size)`` float64 matrix of finite numbers, a copy of what the user gave; ``where`` begins the message.
+
+    Raises
+    ------
+    InputError
+        Wrong shape, not numbers, not finite.
+    """
+    try:
+        matrix = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{where}: expected {size} rows of {size} numbers, found something else ({error})") from None
+    if matrix.shape != (size, size):
+        raise InputError(
+            f"{where}: expected a {size}x{size} matrix, found shape {matrix.shape}; write {size} rows of {size} numbers"
+        )
+    if not np.isfinite(matrix).all():
+        raise InputError(f"{where}: expected finite numbers, found NaN or infinity")
+    return matrix
+
+
 def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
     """Check a pose at the border and make its rotation exactly orthonormal.
 
@@ -78,11 +99,11 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
     matrix
         What the user gave: anything that should be a ``(4, 4)`` rigid transform.
     where
-        Names the place in messages, e.g. ``"case.toml: [pose] cam_from_model"``.
+        Names the place in messages, e.g. ``"case.toml: [pose] cam_from_mesh"``.
 
     Returns
     -------
-    ``(4, 4)`` float64 rigid transform, and a sentence to tell if the rotation had to be corrected, else ``None``.
+    ``(4, 4)`` float64 rigid transform, and a message if the rotation had to be corrected, else ``None``.
 
     Raises
     ------
@@ -90,14 +111,7 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
         Wrong shape, not numbers, not finite, a last row other than 0 0 0 1, a reflection, or a rotation that is
         off by more than :data:`ORTHONORMAL_TOLERANCE`.
     """
-    try:
-        b_from_a = np.array(matrix, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{where}: expected 4 rows of 4 numbers, found something else ({error})") from None
-    if b_from_a.shape != (4, 4):
-        raise InputError(f"{where}: expected a 4x4 matrix, found shape {b_from_a.shape}; write 4 rows of 4 numbers")
-    if not np.isfinite(b_from_a).all():
-        raise InputError(f"{where}: expected finite numbers, found NaN or infinity")
+    b_from_a = checked_matrix(matrix, 4, where)
     if not np.allclose(b_from_a[3], [0, 0, 0, 1], atol=1e-9):
         raise InputError(
             f"{where}: expected the last row 0 0 0 1, found {b_from_a[3].tolist()}; "

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
-from ..pipeline.blender.alignment import alignment_scene
+from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
 from ..state import events, from_scene
 from ..ui.operator import redraw
@@ -77,7 +77,7 @@ class _Before:
                 entry.has_point, entry.has_pixel = landmark.point is not None, landmark.pixel is not None
                 entry.point, entry.pixel = landmark.point or (0, 0, 0), landmark.pixel or (0, 0)
             settings.landmark_index = self.active
-        alignment_scene.set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), self.pose)
+        surface_object.set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), self.pose)
 
 
 _running: Gesture | None = None

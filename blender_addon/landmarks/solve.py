@@ -17,7 +17,7 @@ from ..pipeline.alignment.landmarks.align_landmarks import (
 from ..pipeline.alignment.landmarks.reprojection import twist_between
 from ..pipeline.alignment.landmarks.solver import PoseEstimate, UndeterminedPose
 from ..pipeline.alignment.manual.pins import pull_pins
-from ..pipeline.blender.alignment import alignment_scene
+from ..pipeline.blender.alignment import surface_object
 from ..pipeline.blender.alignment.visible_surface import visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.landmarks import Landmark
@@ -151,7 +151,7 @@ def apply(scene: bpy.types.Scene, solved: Solution) -> None:
     if solved.estimate is None:
         raise InputError(solved.refusal)
     camera_object, surface = from_scene.camera_object_of(scene), from_scene.surface_of(scene)
-    alignment_scene.set_pose(camera_object, surface, solved.estimate.cam_from_model)
+    surface_object.set_pose(camera_object, surface, solved.estimate.cam_from_model)
 
 
 def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
@@ -172,7 +172,7 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
     if pivot is None:
         pivot = points.mean(axis=0)
     pulled = pull_pins(points, pixels, camera, cam_from_model, pivot)
-    alignment_scene.set_pose(camera_object, surface, pulled)
+    surface_object.set_pose(camera_object, surface, pulled)
 
 
 def follow(scene: bpy.types.Scene) -> None:

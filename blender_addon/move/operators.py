@@ -5,7 +5,7 @@ import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from ..pipeline.alignment.manual.nudge import nudged
-from ..pipeline.blender.alignment import alignment_scene
+from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.pivot import keep_pivot, pivot_of
@@ -63,7 +63,7 @@ class _Mover(NeedsAlignment):
 
     def _place(self, context, pose):
         scene = context.scene
-        alignment_scene.set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), pose)
+        surface_object.set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), pose)
         redraw(context)
 
 

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ..pipeline.alignment.refinement.refine import Refinement, refine_pose
-from ..pipeline.blender.alignment.alignment_scene import set_pose
+from ..pipeline.blender.alignment.surface_object import set_pose
 from ..pipeline.blender.colour.surface_colour import colour_record, vertex_codes
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError, RunError

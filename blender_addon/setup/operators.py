@@ -4,7 +4,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
-from ..pipeline.blender.alignment import alignment_scene
+from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.blender.case.load_case import load_case
 from ..pipeline.camera.intrinsics_file import read_camera
@@ -190,7 +190,7 @@ class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper)
         surface = from_scene.surface_of(context.scene)
         path = self.chosen_file()
         given, messages = read_mesh(path)
-        offset = alignment_scene.mesh_from_model_of(surface)[:3, 3]
+        offset = surface_object.mesh_from_model_of(surface)[:3, 3]
         mesh = given.scaled(MM_PER_UNIT[context.scene.oneframe.units]).moved(-offset)
         structure = alignment_scene.put_structure(surface, mesh, path.stem, tuple(self.color))
         structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path)
@@ -220,7 +220,7 @@ class ONEFRAME_OT_remove_scale(Reporting, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context):
-        alignment_scene.make_rigid(from_scene.camera_object_of(context.scene), from_scene.surface_of(context.scene))
+        surface_object.make_rigid(from_scene.camera_object_of(context.scene), from_scene.surface_of(context.scene))
 
 
 class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportHelper):
@@ -238,8 +238,8 @@ class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportH
         if path.suffix.lower() != ".ply":
             raise InputError(f"{path}: expected the name of a file *.ply, found {path.name!r}; take another name")
         surface = from_scene.surface_of(scene)
-        mesh = alignment_scene.edited_mesh(surface)
-        given = mesh.moved(alignment_scene.mesh_from_model_of(surface)[:3, 3])
+        mesh = surface_object.edited_mesh(surface)
+        given = mesh.moved(surface_object.mesh_from_model_of(surface)[:3, 3])
         write_ply(path, given.scaled(1 / MM_PER_UNIT[scene.oneframe.units]))
         to_scene.relink_surface(context, path)
         return (f"saved {path}: {len(mesh.faces)} triangles",)

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from ..pipeline.blender.alignment import alignment_scene
+from ..pipeline.blender.alignment import surface_object
 from ..pipeline.blender.alignment.visible_surface import visible_surface
 from ..pipeline.blender.bridge.exact_values import exact, set_exact
 from ..pipeline.errors import InputError
@@ -31,7 +31,7 @@ def pivot_of(scene: bpy.types.Scene) -> tuple[np.ndarray, float]:
     fresh = seen.pivot_model
     if fresh is None:
         # out of sight: about its origin, so that it can be brought back
-        return np.zeros(3), alignment_scene.radius_of(surface) / 2
+        return np.zeros(3), surface_object.radius_of(surface) / 2
     kept = exact(surface, PIVOT)
     if kept is not None and kept.shape == (4,):
         points_cam = transform_points(pose, np.stack([kept[:3], fresh]))

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from ..pipeline.blender.alignment import alignment_scene
+from ..pipeline.blender.alignment import surface_object
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.transforms import checked_rigid, inverse_rigid
 from . import from_scene
@@ -12,7 +12,7 @@ from . import from_scene
 def cam_from_mesh_of(scene: bpy.types.Scene) -> np.ndarray:
     """``cam_from_mesh`` (4x4) for the mesh file's own frame and units, as it stands in a case file."""
     surface = from_scene.surface_of(scene)
-    cam_from_mesh = from_scene.cam_from_model(scene) @ inverse_rigid(alignment_scene.mesh_from_model_of(surface))
+    cam_from_mesh = from_scene.cam_from_model(scene) @ inverse_rigid(surface_object.mesh_from_model_of(surface))
     cam_from_mesh[:3, 3] /= MM_PER_UNIT[scene.oneframe.units]
     return cam_from_mesh
 
@@ -49,5 +49,5 @@ def set_cam_from_mesh(scene: bpy.types.Scene, cam_from_mesh: np.ndarray) -> None
     camera_object, surface = from_scene.camera_object_of(scene), from_scene.surface_of(scene)
     cam_from_mesh = cam_from_mesh.copy()
     cam_from_mesh[:3, 3] *= MM_PER_UNIT[scene.oneframe.units]
-    mesh_from_model = alignment_scene.mesh_from_model_of(surface)
-    alignment_scene.set_pose(camera_object, surface, cam_from_mesh @ mesh_from_model)
+    mesh_from_model = surface_object.mesh_from_model_of(surface)
+    surface_object.set_pose(camera_object, surface, cam_from_mesh @ mesh_from_model)

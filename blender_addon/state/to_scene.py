@@ -8,7 +8,8 @@ import bpy
 import numpy as np
 
 from ..pipeline.alignment.manual.initial_pose import initial_pose
-from ..pipeline.blender.alignment import alignment_scene
+from ..pipeline.blender.alignment import alignment_scene, surface_object
+from ..pipeline.blender.bridge.data_blocks import absolute_path
 from ..pipeline.blender.bridge.exact_values import exact, set_exact
 from ..pipeline.camera.distortion import Distortion, checked_distortion
 from ..pipeline.camera.pinhole import PinholeCamera
@@ -50,7 +51,7 @@ def replace_landmarks(scene: bpy.types.Scene, landmarks: tuple[Landmark, ...]) -
     settings = scene.oneframe
     model_from_mesh = np.eye(4)
     if settings.surface is not None:
-        model_from_mesh = inverse_rigid(alignment_scene.mesh_from_model_of(settings.surface))
+        model_from_mesh = inverse_rigid(surface_object.mesh_from_model_of(settings.surface))
     with events.untold():
         settings.landmarks.clear()
         for landmark in landmarks:
@@ -130,9 +131,9 @@ def take_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: D
     scene = context.scene
     settings = scene.oneframe
     if settings.frame_path:
-        from_scene.stamp(alignment_scene.absolute_path(settings.frame_path))
+        from_scene.stamp(absolute_path(settings.frame_path))
     existing, surface = from_scene.present_camera(scene), from_scene.present_surface(scene)
-    pose = None if surface is None else alignment_scene.pose_of(existing, surface)
+    pose = None if surface is None else surface_object.pose_of(existing, surface)
     alignment_scene.set_alignment_units(scene)
     settings.camera_object = alignment_scene.put_camera(scene, existing, camera)
     _remember_camera(scene, camera, distortion)
@@ -141,8 +142,8 @@ def take_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: D
         if first is not None and np.array_equal(first, pose):
             _place_first(scene, surface)
         else:
-            alignment_scene.set_pose(settings.camera_object, surface, pose)
-            alignment_scene.fit_clip(settings.camera_object, alignment_scene.radius_of(surface), pose)
+            surface_object.set_pose(settings.camera_object, surface, pose)
+            alignment_scene.fit_clip(settings.camera_object, surface_object.radius_of(surface), pose)
     if settings.frame_path:
         _show(scene)
     look_through_camera(context)
@@ -171,14 +172,14 @@ def relink_surface(context: bpy.types.Context, path: Path) -> None:
     settings = scene.oneframe
     pose, surface = from_scene.cam_from_model(scene), settings.surface
     landmarks = from_scene.landmarks_mesh(scene)
-    mesh_from_old = alignment_scene.mesh_from_model_of(surface)
-    mesh = alignment_scene.edited_mesh(surface)
+    mesh_from_old = surface_object.mesh_from_model_of(surface)
+    mesh = surface_object.edited_mesh(surface)
     shift = mesh.vertices.mean(axis=0)
     old_from_new = rigid(translation=shift)
-    alignment_scene.replace_mesh(surface, mesh.moved(-shift), mesh_from_old @ old_from_new)
+    surface_object.replace_mesh(surface, mesh.moved(-shift), mesh_from_old @ old_from_new)
     for child in surface.children:
         child.location = [value - offset for value, offset in zip(child.location, shift, strict=True)]
-    alignment_scene.set_pose(settings.camera_object, surface, pose @ old_from_new)
+    surface_object.set_pose(settings.camera_object, surface, pose @ old_from_new)
     surface.oneframe.mesh_path = str(path.resolve())
     replace_landmarks(scene, landmarks)
 
@@ -212,7 +213,7 @@ def _remember_camera(scene: bpy.types.Scene, camera: PinholeCamera, distortion: 
 def _show(scene: bpy.types.Scene) -> None:
     """The frame behind the camera, undistorted if the lens needs it and K fits."""
     settings = scene.oneframe
-    path = alignment_scene.absolute_path(settings.frame_path)
+    path = absolute_path(settings.frame_path)
     undistorted = None
     if settings.distortion_text and not frame_warnings(scene):
         undistorted, _ = from_scene.frame_at(scene, path)
@@ -220,14 +221,14 @@ def _show(scene: bpy.types.Scene) -> None:
 
 
 def _place_first(scene: bpy.types.Scene, surface: bpy.types.Object) -> None:
-    mesh = alignment_scene.edited_mesh(surface)
+    mesh = surface_object.edited_mesh(surface)
     camera_object = from_scene.present_camera(scene)
     # before K is known: any camera will do, the pose is found again when K comes
     camera = PinholeCamera(1920, 1080, 12800, 12800, 959.5, 539.5)
     if camera_object is not None:
         camera = from_scene.camera(scene)
     pose = initial_pose(mesh, camera)
-    alignment_scene.set_pose(camera_object, surface, pose)
+    surface_object.set_pose(camera_object, surface, pose)
     set_exact(surface, FIRST_POSE, pose)
     if camera_object is not None:
         alignment_scene.fit_clip(camera_object, mesh.radius, pose)

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InputError
+from ..transforms import checked_matrix
 
 PixelOrigin = Literal["center", "corner"]
 
@@ -59,14 +60,7 @@ class PinholeCamera:
             Wrong shape, not finite, focal length not positive, skew, a last row other than 0 0 1, a size that is not
             two positive integers, or a principal point more than about five image sizes off the centre.
         """
-        try:
-            matrix = np.array(k, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{where}: expected 3 rows of 3 numbers, cannot read them ({error})") from None
-        if matrix.shape != (3, 3):
-            raise InputError(f"{where}: expected a 3x3 matrix, found shape {matrix.shape}")
-        if not np.isfinite(matrix).all():
-            raise InputError(f"{where}: expected finite numbers, found NaN or infinity")
+        matrix = checked_matrix(k, 3, where)
         if not np.allclose(matrix[2], [0, 0, 1]) or matrix[1, 0] != 0:
             raise InputError(f"{where}: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found {matrix.tolist()}")
         if matrix[0, 1] != 0:

@@ -37,7 +37,7 @@ KEYS = (
 ``standard_deviation_deg``, ``standard_deviation_mm``
     Of rotation and translation along the camera's x, y and z axis.
 ``weakest``
-    The direction that the landmarks tell least about, in words.
+    The direction that the landmarks determine least, in words.
 """
 
 _TEXTS, _AMOUNTS = ("method", "tool", "weakest"), ("rms_px", "click_sigma_px")

@@ -61,12 +61,12 @@ class Case:
         What overlays show beside the surface.
     dataset
         The raw ``[dataset]`` table: options of the run, checked by :mod:`pipeline.dataset.options`.
+    messages
+        Sentences about what was corrected.
     landmarks
         Points of the surface (mm, ``mesh``) with their pixels in the undistorted frame.
     alignment
         Where the pose comes from: see :mod:`pipeline.case.alignment_record`.
-    told
-        Sentences about what was corrected.
     """
 
     path: Path

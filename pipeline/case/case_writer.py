@@ -33,15 +33,15 @@ def write_case(path: Path, case: Case, *, comment: str = "") -> None:
     path
         The file, ``*.toml``; its folder exists.
     case
-        What it is to say; ``told`` is not written.
+        What to write; ``messages`` are left out.
     comment
         Lines to stand first in the file.
 
     Raises
     ------
     InputError
-        Another extension, lest a wrong name replace the frame or the mesh; or something in the case that cannot be read
-        back, such as two landmarks of one name or a number that is not finite.
+        Another extension, so that a wrong name cannot replace the frame or the mesh; or something in the case that
+        cannot be read back, such as two landmarks of one name or a number that is not finite.
     OSError
         The file cannot be written.
     """

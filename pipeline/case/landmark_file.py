@@ -16,7 +16,7 @@ from pathlib import Path
 from ..errors import InputError
 from ..files.content import LARGEST_FILE, decoded, read_content, write_bytes_atomically
 from ..files.numbers import WrittenFloat, length_text
-from ..files.tables import parsed_json
+from ..files.tables import parsed_json, write_csv
 from .landmarks import Landmark, landmark_from_table, landmarks_from_tables
 
 COLUMNS = ("name", "x", "y", "z", "u", "v", "enabled")
@@ -71,8 +71,10 @@ def write_landmarks(path: Path, landmarks: Sequence[Landmark], *, mm_per_unit: f
         for landmark in landmarks
     ]
     landmarks_from_tables(tables, f"{path.name}: landmark")
-    text = _json_text(landmarks, mm_per_unit) if suffix == ".json" else _csv_text(landmarks, mm_per_unit)
-    write_bytes_atomically(path, text.encode())
+    if suffix == ".csv":
+        write_csv(path, COLUMNS, _csv_rows(landmarks, mm_per_unit))
+    else:
+        write_bytes_atomically(path, _json_text(landmarks, mm_per_unit).encode())
 
 
 def _from_json(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
@@ -156,14 +158,12 @@ def _number(text: str, place: str) -> float:
         raise InputError(f"{place}expected a number, found {found}{hint}") from None
 
 
-def _csv_text(landmarks: Sequence[Landmark], mm_per_unit: float) -> str:
-    lines = io.StringIO(newline="")
-    table = csv.writer(lines, lineterminator="\n")
-    table.writerow(COLUMNS)
+def _csv_rows(landmarks: Sequence[Landmark], mm_per_unit: float) -> list[list[str]]:
+    rows = []
     for landmark in landmarks:
         point = (
             ["", "", ""] if landmark.point is None else [length_text(value, mm_per_unit) for value in landmark.point]
         )
         pixel = ["", ""] if landmark.pixel is None else [repr(float(value)) for value in landmark.pixel]
-        table.writerow([landmark.name, *point, *pixel, str(landmark.enabled).lower()])
-    return lines.getvalue()
+        rows.append([landmark.name, *point, *pixel, str(landmark.enabled).lower()])
+    return rows

@@ -1,4 +1,4 @@
-"""Loaded case."""
+"""A case in memory, and whether its pose can be right: the surface in view, at a distance that microscopes have."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,7 +33,7 @@ class LoadedCase:
         4x4, the pose of the frame.
     structures
         What overlays show, in the model frame.
-    told
+    messages
         Sentences about what was corrected or dropped.
     """
 

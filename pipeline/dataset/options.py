@@ -179,5 +179,5 @@ def merged_options(table: Mapping[str, object], arguments: argparse.Namespace, c
     if "poses" in from_table:
         from_table["poses"] = str(case_path.parent / str(from_table["poses"]))
     given = {name: getattr(arguments, name) for name in names if hasattr(arguments, name)}
-    # together only now: what the table leaves unfitting, the command line may mend
+    # together only now: the command line may correct what does not fit together in the table
     return _checked_together({**from_table, **_checked_values(given, "command line")}, "options")

@@ -3,16 +3,13 @@
 Source of the latter: Instant NGP, docs/nerf_dataset_tips.md, and Nerfstudio's data conventions.
 """
 
-import csv
-import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..files.content import write_bytes_atomically
-from ..files.tables import write_json
+from ..files.tables import write_csv, write_json
 from ..transforms import CAM_FROM_OPENGL_CAM, inverse_rigid
 from .layout import ViewPaths
 from .view_record import read_record
@@ -24,15 +21,6 @@ POSE_COLUMNS = (*(f"r{row}{column}" for row in range(3) for column in range(3)),
 def pose_cells(cam_from_model: np.ndarray) -> list[str]:
     """A pose (4x4, mm) as cells of :data:`POSE_COLUMNS`, to the last bit."""
     return [repr(float(value)) for value in (*cam_from_model[:3, :3].ravel(), *cam_from_model[:3, 3])]
-
-
-def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """A table as CSV with line feeds, whole or not at all."""
-    lines = io.StringIO(newline="")
-    table = csv.writer(lines, lineterminator="\n")
-    table.writerow(header)
-    table.writerows(rows)
-    write_bytes_atomically(path, lines.getvalue().encode())
 
 
 def write_poses(root: Path, views: Iterable[int], camera: PinholeCamera, mesh_from_model: np.ndarray) -> None:

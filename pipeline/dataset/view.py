@@ -34,7 +34,7 @@ class RenderedView:
         ``(H, W)`` bool: the source frame saw the surface at the pixel's centre.
     beside_unseen
         ``(H, W)`` bool: observed, but about a frame pixel away from where the frame's view of the surface breaks off;
-        only told by scenes for anti-aliasing.
+        only scenes for anti-aliasing have it.
     """
 
     rgb: np.ndarray

@@ -53,7 +53,7 @@ def parsed_numbers(text: bytes, dtype: type[np.float64] | type[np.int64]) -> np.
     if dtype is np.int64 and re.search(rb"[+-](?![0-9])", text):
         return None  # C's strtol takes "- 3" as one number
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # how numpy 1.26 tells what numpy 2 raises
+        warnings.simplefilter("error", DeprecationWarning)  # what numpy 2 raises, numpy 1.26 only warns of
         try:
             return np.fromstring(text, dtype, sep=" ")
         except (ValueError, DeprecationWarning):

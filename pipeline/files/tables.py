@@ -1,9 +1,11 @@
-"""Tables as JSON or TOML: parsed, their keys checked with a hint for a misspelt one, and JSON written."""
+"""Tables as JSON or TOML: parsed, their keys checked with a hint for a misspelt one, and JSON and CSV written."""
 
+import csv
 import difflib
+import io
 import json
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +54,15 @@ def parsed_toml(content: str | bytes, where: str) -> dict[str, Any]:
 def write_json(path: Path, content: object, *, indent: int | None = 2) -> None:
     """Write JSON, whole or not at all; on one line if ``indent`` is ``None``."""
     write_bytes_atomically(path, (json.dumps(content, indent=indent) + "\n").encode())
+
+
+def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a table as CSV in UTF-8 with line feeds, whole or not at all."""
+    lines = io.StringIO(newline="")
+    table = csv.writer(lines, lineterminator="\n")
+    table.writerow(header)
+    table.writerows(rows)
+    write_bytes_atomically(path, lines.getvalue().encode())
 
 
 def _text(content: str | bytes) -> str:

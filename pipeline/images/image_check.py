@@ -1,4 +1,4 @@
-"""Image check."""
+"""Whether an image file is whole, and upright to every program, before anything decodes it."""
 
 import struct
 import zlib
@@ -18,11 +18,11 @@ _TURNED = {
     7: "mirrored and turned by 90 degrees",
     8: "turned by 90 degrees counter-clockwise",
 }
-"""EXIF orientation (tag 0x0112, as in TIFF 6.0) -> how an image is to be shown."""
+"""EXIF orientation (tag 0x0112, as in TIFF 6.0) -> how to show the image."""
 
 
 def check_image_file(path: Path, where: str) -> None:
-    """Check that an image file is there, not cut off, and the same image to everybody, as far as its format tells.
+    """Check that an image file is there, not cut off, and the same image to every program, as far as its format says.
 
     Decoders, Blender's among them, fill what is missing with black without a word. And some turn an image as its EXIF
     orientation says, such as OpenCV's, while Blender does not: pixels of the one are not those of the other.

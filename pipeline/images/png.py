@@ -1,4 +1,4 @@
-"""PNG files written for speed, and the check that an image file is whole and upright before anything decodes it.
+"""PNG files, written for speed.
 
 Zlib at its lowest level with run-length matching and the Average filter makes files of the usual size in half the
 time of the common defaults; compression beyond that costs more than rendering the frame.

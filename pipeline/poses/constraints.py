@@ -1,8 +1,9 @@
 """The poses of a dataset: drawn with constraints by rejection, or read from a list that the user gives.
 
-What a pose shows is told by a *probe*, a callable ``cam_from_model -> ViewStatistics``. Rejection keeps the
+A *probe* says what a pose shows: a callable ``cam_from_model -> ViewStatistics``. Rejection keeps the
 distribution's shape: accepted poses follow the distribution conditioned on the constraints (von Neumann, 1951). Poses
-from a list are the user's own choice, so they are never rejected; those that break constraints are counted and told.
+from a list are the user's own choice, so they are never rejected; those that break constraints are counted and
+reported.
 """
 
 from collections.abc import Callable
@@ -127,8 +128,8 @@ def plan_pose(
     Raises
     ------
     InputError
-        None of ``max_attempts`` poses meets the constraints; tells how many broke which, the best value of each, and
-        which to loosen.
+        None of ``max_attempts`` poses meets the constraints; the message says how many broke which, the best value of
+        each, and which to loosen.
     """
     rng = np.random.default_rng([seed, index])
     rejections, rejected = Rejections(), []
@@ -146,7 +147,7 @@ def plan_pose(
 def plan_given_poses(
     cams_from_model: np.ndarray, constraints: Constraints, probe: Probe
 ) -> tuple[list[PlannedPose], list[str]]:
-    """Take ``(N, 4, 4)`` poses as they are; also return sentences that tell how many break which constraint."""
+    """Take ``(N, 4, 4)`` poses as they are; also return messages that say how many break which constraint."""
     planned = []
     for cam_from_model in cams_from_model:
         statistics = probe(cam_from_model)

@@ -48,7 +48,7 @@ def read_pose(path: Path, *, mm_per_unit: float = 1.0) -> tuple[np.ndarray, str 
 
     Returns
     -------
-    ``(4, 4)`` float64, mm, and a sentence to tell if the rotation had to be corrected, else ``None``.
+    ``(4, 4)`` float64, mm, and a message if the rotation had to be corrected, else ``None``.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def read_poses(
 
     Returns
     -------
-    ``(N, 4, 4)`` rigid ``cam_from_model``, mm, and sentences to tell the user.
+    ``(N, 4, 4)`` rigid ``cam_from_model``, mm, and messages for the user.
 
     Raises
     ------

@@ -20,6 +20,7 @@ from ..surface.mesh import TriangleMesh
 from ..surface.tube import tube
 from ..transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 from ..volume.distance_field import ImplicitGrid, ball, largest_component, polyline, smooth_minimum
+from ..volume.virtual_drill import subtract_burrs
 
 SPACING_MM = 0.3
 LOWER_MM, UPPER_MM = np.array([-42.0, -31.0, -26.0]), np.array([36.0, 29.9, 3.7])
@@ -219,15 +220,15 @@ def _drill(grid: ImplicitGrid, rng: np.random.Generator) -> np.ndarray:
     for station in np.linspace(-1, 1, 9):
         path, normal = _on_wall(wall + station * half_length[:, None] * tangent, steps=3)
         # the burr lifts off at both ends
-        cavity.carve_balls(path - normal * (radius - sink * (1.3 - station**2))[:, None], radius)
+        subtract_burrs(cavity, path - normal * (radius - sink * (1.3 - station**2))[:, None], radius)
     np.maximum(cavity.values[box], kept - 0.4, out=cavity.values[box])
 
-    cells.carve_balls(*_air_cells(rng, lower))
+    subtract_burrs(cells, *_air_cells(rng, lower))
     behind_wall = np.where(cells.values < 0.45, cavity.values, 0)
     np.minimum(cavity.values, cells.values, out=cavity.values)
     grid.values = smooth_minimum(grid.values, cavity.values, 0.7)
     pits = ImplicitGrid(grid.lower, grid.upper, grid.spacing)
-    pits.carve_balls(*_cortex_pits(rng))
+    subtract_burrs(pits, *_cortex_pits(rng))
     behind_wall = np.where(pits.values < 0.2, _cortex_height(x, y) - z, behind_wall)
     np.minimum(grid.values, pits.values, out=grid.values)
     return behind_wall

@@ -92,7 +92,7 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
 
     Returns
     -------
-    The mesh, and sentences that tell what was dropped.
+    The mesh, and messages about what was dropped.
 
     Raises
     ------

@@ -23,7 +23,7 @@ def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
 
     Returns
     -------
-    The mesh in the file's own frame and unit, and sentences to tell the user: what was dropped, and signs of damage.
+    The mesh in the file's own frame and unit, and messages for the user: what was dropped, and signs of damage.
     Polygons are split as fans around their first corner; corners of an STL with equal coordinates become one vertex.
 
     Raises

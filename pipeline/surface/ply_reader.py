@@ -56,7 +56,7 @@ def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
     Returns
     -------
     ``(V, 3)`` float64 vertices, ``(P,)`` corners per polygon, ``(sum,)`` int64 vertex indices of all polygons one
-    after the other (not checked to be in range), and sentences to tell the user.
+    after the other (not checked to be in range), and messages for the user.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Tube."""
+"""A tube round a curve, as a closed mesh: nerves and vessels."""
 
 import numpy as np
 

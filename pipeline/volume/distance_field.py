@@ -56,14 +56,6 @@ class ImplicitGrid:
         part, coordinates = self.box(lower, upper)
         self.values[part] = -smooth_minimum(-self.values[part], shape(*coordinates), blend)
 
-    def carve_balls(self, centres: np.ndarray, radii: np.ndarray) -> None:
-        """Remove balls with ``(N, 3)`` centres and ``(N,)`` radii, mm."""
-        for centre, radius in zip(centres.astype(np.float32), radii.astype(np.float32), strict=True):
-            reach = radius + 2 * self.spacing
-            part, (x, y, z) = self.box(centre - reach, centre + reach)
-            distance = np.sqrt((x - centre[0]) ** 2 + (y - centre[1]) ** 2 + (z - centre[2]) ** 2) - radius
-            np.minimum(self.values[part], distance, out=self.values[part])
-
     def at(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
         """``(X, Y, Z)`` values at the grid points -> ``(N,)`` at ``(N, 3)`` points inside the grid, trilinearly."""
         place = (points - self.lower) / self.spacing

@@ -46,7 +46,7 @@ def pose_of(scene):
 def displace(scene, twist=TWIST):
     """Move the surface away from where it is."""
     from blender_addon.state import from_scene
-    from pipeline.blender.alignment.alignment_scene import set_pose
+    from pipeline.blender.alignment.surface_object import set_pose
 
     set_pose(
         from_scene.camera_object_of(scene),

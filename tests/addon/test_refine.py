@@ -150,8 +150,8 @@ def test_colours_count_only_if_they_are_of_another_frame(addon, gather, refine, 
     assert np.isfinite(known).all()
     mesh_from_model = gather.mesh_from_model_of(scene.oneframe.surface)
     start = START @ mesh_from_model
-    scene_module = importlib.import_module("blender_addon.pipeline.blender.alignment.alignment_scene")
-    scene_module.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, start)
+    surface_module = importlib.import_module("blender_addon.pipeline.blender.alignment.surface_object")
+    surface_module.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, start)
     bpy.ops.oneframe.refine()
     assert rotation_error_deg(gather, scene) < 0.5
 

@@ -176,7 +176,7 @@ def test_frame_is_drawn_as_recorded(card, scene):
 
 
 def gather_path(scene):
-    from pipeline.blender.alignment.alignment_scene import absolute_path
+    from pipeline.blender.bridge.data_blocks import absolute_path
 
     return absolute_path(scene.oneframe.frame_path)
 

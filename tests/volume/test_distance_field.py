@@ -41,24 +41,6 @@ def test_filled_ball_has_volume_of_ball_and_faces_outward():
     np.testing.assert_allclose(np.linalg.norm(mesh.vertices - [0.1, -0.2, 0.3], axis=1), 1.2, atol=0.005)
 
 
-def test_carved_ball_is_a_cavity_that_faces_inward():
-    grid = ImplicitGrid(LOWER, UPPER, 0.1)
-    grid.carve_balls(np.zeros((1, 3)), np.array([1.0]))
-    assert volume(largest_component(*grid.surface())) == pytest.approx(-4 / 3 * np.pi, rel=0.01)
-
-
-def test_carve_balls_agrees_with_carving_the_whole_grid():
-    rng = np.random.default_rng(5)
-    centres, radii = rng.uniform(-1.8, 1.8, (20, 3)), rng.uniform(0.2, 0.8, 20)
-    by_boxes, whole = ImplicitGrid(LOWER, UPPER, 0.1), ImplicitGrid(LOWER, UPPER, 0.1)
-    by_boxes.carve_balls(centres, radii)
-    for centre, radius in zip(centres, radii, strict=True):
-        whole.carve(lambda x, y, z, c=centre, r=radius: ball(x, y, z, c, (r, r, r)))
-    np.testing.assert_array_equal(by_boxes.values > 0, whole.values > 0)
-    near = np.abs(whole.values) < 0.1
-    np.testing.assert_allclose(by_boxes.values[near], whole.values[near], atol=1e-5)
-
-
 def test_polyline_distance_agrees_with_dense_samples():
     rng = np.random.default_rng(6)
     corners, points = rng.uniform(-2, 2, (5, 3)), rng.uniform(-3, 3, (50, 3))

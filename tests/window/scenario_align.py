@@ -5,7 +5,7 @@ import numpy as np
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
-from bl_ext.user_default.oneframe.pipeline.blender.alignment import alignment_scene
+from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_object
 from bl_ext.user_default.oneframe.pipeline.case.case_file import read_case
 from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_from_vector, transform_points
 from bl_ext.user_default.oneframe.state import from_scene
@@ -29,7 +29,7 @@ def scenario(user):
     shown = visible_points(scene, camera)
     # 5 degrees and 12 mm off: about 200 px
     start = rigid(rotation_from_vector(np.radians([3.0, -2.5, 3.0])), [7.0, -6.0, 8.0]) @ true_pose
-    alignment_scene.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, start)
+    surface_object.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, start)
     with user.context():
         bpy.ops.oneframe.save_case(filepath=str(rough))
         bpy.ops.wm.read_homefile(use_factory_startup=False, app_template="")

@@ -8,7 +8,7 @@ bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
 from bl_ext.user_default.oneframe.landmarks import solve
 from bl_ext.user_default.oneframe.landmarks.tool import TOOL
-from bl_ext.user_default.oneframe.pipeline.blender.alignment import alignment_scene
+from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_object
 from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_from_vector, transform_points
 from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_at
@@ -24,7 +24,7 @@ def scenario(user):
     true = from_scene.cam_from_model(bpy.context.scene)
     points = np.array([surface_point_at(bpy.context.scene, pixel) for pixel in FEATURES])
     start = rigid(rotation_from_vector(np.radians([3.0, -2.5, 3.0])), [4.0, -3.0, 8.0]) @ true
-    alignment_scene.set_pose(bpy.context.scene.oneframe.camera_object, bpy.context.scene.oneframe.surface, start)
+    surface_object.set_pose(bpy.context.scene.oneframe.camera_object, bpy.context.scene.oneframe.surface, start)
     with user.context():
         bpy.ops.wm.tool_set_by_id(name=TOOL)
         bpy.ops.ed.undo_push(message="rough pose")

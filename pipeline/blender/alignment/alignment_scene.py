@@ -1,9 +1,8 @@
 """The scene in which a frame is aligned: the frame's camera at the world's origin and the surface before it.
 
 The world is the camera's frame with Blender's axes (x right, y up, looking along -z), one unit is a millimetre. The
-camera stays where it is; aligning moves the surface, whose object has the ``model`` frame. Structures are its children.
-The pose is what the two objects' matrices say, whoever moved them. Blender holds these in single precision, so the pose
-that was set is kept beside them exactly and holds for as long as the objects stand where it put them.
+camera stays where it is; aligning moves the surface (:mod:`pipeline.blender.alignment.surface_object`). Structures are
+its children.
 """
 
 from dataclasses import dataclass
@@ -18,12 +17,22 @@ from ...case.loaded_case import LoadedCase
 from ...errors import InputError
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
-from ...surface.mesh import TriangleMesh, checked_mesh
-from ...transforms import CAM_FROM_OPENGL_CAM, checked_rigid, inverse_rigid, nearest_rotation, rigid
+from ...surface.mesh import TriangleMesh
 from ..bridge.camera import SENSOR_MM, new_camera, set_clip, set_intrinsics
 from ..bridge.data_blocks import new_mesh_object
 from ..bridge.exact_values import exact, set_exact
+from ..bridge.image import new_packed_image
 from ..bridge.versions import new_node_material
+from .surface_object import new_surface_object
+
+COLLECTION, CAMERA = "OneFrame", "OneFrame camera"
+
+INTRINSICS = "oneframe_intrinsics"
+"""Custom property of the camera object."""
+
+BONE_RGBA = (0.75, 0.72, 0.62, 1.0)
+FIRST_OPACITY = 0.6
+"""Of a new surface: the frame is seen through it from the start."""
 
 
 @dataclass(frozen=True)
@@ -60,38 +69,6 @@ def remove_objects(objects: list[bpy.types.Object]) -> None:
     data = [found.data for found in objects if found.data is not None]
     bpy.data.batch_remove(list(objects))
     bpy.data.batch_remove([block for block in data if block.users == 0])
-
-
-def frame_image(path: Path, undistorted: np.ndarray | None) -> bpy.types.Image:
-    """The frame for display: the file itself, or the undistorted ``(H, W, 3)`` values packed into the .blend file."""
-    if undistorted is None:
-        return bpy.data.images.load(str(path.resolve()), check_existing=True)
-    data = encode_png(to_uint8(undistorted))
-    name = f"{path.name} (undistorted)"
-    existing = bpy.data.images.get(name)
-    if existing is not None:
-        bpy.data.images.remove(existing)
-    height, width = undistorted.shape[:2]
-    image = bpy.data.images.new(name, width, height)
-    image.source = "FILE"
-    image.pack(data=data, data_len=len(data))
-    return image
-
-
-COLLECTION, CAMERA, SURFACE = "OneFrame", "OneFrame camera", "OneFrame surface"
-
-
-POSE, OFFSET, INTRINSICS = "oneframe_cam_from_model", "oneframe_given_from_model", "oneframe_intrinsics"
-"""Custom properties: of the surface object twice, of the camera object."""
-
-
-SCALE_TOLERANCE = 1e-4
-"""Largest departure of an object's axes from unit length, or from right angles, that is rounding (single precision
-leaves 1e-6; the smallest change a user can type in Blender's panel is 1e-3)."""
-
-
-POSE_TOLERANCE = 2e-6
-"""How far a matrix may be from the stored pose, relative to its size, to be the same in single precision."""
 
 
 def alignment_collection(scene: bpy.types.Scene) -> bpy.types.Collection:
@@ -152,6 +129,18 @@ def camera_of(camera_object: bpy.types.Object) -> PinholeCamera:
     return PinholeCamera(int(width), int(height), fx, fy, cx, cy)
 
 
+def frame_image(path: Path, undistorted: np.ndarray | None) -> bpy.types.Image:
+    """The frame for display: the file itself, or the undistorted ``(H, W, 3)`` values packed into the .blend file."""
+    if undistorted is None:
+        return bpy.data.images.load(str(path.resolve()), check_existing=True)
+    name = f"{path.name} (undistorted)"
+    existing = bpy.data.images.get(name)
+    if existing is not None:
+        bpy.data.images.remove(existing)
+    height, width = undistorted.shape[:2]
+    return new_packed_image(name, encode_png(to_uint8(undistorted)), width=width, height=height)
+
+
 def show_frame(camera_object: bpy.types.Object, image: bpy.types.Image) -> None:
     """Make an image the camera's background: it fills the camera's frame, pixel by pixel, behind everything."""
     data = camera_object.data
@@ -161,6 +150,12 @@ def show_frame(camera_object: bpy.types.Object, image: bpy.types.Image) -> None:
     background.alpha, background.display_depth, background.frame_method = 1.0, "BACK", "STRETCH"
     background.scale, background.rotation, background.offset = 1.0, 0.0, (0.0, 0.0)
     background.use_flip_x = background.use_flip_y = False
+
+
+def fit_clip(camera_object: bpy.types.Object, mesh_radius_mm: float, cam_from_model: np.ndarray) -> None:
+    """Clip planes that enclose the surface with room to move it."""
+    depth = max(float(cam_from_model[2, 3]), 1.0)
+    set_clip(camera_object, (max(0.01 * depth, 0.1), 10 * (depth + mesh_radius_mm)))
 
 
 def put_surface(
@@ -177,14 +172,10 @@ def put_surface(
     mesh_from_model, cam_from_model
         4x4, mm; kept with the object.
     """
-    surface = new_mesh_object(SURFACE, mesh)
+    surface = new_surface_object(mesh, mesh_from_model, cam_from_model)
     alignment_collection(scene).objects.link(surface)
-    surface.data.materials.append(_plain_material("OneFrame bone", (0.75, 0.72, 0.62, 1.0)))
-    # the frame is seen through it from the start
-    surface.color = (0.75, 0.72, 0.62, 0.6)
-    surface.rotation_mode = "QUATERNION"
-    set_exact(surface, OFFSET, mesh_from_model)
-    set_pose(None, surface, cam_from_model)
+    surface.data.materials.append(_plain_material("OneFrame bone", BONE_RGBA))
+    surface.color = (*BONE_RGBA[:3], FIRST_OPACITY)
     return surface
 
 
@@ -203,120 +194,6 @@ def put_structure(
     return structure
 
 
-def mesh_from_model_of(surface: bpy.types.Object) -> np.ndarray:
-    """4x4, mm: leads from the surface's model frame to that of its mesh file; the identity for a foreign object."""
-    stored = exact(surface, OFFSET)
-    return np.eye(4) if stored is None or stored.shape != (4, 4) else stored
-
-
-def set_pose(camera_object: bpy.types.Object | None, surface: bpy.types.Object, cam_from_model: np.ndarray) -> None:
-    """Put the surface where ``cam_from_model`` (4x4, mm) says, as seen from the camera object."""
-    world_from_opengl_cam = np.eye(4) if camera_object is None else _placed(camera_object)
-    surface.parent = None
-    surface.matrix_world = Matrix(world_from_opengl_cam @ CAM_FROM_OPENGL_CAM @ cam_from_model)
-    set_exact(surface, POSE, cam_from_model)
-
-
-def pose_of(camera_object: bpy.types.Object | None, surface: bpy.types.Object) -> np.ndarray:
-    """``cam_from_model`` (4x4, mm), as the objects stand now; the exact one that was set if they have not moved.
-
-    Raises
-    ------
-    InputError
-        The surface or the camera is scaled, sheared or mirrored: no rigid pose describes that.
-    """
-    opengl_cam_from_world = np.eye(4) if camera_object is None else inverse_rigid(_placed(camera_object))
-    world_from_model = np.array(surface.matrix_world, dtype=np.float64)
-    _check_unscaled(world_from_model, surface.name)
-    placed, _ = checked_rigid(CAM_FROM_OPENGL_CAM @ opengl_cam_from_world @ world_from_model, surface.name)
-    stored = exact(surface, POSE)
-    if stored is not None and stored.shape == (4, 4):
-        size = np.array([1.0, 1.0, 1.0, max(1.0, float(np.abs(stored[:3, 3]).max()))])
-        if (np.abs(placed - stored) <= POSE_TOLERANCE * size).all():
-            return stored
-    return placed
-
-
-def edited_mesh(surface: bpy.types.Object) -> TriangleMesh:
-    """The surface object's mesh as it is in Blender now (model frame, mm), polygons cut into triangles.
-
-    Raises
-    ------
-    InputError
-        It has no faces any more.
-    """
-    if surface.mode == "EDIT":
-        surface.update_from_editmode()
-    data = surface.data
-    vertices = np.empty(3 * len(data.vertices), np.float32)
-    data.vertices.foreach_get("co", vertices)
-    data.calc_loop_triangles()
-    faces = np.empty(3 * len(data.loop_triangles), np.int32)
-    data.loop_triangles.foreach_get("vertices", faces)
-    return checked_mesh(vertices.reshape(-1, 3), faces.reshape(-1, 3), surface.name)[0]
-
-
-def radius_of(surface: bpy.types.Object) -> float:
-    """Largest distance of a vertex from the surface object's origin, mm; of a large mesh far quicker than its faces."""
-    vertices = np.empty(3 * len(surface.data.vertices), np.float32)
-    surface.data.vertices.foreach_get("co", vertices)
-    return float(np.sqrt((vertices.reshape(-1, 3).astype(float) ** 2).sum(axis=1).max(initial=0.0)))
-
-
-def replace_mesh(surface: bpy.types.Object, mesh: TriangleMesh, mesh_from_model: np.ndarray) -> None:
-    """Give the surface object another mesh (model frame) in place of its own."""
-    old = surface.data
-    fresh = new_mesh_object(SURFACE, mesh)
-    surface.data = fresh.data
-    bpy.data.objects.remove(fresh)
-    for material in old.materials:
-        surface.data.materials.append(material)
-    if old.users == 0:
-        bpy.data.meshes.remove(old)
-    set_exact(surface, OFFSET, mesh_from_model)
-
-
-def make_rigid(camera_object: bpy.types.Object | None, surface: bpy.types.Object) -> None:
-    """Take scale, shear and mirroring out of the surface object; its origin stays where it is in the image."""
-    world_from_model = np.array(surface.matrix_world, dtype=np.float64)
-    rotation = nearest_rotation(world_from_model[:3, :3])
-    opengl_cam_from_world = np.eye(4) if camera_object is None else inverse_rigid(_placed(camera_object))
-    cam_from_model = CAM_FROM_OPENGL_CAM @ opengl_cam_from_world @ rigid(rotation, world_from_model[:3, 3])
-    surface.delta_scale = (1.0, 1.0, 1.0)
-    set_pose(camera_object, surface, cam_from_model)
-    surface.scale = (1.0, 1.0, 1.0)
-
-
-def fit_clip(camera_object: bpy.types.Object, mesh_radius_mm: float, cam_from_model: np.ndarray) -> None:
-    """Clip planes that enclose the surface with room to move it."""
-    depth = max(float(cam_from_model[2, 3]), 1.0)
-    set_clip(camera_object, (max(0.01 * depth, 0.1), 10 * (depth + mesh_radius_mm)))
-
-
-def _placed(camera_object: bpy.types.Object) -> np.ndarray:
-    world_from_cam = np.array(camera_object.matrix_world, dtype=np.float64)
-    _check_unscaled(world_from_cam, camera_object.name)
-    return checked_rigid(world_from_cam, camera_object.name)[0]
-
-
-def _check_unscaled(world_from_object: np.ndarray, name: str) -> None:
-    axes = world_from_object[:3, :3]
-    if not np.isfinite(world_from_object).all():
-        raise InputError(f"{name}: expected a placed object, its transform holds NaN or infinity; undo the last step")
-    lengths = np.linalg.norm(axes, axis=0)
-    departure = float(np.abs(axes.T @ axes - np.eye(3)).max())
-    if departure <= SCALE_TOLERANCE and np.linalg.det(axes) > 0:
-        return
-    scales = " x ".join(f"{length:.4g}" for length in lengths)
-    kind = "mirrored" if np.linalg.det(axes) < 0 else "scaled"
-    if kind == "scaled" and np.abs(lengths - 1).max() <= SCALE_TOLERANCE:
-        kind = "sheared"
-    raise InputError(
-        f"{name}: expected an object that is only moved and turned, it is {kind} ({scales}); "
-        "a pose cannot hold that: press Remove Scale, or undo"
-    )
-
-
 def _plain_material(name: str, rgba: tuple[float, float, float, float]) -> bpy.types.Material:
     existing = bpy.data.materials.get(name)
     if existing is not None:
@@ -328,8 +205,3 @@ def _plain_material(name: str, rgba: tuple[float, float, float, float]) -> bpy.t
     shader.inputs["Color"].default_value = rgba
     links.new(shader.outputs["BSDF"], output.inputs["Surface"])
     return material
-
-
-def absolute_path(path: str) -> Path:
-    """An absolute path from one that Blender may hold relative to the .blend file (``//...``)."""
-    return Path(bpy.path.abspath(path)).resolve()

@@ -1,7 +1,8 @@
-"""Data-blocks that a piece of work brings into the open file, and their removal."""
+"""Data-blocks that a piece of work brings into the open file, their removal, and the paths that they hold."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -78,3 +79,8 @@ def set_corner_vectors(mesh_object: bpy.types.Object, name: str, vectors: np.nda
     """Store ``(F, 3, 3)`` float vectors, one per corner of each triangle, as an attribute."""
     attribute = mesh_object.data.attributes.new(name, "FLOAT_VECTOR", "CORNER")
     attribute.data.foreach_set("vector", np.ascontiguousarray(vectors, dtype=np.float32).ravel())
+
+
+def absolute_path(path: str) -> Path:
+    """An absolute path from one that Blender may hold relative to the .blend file (``//...``)."""
+    return Path(bpy.path.abspath(path)).resolve()

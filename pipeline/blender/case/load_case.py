@@ -21,7 +21,7 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
     case
         The case.
     aligned
-        False for a rough pose that is to be aligned yet: it may be anything.
+        False for a rough pose, before it is aligned: it may be anything.
 
     Raises
     ------

@@ -39,7 +39,7 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: str) -> l
 
     Returns
     -------
-    Sentences to tell: resolution and coverage.
+    Messages for the user: resolution and coverage.
 
     Raises
     ------

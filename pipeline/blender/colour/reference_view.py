@@ -31,7 +31,7 @@ class ReferenceView:
         Image, camera, pose and inverse depth.
     pivot_model
         ``(3,)`` mm: the surface point at the centre of what the frame shows; poses are drawn around it.
-    told
+    messages
         Sentences about what was found.
     """
 
@@ -68,7 +68,7 @@ def reference_view_of(loaded: LoadedCase) -> ReferenceView:
 
 
 def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str]]:
-    """The surface's colour in a mode (``projective``, ``texture``, ``vertex``), and sentences to tell."""
+    """The surface's colour in a mode (``projective``, ``texture``, ``vertex``), and messages for the user."""
     view, mesh = source.view, source.mesh
     if mode == "projective":
         return view, []

@@ -8,9 +8,10 @@ import numpy as np
 from ...colour.vertex_colours import colour_vertices
 from ...dataset.bop import write_camera, write_models, write_scene
 from ...dataset.layout import VIEWS_PER_SCENE, ViewPaths, finished_views
-from ...dataset.pose_tables import POSE_COLUMNS, pose_cells, write_csv, write_poses
+from ...dataset.pose_tables import POSE_COLUMNS, pose_cells, write_poses
 from ...dataset.view_record import read_record
 from ...files.content import write_bytes_atomically
+from ...files.tables import write_csv
 from ...images.contact_sheet import contact_sheet
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png

@@ -141,7 +141,7 @@ def render_views(
     Raises
     ------
     RunError
-        A file cannot be written; all views told as finished are safe.
+        A file cannot be written; all views reported as finished are safe.
     """
 
     def write(index: int, made: RenderedSample) -> None:
@@ -164,7 +164,7 @@ def render_views(
 
 
 def write_error(error: OSError, out: Path) -> RunError:
-    """What the user is told when a file of the dataset cannot be written."""
+    """The error to report when a file of the dataset cannot be written."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RunError(
             f"{out}: the disk is full; the views finished so far are safe: free space and run the same command again"
@@ -175,7 +175,7 @@ def write_error(error: OSError, out: Path) -> RunError:
         )
     return RunError(
         f"{out}: cannot write {error.filename or 'a file'} ({error.strerror}); "
-        "the views finished so far are safe: mend it and run the same command again"
+        "the views finished so far are safe: correct that and run the same command again"
     )
 
 

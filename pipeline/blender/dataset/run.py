@@ -15,7 +15,7 @@ from ..render.engines import check_engine, keep_freed_memory
 from . import finish
 from .job import Job, OpenJob, available_cores, open_job, render_views, write_error
 from .view_renderer import ViewRenderer
-from .workers import WorkerPool, assigned_views, tell_finished
+from .workers import WorkerPool, assigned_views, report_finished
 
 Report = Callable[[str], None]
 
@@ -144,7 +144,7 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     # the files may have changed since the run began: what it says that it is made of is what it must be made of
     check_identity(job.out / RECORD, opened.identity())
     with opened.renderer(threads=_threads(workers)) as renderer:
-        render_views(renderer, job.out, views, lambda index: tell_finished(index, stream))
+        render_views(renderer, job.out, views, lambda index: report_finished(index, stream))
 
 
 def _threads(workers: int) -> int:

@@ -92,7 +92,7 @@ class WorkerPool:
                     self._finished(index)
                     self._give(process, given)
         except BrokenPipeError:
-            # it died: its exit code tells more; if it lives, nobody listens to this process: let it go
+            # it died: its exit code says more; if it lives, nobody listens to this process: let it go
             process.kill()
         code = process.wait()
         reader.join()
@@ -124,7 +124,7 @@ class WorkerPool:
         stream.flush()
 
 
-def tell_finished(index: int, stream: TextIO) -> None:
+def report_finished(index: int, stream: TextIO) -> None:
     """A worker's answer: this view is on disk."""
     stream.write(f"{_FINISHED}{index}\n")
     stream.flush()

@@ -43,7 +43,7 @@ def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
             scene.render.filepath = str(written)
             bpy.ops.render.render(animation=True, scene=scene.name)
         data = written.read_bytes()
-    # Blender does not tell when the disk is full
+    # Blender reports no error when the disk is full
     if not _is_whole(data):
         raise OSError(errno.EIO, "Blender wrote a damaged video; is the disk of temporary files full?", str(written))
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -138,7 +138,7 @@ def _best_shift(
     residual = dz[near] * weight
     information = rows.T @ rows
     values, vectors = np.linalg.eigh(information)
-    # a direction in which the slopes hardly vary is not told by the depths
+    # the depths do not determine a direction in which the slopes hardly vary
     determined = values > 1e-4 * values[-1]
     solution = vectors[:, determined] @ ((vectors[:, determined].T @ (rows.T @ residual)) / values[determined])
     variance = float(np.mean((residual - rows @ solution) ** 2))

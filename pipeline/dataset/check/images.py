@@ -36,13 +36,13 @@ def check_view(
     paths, record, identity
         The view and what is said about it.
     surface
-        The model with its edges; ``None`` if it cannot be read, then nothing is told about poses.
+        The model with its edges; ``None`` if it cannot be read, then poses are not checked.
     findings
         Takes what is wrong.
 
     Returns
     -------
-    How depth image and surface agree; ``None`` if that could not be told.
+    How depth image and surface agree; ``None`` if that is not known.
     """
     try:
         images = {kind: _decoded(paths, kind, identity) for kind in identity.kinds}

@@ -1,0 +1,145 @@
+"""The surface as an object in the scene: its pose before the frame's camera, and its mesh.
+
+The object has the ``model`` frame. The pose is what the matrices of camera and surface say, whoever moved them. Blender
+holds these in single precision, so the pose that was set is kept beside them exactly and holds for as long as the
+objects stand where it put them.
+"""
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...errors import InputError
+from ...surface.mesh import TriangleMesh, checked_mesh
+from ...transforms import CAM_FROM_OPENGL_CAM, checked_rigid, inverse_rigid, nearest_rotation, rigid
+from ..bridge.data_blocks import new_mesh_object
+from ..bridge.exact_values import exact, set_exact
+
+SURFACE = "OneFrame surface"
+
+POSE, OFFSET = "oneframe_cam_from_model", "oneframe_given_from_model"
+"""Custom properties of the surface object: its pose, and where its model frame lies in the frame of the mesh file."""
+
+SCALE_TOLERANCE = 1e-4
+"""Largest departure of an object's axes from unit length, or from right angles, that is rounding (single precision
+leaves 1e-6; the smallest change a user can type in Blender's panel is 1e-3)."""
+
+POSE_TOLERANCE = 2e-6
+"""How far a matrix may be from the stored pose, relative to its size, to be the same in single precision."""
+
+
+def new_surface_object(mesh: TriangleMesh, mesh_from_model: np.ndarray, cam_from_model: np.ndarray) -> bpy.types.Object:
+    """A surface object with its mesh (model frame) and pose (4x4, mm), not linked to any collection."""
+    surface = new_mesh_object(SURFACE, mesh)
+    surface.rotation_mode = "QUATERNION"
+    set_exact(surface, OFFSET, mesh_from_model)
+    set_pose(None, surface, cam_from_model)
+    return surface
+
+
+def set_pose(camera_object: bpy.types.Object | None, surface: bpy.types.Object, cam_from_model: np.ndarray) -> None:
+    """Put the surface where ``cam_from_model`` (4x4, mm) says, as seen from the camera object."""
+    world_from_opengl_cam = np.eye(4) if camera_object is None else _placed(camera_object)
+    surface.parent = None
+    surface.matrix_world = Matrix(world_from_opengl_cam @ CAM_FROM_OPENGL_CAM @ cam_from_model)
+    set_exact(surface, POSE, cam_from_model)
+
+
+def pose_of(camera_object: bpy.types.Object | None, surface: bpy.types.Object) -> np.ndarray:
+    """``cam_from_model`` (4x4, mm), as the objects stand now; the exact one that was set if they have not moved.
+
+    Raises
+    ------
+    InputError
+        The surface or the camera is scaled, sheared or mirrored: no rigid pose describes that.
+    """
+    opengl_cam_from_world = np.eye(4) if camera_object is None else inverse_rigid(_placed(camera_object))
+    world_from_model = np.array(surface.matrix_world, dtype=np.float64)
+    _check_unscaled(world_from_model, surface.name)
+    placed, _ = checked_rigid(CAM_FROM_OPENGL_CAM @ opengl_cam_from_world @ world_from_model, surface.name)
+    stored = exact(surface, POSE)
+    if stored is not None and stored.shape == (4, 4):
+        size = np.array([1.0, 1.0, 1.0, max(1.0, float(np.abs(stored[:3, 3]).max()))])
+        if (np.abs(placed - stored) <= POSE_TOLERANCE * size).all():
+            return stored
+    return placed
+
+
+def make_rigid(camera_object: bpy.types.Object | None, surface: bpy.types.Object) -> None:
+    """Take scale, shear and mirroring out of the surface object; its origin stays where it is in the image."""
+    world_from_model = np.array(surface.matrix_world, dtype=np.float64)
+    rotation = nearest_rotation(world_from_model[:3, :3])
+    opengl_cam_from_world = np.eye(4) if camera_object is None else inverse_rigid(_placed(camera_object))
+    cam_from_model = CAM_FROM_OPENGL_CAM @ opengl_cam_from_world @ rigid(rotation, world_from_model[:3, 3])
+    surface.delta_scale = (1.0, 1.0, 1.0)
+    set_pose(camera_object, surface, cam_from_model)
+    surface.scale = (1.0, 1.0, 1.0)
+
+
+def mesh_from_model_of(surface: bpy.types.Object) -> np.ndarray:
+    """4x4, mm: leads from the surface's model frame to that of its mesh file; the identity for a foreign object."""
+    stored = exact(surface, OFFSET)
+    return np.eye(4) if stored is None or stored.shape != (4, 4) else stored
+
+
+def edited_mesh(surface: bpy.types.Object) -> TriangleMesh:
+    """The surface object's mesh as it is in Blender now (model frame, mm), polygons cut into triangles.
+
+    Raises
+    ------
+    InputError
+        It has no faces any more.
+    """
+    if surface.mode == "EDIT":
+        surface.update_from_editmode()
+    data = surface.data
+    vertices = np.empty(3 * len(data.vertices), np.float32)
+    data.vertices.foreach_get("co", vertices)
+    data.calc_loop_triangles()
+    faces = np.empty(3 * len(data.loop_triangles), np.int32)
+    data.loop_triangles.foreach_get("vertices", faces)
+    return checked_mesh(vertices.reshape(-1, 3), faces.reshape(-1, 3), surface.name)[0]
+
+
+def replace_mesh(surface: bpy.types.Object, mesh: TriangleMesh, mesh_from_model: np.ndarray) -> None:
+    """Give the surface object another mesh (model frame) in place of its own."""
+    old = surface.data
+    fresh = new_mesh_object(SURFACE, mesh)
+    surface.data = fresh.data
+    bpy.data.objects.remove(fresh)
+    for material in old.materials:
+        surface.data.materials.append(material)
+    if old.users == 0:
+        bpy.data.meshes.remove(old)
+    set_exact(surface, OFFSET, mesh_from_model)
+
+
+def radius_of(surface: bpy.types.Object) -> float:
+    """Largest distance of a vertex from the surface object's origin, mm; of a large mesh far quicker than its faces."""
+    vertices = np.empty(3 * len(surface.data.vertices), np.float32)
+    surface.data.vertices.foreach_get("co", vertices)
+    return float(np.sqrt((vertices.reshape(-1, 3).astype(float) ** 2).sum(axis=1).max(initial=0.0)))
+
+
+def _placed(camera_object: bpy.types.Object) -> np.ndarray:
+    world_from_cam = np.array(camera_object.matrix_world, dtype=np.float64)
+    _check_unscaled(world_from_cam, camera_object.name)
+    return checked_rigid(world_from_cam, camera_object.name)[0]
+
+
+def _check_unscaled(world_from_object: np.ndarray, name: str) -> None:
+    axes = world_from_object[:3, :3]
+    if not np.isfinite(world_from_object).all():
+        raise InputError(f"{name}: expected a placed object, its transform holds NaN or infinity; undo the last step")
+    lengths = np.linalg.norm(axes, axis=0)
+    departure = float(np.abs(axes.T @ axes - np.eye(3)).max())
+    if departure <= SCALE_TOLERANCE and np.linalg.det(axes) > 0:
+        return
+    scales = " x ".join(f"{length:.4g}" for length in lengths)
+    kind = "mirrored" if np.linalg.det(axes) < 0 else "scaled"
+    if kind == "scaled" and np.abs(lengths - 1).max() <= SCALE_TOLERANCE:
+        kind = "sheared"
+    raise InputError(
+        f"{name}: expected an object that is only moved and turned, it is {kind} ({scales}); "
+        "a pose cannot hold that: press Remove Scale, or undo"
+    )

@@ -88,7 +88,7 @@ def read_camera(path: Path) -> CameraFile:
     ------
     InputError
         No file, none of these formats, damaged, no camera or several different ones in it, a K that is none (see
-        :meth:`PinholeCamera.from_matrix`), a distortion that is not OpenCV's with five coefficients.
+        :meth:`.PinholeCamera.from_matrix`), a distortion that is not OpenCV's with five coefficients.
     """
     path = Path(path)
     found = calibration_of(_table(file_content(path, "a camera"), path), path.name)

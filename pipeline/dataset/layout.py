@@ -1,7 +1,7 @@
 """A dataset's frames on disk, in the BOP layout: where each file lies, and how one view becomes its files.
 
 A view is finished when its record ``frame/NNNNNN.json`` is there, which is written last and holds the hashes of the
-others; all tables of the dataset (:mod:`pipeline.dataset_tables`) are made from these records alone.
+others; all tables of the dataset (:mod:`pipeline.dataset.tables`) are made from these records alone.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ class ViewPaths:
         return self.root / SPLIT / f"{self.scene_id:06d}"
 
     def file(self, kind: str) -> Path:
-        """Path of one of the view's files, by its kind (a key of :func:`view_files`, or ``"frame"``)."""
+        """Path of one of the view's files, by its kind (a key of :func:`.view_files`, or ``"frame"``)."""
         gt = "_000000" if kind in ("mask", "mask_visib", "mask_observed") else ""
         suffix = {"frame": ".json", "depth_mm": ".npy"}.get(kind, ".png")
         return self.scene / kind / f"{self.image_id:06d}{gt}{suffix}"

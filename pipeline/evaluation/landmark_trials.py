@@ -137,7 +137,7 @@ def run_trials(
 
     Returns
     -------
-    Errors of :func:`solve_pose` (for a refused trial of its best guess), and of every peer by its name.
+    Errors of :func:`.solve_pose` (for a refused trial of its best guess), and of every peer by its name.
     """
     ours, theirs = Errors(), {name: Errors() for name in PEERS}
     for _ in range(trials):

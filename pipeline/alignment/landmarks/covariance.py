@@ -59,7 +59,7 @@ class NoiseEstimate:
 
 @dataclass(frozen=True)
 class PoseUncertainty:
-    """Covariance of a pose, as that of a twist in camera axes about a pivot; see :mod:`.twist`.
+    """Covariance of a pose, as that of a twist in camera axes about a pivot; see :mod:`pipeline.transforms`.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 """Explanations of the pairs: poses, each with the pairs that it takes for right, weighed against each other.
 
-Needs ``cv2``, through :mod:`.pose_candidates`.
+Needs ``cv2``, through :mod:`.candidates`.
 """
 
 import math

@@ -1,7 +1,7 @@
 """Refine a rough pose against the image, and say whether the result is to be believed.
 
 First the pose climbs from where it is; if that is not believed, tilts, turns, distances and shifts around it are
-searched on a coarse image (:mod:`.pose_search`) and the best climb on finer and finer ones (:mod:`.local_refinement`).
+searched on a coarse image (:mod:`.pose_search`) and the best climb on finer and finer ones (:mod:`.local_search`).
 A result is refused, and the pose stays, unless it explains the image better than before, stands alone among shifts of
 itself, and two halves of the image agree on it. Needs numpy and cv2 only.
 """

@@ -1,8 +1,8 @@
 """What geometry foretells of a photograph: features of a mesh in a view, each a picture that brightness may follow.
 
 Under light beside the lens, as of an endoscope or a surgical microscope, surface is bright where it faces the lens and
-dark in cavities. How bright, and in which colour, is left open: :mod:`.correlation` finds the mixture of features that
-the image follows best.
+dark in cavities. How bright, and in which colour, is left open: :mod:`.canonical_correlation` finds the mixture of
+features that the image follows best.
 
 Notes
 -----

@@ -8,7 +8,7 @@ PYTHON ?= $(shell scripts/dev/find_python.sh 3.13 3.11)
 PLATFORM ?= all
 RUN = $(VENV)/bin/python
 
-.PHONY: bench-alignment setup demo extension addon-dev test lint bench docs screenshots clean
+.PHONY: setup demo extension dist addon-dev test lint bench bench-alignment docs screenshots clean
 .DEFAULT_GOAL := demo
 
 setup: $(VENV)/.ready
@@ -19,7 +19,7 @@ $(VENV)/.ready: pyproject.toml
 	@echo "setting up $(VENV) with $$("$(PYTHON)" --version) (Blender as a module: about 400 MB)"
 	@"$(PYTHON)" -m venv --clear $(VENV)
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[test,lint]"
-	@$(RUN) -c 'import bpy; print("Blender", bpy.app.version_string, "is ready")'
+	@$(RUN) -c 'import bpy; print("Blender", bpy.app.version_string, "is ready; the commands are in $(VENV)/bin/oneframe")'
 	@touch $@
 
 demo: setup
@@ -27,8 +27,13 @@ demo: setup
 	@$(RUN) scripts/render_dataset.py demo/case/case.toml --out demo/dataset --count 24 --video --video-frames 72
 	@echo "look at demo/case/frame.png (the one frame), demo/dataset/contact_sheet.png and demo/dataset/video/trajectory.mp4"
 
+# one zip a platform in dist/, validated by Blender, with its size
 extension: setup
 	@$(RUN) scripts/dev/build_extension.py --platform $(PLATFORM)
+
+# wheel and source distribution in dist/; the wheel is built from the latter, so nothing stale gets into it
+dist: setup
+	@$(RUN) -m build --no-isolation --outdir dist .
 
 # the real Blender with this checkout's add-on and the sample case; BLENDER_FLAGS=... for Blender itself
 addon-dev: setup
@@ -45,12 +50,13 @@ lint: setup
 
 bench: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
-	$(RUN) scripts/benchmark.py
+	$(RUN) scripts/benchmark.py --out demo/bench/render_speed.json
 
 bench-alignment: setup
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
 	@test -f demo/case/case.toml || $(RUN) scripts/make_sample.py --out demo/case
-	$(RUN) scripts/benchmark_alignment.py --trials 10000 --noise-px 2 --out demo/alignment.json
-	$(RUN) scripts/benchmark_refinement.py demo/case/case.toml --out demo/refinement --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
+	$(RUN) scripts/benchmark_alignment.py --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.json
+	$(RUN) scripts/benchmark_refinement.py demo/case/case.toml --out demo/bench --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
 
 # the site in build/docs, from docs/ and the docstrings; every warning is an error
 docs: setup

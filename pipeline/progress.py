@@ -1,4 +1,4 @@
-"""Progress with an estimate of the time left: a bar on a terminal, a line now and then elsewhere."""
+"""Progress with an estimate of the remaining time: a bar on a terminal, occasional lines elsewhere."""
 
 import re
 import sys
@@ -7,14 +7,15 @@ from dataclasses import dataclass
 from typing import TextIO
 
 LINE_SECONDS = 10.0
-"""Time between lines where there is no terminal."""
+"""Time between lines where the output is not a terminal."""
+
 _LINE = re.compile(
     r"(?P<count>\d+)/(?P<total>\d+) (?P<noun>[a-z ]+?)(?:, \d+ ms each, (?:(?P<left>.+) left|done in .+))?"
 )
 
 
 class Progress:
-    """Counts finished items; call :meth:`advance` for each and :meth:`close` at the end."""
+    """Counts finished items and shows them; call :meth:`advance` for each and :meth:`close` at the end."""
 
     def __init__(
         self,
@@ -25,7 +26,7 @@ class Progress:
         stream: TextIO | None = None,
         line_seconds: float = LINE_SECONDS,
     ) -> None:
-        """Start at ``finished`` of ``total`` items called ``noun`` (plural)."""
+        """Start at ``finished`` of ``total`` items, named ``noun`` (plural) in the output."""
         self._line_seconds = line_seconds
         self._total, self._noun, self._count, self._first = total, noun, finished, finished
         self._stream = stream or sys.stdout
@@ -35,7 +36,7 @@ class Progress:
         self._show()
 
     def advance(self) -> None:
-        """One more item is finished."""
+        """Count one more finished item."""
         self._count += 1
         self._show()
 
@@ -47,7 +48,7 @@ class Progress:
 
     @property
     def seconds_per_item(self) -> float:
-        """Mean time of the items finished since the start, s; 0 before the first."""
+        """Mean time of the items finished since the start, in s; 0 before the first."""
         done = self._count - self._first
         return (time.monotonic() - self._start) / done if done else 0.0
 
@@ -73,7 +74,7 @@ class Progress:
 
 @dataclass(frozen=True)
 class ProgressLine:
-    """A line of :class:`Progress` as another program reads it: 12 of 100 "views", "8 s" left (empty if not told)."""
+    """A parsed line of :class:`Progress`: e.g. 12 of 100 "views", "8 s" left (empty if unknown)."""
 
     count: int
     total: int
@@ -82,7 +83,7 @@ class ProgressLine:
 
 
 def read_progress(line: str) -> ProgressLine | None:
-    """A line of progress, or ``None`` if it is something else."""
+    """Parse a line of :class:`Progress`; ``None`` if it is something else."""
     found = _LINE.fullmatch(line.strip())
     if found is None:
         return None
@@ -90,7 +91,7 @@ def read_progress(line: str) -> ProgressLine | None:
 
 
 def duration(seconds: float) -> str:
-    """Seconds as people say them: ``"8 s"``, ``"3 min 20 s"``, ``"2 h 05 min"``."""
+    """A duration in readable form: ``"8 s"``, ``"3 min 20 s"``, ``"2 h 05 min"``."""
     whole = round(seconds)
     if whole < 60:
         return f"{whole} s"

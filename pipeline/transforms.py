@@ -123,21 +123,31 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
     return b_from_a, message
 
 
+def cross_matrices(vectors: np.ndarray) -> np.ndarray:
+    """``(..., 3)`` vectors a -> ``(..., 3, 3)`` matrices of the cross product, [a]x b = a x b."""
+    matrices = np.zeros((*vectors.shape, 3))
+    matrices[..., 2, 1] = vectors[..., 0]
+    matrices[..., 0, 2] = vectors[..., 1]
+    matrices[..., 1, 0] = vectors[..., 2]
+    return matrices - np.swapaxes(matrices, -1, -2)
+
+
 def rotation_from_vector(rotation_vector: np.ndarray) -> np.ndarray:
-    """Rodrigues' formula: ``(3,)`` axis times angle in radians -> ``(3, 3)`` rotation."""
-    angle = float(np.linalg.norm(rotation_vector))
-    x, y, z = rotation_vector
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    # sinc forms stay exact as the angle goes to zero
-    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross @ cross
+    """Rodrigues' formula: ``(..., 3)`` axis times angle in radians -> ``(..., 3, 3)`` rotations."""
+    vector = np.ascontiguousarray(rotation_vector, dtype=np.float64)
+    # as a product of matrices: the same to the last bit for one vector and for each of many
+    angle = np.sqrt(vector[..., None, :] @ vector[..., :, None])
+    cross = cross_matrices(vector)
+    # sinc forms stay exact as the angle goes to zero; float_power rounds alike for scalars and arrays, ** does not
+    square = np.float_power(np.sinc(angle / (2 * np.pi)), 2)
+    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * square * cross @ cross
 
 
 def se3_exp(twist: np.ndarray) -> np.ndarray:
     """Exponential map of se(3): ``(6,)`` = (translation in mm, rotation vector in radians) -> ``(4, 4)``."""
     upsilon, omega = np.asarray(twist[:3], float), np.asarray(twist[3:], float)
     angle = float(np.linalg.norm(omega))
-    x, y, z = omega
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    cross = cross_matrices(omega)
     second = (1 - np.sinc(angle / np.pi)) / angle**2 if angle > 1e-4 else 1 / 6 - angle**2 / 120
     left_jacobian = np.eye(3) + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross + second * cross @ cross
     return rigid(rotation_from_vector(omega), left_jacobian @ upsilon)
@@ -170,20 +180,3 @@ def rotation_vector(rotation: np.ndarray) -> np.ndarray:
     column = outer[:, int(np.argmax(np.diag(outer)))]
     axis = column / np.linalg.norm(column)
     return axis * (angle if axis @ skew >= 0 else -angle)
-
-
-def rotations_from_vectors(vectors: np.ndarray) -> np.ndarray:
-    """``(K, 3)`` rotation vectors -> ``(K, 3, 3)`` rotations: Rodrigues' formula for many."""
-    angle = np.linalg.norm(vectors, axis=-1)[:, None, None]
-    cross = cross_matrices(vectors)
-    # sinc forms stay exact as the angle goes to zero
-    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * cross @ cross
-
-
-def cross_matrices(vectors: np.ndarray) -> np.ndarray:
-    """``(..., 3)`` vectors a -> ``(..., 3, 3)`` matrices of the cross product, [a]x b = a x b."""
-    matrices = np.zeros((*vectors.shape, 3))
-    matrices[..., 2, 1] = vectors[..., 0]
-    matrices[..., 0, 2] = vectors[..., 1]
-    matrices[..., 1, 0] = vectors[..., 2]
-    return matrices - np.swapaxes(matrices, -1, -2)

@@ -25,13 +25,17 @@ def test_pure_modules_import_where_there_is_no_blender():
     assert ended.returncode == 0, ended.stderr
 
 
-def test_rendering_needs_nothing_that_a_stock_blender_lacks():
-    missing = ("cv2", "skimage", "scipy", "PIL", "trimesh", "OpenImageIO")
+@pytest.mark.render
+def test_rendering_needs_nothing_that_a_stock_blender_lacks(write_tiny_case, tmp_path):
+    missing = ("cv2", "skimage", "scipy", "PIL", "trimesh", "OpenImageIO", "shtab")
+    case, out = write_tiny_case(tmp_path / "case"), tmp_path / "out"
     ended = run(
         f"import sys; sys.modules.update(dict.fromkeys({missing!r}))\n"
-        "import runpy; runpy.run_path('scripts/render_dataset.py', run_name='imported')"
+        f"sys.argv[1:] = [{str(case)!r}, '--out', {str(out)!r}, '--count', '2', '--workers', '1']\n"
+        "import runpy; runpy.run_path('scripts/render_dataset.py', run_name='__main__')"
     )
-    assert ended.returncode == 0, ended.stderr
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert (out / "poses.csv").is_file()
 
 
 def test_the_add_on_of_a_checkout_shares_the_pipeline():

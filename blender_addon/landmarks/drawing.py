@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from ..pipeline.alignment.manual.picking import waits
+from ..pipeline.alignment.manual.picking import is_unfinished
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..ui import frame_view
@@ -120,7 +120,7 @@ def _draw_pointer(xy: tuple[int, int]) -> None:
     if context.space_data is None or not tool.is_active(context) or not from_scene.is_set_up(context.scene):
         return
     landmarks = edit.landmarks_model(context.scene)
-    if gestures.running() is not None or not waits(landmarks):
+    if gestures.running() is not None or not is_unfinished(landmarks):
         return
     strokes = Strokes()
     strokes.text(np.array(xy) + np.array([18, -26]) * strokes.unit, tool.step_sentence(context), HALF)

@@ -4,7 +4,6 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, FloatVectorProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
-from mathutils import Vector
 
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.landmark_file import read_landmarks, write_landmarks
@@ -14,8 +13,6 @@ from ..ui.operator import NeedsAlignment, Reporting, ReportingFile
 from . import edit, solve
 from .gestures import is_alignment_view, landmark_under
 
-OFF_SURFACE_MM = 0.5
-"""Distance from the surface beyond which a point is not on it."""
 INDEX = "Number in the list, counted from 0; -1 for the active one"
 FRESH = {"SKIP_SAVE"}
 """Options of properties that must not be those of the last call: a button would work on another landmark."""
@@ -209,7 +206,7 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting, bpy.types.Operator):
         from_scene.cam_from_model(scene)
         solved = solve.solution(scene)
         solve.apply(scene, solved)
-        used = f"{int(solved.estimate.inliers.sum())} of {len(solved.pairs.names)} pairs"
+        used = f"{int(solved.estimate.inliers.sum())} of {len(solved.alignment.landmarks)} pairs"
         return *solved.estimate.messages, f"pose from {used}, RMS {solved.estimate.rms_px:.2f} px"
 
 
@@ -232,7 +229,7 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Oper
         present = from_scene.landmarks_mesh(scene) if self.keep else ()
         to_scene.replace_landmarks(scene, (*present, *read))
         events.landmarks_changed(scene)
-        return f"{path.name}: {len(read)} landmarks", *off_surface(scene)
+        return f"{path.name}: {len(read)} landmarks", *solve.off_surface(scene)
 
 
 class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Operator, ExportHelper):
@@ -254,30 +251,6 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Opera
         except OSError as error:
             raise InputError(f"{path}: cannot write the file ({error.strerror}); choose another folder") from None
         return (f"saved {path}: {len(scene.oneframe.landmarks)} landmarks",)
-
-
-def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """A sentence if points of landmarks do not lie on the surface."""
-    surface = from_scene.surface_of(scene)
-    off = []
-    for entry in scene.oneframe.landmarks:
-        if not entry.has_point:
-            continue
-        try:
-            found, nearest, _, _ = surface.closest_point_on_mesh(Vector(entry.point))
-        except RuntimeError:  # Blender's only way to say that the object is not in the view layer
-            found = False
-        if not found:
-            return ("whether the points lie on the surface cannot be checked: show it, and leave Edit mode",)
-        distance = (nearest - Vector(entry.point)).length
-        if distance > OFF_SURFACE_MM:
-            off.append(f"{entry.name} ({distance:.1f} mm)")
-    if not off:
-        return ()
-    return (
-        f"expected points on the surface, these lie off it: {', '.join(off)}; check the units and the mesh they were "
-        "picked on",
-    )
 
 
 _CLASSES = (

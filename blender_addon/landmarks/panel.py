@@ -103,7 +103,9 @@ def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: S
         draw_sentence(layout, solved.refusal, icon="INFO")
         return
     found, away = solved.estimate, solve.departure(scene, solved)
-    layout.label(text=f"RMS {found.rms_px:.2f} px, {int(found.inliers.sum())} of {len(solved.pairs.names)} pairs")
+    layout.label(
+        text=f"RMS {found.rms_px:.2f} px, {int(found.inliers.sum())} of {len(solved.alignment.landmarks)} pairs"
+    )
     if away is not None:
         draw_sentence(
             layout,

@@ -6,12 +6,21 @@ from functools import lru_cache
 import bpy
 import numpy as np
 
+from ..pipeline.alignment.landmarks import surface_distance
+from ..pipeline.alignment.landmarks.align_landmarks import (
+    Alignment,
+    align_landmarks,
+    complete_landmarks,
+    is_ambiguous,
+    landmark_arrays,
+)
 from ..pipeline.alignment.landmarks.reprojection import twist_between
-from ..pipeline.alignment.landmarks.solver import PoseEstimate, UndeterminedPose, solve_pose
+from ..pipeline.alignment.landmarks.solver import PoseEstimate, UndeterminedPose
 from ..pipeline.alignment.manual.pins import pull_pins
 from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.blender.alignment.visible_surface import visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
+from ..pipeline.case.landmarks import Landmark
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import transform_points
 from ..state import events, from_scene
@@ -21,65 +30,30 @@ AWAY_PX = 0.05
 
 
 @dataclass(frozen=True)
-class LandmarkCorrespondences:
-    """The enabled landmarks that have both halves.
-
-    Attributes
-    ----------
-    indices
-        N places in the scene's list.
-    names
-        Their names.
-    points_model
-        ``(N, 3)`` mm.
-    pixels
-        ``(N, 2)``.
-    """
-
-    indices: tuple[int, ...]
-    names: tuple[str, ...]
-    points_model: np.ndarray
-    pixels: np.ndarray
-
-    @classmethod
-    def of(cls, scene: bpy.types.Scene) -> "LandmarkCorrespondences":
-        """Those of a scene."""
-        used = [
-            (index, entry)
-            for index, entry in enumerate(scene.oneframe.landmarks)
-            if entry.enabled and entry.has_point and entry.has_pixel
-        ]
-        return cls(
-            tuple(index for index, _ in used),
-            tuple(entry.name for _, entry in used),
-            np.array([entry.point[:] for _, entry in used], float).reshape(-1, 3),
-            np.array([entry.pixel[:] for _, entry in used], float).reshape(-1, 2),
-        )
-
-
-@dataclass(frozen=True)
 class Solution:
-    """The pose that the landmarks say, or why they say none.
+    """The pose that the landmarks give, or why they give none.
 
     Attributes
     ----------
-    pairs
-        What it was solved from.
-    estimate
-        ``None`` if the pairs do not determine a pose.
+    alignment
+        In the frame ``model``; ``None`` if the landmarks do not determine a pose.
     refusal
         Then the reason, a sentence.
     """
 
-    pairs: LandmarkCorrespondences
-    estimate: PoseEstimate | None
+    alignment: Alignment | None
     refusal: str
+
+    @property
+    def estimate(self) -> PoseEstimate | None:
+        """The pose, its residuals and its uncertainty."""
+        return None if self.alignment is None else self.alignment.estimate
 
     def is_outlier(self, index: int) -> bool:
         """Whether the landmark at this place of the list disagrees with the others."""
-        if self.estimate is None or index not in self.pairs.indices:
+        if self.alignment is None or index not in self.alignment.indices:
             return False
-        return not self.estimate.inliers[self.pairs.indices.index(index)]
+        return not self.alignment.estimate.inliers[self.alignment.indices.index(index)]
 
 
 @dataclass(frozen=True)
@@ -99,49 +73,46 @@ def solution(scene: bpy.types.Scene) -> Solution:
     InputError
         There is no camera.
     """
-    pairs = LandmarkCorrespondences.of(scene)
-    given = (
-        pairs.points_model.tobytes(),
-        pairs.pixels.tobytes(),
-        pairs.names,
-        from_scene.camera(scene),
-        round(scene.oneframe.click_sigma_px, 6),
-    )
+    # six digits: a property holds 0.2 as 0.20000000298
+    given = landmarks_model(scene), from_scene.camera(scene), round(scene.oneframe.click_sigma_px, 6)
     solved = _solved(*given, None)
-    if isinstance(solved, _Refusal) and solved.choices > 1:
-        # only where several poses fit does it matter which one the surface is in
+    if isinstance(solved, UndeterminedPose) and is_ambiguous(solved):
+        # only then the result depends on the pose of the surface, which changes with every step
         solved = _solved(*given, from_scene.cam_from_model(scene).tobytes())
-    if isinstance(solved, _Refusal):
-        return Solution(pairs, None, solved.sentence)
-    return Solution(pairs, solved, "")
+    if isinstance(solved, UndeterminedPose):
+        return Solution(None, str(solved))
+    return Solution(solved, "")
 
 
-@dataclass(frozen=True)
-class _Refusal:
-    sentence: str
-    choices: int
+def landmarks_model(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
+    """All landmarks of a scene, in the frame ``model``, mm."""
+    return tuple(
+        Landmark(
+            entry.name,
+            tuple(entry.point[:]) if entry.has_point else None,
+            tuple(entry.pixel[:]) if entry.has_pixel else None,
+            entry.enabled,
+        )
+        for entry in scene.oneframe.landmarks
+    )
 
 
 @lru_cache(maxsize=128)
 def _solved(
-    points: bytes,
-    pixels: bytes,
-    names: tuple[str, ...],
-    camera: PinholeCamera,
-    click_sigma_px: float,
-    start: bytes | None,
-) -> PoseEstimate | _Refusal:
+    landmarks: tuple[Landmark, ...], camera: PinholeCamera, click_sigma_px: float, start: bytes | None
+) -> Alignment | UndeterminedPose:
+    pose = None if start is None else np.frombuffer(start).reshape(4, 4)
     try:
-        return solve_pose(
-            np.frombuffer(points).reshape(-1, 3),
-            np.frombuffer(pixels).reshape(-1, 2),
-            camera,
-            click_sigma_px=click_sigma_px,
-            start=None if start is None else np.frombuffer(start).reshape(4, 4),
-            names=names,
-        )
+        return align_landmarks(landmarks, camera, click_sigma_px=click_sigma_px, start=pose)
     except UndeterminedPose as refusal:
-        return _Refusal(str(refusal), len(refusal.candidates))
+        return refusal.with_traceback(None)
+
+
+def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """A sentence that names the enabled landmarks whose point is not on the surface, or nothing."""
+    return surface_distance.off_surface(
+        landmarks_model(scene), alignment_scene.edited_mesh(from_scene.surface_of(scene))
+    )
 
 
 def residuals_px(scene: bpy.types.Scene) -> dict[int, np.ndarray]:
@@ -157,15 +128,15 @@ def residuals_px(scene: bpy.types.Scene) -> dict[int, np.ndarray]:
 
 def departure(scene: bpy.types.Scene, solved: Solution) -> Departure | None:
     """How far the present pose is from the solution; ``None`` if it is the solution, or there is none."""
-    if solved.estimate is None:
+    if solved.alignment is None:
         return None
-    present, wanted = from_scene.cam_from_model(scene), solved.estimate.cam_from_model
-    camera, points = from_scene.camera(scene), solved.pairs.points_model
+    present, wanted = from_scene.cam_from_model(scene), solved.alignment.estimate.cam_from_model
+    camera, points = from_scene.camera(scene), solved.alignment.points
     apart = camera.project(transform_points(present, points)) - camera.project(transform_points(wanted, points))
     largest = float(np.linalg.norm(np.where(np.isfinite(apart), apart, np.inf), axis=1).max())
     if largest <= AWAY_PX:
         return None
-    twist = twist_between(wanted, present, solved.estimate.uncertainty.pivot_model)
+    twist = twist_between(wanted, present, solved.alignment.estimate.uncertainty.pivot_model)
     return Departure(float(np.linalg.norm(twist[:3])), float(np.degrees(np.linalg.norm(twist[3:]))), largest)
 
 
@@ -196,11 +167,11 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
         from_scene.surface_of(scene),
         from_scene.camera(scene),
     )
-    pairs = LandmarkCorrespondences.of(scene)
+    points, pixels = landmark_arrays(tuple(complete_landmarks(landmarks_model(scene)).values()))
     pivot = visible_surface(surface, camera, cam_from_model).pivot_model
     if pivot is None:
-        pivot = pairs.points_model.mean(axis=0)
-    pulled = pull_pins(pairs.points_model, pairs.pixels, camera, cam_from_model, pivot)
+        pivot = points.mean(axis=0)
+    pulled = pull_pins(points, pixels, camera, cam_from_model, pivot)
     alignment_scene.set_pose(camera_object, surface, pulled)
 
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from ..pipeline.alignment.landmarks.confidence_region import ellipse_outlines
 from ..pipeline.alignment.landmarks.covariance import PoseUncertainty
-from ..pipeline.alignment.landmarks.reprojection import moved_by
+from ..pipeline.alignment.landmarks.reprojection import apply_twist
 from ..pipeline.blender.alignment.visible_surface import visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.transforms import inverse_rigid, transform_points
@@ -35,7 +35,7 @@ def add_uncertainty(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkView
     legend = [f"Weakest direction: {uncertainty.weakest}{times}"]
     if view.frame is not None:
         _add_ellipses(strokes, scene, view, uncertainty, samples, width=1.0)
-        _add_ellipses(strokes, scene, view, uncertainty, solved.pairs.points_model, width=1.5)
+        _add_ellipses(strokes, scene, view, uncertainty, solved.alignment.points, width=1.5)
         legend.append("Ellipses: 95 % of where the surface may lie")
     for number, text in enumerate(legend):
         strokes.text((np.array(LEGEND) + np.array([0, LINE * number])) * strokes.unit, text, UNSURE)
@@ -68,7 +68,7 @@ def _add_weakest(
     ways = []
     for sign in (1, -1):
         # moved as the camera sees it, in the axes of the surface as it stands now
-        moved = inverse_rigid(pose) @ moved_by(sign * twist, pose, uncertainty.pivot_model)
+        moved = inverse_rigid(pose) @ apply_twist(sign * twist, pose, uncertainty.pivot_model)
         ways.append(transform_points(moved, points_model) - points_model)
     here = view.region_from_model(scene, points_model)
     longest = np.linalg.norm(view.region_from_model(scene, points_model + ways[0]) - here, axis=1)

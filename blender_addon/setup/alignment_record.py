@@ -10,7 +10,7 @@ import numpy as np
 
 from ..landmarks import solve
 from ..pipeline import __version__
-from ..pipeline.alignment.landmarks.report import Alignment, alignment_record
+from ..pipeline.alignment.landmarks.report import alignment_record
 from ..pipeline.blender.bridge.exact_values import exact, set_exact
 from ..pipeline.case.case_file import Case
 from ..state import from_scene
@@ -35,12 +35,9 @@ def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
     if refined is not None and np.array_equal(refined, pose):
         return {"method": "refined", "tool": tool, "date": date}
     solved = solve.solution(scene)
-    if solved.estimate is None or solve.departure(scene, solved) is not None:
+    if solved.alignment is None or solve.departure(scene, solved) is not None:
         return {"method": "manual", "tool": tool, "date": date}
-    landmarks = from_scene.landmarks_mesh(scene)
-    used = tuple(landmarks[index] for index in solved.pairs.indices)
-    alignment = Alignment(used, from_scene.camera(scene), solved.estimate, scene.oneframe.click_sigma_px)
-    return alignment_record(alignment, tool, date)
+    return alignment_record(solved.alignment, tool, date)
 
 
 def remember_opened(scene: bpy.types.Scene, record: dict[str, object], cam_from_model: np.ndarray) -> None:

@@ -93,8 +93,8 @@ def surface_point(scene: bpy.types.Scene, origin_world: Vector, direction_world:
         raise InputError("expected Object mode; press Tab to leave Edit mode, then pick")
     start = model_from_world @ origin_world
     direction = (model_from_world.to_3x3() @ direction_world).normalized()
-    point = first_hit(surface, start, direction)
-    return None if point is None else np.array(point, float)
+    hit = first_hit(surface, start, direction)
+    return None if hit is None else np.array(hit[0], float)
 
 
 def surface_point_at(scene: bpy.types.Scene, pixel: np.ndarray) -> np.ndarray | None:

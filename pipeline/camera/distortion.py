@@ -1,6 +1,7 @@
-"""Lens distortion in OpenCV's order and model (k1, k2, p1, p2, k3), and its removal from a frame.
+"""Lens distortion in OpenCV's model (k1, k2, p1, p2, k3), and its removal from a frame.
 
-Undistorting needs the *forward* model only: each pixel of the undistorted image is looked up where the lens put it.
+Undistorting needs the *forward* model only: each pixel of the undistorted image samples the frame where the lens puts
+its ray.
 """
 
 from dataclasses import astuple, dataclass
@@ -12,12 +13,12 @@ from ..images.pixel_values import sample_bilinear
 from .pinhole import PinholeCamera
 
 FOLD_GRID = 101
-"""Grid lines along each side of the frame of the test for folds: finer ones are narrower than 1 % of the frame."""
+"""Grid lines along each side of the frame in the test for folds; folds narrower than 1 % of the frame may be missed."""
 
 
 @dataclass(frozen=True)
 class Distortion:
-    """Brown-Conrady coefficients as OpenCV names and orders them; dimensionless."""
+    """Brown-Conrady coefficients, named and ordered as in OpenCV; dimensionless."""
 
     k1: float
     k2: float
@@ -26,7 +27,7 @@ class Distortion:
     k3: float
 
     def distort(self, normalised: np.ndarray) -> np.ndarray:
-        """``(N, 2)`` ideal (x / z, y / z) -> where the lens puts them (OpenCV, *Camera Calibration*)."""
+        """``(N, 2)`` ideal (x / z, y / z) -> ``(N, 2)`` distorted ones (OpenCV, *Camera Calibration*)."""
         x, y = normalised[..., 0], normalised[..., 1]
         r2 = x * x + y * y
         radial = 1 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
@@ -40,12 +41,12 @@ class Distortion:
 
 
 def checked_distortion(values: object, camera: PinholeCamera, where: str) -> Distortion | None:
-    """Check coefficients as the user gives them; all zeros give ``None``.
+    """Check coefficients from the user for a camera; all zeros give ``None``. ``where`` names their place in messages.
 
     Raises
     ------
     InputError
-        Not five (or four: k3 = 0) finite numbers, or a model that folds the image over inside the frame.
+        Not five finite numbers (or four, with k3 = 0), or a model that folds the image inside the frame.
     """
     try:
         if isinstance(values, str):
@@ -62,14 +63,14 @@ def checked_distortion(values: object, camera: PinholeCamera, where: str) -> Dis
         return None
     if _folds(distortion, camera):
         raise InputError(
-            f"{where}: expected a distortion that keeps the frame in one layer, found {values!r}, which folds it over; "
-            "OpenCV's order is [k1, k2, p1, p2, k3] (p1, p2 before k3)"
+            f"{where}: expected a distortion that is invertible over the frame, found {values!r}, which folds it over; "
+            "use OpenCV's order [k1, k2, p1, p2, k3] (p1, p2 before k3)"
         )
     return distortion
 
 
 def _folds(distortion: Distortion, camera: PinholeCamera) -> bool:
-    """Whether some cell of a grid over the frame changes its orientation (Jacobian determinant not positive)."""
+    """Whether the distortion flips a cell of a grid over the frame (Jacobian determinant not positive)."""
     u, v = np.meshgrid(
         np.linspace(-0.5, camera.width - 0.5, FOLD_GRID), np.linspace(-0.5, camera.height - 0.5, FOLD_GRID)
     )

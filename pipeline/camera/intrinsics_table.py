@@ -1,6 +1,6 @@
-"""Finding a camera in a table of keys and values, under the names that calibration programs give its parts.
+"""Finds the camera in a table of keys and values, under the names that calibration programs use.
 
-The table is what JSON, TOML, YAML, XML or a dictionary of arrays hold: dictionaries, lists, numbers and texts.
+The table is the content of JSON, TOML, YAML, XML or a dictionary of arrays: dictionaries, lists, numbers and strings.
 """
 
 from collections.abc import Iterator, Mapping
@@ -19,17 +19,17 @@ DISTORTIONS = ("distortion", "distortioncoefficients", "distortioncoeffs", "dist
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 MODELS = ("distortionmodel", "cameramodel", "model")
 OTHER_MODELS = ("fisheye", "equidistant", "kannala", "inverse", "thin", "fov", "omni", "mei", "sphere", "theta")
-"""Parts of the names of distortion models that are not OpenCV's pinhole model."""
+"""Substrings of the names of distortion models other than OpenCV's for the pinhole camera."""
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """What a file says about a camera, as it says it.
+    """The calibration of a camera as a file states it, unchecked.
 
     Attributes
     ----------
     place
-        Keys that lead to it, such as ``"left"``.
+        Keys that lead to it, joined by dots, such as ``"left"``.
     matrix
         K, ``(3, 3)``.
     size
@@ -38,8 +38,8 @@ class Calibration:
         Coefficients in OpenCV's order; empty if there are none.
     pixel_origin
         "center", "corner", or ``None`` where the file does not say.
-    told
-        Sentences about what was put right.
+    messages
+        What was corrected.
     """
 
     place: str
@@ -50,7 +50,7 @@ class Calibration:
     messages: tuple[str, ...] = ()
 
     def same_as(self, other: "Calibration") -> bool:
-        """Whether they differ in their place only."""
+        """Whether both are equal except for their place."""
         mine, theirs = (
             (self.size, self.distortion, self.pixel_origin),
             (other.size, other.distortion, other.pixel_origin),
@@ -59,12 +59,12 @@ class Calibration:
 
 
 def calibration_of(table: object, where: str) -> Calibration:
-    """The one camera in a table, however deep; several are welcome if they are the same.
+    """The one camera in a table, at any depth; several are accepted if they are the same.
 
     Raises
     ------
     InputError
-        None, several that differ, or one with a distortion model other than OpenCV's.
+        No camera, several that differ, or one with a distortion model other than OpenCV's.
     """
     found = list(_calibrations(table, (), (), where))
     if not found:
@@ -83,15 +83,15 @@ def calibration_of(table: object, where: str) -> Calibration:
 
 
 def _calibrations(
-    table: object, path: tuple[str, ...], around: tuple[Mapping, ...], where: str
+    table: object, path: tuple[str, ...], outer: tuple[Mapping, ...], where: str
 ) -> Iterator[Calibration]:
-    """Depth first; ``around`` are the tables that hold this one, the nearest first: they may hold the size."""
+    """All calibrations, depth first; ``outer`` are the enclosing tables, innermost first, which may hold the size."""
     if isinstance(table, list) and len(table) < 100_000:
         table = {str(index): entry for index, entry in enumerate(table)}
     if not isinstance(table, Mapping):
         return
     keys = {_plain_key(key): value for key, value in table.items()}
-    scopes = (keys, *around)
+    scopes = (keys, *outer)
     matrix, messages = _matrix(keys)
     if matrix is not None:
         place = ".".join(path)
@@ -107,7 +107,7 @@ def _plain_key(key: object) -> str:
 
 
 def _numbers(value: Any) -> list[float] | None:
-    """Numbers in a list, a list of lists, or OpenCV's ``{rows, cols, data}``, one after the other."""
+    """The numbers in a list, in nested lists, or in OpenCV's ``{rows, cols, data}``, flattened; else ``None``."""
     if isinstance(value, Mapping):
         return _numbers(value.get("data"))
     if not isinstance(value, list):
@@ -139,7 +139,7 @@ def _matrix(keys: Mapping[str, Any]) -> tuple[np.ndarray | None, tuple[str, ...]
             except OverflowError:
                 return None, ()
             if not matrix[:2, 2].any() and matrix[2, :2].any() and matrix[2, 2] == 1:
-                return matrix.T, ("K stands transposed in the file (column by column); it was turned",)
+                return matrix.T, ("the file holds K transposed (column by column); it was transposed back",)
             return matrix, ()
     parts = [next((keys[name] for name in names if name in keys), None) for names in PARTS.values()]
     fx, fy, cx, cy = (_number(part) for part in parts)

@@ -40,18 +40,29 @@ class PinholeCamera:
         pixel_origin: PixelOrigin = "center",
         where: str = "K",
     ) -> "PinholeCamera":
-        """Check a 3x3 intrinsic matrix and a ``(width, height)`` size as a user gives them.
+        """Check a 3x3 intrinsic matrix and a size from the user, and make a camera of them.
+
+        Parameters
+        ----------
+        k
+            Anything that should be a 3x3 matrix in pixels.
+        size
+            (width, height) in pixels.
+        pixel_origin
+            Where K has (0, 0): the "center" of the top-left pixel, or its "corner".
+        where
+            Names the place in messages.
 
         Raises
         ------
         InputError
             Wrong shape, not finite, focal length not positive, skew, a last row other than 0 0 1, a size that is not
-            two positive integers, or a principal point so far outside the image that it must be a mistake.
+            two positive integers, or a principal point more than about five image sizes off the centre.
         """
         try:
             matrix = np.array(k, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise InputError(f"{where}: expected 3 rows of 3 numbers, found something else ({error})") from None
+            raise InputError(f"{where}: expected 3 rows of 3 numbers, cannot read them ({error})") from None
         if matrix.shape != (3, 3):
             raise InputError(f"{where}: expected a 3x3 matrix, found shape {matrix.shape}")
         if not np.isfinite(matrix).all():
@@ -61,7 +72,7 @@ class PinholeCamera:
         if matrix[0, 1] != 0:
             raise InputError(
                 f"{where}: expected no skew, found {matrix[0, 1]:g}; Blender's camera has none: "
-                "rectify the frame to a skew-free K (warp it with K_new @ inv(K)) and give K_new"
+                "rectify the frame (warp it with K_new @ inv(K), K_new without skew) and give K_new"
             )
         fx, fy = float(matrix[0, 0]), float(matrix[1, 1])
         if fx <= 0 or fy <= 0:
@@ -79,7 +90,7 @@ class PinholeCamera:
 
     @property
     def k(self) -> np.ndarray:
-        """``(3, 3)`` px_from_cam, pixel origin at the centre of the top-left pixel."""
+        """``(3, 3)`` px_from_cam; (0, 0) is the centre of the top-left pixel."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
 
     @property
@@ -93,7 +104,7 @@ class PinholeCamera:
         return self.height, self.width
 
     def project(self, points_cam: np.ndarray) -> np.ndarray:
-        """``(N, 3)`` camera-frame points -> ``(N, 2)`` pixels; NaN for points at or behind the centre of projection.
+        """``(N, 3)`` points in the camera frame, mm -> ``(N, 2)`` pixels; NaN for points at or behind the camera.
 
         The equation of Zhang & Noble: (u, v, w) = K X, pixel = (u / w, v / w).
         """
@@ -115,7 +126,7 @@ class PinholeCamera:
         return np.stack([u, v], axis=-1).astype(np.float64)
 
     def coarse_grid(self, along: int) -> np.ndarray:
-        """``(N, 2)`` pixels, the centres of about square tiles, row by row: ``along`` of them on the longer side."""
+        """``(N, 2)`` centres, px, of nearly square tiles of the image, row by row; ``along`` on the longer side."""
         step = max(self.size_wh) / along
         columns, rows = (max(2, round(size / step)) for size in self.size_wh)
         u, v = np.meshgrid(
@@ -125,12 +136,12 @@ class PinholeCamera:
         return np.stack([u.ravel(), v.ravel()], axis=1)
 
     def contains(self, pixels: np.ndarray) -> np.ndarray:
-        """``(N, 2)`` pixels -> ``(N,)`` bool: inside the outer edges of the image."""
+        """``(N, 2)`` pixels -> ``(N,)`` bool: inside the image, up to the outer edges of its pixels."""
         u, v = pixels[..., 0], pixels[..., 1]
         return (u >= -0.5) & (u <= self.width - 0.5) & (v >= -0.5) & (v <= self.height - 0.5)
 
     def resized(self, width: int, height: int) -> "PinholeCamera":
-        """The same view with another number of pixels: c' = (c + 0.5) s - 0.5."""
+        """The camera of the image resampled to another size: c' = (c + 0.5) s - 0.5."""
         sx, sy = width / self.width, height / self.height
         return replace(
             self,
@@ -150,5 +161,5 @@ def _checked_size(size: object, where: str) -> tuple[int, int]:
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{where}: expected size = [width, height] in pixels, found {size!r}") from None
     if not whole or not (1 <= width <= 65536 and 1 <= height <= 65536):
-        raise InputError(f"{where}: expected size = [width, height], whole pixels from 1 to 65536, found {size!r}")
+        raise InputError(f"{where}: expected size = [width, height] in whole pixels from 1 to 65536, found {size!r}")
     return int(width), int(height)

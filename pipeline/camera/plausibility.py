@@ -1,6 +1,6 @@
-"""Whether a camera file fits an image: sentences for the annotator, and K rescaled where that is what is wrong.
+"""Whether a camera file fits an image: warnings for the user, and a rescaled K where the image was resized.
 
-Needs ``cv2``, as the camera file's reader does.
+Needs ``cv2``, through :mod:`.intrinsics_file`.
 """
 
 from dataclasses import dataclass
@@ -10,28 +10,28 @@ import numpy as np
 from .intrinsics_file import CameraFile
 from .pinhole import PinholeCamera
 
-OFF_CENTRE = 0.1
-"""Part of the image's width or height that a principal point may lie off its centre; real lenses: 0.07 and less."""
+MAX_OFFSET = 0.1
+"""Largest offset of the principal point from the image's centre, relative to its size; real lenses: 0.07 and less."""
 
 NARROWEST, WIDEST = 40.0, 0.4
-"""Focal lengths relative to the image's longer side that are told: fields of view of 1.4 and of 103 degrees."""
+"""Plausible focal lengths relative to the image's longer side: fields of view from 1.4° to 103°."""
 
-UNEQUAL = 0.05
-"""Relative difference of fx and fy that is told: real sensors have square pixels to a hundredth."""
+MAX_ASPECT_DIFFERENCE = 0.05
+"""Largest relative difference of fx and fy; real sensors have square pixels to within 1 %."""
 
 
 @dataclass(frozen=True)
 class CameraFit:
-    """How a camera file and an image go together.
+    """How well a camera file fits an image.
 
     Attributes
     ----------
     camera
-        K as it stands, for the image's size.
+        With the K of the file, unchanged, and the image's size.
     rescaled
-        K brought to the image's size, if the file's has the same shape and another number of pixels; else ``None``.
-    told
-        What does not fit, in whole sentences; empty if all is well.
+        With K rescaled to the image's size, if the file has another size of the same aspect ratio; else ``None``.
+    messages
+        What does not fit; empty if everything does.
     """
 
     camera: PinholeCamera
@@ -40,37 +40,37 @@ class CameraFit:
 
 
 def fit_of(file: CameraFile, size_wh: tuple[int, int]) -> CameraFit:
-    """Compare a camera file with the image, of (width, height) ``size_wh``, that it is to be used for."""
+    """Compare a camera file with the (width, height) of the image that it is used for."""
     messages, rescaled = [], None
     if file.size is not None and file.size != size_wh:
-        same_shape = _same_shape(file.size, size_wh)
-        if same_shape:
+        same_aspect = _same_aspect(file.size, size_wh)
+        if same_aspect:
             rescaled = file.camera(file.size).resized(*size_wh)
-        messages.append(_size_sentence(file.size, size_wh, same_shape))
+        messages.append(_size_message(file.size, size_wh, same_aspect))
     camera = PinholeCamera(*size_wh, file.fx, file.fy, file.cx, file.cy)
-    sentences = _normalised_sentence(camera) or [*_centre_sentence(camera), *_focal_sentence(camera)]
+    k_messages = _normalised_messages(camera) or [*_centre_messages(camera), *_focal_messages(camera)]
     if rescaled is not None:
-        # one cause, one sentence: what is odd about K for this size may be well once it is rescaled
-        sentences = _normalised_sentence(rescaled) or [*_centre_sentence(rescaled), *_focal_sentence(rescaled)]
-    return CameraFit(camera, rescaled, (*messages, *sentences, *_aspect_sentence(camera)))
+        # one message per cause: what is implausible about K may be due to the size alone
+        k_messages = _normalised_messages(rescaled) or [*_centre_messages(rescaled), *_focal_messages(rescaled)]
+    return CameraFit(camera, rescaled, (*messages, *k_messages, *_aspect_messages(camera)))
 
 
-def _same_shape(one: tuple[int, int], other: tuple[int, int]) -> bool:
-    """Whether two sizes have one aspect ratio, up to the rounding of the smaller one to whole pixels."""
+def _same_aspect(one: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Whether two sizes have the same aspect ratio, up to the rounding of the smaller one to whole pixels."""
     small, large = sorted((one, other))
     return abs(large[0] * small[1] - large[1] * small[0]) <= max(large)
 
 
-def _size_sentence(file: tuple[int, int], image: tuple[int, int], same_shape: bool) -> str:
+def _size_message(file: tuple[int, int], image: tuple[int, int], same_aspect: bool) -> str:
     sizes = f"K is for images of {file[0]}x{file[1]} px, this image has {image[0]}x{image[1]}"
-    if same_shape:
+    if same_aspect:
         return f"{sizes}: it was resized; rescale K by {image[0] / file[0]:.4g}"
     if file == image[::-1]:
-        return f"{sizes}: one of them is turned by 90 degrees, or width and height are exchanged in the camera file"
-    return f"{sizes}, of another shape: it was cropped or is from another camera; give the K of this image"
+        return f"{sizes}: one of them is rotated by 90°, or width and height are swapped in the camera file"
+    return f"{sizes}, another aspect ratio: it was cropped or is from another camera; give the K of this image"
 
 
-def _normalised_sentence(camera: PinholeCamera) -> list[str]:
+def _normalised_messages(camera: PinholeCamera) -> list[str]:
     if 0 < camera.cx <= 1 and 0 < camera.cy <= 1 and max(camera.size_wh) > 8:
         return [
             f"the principal point ({camera.cx:g}, {camera.cy:g}) lies in the image's corner: K seems to be given "
@@ -79,37 +79,35 @@ def _normalised_sentence(camera: PinholeCamera) -> list[str]:
     return []
 
 
-def _centre_sentence(camera: PinholeCamera) -> list[str]:
-    off = np.array([camera.cx, camera.cy]) - [(camera.width - 1) / 2, (camera.height - 1) / 2]
-    if (np.abs(off) <= OFF_CENTRE * np.array(camera.size_wh)).all():
+def _centre_messages(camera: PinholeCamera) -> list[str]:
+    offset_px = np.array([camera.cx, camera.cy]) - [(camera.width - 1) / 2, (camera.height - 1) / 2]
+    if (np.abs(offset_px) <= MAX_OFFSET * np.array(camera.size_wh)).all():
         return []
     centred = 2 * camera.cx + 1, 2 * camera.cy + 1
-    guess = f"; it is the centre of an image of {centred[0]:.0f}x{centred[1]:.0f} px" if min(centred) > 0 else ""
+    guess = f", but at the centre of an image of {centred[0]:.0f}x{centred[1]:.0f} px" if min(centred) > 0 else ""
     return [
-        f"the principal point ({camera.cx:.1f}, {camera.cy:.1f}) lies ({off[0]:+.0f}, {off[1]:+.0f}) px off the centre "
-        f"of this image{guess}: is K for another size, or was the image cropped?"
+        f"the principal point ({camera.cx:.1f}, {camera.cy:.1f}) lies ({offset_px[0]:+.0f}, {offset_px[1]:+.0f}) px "
+        f"off the centre of this image{guess}; check whether K is for another size, or the image was cropped"
     ]
 
 
-def _focal_sentence(camera: PinholeCamera) -> list[str]:
+def _focal_messages(camera: PinholeCamera) -> list[str]:
     ratio = min(camera.fx, camera.fy) / max(camera.size_wh)
     if WIDEST <= ratio <= NARROWEST:
         return []
     angle_deg = float(np.degrees(2 * np.arctan(0.5 / ratio)))
-    cause = (
-        "a focal length in millimetres must be divided by the size of a pixel" if ratio < WIDEST else "check its unit"
-    )
+    cause = "divide a focal length in millimetres by the size of a pixel" if ratio < WIDEST else "check its unit"
     return [
-        f"a focal length of {min(camera.fx, camera.fy):g} px sees {angle_deg:.3g} degrees across this image, "
-        f"which is unusual; K needs pixels: {cause}"
+        f"a focal length of {min(camera.fx, camera.fy):g} px gives this image a field of view of {angle_deg:.3g}°, "
+        f"which is unusual; K is in pixels: {cause}"
     ]
 
 
-def _aspect_sentence(camera: PinholeCamera) -> list[str]:
-    if abs(camera.fx - camera.fy) <= UNEQUAL * max(camera.fx, camera.fy):
+def _aspect_messages(camera: PinholeCamera) -> list[str]:
+    if abs(camera.fx - camera.fy) <= MAX_ASPECT_DIFFERENCE * max(camera.fx, camera.fy):
         return []
     difference = abs(camera.fx / camera.fy - 1)
     return [
-        f"fx = {camera.fx:g} and fy = {camera.fy:g} differ by {difference:.0%}, and pixels of cameras are square: "
-        "was the image stretched, or is one of them a slip?"
+        f"fx = {camera.fx:g} and fy = {camera.fy:g} differ by {difference:.0%}, but the pixels of cameras are square; "
+        "check whether the image was stretched, or one of the numbers is wrong"
     ]

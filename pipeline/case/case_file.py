@@ -4,7 +4,6 @@ Reading stops at paths and numbers; the files they name are opened by :mod:`pipe
 """
 
 import re
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,8 +12,9 @@ import numpy as np
 from ..camera.distortion import Distortion, checked_distortion
 from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
-from ..files.numbers import MM_PER_UNIT, WrittenFloat, millimetres
-from ..files.tables import check_keys
+from ..files.content import read_content
+from ..files.numbers import MM_PER_UNIT, millimetres
+from ..files.tables import check_keys, parsed_toml
 from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY, pose_key
 from ..transforms import checked_rigid
 from .alignment_record import checked_alignment_record
@@ -96,18 +96,10 @@ def read_case(path: Path) -> Case:
     InputError
         Missing or not TOML, an unknown or missing key, a value of the wrong kind.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(f"{path}: expected a case file, it does not exist; correct the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the case file ({error.strerror})") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path.name}: expected TOML, found a mistake: {error}") from None
-    return case_from_text(text, path)
+    return case_from_text(read_content(path, "a case file"), path)
 
 
-def case_from_text(text: str, path: Path) -> Case:
+def case_from_text(text: str | bytes, path: Path) -> Case:
     """The case that a file of this text would be, if it lay at ``path``.
 
     Raises
@@ -116,7 +108,7 @@ def case_from_text(text: str, path: Path) -> Case:
         As :func:`read_case`.
     """
     name = path.name
-    table = _parsed(text, name)
+    table = parsed_toml(text, name)
     check_keys(
         table, ("units", "frame", "camera", "surface", "pose"), ("structures", "landmarks", "alignment", "dataset"),
         f"{name}: ",
@@ -166,24 +158,6 @@ def checked_camera(table: dict, where: str) -> tuple[PinholeCamera, Distortion |
     if "distortion" not in table:
         return camera, None
     return camera, checked_distortion(table["distortion"], camera, f"{where} distortion")
-
-
-def _parsed(text: str, name: str) -> dict:
-    try:
-        table = tomllib.loads(text, parse_float=WrittenFloat)
-        _check_integers(table)
-        return table
-    except (ValueError, RecursionError) as error:  # tomllib's are ValueErrors
-        raise InputError(f"{name}: expected TOML, found a mistake: {error}") from None
-
-
-def _check_integers(value: object) -> None:
-    """TOML's integers have 64 bits; Python reads longer ones, which no float can hold."""
-    if isinstance(value, int) and abs(value) >= 2**63:
-        raise ValueError("an integer of more than 64 bits")
-    if isinstance(value, dict | list):
-        for part in value.values() if isinstance(value, dict) else value:
-            _check_integers(part)
 
 
 def _table(table: dict, key: str, name: str) -> dict:

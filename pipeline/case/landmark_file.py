@@ -14,8 +14,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..errors import InputError
-from ..files.content import decoded, file_content, write_bytes_atomically
+from ..files.content import LARGEST_FILE, decoded, read_content, write_bytes_atomically
 from ..files.numbers import WrittenFloat, length_text
+from ..files.tables import parsed_json
 from .landmarks import Landmark, landmark_from_table, landmarks_from_tables
 
 COLUMNS = ("name", "x", "y", "z", "u", "v", "enabled")
@@ -42,7 +43,7 @@ def read_landmarks(path: Path, *, mm_per_unit: float = 1.0) -> tuple[Landmark, .
         No file, no header, a missing or doubtful number, a name that stands twice; the line is named.
     """
     path = Path(path)
-    text = decoded(file_content(path, "landmarks"))
+    text = decoded(read_content(path, "a file with landmarks", most=LARGEST_FILE))
     if text is None:
         raise InputError(f"{path.name}: expected landmarks as CSV or JSON, found another kind of file")
     if text.lstrip().startswith(("[", "{")):
@@ -75,11 +76,7 @@ def write_landmarks(path: Path, landmarks: Sequence[Landmark], *, mm_per_unit: f
 
 
 def _from_json(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
-    try:
-        entries = json.loads(text, parse_float=WrittenFloat)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{name}: expected JSON, found a mistake: {error}") from None
-    return landmarks_from_tables(entries, f"{name}: landmark", mm_per_unit=mm_per_unit)
+    return landmarks_from_tables(parsed_json(text, name), f"{name}: landmark", mm_per_unit=mm_per_unit)
 
 
 def _json_text(landmarks: Sequence[Landmark], mm_per_unit: float) -> str:

@@ -1,4 +1,4 @@
-"""Where in a texture atlas each face lies: affine charts, the shared frame layer, and packed rectangles."""
+"""Layout of a texture atlas: affine charts, the shared frame layer, and packed rectangles."""
 
 from dataclasses import dataclass
 
@@ -10,19 +10,19 @@ from ..projection.rasteriser import barycentric, nearest_barycentric, rasterise
 from .source_view import TOLERANCE_PX
 
 GUTTER = 1.02
-"""Texels reserved round each face (square half-width): 1 is what bilinear lookups read, the rest is for float32 UV."""
+"""Half-width of the margin around each face, texels: 1 for bilinear lookups, the rest for rounding of float32 UV."""
 
 AFFINE_ERROR_PX = 0.05
 """Faces whose projection deviates more than this from affine interpolation of their corners leave the frame layer."""
 
 SUPERSAMPLING = 2.0
-"""Texels per frame pixel, where the frame is densest, on faces that are resampled because of perspective."""
+"""Texels per frame pixel, where those are densest, on faces that are resampled because of perspective."""
 
 MAX_DEPTH_RATIO = 4.0
-"""Supersampling follows the ratio of depths inside a face up to this."""
+"""Largest ratio of depths inside a face that the resampling accounts for."""
 
 SAME_DEPTH_PX = 0.01
-"""Two faces that contain one texel centre with a larger depth difference, in pixel footprints, are two surfaces."""
+"""Two faces that contain the same texel centre at depths differing by more, in pixel footprints, are two surfaces."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Charts:
     texels
         ``(S, 3, 2)`` corners; frame pixels where ``aligned``.
     aligned
-        ``(S,)`` bool: the chart is the projection to the frame, which is affine enough on this face.
+        ``(S,)`` bool: the chart is the projection to the frame, which is nearly affine on this face.
     coarse
         ``(S,)`` bool: less than one texel per frame pixel somewhere in the face.
     """
@@ -46,12 +46,12 @@ class Charts:
 
 @dataclass(frozen=True)
 class FrameLayer:
-    """The faces that share the cut-out of the frame, and which of them owns each texel.
+    """The faces that share a cut-out of the frame, and the owner of each texel.
 
     Attributes
     ----------
     members
-        ``(S,)`` bool.
+        ``(S,)`` bool: the faces in the layer.
     low, size
         ``(2,)`` int, first frame pixel (x, y) of the cut-out, and its width and height.
     face, x, y
@@ -67,14 +67,14 @@ class FrameLayer:
 
 
 def affine_charts(points_cam: np.ndarray, camera: PinholeCamera) -> Charts:
-    """Choose a chart for each of ``(S, 3, 3)`` faces given in camera coordinates.
+    """Choose a chart for each of S faces, given as ``(S, 3, 3)`` corners in the camera frame, mm.
 
     Notes
     -----
     The middle of an edge of depths za, zb projects |zb - za| / (2 (za + zb)) of the edge's length in pixels away from
-    the middle of its projection. Faces where this is more than :data:`AFFINE_ERROR_PX` are resampled, at a scale that
-    makes up for the densest part, where the frame has up to max(z) / min(z) times the pixels of the mean. Faces that
-    reach behind the camera or far out of the frame are unrolled isometrically instead.
+    the middle of its projection. Faces where this exceeds :data:`AFFINE_ERROR_PX` are resampled, at a scale sufficient
+    for their densest part, where the frame has up to max(z) / min(z) times the pixels of the mean. Faces that extend
+    behind the camera or far out of the frame are unfolded isometrically instead.
     """
     z = points_cam[..., 2]
     reach = max(camera.size_wh)
@@ -102,12 +102,12 @@ def affine_charts(points_cam: np.ndarray, camera: PinholeCamera) -> Charts:
 
 
 def frame_layer(charts: Charts, depth: np.ndarray, fully: np.ndarray, camera: PinholeCamera) -> FrameLayer:
-    """Put as many aligned faces as possible side by side in the frame, one surface per texel.
+    """Keep as many aligned faces as possible in the frame layer, with one surface per texel.
 
     A texel belongs to the nearest face that contains its centre, else to the face that reaches it with the least
-    extrapolation in proportion to its size. A face leaves the layer if it reads a texel whose owner lies at another
-    depth there: any other if both contain the centre; otherwise by more than the visibility rule takes for a crease,
-    both where the face's plane passes the texel and where the owner's plane passes the nearest point of the face.
+    extrapolation relative to its size. A face leaves the layer if it reads a texel whose owner has another depth there.
+    If both contain the centre, the bound is :data:`SAME_DEPTH_PX`. Otherwise it is what the visibility rule allows for
+    a crease, both at the texel, on the face's plane, and at the nearest point of the face, on the owner's plane.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def frame_layer(charts: Charts, depth: np.ndarray, fully: np.ndarray, camera: Pi
     depth
         ``(S, 3)`` depth of the corners, mm.
     fully
-        ``(S,)`` bool, the frame saw all of the face.
+        ``(S,)`` bool: the frame saw all of the face.
     """
     members = charts.aligned.copy()
     index = np.flatnonzero(members)
@@ -148,7 +148,7 @@ def frame_layer(charts: Charts, depth: np.ndarray, fully: np.ndarray, camera: Pi
         overlap = contains[pairs] & contains[winner]
         allowed = np.where(overlap, SAME_DEPTH_PX, TOLERANCE_PX) * np.abs(z[winner]) / min(camera.fx, camera.fy)
         other = np.abs(z[pairs] - z[winner]) > allowed
-        # at a crease the plane of the face leaves the surface, but the owner's plane still meets the face
+        # at a crease the extended plane of the face leaves the surface, but the owner's plane still meets the face
         creased = np.flatnonzero(other & ~overlap & fully[face[pairs]])
         here, there, where = face[pairs[creased]], face[winner[creased]], texel[pairs[creased]]
         centres = np.stack([where % size[0] + low[0], where // size[0] + low[1]], axis=1)
@@ -156,7 +156,7 @@ def frame_layer(charts: Charts, depth: np.ndarray, fully: np.ndarray, camera: Pi
         edge = np.einsum("nk,nkd->nd", weights, charts.texels[here])
         step = (weights * depth[here] - barycentric(charts.texels[there], edge) * depth[there]).sum(axis=1)
         other[creased] = np.abs(step) > allowed[creased]
-        # what lies behind leaves first: where it is gone, the silhouette in front of it may stay
+        # faces behind others leave first; without them the silhouette in front may stay
         leaving = other & overlap if (other & overlap).any() else other
         members[face[pairs[leaving]]] = False
         open_texels = (owner >= 0) & ~members[face[owner]]
@@ -167,11 +167,11 @@ def frame_layer(charts: Charts, depth: np.ndarray, fully: np.ndarray, camera: Pi
 
 
 def pack_rectangles(sizes: np.ndarray, layer_size: np.ndarray, max_size: int) -> tuple[np.ndarray, tuple[int, int]]:
-    """Pack ``(R, 2)`` rectangles (width, height) in shelves below the frame layer, high ones first.
+    """Pack ``(R, 2)`` rectangles (width, height) in shelves below the frame layer, tall ones first.
 
     Returns
     -------
-    ``(R, 2)`` int, left top corners, and the atlas's (width, height).
+    ``(R, 2)`` int top-left corners, and the (width, height) of the atlas.
 
     Raises
     ------

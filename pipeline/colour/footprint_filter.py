@@ -1,9 +1,9 @@
-"""Texture filtering: an image of which one lookup gives the mean over a pixel's footprint.
+"""Texture filtering: a prefiltered image in which one lookup gives the mean over a pixel's footprint.
 
-A view's pixel at scale s of the frame covers a square of 1/s frame pixels. Its mean over the bilinear interpolant of
-the frame is a weighted sum of texels that depends on where the square lies between them. Cubic B-spline interpolation
-of a suitably convolved frame gives nearly the same weights at every position, so that the average over a whole pixel
-costs one lookup. (Plain bilinear lookups of a blurred frame blur again by an amount that varies with the position.)
+A pixel of a view at scale s of the frame covers a square of side 1/s frame pixels. The mean of the bilinearly
+interpolated frame over this square is a weighted sum of texels, with weights that depend on the square's position.
+Cubic B-spline interpolation of a suitably convolved frame gives nearly the same weights at every position, so the mean
+costs one lookup. (Bilinear lookups of a blurred frame blur again, by an amount that varies with the position.)
 
 References: Unser, "Splines: a perfect fit for signal and image processing", IEEE Signal Processing Magazine 16(6),
 1999 (interpolation by B-splines needs such a convolution first); Heckbert, "Survey of texture mapping", 1986.
@@ -12,7 +12,7 @@ References: Unser, "Splines: a perfect fit for signal and image processing", IEE
 import numpy as np
 
 TEXEL_CORRELATION = 0.97
-"""Correlation of neighbouring texels for which the kernel is best; photographs have 0.9 to 0.99."""
+"""Assumed correlation of neighbouring texels, for which the kernel is optimal; photographs have 0.9 to 0.99."""
 
 _POSITIONS = (np.arange(8) + 0.5) / 8
 _EXTRA_TEXELS = 2
@@ -24,17 +24,17 @@ def footprint_kernel(footprint: float) -> np.ndarray:
     Parameters
     ----------
     footprint
-        Side of the square that is averaged, in texels; above 0.
+        Side of the averaged square in texels, above 0.
 
     Returns
     -------
-    ``(2 r + 1,)`` symmetric kernel with sum 1, for both axes. The sum of k(n) beta3(x - m - n) over n is the best
-    approximation, over all positions x, of the weight that texel m has in the mean of the linear interpolant over
+    ``(2 r + 1,)`` symmetric kernel k with sum 1, for both axes. Over all positions x, the sum of k(n) beta3(x - m - n)
+    over n is the least-squares approximation of the weight of texel m in the mean of the linear interpolant over
     x - footprint/2 .. x + footprint/2.
     """
     reach = max(2, int(np.ceil(footprint / 2 + 0.5)))
     taps, texels = np.arange(-reach, reach + 1), np.arange(-reach - 3, reach + 4)
-    # errors of neighbouring weights cancel as far as neighbouring texels are alike
+    # errors of neighbouring weights cancel to the extent that neighbouring texels correlate
     whitening = np.linalg.cholesky(TEXEL_CORRELATION ** np.abs(texels[:, None] - texels)).T
     halves = np.eye(reach + 1)[np.abs(taps)]
     rows, wanted = [], []
@@ -42,7 +42,7 @@ def footprint_kernel(footprint: float) -> np.ndarray:
         upper, lower = (_linear_integral(position + side * footprint / 2 - texels) for side in (1, -1))
         rows.append(whitening @ _cubic_spline(position - texels[:, None] - taps) @ halves)
         wanted.append(whitening @ (upper - lower) / footprint)
-    # the sum of 1 as a constraint: the middle tap is what the others leave
+    # constrain the sum to 1: the middle tap is 1 minus the others
     system, target = np.concatenate(rows), np.concatenate(wanted)
     others = system[:, 1:] - 2 * system[:, :1]
     half, *_ = np.linalg.lstsq(others, target - system[:, 0], rcond=None)
@@ -61,14 +61,14 @@ def _linear_integral(x: np.ndarray) -> np.ndarray:
 
 
 def prefiltered(image: np.ndarray, known: np.ndarray, footprint: float) -> np.ndarray:
-    """Convolve an image for cubic B-spline lookups that stand for means over ``footprint`` texels.
+    """Convolve an image so that cubic B-spline lookups give means over ``footprint`` texels.
 
     Parameters
     ----------
     image
         ``(H, W, C)`` float32.
     known
-        ``(H, W)`` bool; colours of other texels are not used: those near known ones are continued from there.
+        ``(H, W)`` bool: texels with a valid colour. Others near them are extrapolated, the rest does not matter.
     footprint
         Side of the averaged square in texels.
 
@@ -82,10 +82,10 @@ def prefiltered(image: np.ndarray, known: np.ndarray, footprint: float) -> np.nd
 
 
 def mean_over_pixels(image: np.ndarray) -> np.ndarray:
-    """``(H, W, C)`` values at pixel centres -> means over the pixels, where the values change smoothly.
+    """``(H, W, C)`` values at pixel centres -> ``(H, W, C)`` means over the pixels, where the values vary smoothly.
 
-    To second order the mean of f over a unit square is f + (f_xx + f_yy) / 24. It is no good across edges, nor where
-    the image has detail near the size of a pixel: that is lost or aliased at the centres already.
+    To second order the mean of f over a unit square is f + (f_xx + f_yy) / 24. This fails across edges and for detail
+    near the size of a pixel, which sampling at the centres has already lost or aliased.
     """
     around = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="edge")
     neighbours = around[2:, 1:-1] + around[:-2, 1:-1] + around[1:-1, 2:] + around[1:-1, :-2]
@@ -104,7 +104,7 @@ def _convolved(image: np.ndarray, kernel: np.ndarray, *, axis: int) -> np.ndarra
 
 
 def _continued(image: np.ndarray, known: np.ndarray, *, steps: int) -> np.ndarray:
-    """Grow the known region texel by texel, each new one the mean of its known neighbours."""
+    """Grow the known region by one texel per step; each new texel is the mean of its known neighbours."""
     box = np.ones(3, np.float32)
     known, image = known.copy(), np.where(known[..., None], image, 0)
     for _ in range(steps):

@@ -1,12 +1,11 @@
-"""Frame -> UV texture: an atlas whose texels are, as far as possible, the frame's own pixels.
+"""Texture atlas baked from the frame: its texels are, where possible, the frame's own pixels.
 
 The upper part of the atlas is the *frame layer*: a cut-out of the frame in which the UV of a face is its projection.
-Texel centres are pixel centres there, so baking copies pixels and adds no blur. The layer can hold one surface per
-texel only: faces that would read texels of another surface (across a depth step, or behind it), and faces on which
-perspective is not affine, get rectangles of their own below it. Faces that the frame did not see share a neutral
-patch.
+Texel centres are pixel centres there, so baking copies pixels and adds no blur. The layer holds one surface per texel.
+Faces that would read texels of another surface (across a depth step, or behind it), and faces on which the projection
+is not nearly affine, get separate rectangles below it. Faces that the frame did not see share a neutral patch.
 
-Every texel knows whether the frame saw its own point of the surface. A bilinear lookup counts as observed if all
+Every texel has a flag: whether the frame saw its point of the surface. A bilinear lookup counts as observed if all
 texels of non-zero weight are, i.e. if the interpolated flag is at least 1 - 1e-4.
 """
 
@@ -16,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..images.pixel_values import sample_bilinear
+from ..images.pixel_values import among_centres, sample_bilinear
 from ..projection.rasteriser import CHUNK, Samples, barycentric, nearest_barycentric, rasterise
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, transform_points
@@ -24,16 +23,16 @@ from .atlas_layout import GUTTER, affine_charts, frame_layer, pack_rectangles
 from .vertex_colours import NEUTRAL
 
 MAX_SIZE = 16384
-"""Largest width and height of an atlas, texels: what graphics cards take."""
+"""Largest width and height of an atlas, texels: the limit of common graphics cards."""
 
 MAX_SLOPE = 16.0
-"""Beyond a face's edge its plane is followed up to this depth step per texel, in pixel footprints."""
+"""Steepest extrapolation of a face's plane beyond its edges: depth step per texel, in pixel footprints."""
 
 NEUTRAL_PATCH = 4
-"""Side of the patch of faces that were not seen, texels."""
+"""Side of the patch for faces that the frame did not see, texels."""
 
 Observed = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""The visibility rule: points (N, 3) in model coordinates and their unit face normals (N, 3) -> (N,) bool.
+"""A visibility rule: points (N, 3) in the model frame and their unit face normals (N, 3) -> (N,) bool.
 
 True must mean that the frame, sampled bilinearly at the point's projection, shows this point and nothing else, as
 :meth:`pipeline.colour.source_view.SourceView.observed` does. Points may lie a texel outside the surface.
@@ -42,7 +41,7 @@ True must mean that the frame, sampled bilinearly at the point's projection, sho
 
 @dataclass(frozen=True)
 class TextureAtlas:
-    """A texture baked from the frame, and the UV map that goes with it.
+    """A texture baked from the frame, and its UV map.
 
     Attributes
     ----------
@@ -54,11 +53,11 @@ class TextureAtlas:
     observed
         ``(h, w)`` bool.
     faces_seen
-        Number of faces that the frame saw not at all, partly, fully.
+        Number of faces that the frame saw not at all, partly, and fully.
     separate_charts
-        Number of faces with a rectangle of their own.
+        Number of faces with a separate rectangle.
     coarse_charts
-        Number of those whose rectangle had to be smaller than the frame's resolution calls for.
+        Number of those whose rectangle is too small for the frame's resolution.
     """
 
     uv: np.ndarray
@@ -69,7 +68,7 @@ class TextureAtlas:
     coarse_charts: int
 
     def messages(self) -> list[str]:
-        """Sentences for the report: size, coverage, and what was lost."""
+        """Messages for the user: size, coverage, and loss of resolution."""
         height, width = self.observed.shape
         unseen, partly, fully = self.faces_seen
         sentences = [
@@ -87,10 +86,10 @@ class TextureAtlas:
 def classify_faces(
     mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, observed: Observed
 ) -> np.ndarray:
-    """How much the frame saw of each face: ``(F,)`` uint8, 0 nothing, 1 a part, 2 all.
+    """How much of each face the frame saw: ``(F,)`` uint8, 0 nothing, 1 a part, 2 all.
 
-    Tests the corners, edge midpoints and centroid, and a grid as fine as the frame's pixels. Faces turned away from
-    the camera or outside the frame are 0 without a test.
+    Tests the corners, edge midpoints and centroid, and a grid as fine as the frame's pixels. Faces that face away from
+    the camera or lie outside the frame are 0 without a test.
     """
     towards_camera = camera_centre(cam_from_model) - mesh.vertices[mesh.faces[:, 0]]
     faces = np.flatnonzero(np.einsum("nk,nk->n", towards_camera, mesh.face_cross) > 0)
@@ -114,7 +113,7 @@ def classify_faces(
         for start in range(0, len(faces), CHUNK):
             index = np.arange(start, min(start + CHUNK, len(faces)))
             count(index, np.broadcast_to(weights, (len(index), 3)))
-    # a face that is known to be partly seen needs no more tests
+    # a face with both results is partly seen and needs no more tests
     undecided = np.flatnonzero((passes == 0) | (passes == tests))
     for samples in rasterise(affine_charts(points_cam[undecided], camera).texels):
         count(undecided[samples.triangle], samples.barycentric)
@@ -133,7 +132,7 @@ def bake_atlas(
     *,
     max_size: int = MAX_SIZE,
 ) -> TextureAtlas:
-    """Lay out the faces that the frame saw, and bake the frame to their texels.
+    """Lay out the faces that the frame saw, and bake the frame into their texels.
 
     Parameters
     ----------
@@ -178,12 +177,12 @@ def bake_atlas(
         face, x, y, _ = samples
         points, fallback, retry = _surface_points(samples, texels, corners, footprints)
         good = observed(points, normals[face])
-        # where the plane leaves the true surface beyond an edge, the nearest point of the face speaks for it
+        # where the extended plane leaves the true surface, test the nearest point of the face instead
         retry = retry[~good[retry]]
         points[retry] = fallback[retry]
         good[retry] = observed(points[retry], normals[face[retry]])
         pixels = camera.project(transform_points(cam_from_model, points[good]))
-        inside = ((pixels >= -1e-3) & (pixels <= np.array(camera.size_wh) - 1 + 1e-3)).all(axis=1)
+        inside = among_centres(pixels, camera.size_wh)
         good[good] = inside
         flags[y[good], x[good]] = True
         baked[y[good], x[good]] = sample_bilinear(image, pixels[inside])
@@ -199,14 +198,14 @@ def bake_atlas(
 def _surface_points(
     samples: Samples, texels: np.ndarray, corners: np.ndarray, footprints: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Surface points of N texels, on the plane of their face also beyond its edges.
+    """Surface points of N texels, on the plane of their face, also beyond its edges.
 
     Parameters
     ----------
     samples
         The texels, with indices into the S faces.
     texels, corners
-        ``(S, 3, 2)`` faces in the atlas, and ``(S, 3, 3)`` in model coordinates, mm.
+        ``(S, 3, 2)`` faces in the atlas, and ``(S, 3, 3)`` in the model frame, mm.
     footprints
         ``(S, 3)`` size of a frame pixel at the corners, mm.
 

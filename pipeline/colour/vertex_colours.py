@@ -1,4 +1,4 @@
-"""Frame -> surface colours: bilinear sampling at projected points, per vertex (Zhang & Noble, eq. 1)."""
+"""Vertex colours: the frame sampled bilinearly at the projected vertices (Zhang & Noble, eq. 1)."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from ..surface.mesh import TriangleMesh
 from .source_view import SourceView
 
 NEUTRAL = 0.5
-"""Code value (0..1) given to surface that the frame did not see, in all three channels."""
+"""Code value, 0..1, of surface that the frame did not see, in all three channels."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class VertexColours:
 def colour_vertices(mesh: TriangleMesh, source: "SourceView") -> VertexColours:
     """Sample the frame at every vertex that it saw.
 
-    A vertex counts as facing the frame if any face around it does, so that the rim of the visible surface is kept.
+    A vertex counts as facing the frame if any of its faces does, so that the rim of the visible surface is kept.
     """
     facing = source.facing_faces(mesh)
     vertex_facing = np.zeros(len(mesh.vertices), dtype=bool)

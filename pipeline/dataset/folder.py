@@ -25,9 +25,9 @@ class Shard:
     index: int = 0
     count: int = 1
 
-    def frames(self, total: int, frames_per_scene: int) -> range:
+    def views(self, total: int, views_per_scene: int) -> range:
         """The views of this part: contiguous, and whole scenes where there are enough of them."""
-        unit = frames_per_scene if total >= frames_per_scene * self.count else 1
+        unit = views_per_scene if total >= views_per_scene * self.count else 1
         units = -(-total // unit)
         first, last = (units * part // self.count for part in (self.index, self.index + 1))
         return range(min(first * unit, total), min(last * unit, total))

@@ -1,7 +1,8 @@
-"""A dataset's frames on disk, in the BOP layout: where each file lies, and how one view becomes its files.
+"""A dataset's views on disk, in the BOP layout: where each file lies.
 
 A view is finished when its record ``frame/NNNNNN.json`` is there, which is written last and holds the hashes of the
-others; all tables of the dataset (:mod:`pipeline.dataset.tables`) are made from these records alone.
+others; all tables of the dataset (:mod:`pipeline.dataset.bop`, :mod:`pipeline.dataset.coco`,
+:mod:`pipeline.dataset.pose_tables`) are made from these records alone.
 """
 
 from dataclasses import dataclass
@@ -53,9 +54,9 @@ class ViewPaths:
         return self.file(kind).relative_to(self.root).as_posix()
 
 
-def finished_views(root: Path, frames: range) -> set[int]:
+def finished_views(root: Path, views: range) -> set[int]:
     """Which of these views have a record (an empty one, as a loss of power leaves it, is none)."""
-    return {index for index in frames if _has_content(ViewPaths(root, index).file("frame"))}
+    return {index for index in views if _has_content(ViewPaths(root, index).file("frame"))}
 
 
 def _has_content(path: Path) -> bool:

@@ -3,7 +3,7 @@
 import argparse
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -133,9 +133,16 @@ def _checked_value(name: str, value: Any, entry: dataclasses.Field, where: str) 
     return kind(value)
 
 
-def add_option_arguments(parser: argparse.ArgumentParser) -> None:
-    """One command line option for every field; what is not given is left out of the parsed namespace."""
+def option_names() -> tuple[str, ...]:
+    """The names of all options, in their order."""
+    return tuple(entry.name for entry in dataclasses.fields(DatasetOptions))
+
+
+def add_option_arguments(parser: argparse._ActionsContainer, names: Collection[str] | None = None) -> None:
+    """One command line option for every field, or for those named; what is not given is left out of the namespace."""
     for entry in dataclasses.fields(DatasetOptions):
+        if names is not None and entry.name not in names:
+            continue
         flag = "--" + entry.name.replace("_", "-")
         if entry.type is bool:
             parser.add_argument(
@@ -167,7 +174,7 @@ _number.__name__ = "number"  # argparse names it in its message
 
 def merged_options(table: Mapping[str, object], arguments: argparse.Namespace, case_path: Path) -> DatasetOptions:
     """Options of a run: the command line over the case file's [dataset] table over the defaults."""
-    names = [entry.name for entry in dataclasses.fields(DatasetOptions)]
+    names = option_names()
     from_table = _checked_values(table, f"{case_path.name}: [dataset]")
     if "poses" in from_table:
         from_table["poses"] = str(case_path.parent / str(from_table["poses"]))

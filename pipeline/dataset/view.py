@@ -1,4 +1,4 @@
-"""View."""
+"""One view of a dataset: what was rendered, and how it becomes the bytes of its files and its record."""
 
 import hashlib
 import io
@@ -8,10 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
+from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
 from ..files.content import write_bytes_atomically
 from ..images.png import encode_png
+from ..poses.constraints import PlannedPose
+from ..projection.silhouette import SilhouetteEdges, silhouette_statistics
+from .bop import bounding_box
+from .coco import run_lengths
 from .layout import ViewPaths
+from .view_record import GroundTruthInfo, ViewRecord
 
 
 @dataclass(frozen=True)
@@ -42,7 +48,16 @@ class RenderedView:
         return self.depth_mm > 0
 
 
+@dataclass(frozen=True)
+class RenderedSample:
+    """A rendered view and how its pose was found."""
+
+    planned: PlannedPose
+    rendered: RenderedView
+
+
 DEPTH_LEVELS = 65535
+"""Largest value of the 16-bit depth images."""
 
 
 def depth_scale_for(farthest_mm: float) -> float:
@@ -102,13 +117,72 @@ def view_files(
     return files
 
 
-def write_view(paths: ViewPaths, files: dict[str, bytes], record: dict) -> None:
-    """Write a view's files, then its record with their hashes."""
+def encode_view(
+    paths: ViewPaths,
+    sample: RenderedSample,
+    edges: SilhouetteEdges,
+    camera: PinholeCamera,
+    *,
+    depth_scale: float,
+    float_depth: bool,
+) -> tuple[dict[str, bytes], ViewRecord]:
+    """One view as the bytes of its files, by kind, and its record.
+
+    Parameters
+    ----------
+    paths
+        Where it will lie.
+    sample
+        The view and its pose.
+    edges
+        Of the surface, for what of the silhouette lies outside the image.
+    camera
+        Intrinsics of the view.
+    depth_scale
+        Millimetres per unit of the depth image; a view with surface too far away for it gets its own.
+    float_depth
+        Also depth as float32.
+    """
+    view, planned = sample.rendered, sample.planned
+    farthest = float(view.depth_mm.max())
+    if farthest > depth_scale * DEPTH_LEVELS:
+        depth_scale = depth_scale_for(farthest)
+    files = view_files(view.rgb, view.depth_mm, view.observed, depth_scale=depth_scale, float_depth=float_depth)
+    silhouette = silhouette_statistics(edges, camera, planned.cam_from_model)
+    inside = int(np.count_nonzero(view.mask))
+    # rays and scan lines may disagree on a pixel whose centre an edge crosses: the image is what counts inside
+    whole = silhouette.px_count_all - silhouette.px_count_inside + inside
+    record = ViewRecord(
+        index=paths.index,
+        cam_from_model=planned.cam_from_model,
+        depth_scale=depth_scale,
+        gt_info=GroundTruthInfo(
+            bbox_obj=silhouette.bbox_obj if inside else (-1, -1, -1, -1),
+            bbox_visib=bounding_box(view.mask),
+            px_count_all=whole,
+            px_count_valid=inside,
+            px_count_visib=inside,
+            visib_fract=inside / whole if whole else 0.0,
+        ),
+        px_count_observed=int(np.count_nonzero(view.observed)),
+        attempts=planned.attempts,
+        rejections=planned.rejections,
+        rle_counts=run_lengths(view.mask),
+        sha256=file_hashes(paths, files),
+    )
+    return files, record
+
+
+def file_hashes(paths: ViewPaths, files: dict[str, bytes]) -> dict[str, str]:
+    """SHA-256 of a view's files, by their paths relative to the dataset."""
+    return {paths.relative(kind): hashlib.sha256(data).hexdigest() for kind, data in files.items()}
+
+
+def write_view(paths: ViewPaths, files: dict[str, bytes], record: ViewRecord) -> None:
+    """Write a view's files, then its record: a view with a record is finished."""
     for kind, data in files.items():
         _write(paths.file(kind), data)
-    hashes = {paths.relative(kind): hashlib.sha256(data).hexdigest() for kind, data in files.items()}
-    text = json.dumps({"index": paths.index, **record, "sha256": hashes}, separators=(",", ":")) + "\n"
-    _write(paths.file("frame"), text.encode())
+    _write(paths.file("frame"), (json.dumps(record.to_json(), separators=(",", ":")) + "\n").encode())
 
 
 def _write(path: Path, data: bytes) -> None:
@@ -117,31 +191,3 @@ def _write(path: Path, data: bytes) -> None:
     except FileNotFoundError:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_bytes_atomically(path, data)
-
-
-def read_record(paths: ViewPaths) -> dict:
-    """The record of a finished view."""
-    return json.loads(paths.file("frame").read_bytes())
-
-
-def mask_statistics(mask: np.ndarray) -> dict[str, object]:
-    """The part of ``scene_gt_info`` that a ``(H, W)`` bool mask tells, and the mask's run lengths for COCO.
-
-    Boxes are (x, y, width, height) with width = x_max - x_min, as in BOP; [-1, -1, -1, -1] for an empty mask.
-    """
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    box = [-1, -1, -1, -1]
-    if len(rows):
-        box = [columns[0], rows[0], columns[-1] - columns[0], rows[-1] - rows[0]]
-    # COCO: column by column, starting with the number of zeros
-    flat = np.concatenate([[False], mask.T.ravel(), [False]])
-    edges = np.flatnonzero(flat[1:] != flat[:-1])
-    counts = np.diff(np.concatenate([[0], edges, [mask.size]]))
-    if len(counts) > 1 and counts[-1] == 0:
-        counts = counts[:-1]
-    visible = int(np.count_nonzero(mask))
-    return {
-        "bbox_visib": [int(value) for value in box],
-        "px_count_visib": visible,
-        "rle_counts": counts.tolist(),
-    }

@@ -1,7 +1,7 @@
-"""How well poses are recovered from noisy clicks: random trials with known truth. Needs ``cv2``."""
+"""Poses from noisy clicks: random trials with known truth, solved by the project and by OpenCV. Needs ``cv2``."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -19,17 +19,17 @@ MESH_POINTS = 500
 
 
 @dataclass(frozen=True)
-class Trial:
-    """One truth and what was clicked of it.
+class LandmarkTrial:
+    """One true pose and noisy clicks of it.
 
     Attributes
     ----------
     points_model, pixels
-        ``(N, 3)`` mm and ``(N, 2)``: the pairs.
+        ``(N, 3)`` mm and ``(N, 2)``: the correspondences.
     cam_from_model
-        The true pose.
+        ``(4, 4)`` the true pose.
     mesh_points
-        ``(M, 3)`` points of the whole surface, to measure displacements in the image on.
+        ``(M, 3)`` mm, points of the whole surface, model frame: displacements in the image are measured on them.
     """
 
     points_model: np.ndarray
@@ -38,53 +38,49 @@ class Trial:
     mesh_points: np.ndarray
 
 
-@dataclass
-class Errors:
-    """Errors of many trials.
+@dataclass(frozen=True)
+class PoseErrors:
+    """Errors of one solver in ``T`` trials.
 
     Attributes
     ----------
     rotation_deg, mesh_px
-        Angle between found and true rotation; mean displacement of the surface's points in the image. One entry a
-        trial, NaN where there is no pose at all.
-    covered
-        Whether the 95 % region held the true pose; ``None`` for a refused trial.
+        ``(T,)`` angle between found and true rotation; mean displacement of the surface's points in the image. NaN
+        where the solver found no pose at all.
     refusals
-        The kind of refusal, ``None`` for an accepted trial.
+        For each trial the kind of refusal, ``None`` if the solver accepted; empty for solvers that refuse nothing.
+    covered
+        For each trial whether the 95 % region held the true pose, ``None`` if refused; empty without such a region.
     """
 
-    rotation_deg: list[float] = field(default_factory=list)
-    mesh_px: list[float] = field(default_factory=list)
-    covered: list[bool | None] = field(default_factory=list)
-    refusals: list[str | None] = field(default_factory=list)
+    rotation_deg: np.ndarray
+    mesh_px: np.ndarray
+    refusals: tuple[str | None, ...] = ()
+    covered: tuple[bool | None, ...] = ()
 
-    def add(self, trial: Trial, camera: PinholeCamera, pose: np.ndarray | None) -> None:
-        """The error of one pose."""
-        if pose is None:
-            self.rotation_deg.append(np.nan)
-            self.mesh_px.append(np.nan)
-            return
-        found, true = (
-            camera.project(transform_points(each, trial.mesh_points)) for each in (pose, trial.cam_from_model)
-        )
-        self.rotation_deg.append(rotation_angle_deg(pose[:3, :3] @ trial.cam_from_model[:3, :3].T))
-        self.mesh_px.append(float(np.linalg.norm(found - true, axis=1).mean()))
+    def quantiles(self, values: np.ndarray, *, accepted: bool) -> tuple[float, float]:
+        """Median and 95 % quantile of one of the arrays, over the accepted trials or over all.
 
-    def quantiles(self, values: list[float], *, accepted: bool) -> tuple[float, float]:
-        """Median and 95 % of one of the lists, over the accepted trials or over all; no pose counts as infinite."""
-        taken = np.array(values)
+        No pose counts as an infinite error; so does the median of no trials at all.
+        """
+        taken = np.asarray(values, float)
         if accepted and self.refusals:
             taken = taken[[refusal is None for refusal in self.refusals]]
+        if len(taken) == 0:
+            return np.inf, np.inf
         taken = np.nan_to_num(taken, nan=np.inf)
         return float(np.quantile(taken, 0.5, method="nearest")), float(np.quantile(taken, 0.95, method="nearest"))
 
     @property
     def coverage(self) -> float:
-        """Part of the accepted trials whose 95 % region held the truth."""
-        return float(np.mean([covered for covered in self.covered if covered is not None]))
+        """Share of the accepted trials whose 95 % region held the truth; NaN without any."""
+        known = [covered for covered in self.covered if covered is not None]
+        return float(np.mean(known)) if known else np.nan
 
 
-def box_trial(rng: np.random.Generator, count: int, sigma_px: float, *, camera: PinholeCamera = MICROSCOPE) -> Trial:
+def box_trial(
+    rng: np.random.Generator, count: int, sigma_px: float, *, camera: PinholeCamera = MICROSCOPE
+) -> LandmarkTrial:
     """Points uniform in a box as large as a temporal bone's cavity, at a microscope's distance, turned at random.
 
     The rotation is uniform over SO(3); the clicks are normal, ``sigma_px`` in each image direction.
@@ -104,7 +100,7 @@ def surface_trial(
     camera: PinholeCamera,
     cam_from_model: np.ndarray,
     visible_points: np.ndarray,
-) -> Trial:
+) -> LandmarkTrial:
     """Pairs drawn from the ``(M, 3)`` points of a surface that a frame shows, at its pose."""
     chosen = visible_points[rng.choice(len(visible_points), count, replace=False)]
     mesh_points = visible_points[rng.choice(len(visible_points), min(MESH_POINTS, len(visible_points)), replace=False)]
@@ -118,31 +114,34 @@ def _clicked(
     mesh_points: np.ndarray,
     camera: PinholeCamera,
     sigma_px: float,
-) -> Trial:
+) -> LandmarkTrial:
     true = camera.project(transform_points(pose, points))
-    return Trial(points, true + rng.normal(scale=sigma_px, size=true.shape), pose, mesh_points)
+    return LandmarkTrial(points, true + rng.normal(scale=sigma_px, size=true.shape), pose, mesh_points)
 
 
 def run_trials(
-    draw: Callable[[], Trial], trials: int, *, camera: PinholeCamera = MICROSCOPE, click_sigma_px: float = 2.0
-) -> tuple[Errors, dict[str, Errors]]:
+    draw: Callable[[], LandmarkTrial], trials: int, *, camera: PinholeCamera = MICROSCOPE, click_sigma_px: float = 2.0
+) -> tuple[PoseErrors, dict[str, PoseErrors]]:
     """Solve many trials, and give the same clicks to the :data:`PEERS`.
 
     Parameters
     ----------
     draw
-        Makes the trials, e.g. :func:`box_trial` with all but itself given.
+        Makes the trials, e.g. :func:`box_trial` with its arguments bound.
     click_sigma_px
-        What the solver is told of the noise.
+        The noise that the solver assumes.
 
     Returns
     -------
     Errors of :func:`.solve_pose` (for a refused trial of its best guess), and of every peer by its name.
     """
-    ours, theirs = Errors(), {name: Errors() for name in PEERS}
+    ours: list[tuple[float, float]] = []
+    theirs: dict[str, list[tuple[float, float]]] = {name: [] for name in PEERS}
+    refusals: list[str | None] = []
+    covered: list[bool | None] = []
     for _ in range(trials):
         trial = draw()
-        pose, covered, refusal = None, None, None
+        pose, inside, refusal = None, None, None
         try:
             estimate = solve_pose(trial.points_model, trial.pixels, camera, click_sigma_px=click_sigma_px)
         except UndeterminedPose as error:
@@ -150,13 +149,39 @@ def run_trials(
             pose = error.candidates[0] if error.candidates else None
         else:
             pose = estimate.cam_from_model
-            covered = estimate.uncertainty.contains(trial.cam_from_model, pose)
-        ours.add(trial, camera, pose)
-        ours.covered.append(covered)
-        ours.refusals.append(refusal)
+            inside = estimate.uncertainty.contains(trial.cam_from_model, pose)
+        ours.append(pose_error(trial, camera, pose))
+        refusals.append(refusal)
+        covered.append(inside)
         for name, errors in theirs.items():
-            errors.add(trial, camera, PEERS[name](trial.points_model, trial.pixels, camera))
-    return ours, theirs
+            errors.append(pose_error(trial, camera, PEERS[name](trial.points_model, trial.pixels, camera)))
+    return (
+        _errors(ours, tuple(refusals), tuple(covered)),
+        {name: _errors(errors) for name, errors in theirs.items()},
+    )
+
+
+def _errors(
+    errors: list[tuple[float, float]],
+    refusals: tuple[str | None, ...] = (),
+    covered: tuple[bool | None, ...] = (),
+) -> PoseErrors:
+    rotation_deg, mesh_px = np.reshape(errors, (-1, 2)).T
+    return PoseErrors(rotation_deg, mesh_px, refusals, covered)
+
+
+def pose_error(trial: LandmarkTrial, camera: PinholeCamera, cam_from_model: np.ndarray | None) -> tuple[float, float]:
+    """Angle in degrees between found and true rotation, and mean displacement of the surface in pixels.
+
+    Both are NaN if there is no pose.
+    """
+    if cam_from_model is None:
+        return np.nan, np.nan
+    found, true = (
+        camera.project(transform_points(pose, trial.mesh_points)) for pose in (cam_from_model, trial.cam_from_model)
+    )
+    angle_deg = rotation_angle_deg(cam_from_model[:3, :3] @ trial.cam_from_model[:3, :3].T)
+    return angle_deg, float(np.linalg.norm(found - true, axis=1).mean())
 
 
 def vision6d_pose(points_model: np.ndarray, pixels: np.ndarray, camera: PinholeCamera) -> np.ndarray | None:

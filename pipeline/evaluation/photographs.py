@@ -1,6 +1,5 @@
 """Posed photographs that views are compared with."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +7,8 @@ import numpy as np
 
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
+from ..files.content import read_content
+from ..files.tables import parsed_json
 from ..poses.pose_file import pose_key
 from ..transforms import checked_rigid
 
@@ -28,12 +29,7 @@ def read_photographs(path: Path, loaded: LoadedCase) -> list[PosedPhotograph]:
     InputError
         Missing, not such a list, or a pose that is not rigid.
     """
-    try:
-        entries = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the list of photographs ({error.strerror})") from None
-    except ValueError as error:
-        raise InputError(f"{path.name}: expected JSON, found something else ({error})") from None
+    entries = parsed_json(read_content(path, "a list of photographs"), path.name)
     if not isinstance(entries, list) or not all(isinstance(e, dict) and "image" in e for e in entries):
         raise InputError(f'{path.name}: expected a list of {{"image": ..., "cam_from_mesh": ...}}')
     photographs = []

@@ -1,11 +1,83 @@
-"""Writing files so that a reader finds the old file or the whole new one, never a part of it."""
+"""Whole files: read with one error for all that can go wrong, written so that no reader finds a part of one."""
 
 import errno
 import os
 import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import InputError
+
+LARGEST_FILE = 64 << 20
+"""Bytes: what is longer is no file of numbers or settings, but another one, chosen by mistake."""
+
+
+@contextmanager
+def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
+    """Turn the errors of opening and reading ``path`` inside the block into an :class:`InputError`.
+
+    Parameters
+    ----------
+    path
+        The file.
+    what
+        What it should be, with an article, such as ``"a case file"``.
+    where
+        Begins the message, such as ``"case.toml: [frame] image"``; the path if left out.
+
+    Raises
+    ------
+    InputError
+        Missing, a folder, or unreadable.
+    """
+    place, it = (str(path), "it") if where is None else (where, str(path))
+    try:
+        if path.is_dir():
+            # Windows would call it a lack of permission
+            raise InputError(f"{place}: expected {what}, cannot read {it} (a folder); give the path of a file in it")
+        yield
+    except FileNotFoundError:
+        raise InputError(f"{place}: expected {what}, {it} does not exist; correct the path") from None
+    except OSError as error:
+        raise InputError(
+            f"{place}: expected {what}, cannot read {it} ({error.strerror}); check its permissions"
+        ) from None
+
+
+def read_content(path: Path, what: str, where: str | None = None, most: int | None = None) -> bytes:
+    """The bytes of a file that a user gave.
+
+    Parameters
+    ----------
+    path, what, where
+        As for :func:`reading`.
+    most
+        Largest number of bytes that such a file has; any if left out.
+
+    Raises
+    ------
+    InputError
+        Missing, a folder, unreadable, empty, or longer than ``most``.
+    """
+    place = path.name if where is None else where
+    with reading(path, what, where):
+        if most is not None and (size := path.stat().st_size) > most:
+            raise InputError(f"{place}: expected {what}, found one of {size >> 20} MB; choose another")
+        data = path.read_bytes()
+    if not data:
+        raise InputError(f"{place}: expected {what}, found an empty file; copy or export it again")
+    return data
+
+
+def decoded(data: bytes) -> str | None:
+    """The text of a text file in Unicode, or ``None``."""
+    encoding = "utf-16" if data.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
+    try:
+        text = data.decode(encoding)
+    except UnicodeDecodeError:
+        return None
+    return None if "\0" in text else text
 
 
 def write_bytes_atomically(path: Path, data: bytes) -> None:
@@ -29,39 +101,3 @@ def write_bytes_atomically(path: Path, data: bytes) -> None:
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
-
-
-LARGEST_FILE = 64 << 20
-"""Bytes: what is longer is another file, chosen by mistake."""
-
-
-def file_content(path: Path, what: str) -> bytes:
-    """The bytes of a file that should hold ``what``, such as ``"a camera"``.
-
-    Raises
-    ------
-    InputError
-        Missing, a folder, unreadable, empty, or longer than :data:`LARGEST_FILE`.
-    """
-    try:
-        size = path.stat().st_size
-        if size > LARGEST_FILE:
-            raise InputError(f"{path.name}: expected a file with {what}, found one of {size >> 20} MB; choose another")
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: expected a file with {what}, it does not exist; correct the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: expected a file with {what}, cannot read it ({error.strerror})") from None
-    if not data:
-        raise InputError(f"{path.name}: expected a file with {what}, found an empty one; copy it again")
-    return data
-
-
-def decoded(data: bytes) -> str | None:
-    """The text of a text file in Unicode, or ``None``."""
-    encoding = "utf-16" if data.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
-    try:
-        text = data.decode(encoding)
-    except UnicodeDecodeError:
-        return None
-    return None if "\0" in text else text

@@ -1,6 +1,7 @@
 """Numbers in text files: parsed at the speed of C, and strict about what stands between them."""
 
 import io
+import math
 import re
 import warnings
 from decimal import Decimal, InvalidOperation
@@ -79,20 +80,34 @@ def unfinished_warnings(data: bytes, where: str) -> list[str]:
 
 
 def npy_array(data: bytes, where: str) -> np.ndarray:
-    """The array of an ``.npy`` file, which is never unpickled.
+    """The array of an ``.npy`` file: a read-only view of its bytes, which are never unpickled.
 
     Raises
     ------
     InputError
-        Damaged, or not of numbers.
+        Damaged, another kind of file, or not of real numbers.
     """
+    stream = io.BytesIO(data)
     try:
-        array = np.load(io.BytesIO(data), allow_pickle=False)
+        # version 3.0 is for names of fields in Unicode, which numbers do not have
+        read_header = _NPY_HEADERS[np.lib.format.read_magic(stream)]
+        shape, columns_first, dtype = read_header(stream)
+        if dtype.hasobject:
+            raise ValueError("it holds objects")
+        count = math.prod(shape) if min(shape, default=0) >= 0 else len(data)
+        # a view of the bytes takes no memory, whatever size a damaged header claims
+        array = np.frombuffer(data, dtype, count, stream.tell()).reshape(shape, order="F" if columns_first else "C")
     except Exception as error:  # the header is Python, so that a damaged one raises anything
-        raise InputError(f"{where}: expected an array of numbers, cannot read it ({error}); save it again") from None
+        raise InputError(
+            f"{where}: expected an array of numbers, cannot read it ({error}); pickles are never loaded: "
+            "save floats with numpy.save"
+        ) from None
     if array.dtype.kind not in "fiu":
-        raise InputError(f"{where}: expected an array of numbers, found one of type {array.dtype}")
+        raise InputError(f"{where}: expected an array of real numbers, found type {array.dtype}; save it as floats")
     return array
+
+
+_NPY_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 def number_rows(text: str) -> np.ndarray | None:

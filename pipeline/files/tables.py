@@ -1,9 +1,70 @@
-"""Keys of tables that a user writes: none unknown, none missing, and the nearest name for a misspelt one."""
+"""Tables as JSON or TOML: parsed, their keys checked with a hint for a misspelt one, and JSON written."""
 
 import difflib
-from collections.abc import Mapping
+import json
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
 
 from ..errors import InputError
+from .content import write_bytes_atomically
+from .numbers import WrittenFloat
+
+
+def parsed_json(content: str | bytes, where: str, *, parse_int: Callable[[str], Any] = int) -> Any:
+    """What JSON text says; numbers with a point or an exponent remember their digits (:class:`.WrittenFloat`).
+
+    Parameters
+    ----------
+    content, where
+        The text; the beginning of messages.
+    parse_int
+        Makes a number of the digits of a whole one.
+
+    Raises
+    ------
+    InputError
+        No JSON, or brackets nested too deeply.
+    """
+    try:
+        return json.loads(_text(content), parse_float=WrittenFloat, parse_int=parse_int)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where}: expected JSON, found a mistake: {error}; correct it or write it again") from None
+
+
+def parsed_toml(content: str | bytes, where: str) -> dict[str, Any]:
+    """What TOML text says; numbers with a point or an exponent remember their digits (:class:`.WrittenFloat`).
+
+    Raises
+    ------
+    InputError
+        No TOML, or an integer that is too long; ``where`` begins the message.
+    """
+    try:
+        table = tomllib.loads(_text(content), parse_float=WrittenFloat)
+        _check_integers(table)
+        return table
+    except (ValueError, RecursionError) as error:  # tomllib's are ValueErrors
+        raise InputError(f"{where}: expected TOML, found a mistake: {error}; correct it") from None
+
+
+def write_json(path: Path, content: object, *, indent: int | None = 2) -> None:
+    """Write JSON, whole or not at all; on one line if ``indent`` is ``None``."""
+    write_bytes_atomically(path, (json.dumps(content, indent=indent) + "\n").encode())
+
+
+def _text(content: str | bytes) -> str:
+    return content if isinstance(content, str) else content.decode("utf-8-sig")
+
+
+def _check_integers(value: object) -> None:
+    """TOML's integers have 64 bits; Python reads longer ones, which no float can hold."""
+    if isinstance(value, int) and abs(value) >= 2**63:
+        raise ValueError("an integer of more than 64 bits")
+    if isinstance(value, dict | list):
+        for part in value.values() if isinstance(value, dict) else value:
+            _check_integers(part)
 
 
 def check_keys(table: Mapping, required: tuple[str, ...], optional: tuple[str, ...], where: str) -> None:

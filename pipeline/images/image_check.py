@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from ..errors import InputError
+from ..files.content import read_content
 from .png import PNG_SIGNATURE
 
 _TURNED = {
@@ -31,12 +32,7 @@ def check_image_file(path: Path, where: str) -> None:
     InputError
         Missing, a folder, empty, not PNG, JPEG, TIFF, BMP or EXR, (PNG, JPEG) damaged or cut off, or to be turned.
     """
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{where}: expected an image file, {path} does not exist; correct the path") from None
-    except OSError as error:
-        raise InputError(f"{where}: cannot read {path} ({error.strerror})") from None
+    data = read_content(path, "an image file", where)
     exif = b""
     if data.startswith(PNG_SIGNATURE):
         exif = _checked_png(data, where)
@@ -48,8 +44,7 @@ def check_image_file(path: Path, where: str) -> None:
         exif = data
     elif not data.startswith((b"BM", b"\x76\x2f\x31\x01")):
         raise InputError(
-            f"{where}: expected an image (PNG, JPEG, TIFF, BMP or EXR), found "
-            + ("an empty file" if not data else f"a file that starts with {data[:8]!r}")
+            f"{where}: expected an image (PNG, JPEG, TIFF, BMP or EXR), found a file that starts with {data[:8]!r}"
         )
     turned = _TURNED.get(_orientation(exif))
     if turned:

@@ -1,16 +1,18 @@
-"""Pixel values."""
+"""Values of pixels: between the pixels' centres, as 8-bit codes, and as linear light (sRGB, IEC 61966-2-1)."""
 
 import numpy as np
+
+ROUNDING_PX = 1e-3
+"""How far a projected pixel may miss the centre that it came from."""
 
 
 def sample_bilinear(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """Sample ``(H, W)`` or ``(H, W, C)`` at ``(N, 2)`` pixels; 0 outside, also in the outer half pixel.
 
-    Outside means that a pixel of non-zero weight does not exist, or NaN coordinates.
+    Inside is what :func:`among_centres` says: all pixels of non-zero weight exist.
     """
     height, width = image.shape[:2]
-    # coordinates computed from a pixel's own ray may miss its centre by rounding; that is not "outside"
-    inside = ((pixels >= -1e-3) & (pixels <= np.array([width - 1, height - 1]) + 1e-3)).all(axis=1)
+    inside = among_centres(pixels, (width, height))
     u = np.clip(np.where(inside, pixels[:, 0], 0), 0, width - 1)
     v = np.clip(np.where(inside, pixels[:, 1], 0), 0, height - 1)
     left, top = np.minimum(u.astype(np.int64), max(width - 2, 0)), np.minimum(v.astype(np.int64), max(height - 2, 0))
@@ -21,6 +23,12 @@ def sample_bilinear(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     upper = image[top, left] * (1 - across) + image[top, right] * across
     lower = image[bottom, left] * (1 - across) + image[bottom, right] * across
     return np.where(inside, upper * (1 - down) + lower * down, 0)
+
+
+def among_centres(pixels: np.ndarray, size_wh: tuple[int, int]) -> np.ndarray:
+    """``(N, 2)`` pixels -> ``(N,)`` bool: inside the grid of an image's pixel centres; NaN is outside."""
+    # coordinates computed from a pixel's own ray may miss its centre by rounding; that is not "outside"
+    return ((pixels >= -ROUNDING_PX) & (pixels <= np.array(size_wh) - 1 + ROUNDING_PX)).all(axis=1)
 
 
 def to_uint8(values: np.ndarray) -> np.ndarray:

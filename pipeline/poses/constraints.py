@@ -66,7 +66,7 @@ class Constraints:
     min_clearance_mm
         Smallest distance from the centre of projection to the surface.
     max_attempts
-        Poses tried per frame before giving up.
+        Poses tried per view before giving up.
     """
 
     min_surface: float = 0.0
@@ -99,7 +99,7 @@ class Constraints:
 
 @dataclass(frozen=True)
 class PlannedPose:
-    """One frame's pose and how it was found.
+    """One view's pose and how it was found.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ class PlannedPose:
 def plan_pose(
     distribution: PoseDistribution, constraints: Constraints, probe: Probe, *, seed: int, index: int
 ) -> PlannedPose:
-    """Draw the pose of frame ``index`` until it meets the constraints; the result depends on (seed, index) only.
+    """Draw the pose of view ``index`` until it meets the constraints; the result depends on (seed, index) only.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def _found_none(constraints: Constraints, rejections: Rejections, rejected: list
         if counts[name]:
             reasons.append((option.split(" ")[0], f"{counts[name]} {what} (the best: {best})"))
     return (
-        f"frame {index}: found no pose that meets the constraints: of {len(rejected)} poses tried, "
+        f"view {index}: found no pose that meets the constraints: of {len(rejected)} poses tried, "
         f"{', '.join(sentence for _, sentence in reasons)}; "
         f"lower {reasons[0][0]}, which was broken most often, or draw nearer to the reference pose"
     )

@@ -1,7 +1,7 @@
 """Distributions of novel camera poses around the reference pose of the aligned frame.
 
-Every distribution is a frozen dataclass with ``draw(rng) -> cam_from_model`` (4x4, mm, exactly rigid). Frame ``i`` of a
-dataset is drawn with ``np.random.default_rng([seed, i])`` and with nothing else, so frames can be made in any order, by
+Every distribution is a frozen dataclass with ``draw(rng) -> cam_from_model`` (4x4, mm, exactly rigid). View ``i`` of a
+dataset is drawn with ``np.random.default_rng([seed, i])`` and with nothing else, so views can be made in any order, by
 any number of processes. A draw takes its random numbers in one fixed order whatever the parameters are: another
 ``shift_mm`` does not change the tilts of a dataset.
 

@@ -3,16 +3,15 @@
 All are ``cam_from_mesh``: for the frame of the mesh file that the user gave, see :mod:`pipeline.transforms`.
 """
 
-import json
-import tokenize
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import decoded, file_content
+from ..files.content import LARGEST_FILE, decoded, read_content
 from ..files.numbers import npy_array, number_rows
+from ..files.tables import parsed_json
 from ..transforms import checked_rigid
 
 POSE_KEY = "cam_from_mesh"
@@ -57,7 +56,8 @@ def read_pose(path: Path, *, mm_per_unit: float = 1.0) -> tuple[np.ndarray, str 
         No file, none of these formats, or not rigid (see :func:`pipeline.transforms.checked_rigid`).
     """
     path = Path(path)
-    cam_from_mesh, message = checked_rigid(_matrix(file_content(path, "a pose"), path.name), path.name)
+    data = read_content(path, "a file with a pose", most=LARGEST_FILE)
+    cam_from_mesh, message = checked_rigid(_matrix(data, path.name), path.name)
     cam_from_mesh[:3, 3] *= mm_per_unit
     return cam_from_mesh, message
 
@@ -80,13 +80,9 @@ def _matrix(data: bytes, name: str) -> object:
 
 def _entry(text: str, name: str) -> object:
     """The one 4x4 entry of a JSON dictionary."""
-    try:
-        table = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{name}: expected JSON, found a mistake: {error}") from None
     found = {
         key: value
-        for key, value in table.items()
+        for key, value in parsed_json(text, name).items()
         if isinstance(value, list) and len(value) == 4 and all(isinstance(row, list) and len(row) == 4 for row in value)
     }
     for key in (POSE_KEY, FORMER_POSE_KEY):
@@ -130,14 +126,10 @@ def read_poses(
     path = Path(path)
     if not (mm_per_unit > 0 and np.isfinite(mm_per_unit)):
         raise InputError(f"{path.name}: expected a positive number of mm per unit of the poses, found {mm_per_unit:g}")
-    readers: dict[str, Callable[[Path], Sequence[object]]] = {".npy": _read_npy, ".json": _read_json}
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
+    listed: dict[str, Callable[[bytes, str], Sequence[object]]] = {".npy": _array_entries, ".json": _json_entries}
+    if path.suffix.lower() not in listed:
         raise InputError(f"{path}: expected poses in a .npy or .json file, found extension {path.suffix!r}")
-    try:
-        entries = reader(path)
-    except OSError as error:
-        raise InputError(f"{path}: expected a readable file, found: {error.strerror}; check the path") from None
+    entries = listed[path.suffix.lower()](read_content(path, "a list of poses"), path.name)
     if not entries:
         raise InputError(f"{path.name}: expected poses, found an empty list")
     cams_from_model = np.empty((len(entries), 4, 4))
@@ -153,37 +145,21 @@ def read_poses(
     return cams_from_model, sentences
 
 
-def _read_npy(path: Path) -> list[np.ndarray]:
-    try:
-        # mapping makes numpy compare the header's shape with the file's size before it takes memory
-        array = np.load(path, allow_pickle=False, mmap_mode="r")
-    except (ValueError, EOFError, OverflowError, SyntaxError, tokenize.TokenError) as error:
-        raise InputError(
-            f"{path.name}: expected an array of numbers written by numpy.save, found something else ({error}); "
-            "pickled objects are never loaded: save the poses as one float array"
-        ) from None
-    if not isinstance(array, np.ndarray):
-        array.close()
-        raise InputError(f"{path.name}: expected one array written by numpy.save, found an .npz archive")
-    if array.dtype.kind not in "fiu":
-        raise InputError(f"{path.name}: expected an array of real numbers, found type {array.dtype}")
+def _array_entries(data: bytes, name: str) -> Sequence[object]:
+    array = npy_array(data, name)
     if array.shape[-2:] != (4, 4) or array.ndim not in (2, 3):
-        raise InputError(f"{path.name}: expected shape (N, 4, 4) or (4, 4), found {array.shape}")
-    return list(np.array(array).reshape(-1, 4, 4))
+        raise InputError(f"{name}: expected shape (N, 4, 4) or (4, 4), found {array.shape}")
+    return list(array.reshape(-1, 4, 4))
 
 
-def _read_json(path: Path) -> list[object]:
-    text = path.read_bytes()
-    try:
-        # whole numbers as float too: one with 400 digits becomes infinity, which is refused with the pose's index
-        data = json.loads(text.decode("utf-8-sig"), parse_int=float)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path.name}: expected JSON, found something else ({error}); write the file again") from None
-    if isinstance(data, dict) or (_is_list(data) and _is_list(data[0]) and not _is_list(data[0][0])):
-        data = [data]
-    if not isinstance(data, list):
-        raise InputError(f"{path.name}: expected a list of poses, found {type(data).__name__}")
-    return [_json_entry(entry, f"{path.name}: pose {index} (counted from 0)") for index, entry in enumerate(data)]
+def _json_entries(data: bytes, name: str) -> list[object]:
+    # whole numbers as float too: one with 400 digits becomes infinity, which is refused with the pose's index
+    found = parsed_json(data, name, parse_int=float)
+    if isinstance(found, dict) or (_is_list(found) and _is_list(found[0]) and not _is_list(found[0][0])):
+        found = [found]
+    if not isinstance(found, list):
+        raise InputError(f"{name}: expected a list of poses, found {type(found).__name__}")
+    return [_json_entry(entry, f"{name}: pose {index} (counted from 0)") for index, entry in enumerate(found)]
 
 
 def _json_entry(entry: object, where: str) -> object:

@@ -1,13 +1,14 @@
 """The built-in sample case: a drilled left temporal bone as a mesh, made from formulas, in millimetres.
 
-It stands in for what a segmented CT gives after a mastoidectomy: the lateral skull with the ear canal, a cavity drilled
-behind it by burrs (scallops, undercut walls, opened air cells), the posterior canal wall left as a bridge, and below
-it the antrum, the lateral semicircular canal and the ossicles. Beside numpy it needs skimage, by way of
+It replaces the surface that a segmented CT gives after a mastoidectomy: the lateral skull with the ear canal, a cavity
+drilled behind it with burrs (scallops, undercut walls, opened air cells), the posterior canal wall left as a bridge,
+and below it the antrum, the lateral semicircular canal and the ossicles. Needs ``skimage``, through
 :mod:`pipeline.volume.distance_field`.
 
-The bone is an implicit function on a regular grid, positive in bone and negative in air; drilling is a minimum with the
-distance to a burr. Notes on the shape are in the frame ``local``: x posterior, y superior, z lateral, the origin on
-the cortex over the antrum; results are in ``mesh``, the LPS axes of a CT scanner (x left, y posterior, z superior).
+The bone is a signed distance field on a regular grid, positive in bone and negative in air; drilling takes the minimum
+with the distance to a burr. The anatomy is described in the frame ``local``: x posterior, y superior, z lateral, origin
+on the cortex over the antrum. Results are in ``mesh``, with the LPS axes of a CT scanner (x left, y posterior, z
+superior).
 """
 
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ from ..volume.distance_field import ImplicitGrid, ball, largest_component, polyl
 SPACING_MM = 0.3
 LOWER_MM, UPPER_MM = np.array([-42.0, -31.0, -26.0]), np.array([36.0, 29.9, 3.7])
 
-# A head that lies slightly turned in the scanner: cyclic axes (z lateral -> x left), then a small rotation.
+# A head slightly rotated in the scanner: a cyclic permutation of the axes (z lateral -> x left), then a small rotation.
 MESH_FROM_LOCAL = rigid(
     rotation_from_vector(np.radians([4.0, -7.0, 5.0])) @ np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]),
     np.array([61.3, -147.8, 1042.6]),
@@ -47,21 +48,21 @@ CANAL = np.array([[-15.8, -0.6, 4.0], [-13.6, 0.0, -18.5]])
 SIGMOID_SINUS = np.array([[11.5, -18.0, -11.0], [15.5, -2.0, -9.5], [17.5, 10.0, -12.5]])
 
 MICROSCOPE = PinholeCamera(960, 720, fx=5204.6, fy=5217.9, cx=489.3, cy=351.7)
-"""Intrinsics of the sample's photographs; 0.058 mm a pixel at 300 mm."""
+"""Intrinsics of the sample's photographs; 0.058 mm per pixel at 300 mm."""
 
 
 @dataclass(frozen=True)
 class SampleSurface:
-    """The sample case's meshes, frame ``mesh``, mm.
+    """The meshes of the sample case in the frame ``mesh``, mm.
 
     Attributes
     ----------
     bone
-        One open sheet, front faces toward the air.
+        One open sheet, front faces towards the air.
     structures
         Closed meshes by name: ``facial_nerve``, ``chorda_tympani``, ``ossicles``.
     tissue
-        Per vertex of ``bone`` ``(V,)`` weights 0..1 of what a photograph would show there: ``drilled`` (below the
+        ``(V,)`` weights, 0..1, per vertex of ``bone`` for what a photograph shows there: ``drilled`` (below the
         cortex), ``air_cell``, ``mucosa`` (antrum, middle ear), ``canal_skin``, ``pool`` (fluid collects), ``nerve``
         (thin bone over the facial nerve), ``soft_tissue`` (left on the cortex around the field).
     """
@@ -72,14 +73,14 @@ class SampleSurface:
 
 
 def sample_surface(rng: np.random.Generator | None = None, *, spacing_mm: float = SPACING_MM) -> SampleSurface:
-    """Make the sample case.
+    """Generate the sample case.
 
     Parameters
     ----------
     rng
-        Draws burr strokes, air cells and bone texture; ``None`` gives the built-in case, always the same.
+        Draws burr strokes, air cells and bone texture; ``None`` always gives the same built-in case.
     spacing_mm
-        Grid spacing; the number of triangles goes with its inverse square (about 200 000 at 0.3 mm).
+        Grid spacing; the number of triangles is proportional to its inverse square (about 200 000 at 0.3 mm).
     """
     rng = np.random.default_rng(2024) if rng is None else rng
     grid = ImplicitGrid(LOWER_MM, UPPER_MM, spacing_mm)
@@ -110,11 +111,12 @@ def microscope_pose(tilt_deg: float, azimuth_deg: float, roll_deg: float, distan
     Parameters
     ----------
     tilt_deg, azimuth_deg
-        How far its axis leans away from lateral, and whither: 0 posterior, 90 superior, 180 anterior, 270 inferior.
+        How far the microscope leans from lateral, and in which direction: 0 posterior, 90 superior, 180 anterior, 270
+        inferior.
     roll_deg
-        Turn about the axis; 0 has superior upward.
+        Rotation about the optical axis; at 0 superior is up in the image.
     distance_mm
-        From the centre of projection to the middle of the cavity's mouth.
+        From the centre of projection to the centre of the cavity's opening.
     """
     tilt, azimuth, roll = np.radians([tilt_deg, azimuth_deg, roll_deg])
     backward = np.array([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
@@ -127,21 +129,21 @@ def microscope_pose(tilt_deg: float, azimuth_deg: float, roll_deg: float, distan
 
 
 def frame_pose() -> np.ndarray:
-    """``cam_from_mesh`` of the sample's frame, from below and behind into the antrum."""
+    """``cam_from_mesh`` of the sample's frame: from inferior and posterior into the antrum."""
     return microscope_pose(20, 328, 4, 300)
 
 
 def held_out_poses() -> list[np.ndarray]:
-    """``cam_from_mesh`` of photographs that are kept aside, 12 to 20 degrees from the frame."""
+    """``cam_from_mesh`` of held-out photographs, viewing directions 12° to 20° from the frame's."""
     views = (6, 300, -6, 292), (27, 358, 8, 284), (23, 285, 14, 304), (16, 33, -8, 308)
     return [microscope_pose(*view) for view in views]
 
 
-# --- anatomy, frame local -----------------------------------------------------------------------------------------
+# --- anatomy in the frame local --------------------------------------------------------------------------------------
 
 
 def _cortex_height(x, y):
-    """z of the lateral skull: a gentle dome with the zygomatic root, the temporal line, the tip and the spine."""
+    """z of the lateral skull: a flat dome with the zygomatic root, temporal line, mastoid tip and suprameatal spine."""
 
     def bump(height, at_x, at_y, width_x, width_y):
         return height * np.exp(-(((x - at_x) / width_x) ** 2) - ((y - at_y) / width_y) ** 2)
@@ -153,10 +155,10 @@ def _cortex_height(x, y):
 
 
 def _cavity(x, y, z):
-    """The drilled cavity before single burr strokes show, negative in air.
+    """The drilled cavity without individual burr strokes, negative in air.
 
-    A star-shaped section about an axis that leans toward the antrum, wider below the rim toward the sinodural angle
-    and the tip.
+    Its section is star-shaped about an axis that leans towards the antrum, and wider below the rim towards the
+    sinodural angle and the tip.
     """
     depth = np.maximum(-z, 0)
     dx, dy = x - (2.0 - 0.36 * depth), y - (-0.5 + 0.27 * depth)
@@ -173,7 +175,7 @@ def _cavity(x, y, z):
 
 
 def _kept(x, y, z):
-    """What a surgeon leaves standing, positive inside: canal wall, sinus plate, facial ridge, semicircular canal."""
+    """What the surgeon preserves, positive inside: canal wall, sinus plate, facial ridge, semicircular canal."""
     canal_wall = 5.5 - polyline(x, y, z, CANAL)
     sinus = 5.2 - polyline(x, y, z, SIGMOID_SINUS)
     ridge = 2.3 - polyline(x, y, z, FACIAL_NERVE)
@@ -199,7 +201,7 @@ def _ossicles(x, y, z):
 
 
 def _drill(grid: ImplicitGrid, rng: np.random.Generator) -> np.ndarray:
-    """Cortex, cavity with burr strokes, air cells; returns at the grid's points how deep they lie in a cell, mm."""
+    """Cortex, cavity with burr strokes, air cells; returns ``(X, Y, Z)`` depths of the grid points in a cell, mm."""
     x, y, z = np.ix_(*grid.axes)
     grid.values = _cortex_height(x, y) - z
     lower, upper = np.array([-21.0, -18.0, -24.0]), np.array([24.0, 16.0, 3.7])
@@ -209,7 +211,7 @@ def _drill(grid: ImplicitGrid, rng: np.random.Generator) -> np.ndarray:
     cavity.values[box] = -smooth_minimum(-_cavity(*coordinates), -kept, 1.2)
 
     wall, normal = _on_wall(rng.uniform(lower, [20, 14, 0], (450, 3)))
-    # a stroke follows the wall round the cavity's axis, more or less
+    # a stroke roughly follows the wall around the cavity's axis
     tangent = np.cross(normal, [0, 0, 1]) + rng.normal(0, 0.45, wall.shape)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     radius = rng.choice([1.1, 1.6, 2.3], len(wall), p=[0.35, 0.4, 0.25])
@@ -232,7 +234,7 @@ def _drill(grid: ImplicitGrid, rng: np.random.Generator) -> np.ndarray:
 
 
 def _cortex_pits(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Balls for vessels' holes in the cortex, most of them above the canal (the cribriform area), and a suture."""
+    """Balls (centres, radii) for a suture and the vascular foramina of the cortex, most of them above the canal."""
     at = np.concatenate([rng.normal([-9.5, 8.5], [3.0, 2.0], (20, 2)), rng.uniform([-36, -26], [31, 26], (30, 2))])
     radii = rng.uniform(0.25, 0.5, len(at))
     pits = np.column_stack([at, _cortex_height(*at.T) - 0.3 * radii])
@@ -243,7 +245,7 @@ def _cortex_pits(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _on_wall(points: np.ndarray, steps: int = 8) -> tuple[np.ndarray, np.ndarray]:
-    """Newton steps from ``(N, 3)`` points to the cavity's wall; points there and unit normals into the bone."""
+    """Newton steps from ``(N, 3)`` points to the cavity's wall: points on it, and unit normals into the bone."""
     step = 0.05
     for _ in range(steps):
         probes = np.concatenate([points, *(points + step * axis for axis in np.eye(3))]).astype(np.float32)
@@ -255,7 +257,7 @@ def _on_wall(points: np.ndarray, steps: int = 8) -> tuple[np.ndarray, np.ndarray
 
 
 def _air_cells(rng: np.random.Generator, lower: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Centres ``(N, 3)`` and radii of air cells that the walls cut open, in groups away from what was kept."""
+    """Centres ``(N, 3)`` and radii of air cells that the walls cut open, in groups away from preserved structures."""
     wall, normal = _on_wall(rng.uniform(lower, [20, 14, 0], (600, 3)))
     x, y, z = wall.T
     tip, sinodural, zygomatic = y < -5, (x > 6) & (y > 2), (x < -3) & (x > -8) & (y > 5.5) & (z > -10)
@@ -277,7 +279,7 @@ def _air_cells(rng: np.random.Generator, lower: np.ndarray) -> tuple[np.ndarray,
 
 
 def _open_middle_ear(grid: ImplicitGrid) -> None:
-    """Ear canal, attic, middle ear and facial recess, with a shell of bone left round the facial nerve."""
+    """Ear canal, attic, middle ear and facial recess, with a shell of bone left around the facial nerve."""
     near, far = np.array([-22.0, -9.0, -26.0]), np.array([-2.0, 13.0, 3.7])
     grid.carve(lambda x, y, z: polyline(x, y, z, CANAL, [4.5, 3.7]), near, far, blend=1.2)
     deep = np.array([-2.0, 13.0, -5.0])
@@ -292,7 +294,7 @@ def _open_middle_ear(grid: ImplicitGrid) -> None:
 
 
 def _roughen(grid: ImplicitGrid, rng: np.random.Generator) -> None:
-    """Add bone texture: plane waves of 0.8 to 6 mm in random directions, 0.05 mm in all (root mean square)."""
+    """Add bone texture: plane waves of 0.8 to 6 mm in random directions, 0.05 mm root mean square in total."""
     band = np.nonzero(np.abs(grid.values) < 0.9)
     points = np.stack([axis[index] for axis, index in zip(grid.axes, band, strict=True)], axis=1)
     count = 36
@@ -310,7 +312,7 @@ def _roughen(grid: ImplicitGrid, rng: np.random.Generator) -> None:
 
 
 def _tissue(local: np.ndarray, cell_depth: np.ndarray) -> dict[str, np.ndarray]:
-    """Weights per vertex, see :class:`SampleSurface`."""
+    """``(V,)`` weights by name, see :class:`SampleSurface`."""
     x, y, z = local.T.astype(np.float32)
 
     def ramp(value, zero, one):

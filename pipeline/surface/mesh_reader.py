@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..files.content import read_content
 from ..files.numbers import first_wrong_word, parsed_numbers, unfinished_warnings
 from .mesh import TriangleMesh, checked_mesh
 from .ply_reader import read_ply
@@ -38,16 +39,7 @@ def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
             f"{path}: expected a mesh file {', '.join(_READERS)}, found extension {path.suffix!r}; "
             "export the surface in one of these formats"
         )
-    if path.is_dir():
-        raise InputError(f"{path}: expected a mesh file, found a folder; give the path of the file in it")
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path}: expected a mesh file, found none; check the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: expected a readable file, found: {error.strerror}; check its permissions") from None
-    if not data:
-        raise InputError(f"{path.name}: expected a mesh, found an empty file; copy or export it again")
+    data = read_content(path, "a mesh file")
     with np.errstate(invalid="ignore", over="ignore"):  # damaged files hold any number; checked_mesh judges them
         vertices, lengths, corners, messages = reader(data, path.name)
         if (lengths < 3).any():

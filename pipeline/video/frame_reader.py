@@ -1,12 +1,12 @@
-"""One frame of a video, exactly the one that was asked for. Needs ``cv2``.
+"""Frame-accurate reader of single video frames. Needs ``cv2``.
 
-Frames are counted from 0 in the order in which they are shown. A container's own count and its seeking are trusted in
-neither: the packets' times are read without decoding them, which takes milliseconds, and say how many frames there are
-and when the wanted one is shown; after a seek, decoding goes on until exactly that time. Where times cannot tell frames
-apart, all frames are decoded and counted.
+Frames are counted from 0 in display order. The frame count and the seeking of containers are unreliable, so neither is
+trusted. Instead the timestamps of all packets are read, without decoding, which takes milliseconds. They give the
+number of frames and the timestamp of the requested one. After a seek, frames are decoded up to exactly that timestamp.
+Where timestamps are not unique, all frames are decoded and counted.
 
-OpenCV converts all video to RGB with the matrix of BT.601, so that colours of a BT.709 video (most of high definition)
-are a few codes off.
+OpenCV converts all video to RGB with the matrix of BT.601, so colours of BT.709 video (most high definition) are off by
+a few code values.
 """
 
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import write_bytes_atomically
+from ..files.content import reading, write_bytes_atomically
 from ..images.png import encode_png
 
 _LEADS_S = (0.0, 2.0, 10.0, 60.0, float("inf"))
-"""How much earlier than the frame a seek aims, one after the other; the last is no seek, but the beginning."""
+"""How long before the frame a seek aims, tried in turn; the last starts at the beginning without a seek."""
 
 
 @dataclass(frozen=True)
 class VideoInfo:
-    """Number of frames in the file, frames a second as it claims, (width, height) as shown."""
+    """Number of frames as counted, frames per second as the header states, (width, height) as displayed."""
 
     frames: int
     fps: float
@@ -34,55 +34,56 @@ class VideoInfo:
 
 
 def video_info(path: Path) -> VideoInfo:
-    """What a video holds, counted, not as its header claims.
+    """Number of frames, frame rate and size of a video.
 
     Raises
     ------
     InputError
-        No file, no video, or one of which not even the first frame can be decoded.
+        No file, not a video, or its first frame cannot be decoded.
     """
     path = Path(path)
-    frames = len(_times_ms(path))
+    frames = len(_timestamps_ms(path))
     capture = _open(path)
-    height, width = _decoded(capture, path, 0).shape[:2]
+    height, width = _decode(capture, path, 0).shape[:2]
     return VideoInfo(frames, float(capture.get(cv2.CAP_PROP_FPS)), (width, height))
 
 
 def read_video_frame(path: Path, index: int) -> np.ndarray:
-    """Frame ``index``, counted from 0, as ``(H, W, 3)`` uint8 RGB; the same as decoding all frames before it gives.
+    """Frame ``index``, counted from 0, as ``(H, W, 3)`` uint8 RGB, identical to that of sequential decoding.
 
     Raises
     ------
     InputError
-        No file, no video, no such frame, or one that cannot be decoded because the file is damaged or cut off.
+        No file, not a video, no such frame, or a frame that cannot be decoded (damaged or cut-off file).
     """
     path = Path(path)
-    times = _times_ms(path)
-    if not 0 <= index < len(times):
+    timestamps_ms = _timestamps_ms(path)
+    count = len(timestamps_ms)
+    if not 0 <= index < count:
         raise InputError(
-            f"{path.name}: expected a frame from 0 to {len(times) - 1}, found {index}; the file has {len(times)} frames"
+            f"{path.name}: expected a frame from 0 to {count - 1}, found {index}; the file has {count} frames"
         )
-    # packets come in the order of decoding
-    times.sort()
-    if all(one < other for one, other in pairwise(times)):
+    # packets come in decoding order
+    timestamps_ms.sort()
+    if all(one < other for one, other in pairwise(timestamps_ms)):
         for lead_s in _LEADS_S:
             capture = _open(path)
-            if _advanced_to(capture, times[index], lead_s):
-                return _decoded(capture, path, index, grabbed=True)
-    return _counted(path, index, len(times))
+            if _advanced_to(capture, timestamps_ms[index], lead_s):
+                return _decode(capture, path, index, grabbed=True)
+    return _read_by_counting(path, index, count)
 
 
 def write_video_frame(path: Path, index: int, *, image: Path | None = None) -> Path:
-    """Write frame ``index`` as PNG, beside the video as ``NAME_frame_000123.png`` unless ``image`` names another file.
+    """Write frame ``index`` as PNG: next to the video as ``NAME_frame_000123.png``, or to ``image``.
 
     Returns
     -------
-    The file of the image.
+    The path of the image.
 
     Raises
     ------
     InputError
-        As :func:`read_video_frame`; or the file is there already with another content, which may be somebody's work.
+        As :func:`read_video_frame`; or the file exists with other content, which is never overwritten.
     OSError
         The file cannot be written.
     """
@@ -91,7 +92,7 @@ def write_video_frame(path: Path, index: int, *, image: Path | None = None) -> P
     image = image or path.with_name(f"{path.stem}_frame_{index:06d}.png")
     if image.exists() and image.read_bytes() != data:
         raise InputError(
-            f"{image}: expected no such file, or this very frame, found another image; "
+            f"{image}: expected no such file, or one with this frame, found another image; "
             "use that one, rename it, or remove it"
         )
     write_bytes_atomically(image, data)
@@ -102,34 +103,30 @@ def _open(path: Path) -> cv2.VideoCapture:
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     if not capture.isOpened():
         raise InputError(
-            f"{path.name}: expected a video, cannot open it; it is cut off or of a kind that is not known: "
+            f"{path.name}: expected a video, cannot open it; it is cut off or in an unknown format: "
             "copy it again, or convert it to MP4 (H.264)"
         )
     return capture
 
 
-def _times_ms(path: Path) -> list[float]:
-    """When each packet of the video is shown, in the order of the file: one packet is one frame."""
-    try:
-        with open(path, "rb") as file:
-            file.read(1)
-    except FileNotFoundError:
-        raise InputError(f"{path}: expected a video, it does not exist; correct the path") from None
-    except OSError as error:
-        raise InputError(f"{path}: expected a video, cannot read it ({error.strerror})") from None
+def _timestamps_ms(path: Path) -> list[float]:
+    """Display timestamps of the video's packets in file order; one packet is one frame."""
+    # too long to be read whole, and OpenCV does not say why it cannot open a file
+    with reading(path, "a video"), open(path, "rb") as file:
+        file.read(1)
     capture = _open(path)
-    # packets as they are
+    # raw packets, not decoded
     capture.set(cv2.CAP_PROP_FORMAT, -1)
-    times = []
+    timestamps_ms = []
     while capture.grab():
-        times.append(float(capture.get(cv2.CAP_PROP_POS_MSEC)))
-    if not times:
+        timestamps_ms.append(float(capture.get(cv2.CAP_PROP_POS_MSEC)))
+    if not timestamps_ms:
         raise InputError(f"{path.name}: expected a video, found no frames in it; copy it again")
-    return times
+    return timestamps_ms
 
 
 def _advanced_to(capture: cv2.VideoCapture, time_ms: float, lead_s: float) -> bool:
-    """Seek and decode until the frame that is shown at ``time_ms``; false if the seek ended behind it."""
+    """Seek, and decode up to the frame displayed at ``time_ms``; false if the seek ended after it."""
     start_ms = time_ms - lead_s * 1000
     if start_ms > 0:
         capture.set(cv2.CAP_PROP_POS_MSEC, start_ms)
@@ -140,26 +137,26 @@ def _advanced_to(capture: cv2.VideoCapture, time_ms: float, lead_s: float) -> bo
     return False
 
 
-def _counted(path: Path, index: int, frames: int) -> np.ndarray:
-    """Decode all frames, and refuse if some are lost, since nobody knows whether before or behind the wanted one."""
+def _read_by_counting(path: Path, index: int, frames: int) -> np.ndarray:
+    """Decode and count all frames; refuse if any is lost, since it may precede the requested one."""
     capture, image, count = _open(path), None, 0
     while capture.grab():
         if count == index:
-            image = _decoded(capture, path, index, grabbed=True)
+            image = _decode(capture, path, index, grabbed=True)
         count += 1
     if image is None or count != frames:
-        raise _undecodable(path, index)
+        raise _undecodable_frame(path, index)
     return image
 
 
-def _decoded(capture: cv2.VideoCapture, path: Path, index: int, *, grabbed: bool = False) -> np.ndarray:
+def _decode(capture: cv2.VideoCapture, path: Path, index: int, *, grabbed: bool = False) -> np.ndarray:
     ok, image = capture.retrieve() if grabbed else capture.read()
     if not ok or image is None or image.dtype != np.uint8 or image.ndim != 3:
-        raise _undecodable(path, index)
+        raise _undecodable_frame(path, index)
     return np.ascontiguousarray(image[..., ::-1])
 
 
-def _undecodable(path: Path, index: int) -> InputError:
+def _undecodable_frame(path: Path, index: int) -> InputError:
     return InputError(
-        f"{path.name}: cannot decode frame {index}; the file is damaged or cut off: copy it again, or take another one"
+        f"{path.name}: cannot decode frame {index}; the file is damaged or cut off: copy it again, or use another frame"
     )

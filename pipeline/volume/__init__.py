@@ -1,4 +1,4 @@
 """From a volume to a surface.
 
-In: a distance field on a grid, negative in air. Out: the surface of the bone as a triangle mesh.
+In: a signed distance field on a grid, negative in air. Out: the surface of the bone as a triangle mesh.
 """

@@ -1,8 +1,8 @@
-"""Solids as implicit functions on a grid, and their surfaces as meshes: the sculptor's tools of the sample case.
+"""Solids as signed distance fields on a grid, and their surfaces as meshes: the modelling tools of the sample case.
 
-Shapes are signed distances in mm, negative inside; a grid holds the signed distance to the surface of the material,
-positive in it (distances are about right near surfaces, which is where they count). Beside numpy this module uses
-``skimage.measure.marching_cubes`` (Lewiner et al. 2003, topologically consistent).
+Shapes are signed distances in mm, negative inside. A grid holds the signed distance to the surface of the material,
+positive inside it; carving and filling keep distances accurate near the surface only. Needs ``skimage``, for marching
+cubes (Lewiner et al. 2003, topologically consistent).
 """
 
 from collections.abc import Callable, Sequence
@@ -17,7 +17,7 @@ Shape = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 class ImplicitGrid:
-    """A block of material to carve from, or of air to fill.
+    """A block of material to carve, or of air to fill, between two corners, mm.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class ImplicitGrid:
         self.values = np.full(counts, 1e3 if solid else -1e3, np.float32)
 
     def box(self, lower: np.ndarray | None = None, upper: np.ndarray | None = None) -> tuple[tuple, tuple]:
-        """Slices of the part between two corners, and its coordinates x, y, z as arrays that broadcast."""
+        """Slices of the box between two corners, mm, and its coordinates x, y, z, mm, as arrays that broadcast."""
         slices = []
         for axis in range(3):
             start = 0 if lower is None else np.searchsorted(self.axes[axis], lower[axis])
@@ -45,19 +45,19 @@ class ImplicitGrid:
     def carve(
         self, shape: Shape, lower: np.ndarray | None = None, upper: np.ndarray | None = None, *, blend: float = 0.0
     ) -> None:
-        """Take a shape away, within the box between two corners; ``blend`` mm round the new edge."""
+        """Remove a shape, within the box between two corners; the new edge is rounded over ``blend`` mm."""
         part, coordinates = self.box(lower, upper)
         self.values[part] = smooth_minimum(self.values[part], shape(*coordinates), blend)
 
     def fill(
         self, shape: Shape, lower: np.ndarray | None = None, upper: np.ndarray | None = None, *, blend: float = 0.0
     ) -> None:
-        """Add a shape of material, as :meth:`carve`."""
+        """Add a shape of material; parameters as for :meth:`carve`."""
         part, coordinates = self.box(lower, upper)
         self.values[part] = -smooth_minimum(-self.values[part], shape(*coordinates), blend)
 
     def carve_balls(self, centres: np.ndarray, radii: np.ndarray) -> None:
-        """Take away balls with ``(N, 3)`` centres and ``(N,)`` radii in mm, each in its own box of the grid."""
+        """Remove balls with ``(N, 3)`` centres and ``(N,)`` radii, mm."""
         for centre, radius in zip(centres.astype(np.float32), radii.astype(np.float32), strict=True):
             reach = radius + 2 * self.spacing
             part, (x, y, z) = self.box(centre - reach, centre + reach)
@@ -65,7 +65,7 @@ class ImplicitGrid:
             np.minimum(self.values[part], distance, out=self.values[part])
 
     def at(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Values given on the grid, interpolated trilinearly at ``(N, 3)`` points inside it."""
+        """``(X, Y, Z)`` values at the grid points -> ``(N,)`` at ``(N, 3)`` points inside the grid, trilinearly."""
         place = (points - self.lower) / self.spacing
         corner = np.minimum(place.astype(int), np.array(values.shape) - 2)
         weight = place - corner
@@ -75,7 +75,7 @@ class ImplicitGrid:
         return total
 
     def surface(self) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices ``(V, 3)`` and faces ``(F, 3)`` of the zero level, fronts toward the air, open at the grid's end."""
+        """``(V, 3)`` vertices, mm, and ``(F, 3)`` faces of the zero level; fronts towards air, open at the ends."""
         vertices, faces, _, _ = marching_cubes(
             self.values, 0.0, spacing=(self.spacing,) * 3, gradient_direction="ascent"
         )
@@ -83,7 +83,7 @@ class ImplicitGrid:
 
 
 def smooth_minimum(a: np.ndarray, b: np.ndarray, blend: float) -> np.ndarray:
-    """The polynomial smooth minimum of Inigo Quilez: differs from ``min`` only where |a - b| < blend."""
+    """Polynomial smooth minimum (Inigo Quilez); differs from the minimum only where |a - b| < blend."""
     if blend == 0:
         return np.minimum(a, b)
     overlap = np.maximum(1 - np.abs(a - b) / np.float32(blend), 0)
@@ -91,7 +91,7 @@ def smooth_minimum(a: np.ndarray, b: np.ndarray, blend: float) -> np.ndarray:
 
 
 def ball(x: np.ndarray, y: np.ndarray, z: np.ndarray, centre: tuple, radii: tuple) -> np.ndarray:
-    """An ellipsoid with half axes ``radii``, mm."""
+    """Signed distance (approximate) to an ellipsoid with semi-axes ``radii``, mm."""
     qx, qy, qz = ((p - np.float32(c)) / np.float32(r) for p, c, r in zip((x, y, z), centre, radii, strict=True))
     return (np.sqrt(qx * qx + qy * qy + qz * qz) - 1) * np.float32(min(radii))
 
@@ -99,7 +99,7 @@ def ball(x: np.ndarray, y: np.ndarray, z: np.ndarray, centre: tuple, radii: tupl
 def polyline(
     x: np.ndarray, y: np.ndarray, z: np.ndarray, points: np.ndarray, radii: Sequence[float] | None = None
 ) -> np.ndarray:
-    """Distance to a polyline ``(N, 3)``, less a radius that runs linearly between its points."""
+    """Distance to a polyline ``(N, 3)``, less a radius that varies linearly between its points; mm."""
     radii = (0.0,) * len(points) if radii is None else radii
     nearest = np.full(np.broadcast_shapes(np.shape(x), np.shape(y), np.shape(z)), np.inf, np.float32)
     for a, b, radius_a, radius_b in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True):
@@ -114,7 +114,7 @@ def polyline(
 
 
 def largest_component(vertices: np.ndarray, faces: np.ndarray) -> TriangleMesh:
-    """The connected part with the most vertices, by spreading the smallest vertex index over faces."""
+    """The connected component with the most vertices, found by propagating the smallest vertex index over faces."""
     label = np.arange(len(vertices))
     while True:
         smallest = label[faces].min(axis=1)

@@ -1,6 +1,6 @@
 """Open a real Blender with this checkout's add-on and the sample case, apart from the user's own configuration.
 
-python scripts/addon_dev.py --blender PROGRAM [--case CASE.toml] [-- Blender's own arguments]
+python scripts/dev/addon_dev.py --blender PROGRAM [--case CASE.toml] [-- Blender's own arguments]
 """
 
 import sys

@@ -1,6 +1,6 @@
 """Build the Blender extension: one zip a platform, for "Install from Disk".
 
-python scripts/build_extension.py [--platform all|current|NAME,NAME...] [--out dist] [--blender PROGRAM]
+python scripts/dev/build_extension.py [--platform all|current|NAME,NAME...] [--out dist] [--blender PROGRAM]
 """
 
 import sys
@@ -224,7 +224,7 @@ def main(argv: Sequence[str]) -> int:
     arguments = parse_arguments(argv)
     try:
         for path in build(platforms(arguments.platform), arguments.out, blender=arguments.blender):
-            print(path, flush=True)
+            print(f"{path}  {path.stat().st_size / 1e6:.1f} MB", flush=True)
     except (InputError, RunError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2 if isinstance(error, InputError) else 3

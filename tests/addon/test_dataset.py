@@ -43,8 +43,9 @@ def job_module(addon):
 
 
 def script_job(case_path, out):
-    options = checked_options(read_case(case_path).dataset, "test")
-    return open_job(Job(case_path, out, options, Shard()))
+    case = read_case(case_path)
+    options = checked_options(case.dataset, "test")
+    return open_job(Job(case, out, options, Shard()))
 
 
 def followed(module, until) -> object:

@@ -124,7 +124,7 @@ def test_what_cannot_be_refined_is_refused(opened, gather):
     surface = opened.oneframe.surface
     surface.matrix_world = Matrix.Translation((0, 0, 900)) @ surface.matrix_world
     bpy.context.view_layer.update()
-    with pytest.raises(RuntimeError, match="shows next to nothing of the surface"):
+    with pytest.raises(RuntimeError, match="shows almost no surface in the image"):
         bpy.ops.oneframe.refine()
     surface.scale = (2, 2, 2)
     bpy.context.view_layer.update()

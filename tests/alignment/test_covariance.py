@@ -1,4 +1,4 @@
-"""The shown uncertainty is that of the pose: it covers the truth as often as it says, and names what is weak."""
+"""The stated uncertainty: it covers the truth as often as it says, and names the weakest direction."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pipeline.alignment.landmarks.confidence_region import f_quantile, f_survival
 from pipeline.alignment.landmarks.covariance import PRIOR_DOF, PoseUncertainty, pose_uncertainty
-from pipeline.alignment.landmarks.reprojection import Correspondences, moved_by
+from pipeline.alignment.landmarks.reprojection import Correspondences, apply_twist
 from pipeline.alignment.landmarks.solver import solve_pose
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.evaluation.landmark_trials import MICROSCOPE, box_trial
@@ -39,7 +39,7 @@ def test_quantiles_undo_probabilities(level, above, below):
 
 
 def test_the_covariance_is_the_scatter_of_the_poses():
-    """Of pairs clicked again and again; the bound is that of a sample covariance at the 1e-4 level or so."""
+    """For repeated clicks on the same pairs; the bound is that of a sample covariance at about the 1e-4 level."""
     rng, draws = np.random.default_rng(1), 200
     trial = box_trial(rng, 12, 0.0)
     estimates = [
@@ -52,10 +52,10 @@ def test_the_covariance_is_the_scatter_of_the_poses():
         change = each.cam_from_model @ np.linalg.inv(trial.cam_from_model)
         pivot = transform_points(trial.cam_from_model, each.uncertainty.pivot_model)
         skew = change[:3, :3] - change[:3, :3].T
-        turn = 0.5 * np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
-        twists.append([*(transform_points(change, pivot) - pivot), *turn])
+        rotation = 0.5 * np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+        twists.append([*(transform_points(change, pivot) - pivot), *rotation])
     scatter = np.cov(np.array(twists).T)
-    # in the axes in which the stated covariance is the identity, so that all directions count alike
+    # whitened by the stated covariance, so that all directions count alike
     root = np.linalg.inv(np.linalg.cholesky(stated))
     assert np.linalg.eigvalsh(root @ scatter @ root.T) == pytest.approx(np.ones(6), abs=5 * np.sqrt(2 / draws))
     assert np.mean([each.uncertainty.sigma_px for each in estimates]) == pytest.approx(1, abs=0.05)
@@ -66,7 +66,7 @@ def test_the_region_covers_the_truth_as_often_as_it_says(count):
     rng, inside, draws = np.random.default_rng(20 + count), [], 160
     while len(inside) < draws:
         trial = box_trial(rng, count, 2.0)
-        # near the truth, where the linearised covariance is meant to hold; ambiguity is another test's
+        # near the truth, where the linearised covariance holds; another test covers ambiguity
         estimate = solve_pose(trial.points_model, trial.pixels, MICROSCOPE, start=trial.cam_from_model)
         assert estimate.uncertainty.contains(estimate.cam_from_model, estimate.cam_from_model)
         inside.append(estimate.uncertainty.contains(trial.cam_from_model, estimate.cam_from_model))
@@ -87,7 +87,7 @@ def test_more_noise_than_stated_widens_the_region_and_less_narrows_it():
             assert found.dof == pytest.approx((PRIOR_DOF + dof) ** 2 / dof)
 
 
-def test_what_is_not_determined_is_enormous_not_an_error():
+def test_an_undetermined_direction_gets_a_huge_deviation_and_no_error():
     points = np.outer(np.linspace(-9, 9, 5), [1, 2, 0.5])
     pose = rigid(rotation_from_vector(np.array([0.3, 0.2, 0.1])), [0, 0, 300])
     pixels = MICROSCOPE.project(transform_points(pose, points))
@@ -105,8 +105,8 @@ def test_the_region_grows_with_its_level_and_ends_where_it_says():
     direction /= np.sqrt(direction @ np.linalg.solve(found.covariance, direction))
     for level in (0.5, 0.95):
         edge = np.sqrt(6 * f_quantile(level, 6, 7.5))
-        assert found.contains(moved_by(0.999 * edge * direction, pose, found.pivot_model), pose, level)
-        assert not found.contains(moved_by(1.001 * edge * direction, pose, found.pivot_model), pose, level)
+        assert found.contains(apply_twist(0.999 * edge * direction, pose, found.pivot_model), pose, level)
+        assert not found.contains(apply_twist(1.001 * edge * direction, pose, found.pivot_model), pose, level)
 
 
 # --- the weakest direction -------------------------------------------------------------------------------------------
@@ -115,8 +115,8 @@ NAMES = (
     ("shift to the left or right ± 2.1 mm", 2.1),
     ("shift up or down ± 2.1 mm", 2.1),
     ("depth along the view ray ± 2.1 mm", 2.1),
-    ("tilt about the image's horizontal axis ± 12°", np.radians(12.0)),
-    ("turn about the image's vertical axis ± 12°", np.radians(12.0)),
+    ("pitch about the image's horizontal axis ± 12°", np.radians(12.0)),
+    ("yaw about the image's vertical axis ± 12°", np.radians(12.0)),
     ("roll about the view ray ± 12°", np.radians(12.0)),
 )
 
@@ -176,7 +176,7 @@ def test_pixel_covariances_are_the_scatter_of_the_pixels():
     found = uncertainty(root.T @ root)
     twists = rng.normal(size=(draws, 6)) @ root
     shown = np.array(
-        [WIDE.project(transform_points(moved_by(twist, pose, found.pivot_model), points)) for twist in twists]
+        [WIDE.project(transform_points(apply_twist(twist, pose, found.pivot_model), points)) for twist in twists]
     )
     stated = found.pixel_covariances(points, WIDE, pose)
     assert stated.shape == (5, 2, 2)

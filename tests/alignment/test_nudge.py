@@ -1,4 +1,4 @@
-"""A step is as large as it says, in pixels; it leaves the pivot where it should and can be taken back."""
+"""A step has the stated size in pixels, keeps the pivot in place where it should, and can be undone."""
 
 import numpy as np
 import pytest
@@ -37,7 +37,7 @@ def pivot_pixel(camera, pose):
 @given(poses(), cameras, st.sampled_from(AXES), steps)
 def test_a_step_back_returns(pose, camera, axis, step):
     rim_px = camera.fx * RADIUS / transform_points(pose, PIVOT)[2]
-    assume(axis != "depth" or step <= rim_px / 2)  # farther away it goes in one step at most
+    assume(axis != "depth" or step <= rim_px / 2)  # longer steps away from the camera are shortened
     moved = nudged(pose, camera, PIVOT, axis, step, RADIUS)
     assert nudged(moved, camera, PIVOT, axis, -step, RADIUS) == pytest.approx(pose, abs=1e-10)
     assert moved[:3, :3] @ moved[:3, :3].T == pytest.approx(np.eye(3), abs=1e-12)
@@ -53,7 +53,7 @@ def test_a_shift_moves_the_pivot_by_the_step(pose, camera, axis, step):
 
 
 @given(poses(), cameras, st.sampled_from(["depth", "pitch", "yaw", "roll"]), steps)
-def test_all_else_leaves_the_pivot_where_it_is_seen(pose, camera, axis, step):
+def test_other_steps_keep_the_pixel_of_the_pivot(pose, camera, axis, step):
     moved = nudged(pose, camera, PIVOT, axis, step, RADIUS)
     assert pivot_pixel(camera, moved) == pytest.approx(pivot_pixel(camera, pose), abs=1e-8)
     moves = transform_points(moved, PIVOT[None]) - transform_points(pose, PIVOT[None])
@@ -82,8 +82,8 @@ def test_a_roll_moves_the_rim_along_itself_by_the_step(pose, camera, step):
 
 
 @given(poses(), cameras, st.sampled_from([("pitch", 1, 1), ("yaw", 0, -1)]), st.sampled_from([0.1, -0.1, 1.0]))
-def test_a_pitch_or_yaw_moves_what_is_before_the_pivot_by_the_step(pose, camera, axis, step):
-    """To first order: perspective enlarges it by what the point is nearer than the pivot."""
+def test_a_pitch_or_yaw_moves_points_in_front_of_the_pivot_by_the_step(pose, camera, axis, step):
+    """To first order; perspective enlarges the shift of a point nearer than the pivot."""
     name, coordinate, sign = axis
     moved = nudged(pose, camera, PIVOT, name, step, RADIUS)
     before, after = rim_shift(camera, pose, moved, [0, 0, -RADIUS])
@@ -95,7 +95,7 @@ def test_a_pitch_or_yaw_moves_what_is_before_the_pivot_by_the_step(pose, camera,
 
 
 @given(poses(), cameras, st.sampled_from(AXES), steps, st.integers(0, 1000))
-def test_the_frame_of_the_model_does_not_matter(pose, camera, axis, step, seed):
+def test_a_nudge_does_not_depend_on_the_model_frame(pose, camera, axis, step, seed):
     rng = np.random.default_rng(seed)
     model_from_mesh = rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 400)
     given_pivot = transform_points(np.linalg.inv(model_from_mesh), PIVOT)

@@ -1,11 +1,11 @@
-"""A dragged pin comes along, exactly where it can, and what the pins do not determine stays."""
+"""A dragged pin reaches its pixel exactly where that is possible; what the pins do not determine stays."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.alignment.landmarks.reprojection import moved_by
+from pipeline.alignment.landmarks.reprojection import apply_twist
 from pipeline.alignment.manual.pins import pull_pins
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.errors import InputError
@@ -62,22 +62,22 @@ def test_two_pins_shift_roll_and_change_the_distance(seed, camera, roll, nearer)
     points[1] = points[0] + pose[:3, :3].T @ [8.0, -5.0, 1.0]  # apart in the image
     ray = transform_points(pose, PIVOT) / np.linalg.norm(transform_points(pose, PIVOT))
     twist = np.array([*rng.normal(size=2), -nearer * DISTANCE[camera], *(roll * ray)])
-    target = shown(camera, moved_by(twist, pose, PIVOT), points)
+    target = shown(camera, apply_twist(twist, pose, PIVOT), points)
     pulled = pull_pins(points, target, camera, pose, PIVOT)
     assert shown(camera, pulled, points) == pytest.approx(target, abs=0.01)
-    # only about the view ray, and no more than that took
-    turn = rotation_vector(pulled[:3, :3] @ pose[:3, :3].T)
-    assert turn == pytest.approx((turn @ ray) * ray, abs=1e-9)
-    assert turn @ ray == pytest.approx(roll, abs=2e-3)
+    # a roll about the view ray only, by the angle that the pins ask for
+    rotation = rotation_vector(pulled[:3, :3] @ pose[:3, :3].T)
+    assert rotation == pytest.approx((rotation @ ray) * ray, abs=1e-9)
+    assert rotation @ ray == pytest.approx(roll, abs=2e-3)
 
 
 @settings(deadline=None, max_examples=40)
 @given(seeds, cameras, st.integers(3, 7))
-def test_more_pins_follow_in_all_six_freedoms(seed, camera, count):
+def test_more_pins_use_all_six_degrees_of_freedom(seed, camera, count):
     rng, points, pose, _ = scene(seed, camera, count)
     points[:3] += [[12, 0, 0], [-9, 9, 0], [0, -9, 6]]
     twist = rng.normal(size=6) * [0.3, 0.3, 3, 0.05, 0.05, 0.05]
-    target = shown(camera, moved_by(twist, pose, PIVOT), points)
+    target = shown(camera, apply_twist(twist, pose, PIVOT), points)
     pulled = pull_pins(points, target, camera, pose, PIVOT)
     assert shown(camera, pulled, points) == pytest.approx(target, abs=0.05)
     assert rotation_angle_deg(pulled[:3, :3] @ pose[:3, :3].T) < 60
@@ -85,7 +85,7 @@ def test_more_pins_follow_in_all_six_freedoms(seed, camera, count):
 
 @settings(deadline=None, max_examples=30)
 @given(seeds, cameras, st.integers(1, 6))
-def test_pulling_turns_with_the_model(seed, camera, count):
+def test_pulling_does_not_depend_on_the_model_frame(seed, camera, count):
     rng, points, pose, _ = scene(seed, camera, count)
     points[1:] += rng.normal(size=(count - 1, 3)) * 3
     target = shown(camera, pose, points) + rng.normal(size=(count, 2)) * 3
@@ -123,9 +123,9 @@ def test_pins_on_a_line_do_not_turn_about_it(camera):
     points = np.outer([-8.0, -1.0, 9.0], [1, 0.3, 0.2])
     target = shown(camera, pose, points) + rng.normal(size=(3, 2)) * 2
     pulled = pull_pins(points, target, camera, pose, np.zeros(3))
-    turn = rotation_vector(pulled[:3, :3] @ pose[:3, :3].T)
+    rotation = rotation_vector(pulled[:3, :3] @ pose[:3, :3].T)
     line = pose[:3, :3] @ [1, 0.3, 0.2]
-    assert abs(turn @ line) / np.linalg.norm(line) < np.radians(0.5)
+    assert abs(rotation @ line) / np.linalg.norm(line) < np.radians(0.5)
 
 
 @settings(deadline=None, max_examples=40)
@@ -142,7 +142,7 @@ def test_wild_drags_end_in_front_of_the_camera(seed, camera, count):
 @pytest.mark.parametrize(
     ("points", "pixels", "pose", "message"),
     [
-        (np.zeros((0, 3)), np.zeros((0, 2)), rigid(translation=[0, 0, 9.0]), "N from 1"),
+        (np.zeros((0, 3)), np.zeros((0, 2)), rigid(translation=[0, 0, 9.0]), "at least one point"),
         (np.zeros((2, 3)), np.zeros((1, 2)), rigid(translation=[0, 0, 9.0]), "as many pixels"),
         (np.zeros((1, 3)), np.full((1, 2), np.nan), rigid(translation=[0, 0, 9.0]), "NaN"),
         (np.zeros((1, 3)), np.zeros((1, 2)), rigid(translation=[0, 0, -9.0]), "in front of the camera"),

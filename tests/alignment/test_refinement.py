@@ -1,4 +1,4 @@
-"""The refinement on views of a hilly surface, shaded here without the refinement's own features."""
+"""The refinement on synthetic photographs of a hilly surface, shaded independently of the refinement's features."""
 
 import cv2
 import numpy as np
@@ -28,7 +28,7 @@ def hills(seed: int) -> TriangleMesh:
 
 
 def photograph(mesh: TriangleMesh, seed: int = 0) -> np.ndarray:
-    """Lambert's law under a lamp 40 mm beside the lens, falling off with distance; blotches of albedo and noise."""
+    """Lambert's law under a lamp 40 mm from the lens, falling off with distance; blotches of albedo and noise."""
     rng = np.random.default_rng(seed)
     raster = rasterise_depth(mesh, CAMERA, TRUE_POSE)
     points = CAMERA.rays_cam(CAMERA.pixel_grid()) / raster.inverse_depth[..., None]
@@ -57,44 +57,44 @@ VALID = np.ones(CAMERA.shape_hw, bool)
 
 def error(mesh: TriangleMesh, pose: np.ndarray) -> tuple[float, float]:
     """Rotation in degrees and mean distance of the images of the vertices, px."""
-    apart = [CAMERA.project(transform_points(p, mesh.vertices)) for p in (TRUE_POSE, pose)]
+    projected = [CAMERA.project(transform_points(p, mesh.vertices)) for p in (TRUE_POSE, pose)]
     return rotation_angle_deg(pose[:3, :3] @ TRUE_POSE[:3, :3].T), float(
-        np.linalg.norm(apart[0] - apart[1], axis=1).mean()
+        np.linalg.norm(projected[0] - projected[1], axis=1).mean()
     )
 
 
 def disturbed(rng: np.random.Generator, angle_deg: float, percent: float) -> np.ndarray:
-    """The true pose turned about the surface's middle and moved by a part of the distance, in random directions."""
+    """The true pose, rotated about the surface's centre and moved by some percent of the distance, at random."""
     axis, direction = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
-    turned = TRUE_POSE @ rigid(rotation_from_vector(np.radians(angle_deg) * axis))
-    return rigid(translation=direction * percent / 100 * TRUE_POSE[2, 3]) @ turned
+    rotated = TRUE_POSE @ rigid(rotation_from_vector(np.radians(angle_deg) * axis))
+    return rigid(translation=direction * percent / 100 * TRUE_POSE[2, 3]) @ rotated
 
 
 @pytest.mark.parametrize(("angle_deg", "percent"), [(2, 2), (5, 5)])
 def test_converges_from_a_rough_pose(mesh, frame, rng, angle_deg, percent):
     start = disturbed(rng, angle_deg, percent)
-    heard = []
-    result = refine_pose(frame, VALID, CAMERA, mesh, start, progress=heard.append)
+    fractions = []
+    result = refine_pose(frame, VALID, CAMERA, mesh, start, progress=fractions.append)
     assert result.accepted, result.message
-    turned, moved = error(mesh, result.cam_from_model)
-    assert turned < 0.5
+    rotated, moved = error(mesh, result.cam_from_model)
+    assert rotated < 0.5
     assert moved < 1.0
     assert result.after.score > result.before.score
     assert result.after.edge_distance_px < result.before.edge_distance_px or np.isnan(result.before.edge_distance_px)
-    assert heard == sorted(heard)
-    assert heard[0] == 0
-    assert heard[-1] == 1
+    assert fractions == sorted(fractions)
+    assert fractions[0] == 0
+    assert fractions[-1] == 1
 
 
 def test_the_true_pose_stays(mesh, frame):
     result = refine_pose(frame, VALID, CAMERA, mesh, TRUE_POSE)
     assert result.verified, result.message
-    turned, moved = error(mesh, result.cam_from_model)
-    assert turned < 0.5
+    rotated, moved = error(mesh, result.cam_from_model)
+    assert rotated < 0.5
     assert moved < 1.0
 
 
-def test_masked_pixels_have_no_say(mesh, frame, rng):
+def test_masked_pixels_have_no_influence(mesh, frame, rng):
     spoilt, valid = frame.copy(), VALID.copy()
     spoilt[:, 80:110] = rng.random((180, 30, 3), np.float32)
     valid[:, 80:110] = False
@@ -129,7 +129,7 @@ def test_a_surface_out_of_the_image_is_refused(mesh, frame):
         np.testing.assert_allclose(result.cam_from_model, start, atol=1e-12)
 
 
-def test_an_object_with_colours_before_a_background(rng):
+def test_a_coloured_object_in_front_of_clutter(rng):
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 81), np.linspace(0, np.pi, 41))
     radius = 25 + 3 * np.sin(3 * u) * np.sin(v) ** 3 + 4 * np.cos(v) + 3 * np.sin(u + 1) * np.sin(v)
     points = radius[..., None] * np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), 1.2 * np.cos(v)], axis=-1)
@@ -144,12 +144,12 @@ def test_an_object_with_colours_before_a_background(rng):
     clutter = 0.5 + 4 * cv2.GaussianBlur(rng.normal(size=(240, 320, 3)), (0, 0), 7)
     shown = colours[mesh.faces].mean(axis=1)[raster.face]
     image = np.clip(np.where(raster.face[..., None] >= 0, 0.8 * shown, clutter), 0, 1).astype(np.float32)
-    turned = pose @ rigid(rotation_from_vector(np.radians([2.0, -2.0, 1.5])))
-    start = rigid(translation=[6.0, -5.0, 8.0]) @ turned
+    rotated = pose @ rigid(rotation_from_vector(np.radians([2.0, -2.0, 1.5])))
+    start = rigid(translation=[6.0, -5.0, 8.0]) @ rotated
     result = refine_pose(image, np.ones((240, 320), bool), camera, mesh, start, colours=colours)
     assert result.accepted, result.message
-    apart = [camera.project(transform_points(p, mesh.vertices)) for p in (pose, result.cam_from_model)]
-    assert np.linalg.norm(apart[0] - apart[1], axis=1).mean() < 0.7
+    projected = [camera.project(transform_points(p, mesh.vertices)) for p in (pose, result.cam_from_model)]
+    assert np.linalg.norm(projected[0] - projected[1], axis=1).mean() < 0.7
 
 
 def test_cancelling_and_wrong_arrays(mesh, frame):

@@ -1,4 +1,4 @@
-"""The pose comes back from its pairs, whatever the lens, the frame of the model and the order; or is refused."""
+"""The pose is recovered from its correspondences, whatever the lens, model frame and order; or it is refused."""
 
 import cv2
 import numpy as np
@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.alignment.landmarks.reprojection import jacobian_at, moved_by, twist_between
+from pipeline.alignment.landmarks.reprojection import apply_twist, jacobian_at, twist_between
 from pipeline.alignment.landmarks.solver import UndeterminedPose, solve_pose
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.errors import InputError
@@ -17,7 +17,6 @@ from pipeline.transforms import (
     rotation_angle_deg,
     rotation_from_vector,
     rotation_vector,
-    rotations_from_vectors,
     transform_points,
 )
 
@@ -54,19 +53,20 @@ def test_rotation_vectors_go_both_ways(axis, angle):
     vector = axis / np.linalg.norm(axis) * angle
     rotation = rotation_from_vector(vector)
     assert rotation_vector(rotation) == pytest.approx(vector, abs=2e-8)
-    assert rotations_from_vectors(np.stack([vector, 0 * vector])) == pytest.approx(np.stack([rotation, np.eye(3)]))
 
 
 def test_twists_go_both_ways_and_their_jacobian_is_the_derivative():
     rng = np.random.default_rng(2)
     pose, pivot, points = random_pose(rng, 60.0), rng.normal(size=3) * 9, box_points(rng, 5)
     twist = rng.normal(size=6) * [2, 2, 2, 0.4, 0.4, 0.4]
-    assert twist_between(pose, moved_by(twist, pose, pivot), pivot) == pytest.approx(twist)
+    assert twist_between(pose, apply_twist(twist, pose, pivot), pivot) == pytest.approx(twist)
     jacobian = jacobian_at(points, WIDE, pose, pivot)
     for number in range(6):
         step = np.zeros(6)
         step[number] = 1e-5
-        ahead, behind = (WIDE.project(transform_points(moved_by(sign * step, pose, pivot), points)) for sign in (1, -1))
+        ahead, behind = (
+            WIDE.project(transform_points(apply_twist(sign * step, pose, pivot), points)) for sign in (1, -1)
+        )
         assert (ahead - behind) / 2e-5 == pytest.approx(jacobian[:, :, number], rel=1e-6, abs=1e-4)
 
 
@@ -136,7 +136,7 @@ def test_the_answer_turns_with_the_model_and_ignores_the_order(seed, count, came
     assert np.array_equal(again.cam_from_model, one.cam_from_model)
 
 
-def test_no_pose_nearby_fits_better_says_opencv():
+def test_opencv_finds_no_better_pose_nearby():
     rng = np.random.default_rng(5)
     for count in (4, 6, 12):
         trial = box_trial(rng, count, 2.0)
@@ -170,12 +170,12 @@ def test_wrong_pairs_are_found_named_and_left_out(count, wrong, shift_px):
             exact += 1
             assert rotation_angle_deg(estimate.cam_from_model[:3, :3] @ trial.cam_from_model[:3, :3].T) < 5
             for index in bad:
-                assert any(repr(NAMES[index]) in sentence and "left out" in sentence for sentence in estimate.messages)
-    # a pair that alone determines a direction cannot be told wrong
+                assert any(repr(NAMES[index]) in message and "left out" in message for message in estimate.messages)
+    # a pair that alone determines a direction cannot be recognised as wrong
     assert exact >= trials - 1
 
 
-def test_right_pairs_are_left_in():
+def test_right_pairs_are_kept():
     rng = np.random.default_rng(3)
     for count, sigma_px in ((5, 2.0), (6, 2.0), (8, 3.0), (12, 2.0), (20, 4.0)):
         for _ in range(12):
@@ -183,7 +183,7 @@ def test_right_pairs_are_left_in():
             assert solve_pose(trial.points_model, trial.pixels, MICROSCOPE).inliers.all()
 
 
-def test_a_pair_behind_the_camera_is_left_out_and_said_to_be_there():
+def test_a_pair_behind_the_camera_is_left_out_with_that_reason():
     rng = np.random.default_rng(8)
     pose = rigid(np.eye(3), [0, 0, 30.0])
     points = box_points(rng, 9)
@@ -193,7 +193,7 @@ def test_a_pair_behind_the_camera_is_left_out_and_said_to_be_there():
     estimate = solve_pose(points, pixels, WIDE)
     assert np.flatnonzero(~estimate.inliers).tolist() == [4]
     assert np.isnan(estimate.residuals_px[4]).all()
-    assert any("'5' lies behind the camera" in sentence for sentence in estimate.messages)
+    assert any("'5' lies behind the camera" in message for message in estimate.messages)
     assert estimate.cam_from_model == pytest.approx(pose, abs=1e-6)
 
 
@@ -207,7 +207,7 @@ def frontal(tilt=0.0):
 def refused_pairs(kind, rng):
     """Points, true pose and camera of pairs that do not determine a pose, and what the message must name."""
     if kind == "few":
-        return box_points(rng, 3), frontal(0.4), MICROSCOPE, "at least 4 enabled pairs, found 3; add 1 more"
+        return box_points(rng, 3), frontal(0.4), MICROSCOPE, "at least 4 enabled correspondences, found 3; add 1 more"
     if kind == "identical":
         points = box_points(rng, 6)
         points[3:] = points[1]
@@ -215,7 +215,7 @@ def refused_pairs(kind, rng):
     if kind == "collinear":
         return np.outer(rng.random(6) * 10, [1, 2, 0.5]), frontal(0.4), MICROSCOPE, "on one line"
     if kind == "coplanar":
-        return box_points(rng, 6, 0), frontal(), MICROSCOPE, "on one plane, which may tilt either way"
+        return box_points(rng, 6, 0), frontal(), MICROSCOPE, "on one plane, which can tilt either way"
     if kind == "clustered":
         return box_points(rng, 6) / 60, frontal(0.4), MICROSCOPE, "towards all sides of the image"
     if kind == "mirrored":
@@ -238,7 +238,7 @@ def test_what_cannot_be_determined_is_refused_by_its_reason(kind):
     assert str(caught.value).startswith("landmarks: ")
 
 
-def test_nearly_collinear_points_are_told_from_the_noise_not_from_exactness():
+def test_nearly_collinear_points_are_recognised_by_the_click_noise():
     rng = np.random.default_rng(4)
     points = np.outer(np.linspace(-10, 10, 6), [1, 0.5, 0]) + rng.normal(size=(6, 3)) * 0.05
     pixels = clicked(rng, MICROSCOPE, frontal(0.4), points)
@@ -254,7 +254,7 @@ def test_pairs_in_the_wrong_order_fit_no_pose():
     rng = np.random.default_rng(6)
     points = box_points(rng, 8)
     pixels = clicked(rng, MICROSCOPE, frontal(0.4), points)
-    with pytest.raises(UndeterminedPose, match="no pose fits these 8 pairs, only") as caught:
+    with pytest.raises(UndeterminedPose, match="no pose fits these 8 correspondences, only") as caught:
         solve_pose(points, np.roll(pixels, 3, axis=0), MICROSCOPE)
     assert caught.value.kind == "no fit"
 
@@ -269,7 +269,7 @@ def test_all_points_behind_the_camera_look_like_a_mirrored_mesh():
     assert caught.value.kind == "mirrored"
 
 
-def test_of_two_possible_poses_the_start_decides_and_that_is_told():
+def test_of_two_possible_poses_the_start_decides_and_a_warning_says_so():
     rng = np.random.default_rng(12)
     points, pose = box_points(rng, 4, 0), frontal(0.15)
     pixels = clicked(rng, MICROSCOPE, pose, points, 1.0)
@@ -278,33 +278,33 @@ def test_of_two_possible_poses_the_start_decides_and_that_is_told():
     assert caught.value.kind == "coplanar"
     assert len(caught.value.candidates) == 2
     for candidate in caught.value.candidates:
-        start = moved_by(np.array([1, -2, 9, 0.02, -0.01, 0.02]), candidate, np.zeros(3))
+        start = apply_twist(np.array([1, -2, 9, 0.02, -0.01, 0.02]), candidate, np.zeros(3))
         estimate = solve_pose(points, pixels, MICROSCOPE, start=start)
         assert estimate.cam_from_model == pytest.approx(candidate, abs=1e-6)
-        assert "nearest the present pose was taken" in estimate.messages[0]
-    far = moved_by(np.array([0, 0, 0, 1.5, 0, 0]), pose, np.zeros(3))
+        assert "nearest the current pose was taken" in estimate.messages[0]
+    far = apply_twist(np.array([0, 0, 0, 1.5, 0, 0]), pose, np.zeros(3))
     with pytest.raises(UndeterminedPose):
         solve_pose(points, pixels, MICROSCOPE, start=far)
 
 
-def test_few_pairs_and_large_residuals_are_told():
+def test_few_pairs_and_large_residuals_give_warnings():
     rng = np.random.default_rng(9)
     trial = box_trial(rng, 5, 1.0)
     messages = solve_pose(trial.points_model, trial.pixels, MICROSCOPE).messages
     assert len(messages) == 1
-    assert messages[0].startswith("The pose rests on 5 pairs")
+    assert messages[0].startswith("The pose rests on 5 correspondences")
     noisy = box_trial(rng, 12, 9.0)
     messages = solve_pose(noisy.points_model, noisy.pixels, MICROSCOPE).messages
-    assert any("larger than clicks of 2 px explain" in sentence for sentence in messages)
+    assert any("larger than a click noise of 2 px explains" in message for message in messages)
     fine = box_trial(rng, 12, 2.0)
     assert solve_pose(fine.points_model, fine.pixels, MICROSCOPE).messages == ()
 
 
-def test_a_pair_that_stands_twice_is_told():
+def test_a_repeated_pair_gives_a_warning():
     trial = box_trial(np.random.default_rng(10), 6, 2.0)
     points, pixels = np.vstack([trial.points_model, trial.points_model[2]]), np.vstack([trial.pixels, trial.pixels[2]])
     assert (
-        "'g' repeats 'c', which counts twice: delete one."
+        "'g' repeats 'c', which then counts twice: delete one."
         in solve_pose(points, pixels, MICROSCOPE, names=NAMES[:7]).messages
     )
 
@@ -354,9 +354,9 @@ def test_any_pairs_are_solved_or_refused(seed, count, focal_px, extent, kind, si
 @pytest.mark.parametrize(
     ("points", "pixels", "options", "message"),
     [
-        (np.zeros((5, 2)), np.zeros((5, 2)), {}, "N points"),
+        (np.zeros((5, 2)), np.zeros((5, 2)), {}, "expected points"),
         (np.zeros((5, 3)), np.zeros((4, 2)), {}, "as many pixels"),
-        (np.zeros((5, 3)), np.zeros((5, 2)), {"names": ["a"]}, "a name for each of 5 pairs"),
+        (np.zeros((5, 3)), np.zeros((5, 2)), {"names": ["a"]}, "a name for each of 5 correspondences"),
         (np.full((5, 3), np.nan), np.zeros((5, 2)), {}, "NaN or infinity in '1'"),
         (np.zeros((5, 3)), np.zeros((5, 2)), {"click_sigma_px": 0}, "positive number of pixels"),
         (np.zeros((5, 3)), np.zeros((5, 2)), {"click_sigma_px": np.nan}, "positive number of pixels"),

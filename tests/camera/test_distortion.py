@@ -80,7 +80,7 @@ def test_four_coefficients_leave_k3_zero():
         ("12345", r"expected \[k1, k2, p1, p2, k3\], found '12345'"),
         (["a", 0, 0, 0, 0], "expected .k1"),
         (0.1, "expected .k1"),
-        ([-3.0, 0, 0, 0, 0], "folds it over; OpenCV's order is"),
+        ([-3.0, 0, 0, 0, 0], "folds it over; use OpenCV's order"),
         ([0, 0, 0, 0, -9.0], "folds"),
         ([0, 0, 0.6, 0, 0], "folds"),
         ([1e200, 1e300, 0, 0, 0], "folds"),
@@ -94,7 +94,7 @@ def test_bad_coefficients_are_refused(values, message):
 
 @given(coefficients)
 def test_accepted_distortions_can_be_inverted(values):
-    """What is not refused as folded is one to one: OpenCV's iterative inverse leads back from every pixel."""
+    """A distortion that is not refused is one to one: OpenCV's iterative inverse recovers every pixel."""
     camera = PinholeCamera(64, 48, 60.0, 60.0, 31.5, 23.5)
     assume(any(values))
     try:
@@ -106,7 +106,7 @@ def test_accepted_distortions_can_be_inverted(values):
     criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-12)
     back = cv2.undistortPointsIter(distorted[:, None], np.eye(3), np.array(values), np.eye(3), np.eye(3), criteria)
     error = np.abs(distortion.distort(back[:, 0]) - distorted).max(axis=1)
-    # where its iteration has found a point at all, it is the one that we started from
+    # where its iteration converges, it returns the initial point
     assert np.abs(back[:, 0] - ideal)[error < 1e-12].max(initial=0) < 1e-6
 
 

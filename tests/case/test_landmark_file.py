@@ -80,7 +80,7 @@ BAD = {
     "broken JSON": ('[{"name": ', "expected JSON, found a mistake"),
     "JSON of another kind": ('{"name": "tip"}', "expected a list of tables"),
     "JSON key": ('[{"name": "tip", "point": []}]', "landmark number 1: unknown key 'point'"),
-    "nothing": ("", "found an empty one"),
+    "nothing": ("", "found an empty file"),
     "zeros": ("\0\0\0", "found another kind of file"),
 }
 

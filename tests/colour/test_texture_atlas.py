@@ -58,7 +58,7 @@ def microscope_like(camera, rng):
 
 
 def bilinear(image, x, y):
-    """Written apart from the code under test; coordinates must be inside."""
+    """Independent of the code under test; coordinates must be inside."""
     j, i = np.floor(y).astype(int), np.floor(x).astype(int)
     j, i = np.clip(j, 0, image.shape[0] - 2), np.clip(i, 0, image.shape[1] - 2)
     s, t = x - i, y - j
@@ -337,7 +337,7 @@ def test_unseen_faces_are_neutral():
 
 
 def test_floor_that_passes_under_the_camera():
-    """Corners behind the camera have no projection: the chart is the face itself, unrolled, and that is told."""
+    """Corners behind the camera have no projection: the chart is the unfolded face, and a message says so."""
     rng = np.random.default_rng(8)
     vertices = np.array([[-900.0, 120, -600], [900, 120, -600], [900, 120, 900], [-900, 120, 900]])
     mesh = TriangleMesh(vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32))

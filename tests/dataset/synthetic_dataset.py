@@ -8,10 +8,14 @@ import cv2
 import numpy as np
 
 from pipeline.camera.pinhole import PinholeCamera
+from pipeline.dataset.bop import bounding_box, write_camera, write_models, write_scene
+from pipeline.dataset.coco import run_lengths
 from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.tables import write_camera, write_models, write_poses, write_scene
-from pipeline.dataset.view import mask_statistics, view_files, write_view
+from pipeline.dataset.pose_tables import write_poses
+from pipeline.dataset.view import file_hashes, view_files, write_view
+from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord
 from pipeline.images.png import encode_png
+from pipeline.poses.constraints import Rejections
 from pipeline.surface.mesh import TriangleMesh
 from pipeline.transforms import rigid, rotation_from_vector, transform_points
 
@@ -107,27 +111,24 @@ def write_one(root: Path, index: int) -> None:
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
     observed = mask & (u > 12)
     colour = np.stack([u / 64, v / 48, np.full(u.shape, 0.5 + 0.1 * index)], -1) * mask[..., None]
-    visible, rows = mask_statistics(mask), np.argwhere(wide > 0)
+    rows = np.argwhere(wide > 0)
     (top, left), (bottom, right) = rows.min(axis=0), rows.max(axis=0)
     inside, whole = int(mask.sum()), len(rows)
-    box = [left - CAMERA.width, top - CAMERA.height, right - left, bottom - top]
-    record = {
-        "cam_R_m2c": pose[:3, :3].ravel().tolist(),
-        "cam_t_m2c": pose[:3, 3].tolist(),
-        "depth_scale": DEPTH_SCALE,
-        "gt_info": {
-            "bbox_obj": [int(side) for side in box],
-            "bbox_visib": visible["bbox_visib"],
-            "px_count_all": whole,
-            "px_count_valid": inside,
-            "px_count_visib": inside,
-            "visib_fract": inside / whole,
-        },
-        "px_count_observed": int(observed.sum()),
-        "rle_counts": visible["rle_counts"],
-    }
+    box = tuple(map(int, (left - CAMERA.width, top - CAMERA.height, right - left, bottom - top)))
+    paths = ViewPaths(root, index)
     files = view_files(colour, depth, observed, depth_scale=DEPTH_SCALE, float_depth=True)
-    write_view(ViewPaths(root, index), files, record)
+    record = ViewRecord(
+        index=index,
+        cam_from_model=pose,
+        depth_scale=DEPTH_SCALE,
+        gt_info=GroundTruthInfo(box, bounding_box(mask), whole, inside, inside, inside / whole),
+        px_count_observed=int(observed.sum()),
+        attempts=1,
+        rejections=Rejections(),
+        rle_counts=run_lengths(mask),
+        sha256=file_hashes(paths, files),
+    )
+    write_view(paths, files, record)
 
 
 def write_tables(root: Path, camera: PinholeCamera) -> None:

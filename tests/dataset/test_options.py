@@ -96,8 +96,8 @@ def test_bad_values_are_refused_and_named(values, message):
 
 @given(total=st.integers(1, 20_000), count=st.integers(1, 40), per_scene=st.sampled_from([1, 7, 1000]))
 def test_shards_part_the_views(total, count, per_scene):
-    shards = [Shard(index, count).frames(total, per_scene) for index in range(count)]
-    assert [frame for shard in shards for frame in shard] == list(range(total))
+    shards = [Shard(index, count).views(total, per_scene) for index in range(count)]
+    assert [view for shard in shards for view in shard] == list(range(total))
     if total >= per_scene * count:
         # whole scenes, so that each shard can write the tables of its own
         assert all(shard.start % per_scene == 0 for shard in shards)
@@ -110,7 +110,7 @@ def test_shards_part_the_views(total, count, per_scene):
 
 @given(total=st.integers(1, 300), count=st.integers(1, 40))
 def test_shards_of_single_views_differ_by_one(total, count):
-    sizes = [len(Shard(index, count).frames(total, 1000)) for index in range(count)]
+    sizes = [len(Shard(index, count).views(total, 1000)) for index in range(count)]
     assert max(sizes) - min(sizes) <= 1
 
 

@@ -1,9 +1,50 @@
-"""Numbers in sentences are close, short and plain."""
+"""Numbers in files are read exactly or refused; numbers in sentences are close, short and plain."""
 
+import io
+
+import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 
-from pipeline.files.numbers import format_two_digits
+from pipeline.errors import InputError
+from pipeline.files.numbers import format_two_digits, npy_array
+
+
+def saved(array: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+@given(
+    hnp.arrays(
+        hnp.integer_dtypes(endianness="?") | hnp.floating_dtypes(endianness="?", sizes=(32, 64)),
+        hnp.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=4),
+    ),
+    st.booleans(),
+)
+def test_arrays_come_back(array, columns_first):
+    array = np.asarray(array, order="F" if columns_first else "C")
+    found = npy_array(saved(array), "a.npy")
+    assert (found.dtype, found.shape) == (array.dtype, array.shape)
+    assert found.tobytes() == array.tobytes()
+
+
+@given(st.integers(0, 200))
+def test_a_cut_off_array_is_refused(size):
+    whole = saved(np.arange(9.0).reshape(3, 3))
+    with pytest.raises(InputError, match=r"^a\.npy: expected an array of numbers, cannot read it .*save floats"):
+        npy_array(whole[: min(size, len(whole) - 1)], "a.npy")
+
+
+@pytest.mark.parametrize("shape", ["(1000000000000, 4, 4)", "(-1, 4, 4)", "(-1, -4, 4)", "(2.0, 2)"])
+def test_a_header_that_does_not_fit_takes_no_memory(shape):
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
+    data = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode() + bytes(256)
+    with pytest.raises(InputError, match="cannot read it"):
+        npy_array(data, "a.npy")
 
 
 @given(st.floats(1e-4, 1e6))

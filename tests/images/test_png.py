@@ -1,17 +1,20 @@
-"""Image files: those that some programs turn and some do not are refused, all others are none of its business."""
+"""Image files: what is written is what others read; what is damaged, or turned by some programs only, is refused."""
 
 import io
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 from PIL import Image
 
 from pipeline.errors import InputError
 from pipeline.images.image_check import check_image_file
 from pipeline.images.pixel_values import to_uint8
+from pipeline.images.png import encode_png
 
 TURNED = {
     2: "mirrored",
@@ -74,3 +77,51 @@ def test_codes_are_the_nearest(rng):
     assert codes.dtype == np.uint8
     assert np.abs(codes - np.clip(values, 0, 1) * 255).max() <= 0.5
     assert np.array_equal(to_uint8(np.arange(256, dtype=np.float32) / 255), np.arange(256))
+
+
+sides = st.integers(1, 40)
+
+
+def noise(seed: int, shape: tuple[int, ...], dtype: type) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, np.iinfo(dtype).max, shape, dtype, endpoint=True)
+
+
+images = st.one_of(
+    hnp.arrays(np.uint8, st.tuples(sides, sides)),
+    hnp.arrays(np.uint16, st.tuples(sides, sides)),
+    hnp.arrays(np.uint8, st.tuples(sides, sides, st.just(3))),
+    st.builds(noise, st.integers(0, 2**32 - 1), st.tuples(sides, sides), st.sampled_from([np.uint8, np.uint16])),
+    st.builds(noise, st.integers(0, 2**32 - 1), st.tuples(sides, sides, st.just(3)), st.just(np.uint8)),
+)
+
+
+@settings(deadline=None)
+@given(images, st.booleans(), st.booleans())
+def test_png_files_hold_what_another_decoder_reads(image, mirrored, transposed):
+    if mirrored:
+        image = image[:, ::-1]
+    if transposed:
+        image = image.swapaxes(0, 1)
+    decoded = cv2.imdecode(np.frombuffer(encode_png(image), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert decoded.dtype == image.dtype
+    np.testing.assert_array_equal(decoded[..., ::-1] if image.ndim == 3 else decoded, image)
+
+
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("scratch") / "image.png"
+
+
+@settings(deadline=None)
+@given(images, st.data())
+def test_a_png_file_with_any_byte_changed_or_lost_is_refused(scratch, image, data):
+    whole = encode_png(image)
+    scratch.write_bytes(whole)
+    check_image_file(scratch, "image")
+    place = data.draw(st.integers(0, len(whole) - 1))
+    changed = bytearray(whole)
+    changed[place] ^= data.draw(st.integers(1, 255))
+    for damaged in (changed, whole[:place]):
+        scratch.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"^image: expected"):
+            check_image_file(scratch, "image")

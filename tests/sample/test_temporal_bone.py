@@ -1,4 +1,4 @@
-"""The built-in sample surface: an open sheet that winds toward the air, with overhangs, as a drilled bone has."""
+"""The built-in sample surface: an open sheet with fronts towards the air, and overhangs like those of drilled bone."""
 
 import numpy as np
 import pytest
@@ -59,7 +59,7 @@ def layers(sample) -> Layers:
 def test_size_and_frame(sample):
     assert 150_000 <= len(sample.bone.faces) <= 250_000
     assert 0.2 < sample.bone.median_edge < 0.4
-    # like a CT's coordinates: far from centred
+    # far from the origin, like CT coordinates
     assert np.linalg.norm(sample.bone.vertices.mean(axis=0)) > 500
     for mesh in (sample.bone, *sample.structures.values()):
         assert mesh.vertices.dtype == np.float64
@@ -77,7 +77,7 @@ def test_bone_is_an_open_sheet_wound_one_way(sample):
     edges = sample.bone.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
     count = len(sample.bone.vertices)
     forward, backward = edges @ [count, 1], edges @ [1, count]
-    assert len(np.unique(forward)) == len(forward), "an edge is run twice in the same direction"
+    assert len(np.unique(forward)) == len(forward), "two faces run along an edge in the same direction"
     rim = edges[~np.isin(forward, backward)].ravel()
     local = transform_points(inverse_rigid(MESH_FROM_LOCAL), sample.bone.vertices)
     to_side = np.minimum(local - LOWER_MM, UPPER_MM - local)[:, :2].min(axis=1)
@@ -88,7 +88,7 @@ def test_bone_is_an_open_sheet_wound_one_way(sample):
     assert np.linalg.norm(sample.bone.face_cross[in_side], axis=1).sum() < 1, "a side of the box is closed"
 
 
-def test_rays_cross_fronts_and_backs_in_turn_and_often_more_than_one_layer(layers):
+def test_rays_cross_fronts_and_backs_alternately_and_often_more_than_one_layer(layers):
     rng = np.random.default_rng(3)
     crossings = [layers.at(pixel) for pixel in rng.uniform([330, 150], [800, 560], (300, 2))]
     counts = np.array([len(depth) for depth, _ in crossings])
@@ -135,7 +135,7 @@ def test_structures_are_closed_and_partly_beneath_bone(sample, layers):
 
 
 def test_ossicles_of_the_sheet_lie_inside_their_structure(sample):
-    """So that the two never coincide, which would make what is in front a matter of rounding."""
+    """So that the two never coincide and rounding never decides which one is in front."""
     ossicles = sample.structures["ossicles"]
     body = ossicles.bounds.mean(axis=0)
     near = sample.bone.vertices[np.linalg.norm(sample.bone.vertices - body, axis=1) < 6]

@@ -1,5 +1,6 @@
 """The script as a user starts it: pairs in; pose, residuals, case and picture out; what cannot be is refused."""
 
+import dataclasses
 import json
 import os
 import re
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from pipeline.case.case_file import Case, read_case
+from pipeline.case.case_writer import write_case
 from pipeline.case.landmark_file import write_landmarks
 from pipeline.case.landmarks import Landmark
 from pipeline.surface.mesh_reader import read_mesh
@@ -63,7 +65,7 @@ def test_pairs_become_a_case_a_record_and_a_picture(case_path, tmp_path, align):
     unused = [Landmark("half", None, (3.0, 4.0)), Landmark("off", (0.0, 0.0, 0.0), (1.0, 1.0), enabled=False)]
     pairs, out, record, picture = (tmp_path / name for name in ("pairs.csv", "out.toml", "pose.json", "picture.png"))
     write_landmarks(pairs, [*landmarks, wrong, *unused])
-    ended = align(case_path, "--pairs", pairs, FINE, "--out", out, "--json", record, "--picture", picture)
+    ended = align(case_path, "--landmarks", pairs, FINE, "--out", out, "--json", record, "--picture", picture)
     assert ended.returncode == 0, ended.stderr
     assert "note: 'wrong one' is" in ended.stdout
     assert re.search(r"wrong one .* left out\n", ended.stdout)
@@ -96,6 +98,64 @@ def test_pairs_become_a_case_a_record_and_a_picture(case_path, tmp_path, align):
     assert printed_matrix(again.stdout, "cam_from_mesh") == pytest.approx(pose, abs=1e-5)
 
 
+def test_the_script_says_what_the_operator_says(case_path, tmp_path, align, addon):
+    """Pose, landmarks left out, residuals, what lies off the surface, and the record in the case."""
+    import bpy
+
+    from blender_addon.landmarks import solve
+
+    landmarks = clicked_landmarks(case_path)
+    x, y, z = landmarks[2].point
+    given = [
+        *landmarks[:2],
+        Landmark("above", (x, y, z + 2.0), landmarks[2].pixel),
+        *landmarks[3:],
+        Landmark("wrong one", landmarks[0].point, (50.0, 40.0)),
+        Landmark("off", (0.0, 0.0, 0.0), (1.0, 1.0), enabled=False),
+        Landmark("half", None, (3.0, 4.0)),
+    ]
+    pairs, saved = tmp_path / "landmarks.csv", tmp_path / "saved.toml"
+    write_landmarks(pairs, given)
+    bpy.ops.oneframe.open_case(filepath=str(case_path.with_name("true.toml")))
+    scene = bpy.context.scene
+    scene.oneframe.click_sigma_px = 0.5
+    bpy.ops.oneframe.import_landmarks(filepath=str(pairs))
+    bpy.ops.oneframe.solve_landmarks()
+    solved = solve.solution(scene)
+    assert not solved.estimate.inliers.all()
+    bpy.ops.oneframe.save_case(filepath=str(saved))
+    by_operator = read_case(saved)
+    # the script starts elsewhere
+    rough = read_case(case_path).cam_from_mesh
+    write_case(saved, dataclasses.replace(by_operator, cam_from_mesh=rough, alignment={}))
+    record, out = tmp_path / "pose.json", tmp_path / "out.toml"
+    ended = align(saved, "--click-sigma-px", "0.5", "--json", record, "--out", out)
+    assert ended.returncode == 0, ended.stderr
+
+    by_script = json.loads(record.read_text())
+    seen = [
+        by_operator.camera.project(transform_points(np.array(pose), [landmark.point for landmark in landmarks]))
+        for pose in (by_operator.cam_from_mesh, by_script["cam_from_mesh"])
+    ]
+    # a pose goes through single precision on its way through a scene
+    assert np.abs(seen[0] - seen[1]).max() < 1e-3
+    names = [landmark.name for landmark in solved.alignment.landmarks]
+    assert [pair["name"] for pair in by_script["pairs"]] == names
+    assert [pair["inlier"] for pair in by_script["pairs"]] == solved.estimate.inliers.tolist()
+    residuals = np.array([pair["residual_px"] for pair in by_script["pairs"]])
+    assert residuals == pytest.approx(solved.estimate.residuals_px, abs=1e-6)
+    notes = [line.removeprefix("note: ") for line in ended.stdout.splitlines() if line.startswith("note: ")]
+    (off,) = solve.off_surface(scene)
+    assert "'above' (" in off
+    assert notes == [off, *solved.estimate.messages]
+    one, other = (
+        {key: value for key, value in case.alignment.items() if key != "tool"} for case in (by_operator, read_case(out))
+    )
+    assert one.keys() == other.keys()
+    for key, value in one.items():
+        assert other[key] == (value if isinstance(value, str) else pytest.approx(value, rel=1e-5))
+
+
 def test_metres_are_millimetres_inside(case_path, tmp_path, align):
     pairs, metres = tmp_path / "pairs.json", case_path.with_name("metres.toml")
     write_landmarks(pairs, clicked_landmarks(case_path), mm_per_unit=1000.0)
@@ -117,9 +177,9 @@ def test_metres_are_millimetres_inside(case_path, tmp_path, align):
 @pytest.mark.parametrize(
     ("kind", "code", "message"),
     [
-        ("three", 2, "at least 4 enabled pairs, found 3"),
-        ("none", 2, "at least 4 enabled pairs, found 0"),
-        ("shuffled", 2, "no pose fits these 7 pairs"),
+        ("three", 2, "at least 4 enabled correspondences, found 3"),
+        ("none", 2, "at least 4 enabled correspondences, found 0"),
+        ("shuffled", 2, "no pose fits these 7 correspondences"),
         ("no file", 2, "it does not exist"),
         ("no folder", 3, "cannot write it"),
         ("sigma", 2, "click noise: expected a positive number"),

@@ -38,13 +38,13 @@ def case(tmp_path, write_tiny_case) -> Path:
 
 
 def opened(case: Path, options: DatasetOptions = OPTIONS) -> object:
-    return open_job(Job(case, case.parent.parent / "out", options, Shard()))
+    return open_job(Job(read_case(case), case.parent.parent / "out", options, Shard()))
 
 
 def run_here(case: Path, options: DatasetOptions = OPTIONS) -> str:
     stream = io.StringIO()
     out = case.parent.parent / "out"
-    dataset_run.run(Job(case, out, options, Shard()), workers=1, worker_command=(), stream=stream)
+    dataset_run.run(Job(read_case(case), out, options, Shard()), workers=1, worker_command=(), stream=stream)
     return stream.getvalue()
 
 
@@ -141,7 +141,7 @@ MESHES = {
     "cut off": (lambda folder: (folder / "surface.ply").write_bytes((folder / "surface.ply").read_bytes()[:5000]), "."),
     "no mesh": (lambda folder: (folder / "surface.ply").write_bytes(b"\x89PNG\r\n\x1a\n"), "."),
     "empty file": (lambda folder: (folder / "surface.ply").write_bytes(b""), "."),
-    "missing": (lambda folder: (folder / "surface.ply").unlink(), "expected a mesh file, found none; check the path"),
+    "missing": (lambda folder: (folder / "surface.ply").unlink(), "expected a mesh file, it does not exist; correct"),
     "NaN": (lambda folder: change_mesh(folder, with_nan), "found NaN, .* in 1 of 806 vertices .first: vertex 17"),
     "no faces": (
         lambda folder: change_mesh(folder, lambda mesh: dataclasses.replace(mesh, faces=mesh.faces[:0])),
@@ -257,7 +257,7 @@ def test_a_frame_without_a_visible_pixel_is_refused_and_nothing_is_left(case):
 )
 def test_constraints_that_nothing_meets_end_the_run_and_leave_nothing(case, settings, message):
     (case.parent.parent / "out").mkdir()
-    with pytest.raises(InputError, match=f"^frame 0: found no pose that meets the constraints: .*{message}"):
+    with pytest.raises(InputError, match=f"^view 0: found no pose that meets the constraints: .*{message}"):
         run_here(case, dataclasses.replace(OPTIONS, **settings))
     assert list((case.parent.parent / "out").iterdir()) == []
 
@@ -355,7 +355,7 @@ def assert_refused(ended, message: str) -> None:
 
 
 def test_a_folder_in_place_of_a_case_is_refused(tmp_path, render_command, run_command):
-    assert_refused(run_command(render_command(tmp_path, "--out", tmp_path / "out")), "cannot read the case file")
+    assert_refused(run_command(render_command(tmp_path, "--out", tmp_path / "out")), "a case file, cannot read it")
 
 
 def test_a_rasteriser_without_opengl_is_refused(case, tmp_path, render_command, run_command):

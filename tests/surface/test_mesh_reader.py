@@ -337,7 +337,7 @@ FACES = b"property list uchar int vertex_indices\n"
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.ply", b"", r"a\.ply: expected a mesh, found an empty file"),
+        ("a.ply", b"", r"a\.ply: expected a mesh file, found an empty file"),
         ("a.ply", SAMPLES["binary.stl"], r"expected a PLY header .*another format"),
         ("a.ply", b"ply\nelement vertex 3\nend_header\n", r"expected a line 'format"),
         ("a.ply", b"ply\nformat ascii 2.0\nend_header\n", r"line 2: .*found 'format ascii 2\.0'"),
@@ -423,15 +423,15 @@ def test_bad_file_is_refused(tmp_path, name, content, message):
 
 
 def test_missing_folder_and_unreadable_are_refused(tmp_path, monkeypatch):
-    with pytest.raises(InputError, match=r"gone\.ply: expected a mesh file, found none; check the path"):
+    with pytest.raises(InputError, match=r"gone\.ply: expected a mesh file, it does not exist; correct the path"):
         read_mesh(tmp_path / "gone.ply")
     (tmp_path / "folder.ply").mkdir()
-    with pytest.raises(InputError, match=r"folder\.ply: expected a mesh file, found a folder"):
+    with pytest.raises(InputError, match=r"folder\.ply: expected a mesh file, cannot read it \(a folder\)"):
         read_mesh(tmp_path / "folder.ply")
 
     def locked(path: Path) -> bytes:
         raise PermissionError(13, "Permission denied", str(path))
 
     monkeypatch.setattr(Path, "read_bytes", locked)  # a file mode would not stop an administrator
-    with pytest.raises(InputError, match=r"a\.ply: expected a readable file, found: Permission denied; check"):
+    with pytest.raises(InputError, match=r"a\.ply: expected a mesh file, cannot read it \(Permission denied\); check"):
         read_mesh(tmp_path / "a.ply")

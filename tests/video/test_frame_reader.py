@@ -1,4 +1,4 @@
-"""Video frames: the very frame that was asked for, however the container counts and seeks."""
+"""Video frames: exactly the requested frame, however the container counts and seeks."""
 
 from pathlib import Path
 
@@ -38,7 +38,7 @@ def write_video(path: Path, fourcc: str, fps: float = 29.97) -> Path:
 
 
 def with_uneven_times(source: Path, path: Path) -> Path:
-    """The same packets, shown later and later."""
+    """The same packets with increasing gaps between their timestamps."""
     packets = cv2.VideoCapture(str(source), cv2.CAP_FFMPEG)
     fps, fourcc = packets.get(cv2.CAP_PROP_FPS), int(packets.get(cv2.CAP_PROP_FOURCC))
     packets.set(cv2.CAP_PROP_FORMAT, -1)
@@ -56,7 +56,7 @@ def with_uneven_times(source: Path, path: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_every_frame_is_the_one_asked_for(tmp_path, name):
+def test_every_frame_is_the_requested_one(tmp_path, name):
     path = write_video(tmp_path / name, FORMATS[name])
     info = video_info(path)
     assert (info.frames, info.size_wh) == (FRAMES, SIZE)
@@ -71,7 +71,7 @@ def test_colours_are_rgb_and_every_bit_is_kept(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [".mkv", ".webm"])
-def test_seeking_that_misses_is_noticed(tmp_path, suffix):
+def test_inexact_seeking_is_detected(tmp_path, suffix):
     path = with_uneven_times(write_video(tmp_path / "even.webm", "VP80"), tmp_path / f"uneven{suffix}")
     capture, missed = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG), 0
     for index in range(0, FRAMES, 7):
@@ -84,14 +84,14 @@ def test_seeking_that_misses_is_noticed(tmp_path, suffix):
     assert video_info(path).frames == FRAMES
 
 
-def test_a_frame_that_is_not_there_is_refused(tmp_path):
+def test_a_frame_out_of_range_is_refused(tmp_path):
     path = write_video(tmp_path / "a.mp4", "mp4v")
     for index in (-1, FRAMES):
         with pytest.raises(InputError, match=rf"a.mp4: expected a frame from 0 to 89, found {index}; the file has 90"):
             read_video_frame(path, index)
 
 
-def test_what_is_no_video_is_refused(tmp_path):
+def test_files_that_are_no_video_are_refused(tmp_path):
     (tmp_path / "text.mp4").write_text("not a video")
     (tmp_path / "empty.mp4").touch()
     for name in ("text.mp4", "empty.mp4"):
@@ -104,10 +104,10 @@ def test_what_is_no_video_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_a_video_that_is_cut_off_gives_what_is_whole_or_a_sentence(tmp_path, name):
+def test_a_truncated_video_gives_its_intact_frames_or_a_message(tmp_path, name):
     path = write_video(tmp_path / name, FORMATS[name])
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
-    if name == "a.mp4":  # its index stands at the end
+    if name == "a.mp4":  # its index is at the end
         with pytest.raises(InputError, match="expected a video, cannot open it; it is cut off"):
             video_info(path)
         return
@@ -129,7 +129,7 @@ def test_damaged_packets_are_refused(tmp_path):
     assert number_of(read_video_frame(path, 3)) == 3
 
 
-def test_a_frame_is_written_beside_its_video_and_replaces_no_work(tmp_path):
+def test_a_frame_is_written_next_to_its_video_and_overwrites_no_other_image(tmp_path):
     path = write_video(tmp_path / "film.mkv", "FFV1")
     image = write_video_frame(path, 7)
     assert image == tmp_path / "film_frame_000007.png"

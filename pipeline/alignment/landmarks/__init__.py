@@ -1,4 +1,4 @@
 """The pose from landmarks.
 
-In: 2D-3D correspondences. Out: the pose, its inliers and residuals, its covariance, or the reason why there is none.
+In: 2D-3D correspondences. Out: the pose, its inliers and residuals, its covariance, or why they determine none.
 """

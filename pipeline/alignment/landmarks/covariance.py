@@ -1,4 +1,4 @@
-"""How well the pairs determine the pose: covariance, 95 % region and weakest direction."""
+"""How well the correspondences determine the pose: covariance, 95 % confidence region and weakest direction."""
 
 from dataclasses import dataclass
 
@@ -11,33 +11,33 @@ from .confidence_region import f_quantile
 from .reprojection import Correspondences, jacobian_at, twist_between
 
 PRIOR_DOF = 3.0
-"""What the stated click noise counts for, in degrees of freedom, against the residuals (2 for a pair, less 6)."""
+"""Degrees of freedom of the prior on the click noise; the residuals have 2 for each correspondence, less 6."""
 
-_FREEDOMS = (
+_DIRECTIONS = (
     "shift to the left or right ± {} mm",
     "shift up or down ± {} mm",
     "depth along the view ray ± {} mm",
-    "tilt about the image's horizontal axis ± {}°",
-    "turn about the image's vertical axis ± {}°",
+    "pitch about the image's horizontal axis ± {}°",
+    "yaw about the image's vertical axis ± {}°",
     "roll about the view ray ± {}°",
 )
 
 
 @dataclass(frozen=True)
 class NoiseEstimate:
-    """The noise of a click, from the stated one and the residuals together.
+    """The click noise, estimated from the stated noise and the residuals together.
 
     Attributes
     ----------
     variance
-        px^2 in each image direction: the scale of the posterior, for a scaled inverse chi^2 prior (Gelman et al.,
-        Bayesian Data Analysis, 2.6). With few pairs the residuals say next to nothing and the stated noise holds; with
-        many they overrule it.
+        px^2 in each image direction: the scale of the posterior for a scaled inverse chi^2 prior (Gelman et al.,
+        Bayesian Data Analysis, 2.6). With few correspondences the stated noise dominates, with many the residuals do.
     dof
-        Degrees of freedom of that posterior, which allows for a stated noise that is wrong.
+        Degrees of freedom of that posterior, which allows for a wrong stated noise.
     effective_dof
-        Degrees of freedom with which the variance scatters where the stated noise is right (Satterthwaite 1946): only
-        the residuals do. With it a 95 % region holds the truth 95 times in a hundred, instead of nearly always.
+        Degrees of freedom of ``variance`` as an estimator when the stated noise is right (Satterthwaite 1946): only the
+        residuals make it vary. With these a 95 % region holds the truth in 95 % of cases; with ``dof`` it would be too
+        large.
     """
 
     variance: float
@@ -46,33 +46,33 @@ class NoiseEstimate:
 
     @classmethod
     def of(cls, squared_residuals: float, dof: int, click_sigma_px: float) -> "NoiseEstimate":
-        """From the sum of the squared residuals, px^2, and their degrees of freedom."""
+        """Combine the sum of the squared residuals, px^2, and their degrees of freedom with the stated noise, px."""
         total = PRIOR_DOF + dof
         variance = (PRIOR_DOF * click_sigma_px**2 + squared_residuals) / total
         return cls(variance, total, total**2 / dof if dof else np.inf)
 
     @property
     def sigma_px(self) -> float:
-        """Standard deviation."""
+        """Standard deviation in each image direction."""
         return float(np.sqrt(self.variance))
 
 
 @dataclass(frozen=True)
 class PoseUncertainty:
-    """Covariance of a pose, as that of a twist in camera axes about a pivot; see :mod:`pipeline.transforms`.
+    """Covariance of a pose: that of a twist in camera axes about a pivot, see :mod:`.reprojection`.
 
     Attributes
     ----------
     pivot_model
-        ``(3,)`` mean of the points that the pose was fitted to, mm.
+        ``(3,)`` mean of the points that the pose was fitted to, model frame, mm.
     covariance
-        ``(6, 6)`` of (translation mm, rotation radians) along the axes of the camera.
+        ``(6, 6)`` of (translation in mm, rotation vector in radians), camera axes.
     dof
-        Degrees of freedom of the noise estimate in it, for regions of a stated probability.
+        Degrees of freedom of the noise estimate, for confidence regions.
     sigma_px
-        The noise estimate: standard deviation of a click in each image direction.
+        The noise estimate: standard deviation of a click in each image direction, px.
     radius_mm
-        Root mean square distance of these points from the pivot: makes turns comparable with shifts.
+        Root mean square distance of these points from the pivot: makes rotations comparable with shifts.
     pivot_cam
         ``(3,)`` the pivot in the camera frame, mm.
     """
@@ -86,17 +86,17 @@ class PoseUncertainty:
 
     @property
     def translation_mm(self) -> np.ndarray:
-        """``(3,)`` standard deviations of the pivot's position along the camera's x, y, z."""
+        """``(3,)`` standard deviations of the pivot's position along the camera's x, y and z, mm."""
         return np.sqrt(np.diag(self.covariance)[:3])
 
     @property
     def rotation_deg(self) -> np.ndarray:
-        """``(3,)`` standard deviations of the rotation about the camera's x, y, z."""
+        """``(3,)`` standard deviations of the rotation about the camera's x, y and z."""
         return np.degrees(np.sqrt(np.diag(self.covariance)[3:]))
 
     @property
     def largest_rotation_deg(self) -> float:
-        """Standard deviation of the rotation about the axis about which it is known worst."""
+        """Standard deviation of the rotation about its least certain axis."""
         return float(np.degrees(np.sqrt(np.linalg.eigvalsh(self.covariance[3:, 3:])[-1])))
 
     @property
@@ -108,13 +108,13 @@ class PoseUncertainty:
 
     @property
     def weakest_twist(self) -> np.ndarray:
-        """``(6,)`` one standard deviation of the direction that is known worst: along it the points move most, in mm.
+        """``(6,)`` one standard deviation along the least certain direction: there the points move most, in mm.
 
-        The largest eigenvector of the covariance after the rotations are multiplied by :attr:`radius_mm`.
+        The principal eigenvector of the covariance, with rotations multiplied by :attr:`radius_mm`.
         """
-        scale = self._common_measure()
+        scale = self._scale_to_mm()
         values, vectors = np.linalg.eigh(self.covariance * np.outer(scale, scale))
-        # the sign that moves away from the camera, or else to larger coordinates: drawn arrows do not jump
+        # an eigenvector has no sign; a fixed one keeps drawn arrows from jumping
         direction = vectors[:, -1]
         along = self._in_view_axes(direction)
         sign = np.sign(along[np.argmax(np.abs(along))])
@@ -122,44 +122,45 @@ class PoseUncertainty:
 
     @property
     def weakest(self) -> str:
-        """The weakest direction in words, with its standard deviation; of a mixture, the largest component."""
-        scale = self._common_measure()
+        """The name of the largest component of :attr:`weakest_twist`, with that component's standard deviation."""
+        scale = self._scale_to_mm()
         along = np.abs(self._in_view_axes(self.weakest_twist * scale))
         number = int(np.argmax(along))
         axes = self._view_axes()
         covariance = axes @ self.covariance @ axes.T
         deviation = np.sqrt(covariance[number, number])
-        return _FREEDOMS[number].format(format_two_digits(deviation if number < 3 else np.degrees(deviation)))
+        return _DIRECTIONS[number].format(format_two_digits(deviation if number < 3 else np.degrees(deviation)))
 
     def pixel_covariances(
         self, points_model: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray
     ) -> np.ndarray:
-        """``(N, 2, 2)`` px^2: how uncertain the pose leaves the pixels of ``(N, 3)`` points of the model."""
+        """``(N, 2, 2)`` covariances, px^2, of the projections of ``(N, 3)`` model points."""
         jacobians = jacobian_at(points_model, camera, cam_from_model, self.pivot_model)
         return jacobians @ self.covariance @ np.swapaxes(jacobians, -1, -2)
 
     def ellipse_scale(self, level: float = 0.95) -> float:
-        """Semi-axes of the region that holds a pixel with this probability, in standard deviations."""
+        """Scale of the ellipse that holds a projected point with probability ``level``, in standard deviations."""
         return float(np.sqrt(2 * f_quantile(level, 2, self.dof)))
 
     def contains(self, pose: np.ndarray, estimate: np.ndarray, level: float = 0.95) -> bool:
-        """Whether a pose lies in the region around the estimated one that holds the true pose with probability level.
+        """Whether a pose lies in the confidence region of probability ``level`` around the estimated one.
 
-        Both are ``(4, 4)`` cam_from_model. d^T C^-1 d / 6 of the twist d between them follows F(6, dof).
+        Both are ``(4, 4)`` cam_from_model. :meth:`distance` of the true pose follows F(6, dof).
         """
         return self.distance(pose, estimate) <= f_quantile(level, 6, self.dof)
 
     def distance(self, pose: np.ndarray, estimate: np.ndarray) -> float:
-        """d^T C^-1 d / 6 of the twist d from the estimated pose to another."""
-        scale = self._common_measure()
+        """d^T C^-1 d / 6, with d the twist from the estimated pose to ``pose`` and C the covariance."""
+        scale = self._scale_to_mm()
         twist = twist_between(estimate, pose, self.pivot_model) * scale
         return float(twist @ np.linalg.solve(self.covariance * np.outer(scale, scale), twist)) / 6
 
-    def _common_measure(self) -> np.ndarray:
+    def _scale_to_mm(self) -> np.ndarray:
+        """``(6,)`` factors that turn a twist into six lengths in mm."""
         return np.array([1.0] * 3 + [self.radius_mm] * 3)
 
     def _view_axes(self) -> np.ndarray:
-        """``(6, 6)`` from camera axes to axes whose third is the view ray; the first stays level in the image."""
+        """``(6, 6)`` from camera axes to axes whose third is the view ray and whose first is level in the image."""
         ray = self.pivot_cam / np.linalg.norm(self.pivot_cam)
         right = np.array([1.0, 0, 0]) - ray[0] * ray
         right /= np.linalg.norm(right)
@@ -170,39 +171,44 @@ class PoseUncertainty:
         return self._view_axes() @ twist
 
 
-def pose_uncertainty(pairs: Correspondences, cam_from_model: np.ndarray, click_sigma_px: float) -> PoseUncertainty:
-    """Uncertainty of a pose that was fitted to pairs by least squares.
+def pose_uncertainty(
+    correspondences: Correspondences, cam_from_model: np.ndarray, click_sigma_px: float
+) -> PoseUncertainty:
+    """Uncertainty of a pose that was fitted to correspondences by least squares.
 
-    sigma^2 (J^T J)^-1 with J at the pose and sigma^2 from :class:`NoiseEstimate`. What the pairs do not determine at
-    all comes out as an enormous deviation, never as an error.
+    The covariance is sigma^2 (J^T J)^-1 with J at the pose and sigma^2 from :class:`NoiseEstimate`. A direction that
+    the correspondences do not determine gets a huge standard deviation and raises nothing.
 
     Parameters
     ----------
-    pairs
-        The pairs that took part, about the mean of their points.
+    correspondences
+        The inliers, about the mean of their points.
     cam_from_model
-        The fitted pose.
+        ``(4, 4)`` the fitted pose.
     click_sigma_px
-        Stated standard deviation of a click in each image direction.
+        Stated click noise: standard deviation in each image direction.
     """
-    points = pairs.offsets + pairs.pivot_model
-    jacobian = jacobian_at(points, pairs.camera, cam_from_model, pairs.pivot_model).reshape(-1, 6)
+    points = correspondences.offsets + correspondences.pivot_model
+    jacobian = jacobian_at(points, correspondences.camera, cam_from_model, correspondences.pivot_model).reshape(-1, 6)
     points_cam = transform_points(cam_from_model, points)
-    squared = float(((pairs.pixels - pairs.camera.project(points_cam)) ** 2).sum())
-    noise = NoiseEstimate.of(squared, 2 * len(pairs) - 6, click_sigma_px)
-    covariance = noise.variance * inverse_normal(jacobian)
+    squared_px = float(((correspondences.pixels - correspondences.camera.project(points_cam)) ** 2).sum())
+    noise = NoiseEstimate.of(squared_px, 2 * len(correspondences) - 6, click_sigma_px)
+    covariance = noise.variance * inverse_normal_matrix(jacobian)
     return PoseUncertainty(
-        pivot_model=pairs.pivot_model,
+        pivot_model=correspondences.pivot_model,
         covariance=covariance,
         dof=noise.effective_dof,
         sigma_px=noise.sigma_px,
-        radius_mm=float(np.sqrt((pairs.offsets**2).sum(axis=1).mean())),
-        pivot_cam=transform_points(cam_from_model, pairs.pivot_model),
+        radius_mm=float(np.sqrt((correspondences.offsets**2).sum(axis=1).mean())),
+        pivot_cam=transform_points(cam_from_model, correspondences.pivot_model),
     )
 
 
-def inverse_normal(jacobian: np.ndarray) -> np.ndarray:
-    """``(M, 6)`` J -> (J^T J)^-1; singular values below 1e-10 of the largest are lifted to it, with columns scaled."""
+def inverse_normal_matrix(jacobian: np.ndarray) -> np.ndarray:
+    """``(M, 6)`` J -> ``(6, 6)`` (J^T J)^-1, finite also where J is singular.
+
+    The columns are scaled to unit length; singular values below 1e-10 of the largest are raised to that bound.
+    """
     scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-12)
     _, values, across = np.linalg.svd(jacobian / scale, full_matrices=False)
     values = np.maximum(values, 1e-10 * values[0])

@@ -1,4 +1,4 @@
-"""When pairs cannot determine a pose: the reasons, as sentences for the person who picks them."""
+"""When correspondences cannot determine a pose: the reasons, as messages for the user who picks them."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -24,33 +24,32 @@ Kind = Literal[
     "no fit",
 ]
 
-LARGEST_TURN_DEG, LARGEST_DEPTH = 5.0, 0.1
-"""Standard deviations beyond which no pose is given: of any rotation, and of the depth relative to itself."""
+MAX_ROTATION_DEG, MAX_RELATIVE_DEPTH = 5.0, 0.1
+"""Standard deviations beyond which a pose is refused: of any rotation, and of the depth relative to the depth."""
 
+MAX_NOISE_RATIO = 8.0
+"""Noise estimate over stated noise beyond which no pose fits."""
 
-MISFIT = 8.0
-"""Residuals of more than so many times the stated noise: no pose fits."""
+MIRROR_MIN_ODDS, MIRROR_MAX_NOISE_RATIO = 1e6, 3.0
+"""The mesh counts as mirrored if the mirror image of the points is more probable by the first factor, and if its noise
+estimate is at most the second times the stated noise."""
 
-MIRROR_CERTAIN, MIRROR_FITS = 1e6, 3.0
-"""If the mirror image of the points explains the pairs so many times better, and to so many times the stated noise, the
-mesh is taken to be mirrored."""
+MIN_INLIER_FRACTION = 0.6
+"""Fraction of the correspondences that must be inliers."""
 
-LEAST_AGREEING = 0.6
-"""Part of the pairs that must agree on a pose."""
-
-THICK_SIGMAS = 10.0
-"""Points whose spread across a line or a plane is less than so much click noise do not get off it."""
+MIN_SPREAD_SIGMAS = 10.0
+"""Points that spread less than this across a line or a plane, in units of the click noise, count as lying on it."""
 
 
 class UndeterminedPose(InputError):
-    """The enabled pairs do not determine a pose; the message says why and what to do.
+    """The enabled correspondences do not determine a pose; the message says why and what to do.
 
     Attributes
     ----------
     kind
-        The reason in a word or two.
+        The reason.
     candidates
-        Poses ``(4, 4)`` cam_from_model that were considered, the most probable first; possibly none.
+        ``(4, 4)`` cam_from_model of the poses considered, the most probable first; possibly empty.
     """
 
     def __init__(self, kind: Kind, message: str, candidates: Sequence[np.ndarray] = ()) -> None:
@@ -60,165 +59,207 @@ class UndeterminedPose(InputError):
 
 
 def check_correspondences(points_model: np.ndarray, pixels: np.ndarray, names: Sequence[str]) -> None:
-    """Refuse pairs that no solver can use.
+    """Refuse correspondences that no solver can use.
+
+    Parameters
+    ----------
+    points_model, pixels
+        ``(N, 3)`` mm and ``(N, 2)`` px, finite.
+    names
+        What messages call them.
 
     Raises
     ------
     UndeterminedPose
-        Fewer than 4 pairs, fewer than 4 different points or 3 different pixels, all points on a line.
+        Fewer than 4 correspondences, fewer than 4 distinct points or 3 distinct pixels, all points on one line.
     """
     count = len(points_model)
     if count < 4:
         raise UndeterminedPose(
-            "few", f"landmarks: expected at least 4 enabled pairs, found {count}; add {4 - count} more, 6 are better"
+            "few",
+            f"landmarks: expected at least 4 enabled correspondences, found {count}; add {4 - count} more, "
+            "6 are better",
         )
     extent = float(np.ptp(points_model, axis=0).max())
-    same_point = _groups(points_model, 1e-6 * extent)
-    different = len(set(same_point))
-    if different < 4 or len(set(_groups(pixels, 1e-3))) < 3:
+    same_point = _first_equal_rows(points_model, 1e-6 * extent)
+    distinct = len(set(same_point))
+    if distinct < 4 or len(set(_first_equal_rows(pixels, 1e-3))) < 3:
         repeated = next(
             f"{names[first]!r} and {names[second]!r} have the same "
-            for group in (same_point, _groups(pixels, 1e-3))
+            for group in (same_point, _first_equal_rows(pixels, 1e-3))
             for second, first in enumerate(group)
             if first != second
         )
-        which = "surface point" if different < 4 else "pixel"
+        which = "surface point" if distinct < 4 else "pixel"
         raise UndeterminedPose(
             "identical",
-            f"landmarks: expected at least 4 different pairs, found {min(different, count)}: {repeated}{which}; "
-            "pick other features for the repeated ones",
+            f"landmarks: expected at least 4 distinct correspondences, found {min(distinct, count)}: "
+            f"{repeated}{which}; pick other features for the repeated ones",
         )
     spread = np.linalg.svd(points_model - points_model.mean(axis=0), compute_uv=False)
     if spread[1] < 1e-4 * spread[0]:
-        raise UndeterminedPose("collinear", _collinear(count))
+        raise UndeterminedPose("collinear", _collinear_message(count))
 
 
 def repeated_correspondences(points_model: np.ndarray, pixels: np.ndarray) -> list[tuple[int, int]]:
-    """Places of pairs that have point and pixel in common: the first, and each further one."""
+    """Indices (first, repeated) of correspondences that share both point and pixel."""
     both = np.hstack([points_model, pixels])
-    return [(first, index) for index, first in enumerate(_groups(both, 0.0)) if first != index]
+    return [(first, index) for index, first in enumerate(_first_equal_rows(both, 0.0)) if first != index]
 
 
-def _groups(values: np.ndarray, tolerance: float) -> list[int]:
-    """For each row the first row that is the same."""
+def _first_equal_rows(values: np.ndarray, tolerance: float) -> list[int]:
+    """For each row of ``(N, D)`` the index of the first row equal to it within a tolerance."""
     return [int(np.argmax(np.abs(values - row).max(axis=1) <= tolerance)) for row in values]
 
 
-def _collinear(count: int) -> str:
+def _collinear_message(count: int) -> str:
     return (
-        f"landmarks: expected points that span an area, found all {count} on one line, about which the surface could "
-        "turn freely; add pairs well beside this line"
+        f"landmarks: expected points that span an area, found all {count} on one line, about which the surface can "
+        "rotate freely; add pairs well away from this line"
     )
 
 
 def check_fit(
-    pairs: Correspondences, found: list[Hypothesis], mirrored: Hypothesis | None, click_sigma_px: float
+    correspondences: Correspondences, found: list[Hypothesis], mirrored: Hypothesis | None, click_sigma_px: float
 ) -> None:
-    """Refuse pairs that no pose explains.
+    """Refuse correspondences that no pose explains.
 
     Parameters
     ----------
     found
-        What explains them, the most probable first.
+        Hypotheses, the most probable first.
     mirrored
-        What explains the mirror image of the points, if that is much better.
+        The best hypothesis for the mirror image of the points, if it is much more probable than ``found[0]``.
+    click_sigma_px
+        Stated click noise.
 
     Raises
     ------
     UndeterminedPose
-        The mirror image fits so much better that the mesh must be mirrored, no pose puts the points in front of the
-        camera, residuals beyond :data:`MISFIT`, too few pairs that agree.
+        The mesh is mirrored, no pose has the points in front of the camera, the residuals exceed
+        :data:`MAX_NOISE_RATIO`, or there are too few inliers.
     """
-    count = len(pairs)
-    candidates = [each.pose.matrix(0, pairs.pivot_model) for each in found]
-    if mirrored is not None and mirrored.noise_px <= MIRROR_FITS * click_sigma_px:
+    count = len(correspondences)
+    candidates = [each.pose.matrix(0, correspondences.pivot_model) for each in found]
+    if mirrored is not None and mirrored.noise_px <= MIRROR_MAX_NOISE_RATIO * click_sigma_px:
         gain = mirrored.log_evidence - found[0].log_evidence if found else np.inf
-        if gain > np.log(MIRROR_CERTAIN):
+        if gain > np.log(MIRROR_MIN_ODDS):
             raise UndeterminedPose(
                 "mirrored",
-                f"landmarks: no pose fits these {count} pairs as well as their mirror image does, to "
+                f"landmarks: no pose fits these {count} correspondences as well as one fits their mirror image, to "
                 f"{format_two_digits(mirrored.noise_px)} px: the mesh is mirrored, or the points are; "
-                "mirror it in one of its axes",
+                "mirror the mesh along one of its axes",
                 candidates,
             )
     if found:
-        agreeing = int(found[0].inliers.sum())
-        few, far = agreeing < LEAST_AGREEING * count, found[0].noise_px > MISFIT * click_sigma_px
-        if not few and not far:
+        inliers = int(found[0].inliers.sum())
+        too_few, too_noisy = inliers < MIN_INLIER_FRACTION * count, found[0].noise_px > MAX_NOISE_RATIO * click_sigma_px
+        if not too_few and not too_noisy:
             return
-        best = f"only {agreeing} agree on one" if few else f"the best leaves residuals like {found[0].noise_px:.0f} px"
+        best = f"only {inliers} agree on one" if too_few else f"the best leaves residuals of {found[0].noise_px:.0f} px"
     else:
-        best = "every pose that they suggest has points behind the camera"
+        best = "every candidate has points behind the camera"
     raise UndeterminedPose(
         "no fit" if found else "behind",
-        f"landmarks: no pose fits these {count} pairs, {best}; check that every pixel shows its point, that K belongs "
-        "to this frame, and that the mesh is this one and not mirrored",
+        f"landmarks: no pose fits these {count} correspondences, {best}; check that every pixel shows its point, "
+        "that K belongs to this frame, and that the mesh is the right one and not mirrored",
         candidates,
     )
 
 
-def ambiguity(
-    pairs: Correspondences, possible: list[Hypothesis], turn_deg: float, names: Sequence[str], click_sigma_px: float
+def ambiguous_pose(
+    correspondences: Correspondences,
+    possible: list[Hypothesis],
+    rotation_deg: float,
+    names: Sequence[str],
+    click_sigma_px: float,
 ) -> UndeterminedPose:
-    """The refusal of pairs that fit several poses nearly equally, the most probable first."""
-    candidates = [each.pose.matrix(0, pairs.pivot_model) for each in possible]
+    """The error for correspondences that fit several poses nearly equally well.
+
+    Parameters
+    ----------
+    possible
+        At least two hypotheses, the most probable first.
+    rotation_deg
+        Largest rotation between the first and another one.
+    names
+        What messages call the correspondences.
+    click_sigma_px
+        Stated click noise.
+    """
+    candidates = [each.pose.matrix(0, correspondences.pivot_model) for each in possible]
     best, second = possible[0], possible[1]
-    fits = f"landmarks: the pairs fit {len(possible)} poses, up to {format_two_digits(turn_deg)}° apart, nearly equally"
+    differ = f"which differ by up to {format_two_digits(rotation_deg)}°"
+    fits = f"landmarks: the correspondences fit {len(possible)} poses nearly equally well, {differ}"
     if not np.array_equal(best.inliers, second.inliers):
         doubtful = [repr(names[index]) for index in np.flatnonzero(best.inliers != second.inliers).tolist()]
-        advice = f"they differ on {', '.join(doubtful)}, at least one of which is wrong; check these, or add pairs"
+        advice = f"at least one of {', '.join(doubtful)} is wrong; check these, or add pairs"
         return UndeterminedPose("contradictory", f"{fits}: {advice}", candidates)
     distance = float(np.linalg.norm(best.pose.positions[0]))
-    if _spread_px(pairs, distance)[2] < THICK_SIGMAS * click_sigma_px:
-        advice = "their points lie nearly on one plane, which may tilt either way; add a pair well above or below it"
+    if _principal_spread_px(correspondences, distance)[2] < MIN_SPREAD_SIGMAS * click_sigma_px:
+        advice = "their points lie nearly on one plane, which can tilt either way; add a pair well above or below it"
         return UndeterminedPose("coplanar", f"{fits}: {advice}", candidates)
-    advice = "add a pair, best where the surface rises or falls most" if len(pairs) < 6 else "check the pairs"
+    advice = (
+        "add a pair, ideally where the surface rises or falls most" if len(correspondences) < 6 else "check the pairs"
+    )
     return UndeterminedPose("ambiguous", f"{fits}: {advice}", candidates)
 
 
 def check_uncertainty(
-    pairs: Correspondences, cam_from_model: np.ndarray, uncertainty: PoseUncertainty, click_sigma_px: float
+    correspondences: Correspondences, cam_from_model: np.ndarray, uncertainty: PoseUncertainty, click_sigma_px: float
 ) -> None:
-    """Refuse a pose that could as well be quite another.
+    """Refuse a pose that is too uncertain.
+
+    Parameters
+    ----------
+    correspondences
+        The inliers.
+    cam_from_model
+        ``(4, 4)`` the fitted pose.
+    uncertainty
+        Of this pose.
+    click_sigma_px
+        Stated click noise.
 
     Raises
     ------
     UndeterminedPose
-        A standard deviation beyond :data:`LARGEST_TURN_DEG` or :data:`LARGEST_DEPTH`; told by its cause: points on
-        nearly a line, a small part of the image, points on nearly a plane.
+        A standard deviation beyond :data:`MAX_ROTATION_DEG` or :data:`MAX_RELATIVE_DEPTH`. The message names the cause:
+        points in a small part of the image, nearly on one line, or nearly on one plane.
     """
-    turn_deg, depth = uncertainty.largest_rotation_deg, uncertainty.relative_depth
-    if turn_deg <= LARGEST_TURN_DEG and depth <= LARGEST_DEPTH:
+    rotation_deg, depth = uncertainty.largest_rotation_deg, uncertainty.relative_depth
+    if rotation_deg <= MAX_ROTATION_DEG and depth <= MAX_RELATIVE_DEPTH:
         return
-    count = len(pairs)
+    count = len(correspondences)
     found = (
-        f"± {format_two_digits(turn_deg)}° of rotation"
-        if turn_deg > LARGEST_TURN_DEG
-        else f"± {format_two_digits(100 * depth)} % of distance"
+        f"± {format_two_digits(rotation_deg)}° of rotation"
+        if rotation_deg > MAX_ROTATION_DEG
+        else f"± {format_two_digits(100 * depth)} % of the distance"
     )
-    kind, cause = _cause(pairs, float(np.linalg.norm(uncertainty.pivot_cam)), click_sigma_px)
+    kind, cause = _diagnose(correspondences, float(np.linalg.norm(uncertainty.pivot_cam)), click_sigma_px)
     raise UndeterminedPose(
-        kind, f"landmarks: {count} pairs leave the pose undetermined ({found}): {cause}", [cam_from_model]
+        kind, f"landmarks: {count} correspondences leave the pose undetermined ({found}): {cause}", [cam_from_model]
     )
 
 
-def _cause(pairs: Correspondences, distance: float, click_sigma_px: float) -> tuple[Kind, str]:
-    width, height = np.ptp(pairs.pixels, axis=0)
-    spread_px = _spread_px(pairs, distance)
+def _diagnose(correspondences: Correspondences, distance: float, click_sigma_px: float) -> tuple[Kind, str]:
+    """The reason why correspondences leave a pose undetermined, and what to do."""
+    width, height = np.ptp(correspondences.pixels, axis=0)
+    spread_px = _principal_spread_px(correspondences, distance)
     if max(width, height) < 25 * click_sigma_px:
         return "clustered", (
-            f"they span {width:.0f} x {height:.0f} px, too little against clicks that are {click_sigma_px:g} px "
-            "uncertain; add pairs towards all sides of the image"
+            f"they span {width:.0f} x {height:.0f} px, too little for a click noise of {click_sigma_px:g} px; "
+            "add pairs towards all sides of the image"
         )
-    if spread_px[1] < THICK_SIGMAS * click_sigma_px:
-        return "collinear", "their points lie nearly on one line; add pairs well beside this line"
-    if spread_px[2] < THICK_SIGMAS * click_sigma_px:
+    if spread_px[1] < MIN_SPREAD_SIGMAS * click_sigma_px:
+        return "collinear", "their points lie nearly on one line; add pairs well away from this line"
+    if spread_px[2] < MIN_SPREAD_SIGMAS * click_sigma_px:
         return "coplanar", "their points lie nearly on one plane; add pairs well above or below it"
-    return "ambiguous", "they contradict each other or lie badly; check them, and add pairs towards all sides"
+    return "ambiguous", "they contradict each other or are badly placed; check them, and add pairs towards all sides"
 
 
-def _spread_px(pairs: Correspondences, distance: float) -> np.ndarray:
-    """``(3,)`` standard deviations of the points along their main axes, as large as they look at their distance."""
-    px_per_mm = np.sqrt(pairs.camera.fx * pairs.camera.fy) / distance
-    values = np.linalg.svd(pairs.offsets - pairs.offsets.mean(axis=0), compute_uv=False)
-    return px_per_mm * values / np.sqrt(len(pairs))
+def _principal_spread_px(correspondences: Correspondences, distance: float) -> np.ndarray:
+    """``(3,)`` standard deviations of the points along their principal axes, in px at ``distance`` mm."""
+    px_per_mm = np.sqrt(correspondences.camera.fx * correspondences.camera.fy) / distance
+    values = np.linalg.svd(correspondences.offsets - correspondences.offsets.mean(axis=0), compute_uv=False)
+    return px_per_mm * values / np.sqrt(len(correspondences))

@@ -1,36 +1,36 @@
-"""Levenberg-Marquardt on the reprojection error, for many starting poses at once.
+"""Levenberg-Marquardt on the reprojection error, for many initial poses at once.
 
-The steps are twists in camera axes about the pivot of the pairs, so a long lens (where a turn about the model's origin
-is all but a shift) is as well conditioned as a short one.
+The steps are twists in camera axes about the pivot of the correspondences. This keeps long lenses well conditioned:
+under them a rotation about a distant origin looks almost like a shift.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...transforms import cross_matrices, rotation_vector, rotations_from_vectors
+from ...transforms import cross_matrices, rotation_from_vector, rotation_vector
 from .reprojection import Correspondences, Poses, residuals, twist_jacobians
 
-ITERATIONS = 60
-CONVERGED = 1e-8
-"""A step that moves no point by more than this many pixels ends the iteration."""
+MAX_ITERATIONS = 60
+CONVERGED_PX = 1e-8
+"""The iteration ends when a step moves the projected points by less than this (root of the sum of squares)."""
 
 
 @dataclass(frozen=True)
 class Loss:
-    """What a residual costs.
+    """The loss rho(s) of a residual, with s its squared length.
 
     Attributes
     ----------
     scale_px
-        Scale c of Geman and McClure's rho(s) = c2 s / (c2 + s), s the squared length of a residual: bounded by c2, so
-        that a wrong pair cannot pull. ``None``: rho(s) = s, least squares; a point behind the camera is then ruled out.
+        Scale c of the loss of Geman and McClure, rho(s) = c^2 s / (c^2 + s): bounded by c^2, so that outliers have
+        little influence. ``None``: least squares, rho(s) = s, where a point behind the camera costs infinity.
     """
 
     scale_px: float | None = None
 
     def __call__(self, squared: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Cost and weight of squared residuals; NaN (behind the camera) costs as much as anything can."""
+        """rho(s) and rho'(s) for s of any shape; NaN (behind the camera) gives the largest loss and no weight."""
         behind = np.isnan(squared)
         if self.scale_px is None:
             return np.where(behind, np.inf, squared), np.where(behind, 0.0, 1.0)
@@ -41,71 +41,72 @@ class Loss:
 
 
 @dataclass(frozen=True)
-class Held:
-    """A pull towards poses, in pixels: cost |precision_root @ twist from there|^2.
+class PosePrior:
+    """A quadratic prior on the fitted poses: cost |precision_root * d|^2 for a difference d from the prior pose.
 
     Attributes
     ----------
     poses
-        Where to, one for each pose that is fitted.
+        The prior pose of each fitted one.
     precision_root
-        ``(6,)`` px per mm and px per radian, along the camera's axes.
+        ``(6,)`` px per mm and px per radian, camera axes.
     """
 
     poses: Poses
     precision_root: np.ndarray
 
-    def terms(self, poses: Poses) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals ``(K, 6)`` (held minus present) and their Jacobian ``(K, 6, 6)`` with the sign of a prediction."""
+    def residuals_and_jacobians(self, poses: Poses) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals ``(K, 6)``, prior minus current pose, and derivatives ``(K, 6, 6)`` of the latter by a twist."""
         between = poses.rotations @ np.swapaxes(self.poses.rotations, -1, -2)
-        turn = np.stack([rotation_vector(rotation) for rotation in between])
-        angle = np.linalg.norm(turn, axis=-1)[:, None, None]
-        # inverse left Jacobian of SO(3): how the rotation vector between the poses grows with a further turn
+        rotation_vectors = np.stack([rotation_vector(rotation) for rotation in between])
+        angle = np.linalg.norm(rotation_vectors, axis=-1)[:, None, None]
+        # inverse left Jacobian of SO(3): change of the rotation vector between the poses with a further rotation
         small = angle < 1e-4
         half = 0.5 * np.where(small, 1.0, angle)
         second = np.where(small, 1 / 12, (1 - half / np.tan(half)) / (4 * half**2))
-        cross = cross_matrices(turn)
+        cross = cross_matrices(rotation_vectors)
         jacobian = np.zeros((len(poses), 6, 6))
         jacobian[:, :3, :3] = np.eye(3)
         jacobian[:, 3:, 3:] = np.eye(3) - 0.5 * cross + second * cross @ cross
-        apart = np.concatenate([poses.positions - self.poses.positions, turn], axis=1)
-        return -apart * self.precision_root, jacobian * self.precision_root[:, None]
+        difference = np.concatenate([poses.positions - self.poses.positions, rotation_vectors], axis=1)
+        return -difference * self.precision_root, jacobian * self.precision_root[:, None]
 
 
-def fitted_poses(
-    pairs: Correspondences,
+def fit_poses(
+    correspondences: Correspondences,
     start: Poses,
     *,
     loss: Loss | None = None,
-    held: Held | None = None,
-    freedoms: np.ndarray | None = None,
-    iterations: int = ITERATIONS,
+    prior: PosePrior | None = None,
+    free_directions: np.ndarray | None = None,
+    iterations: int = MAX_ITERATIONS,
 ) -> tuple[Poses, np.ndarray]:
-    """The local minima of the reprojection error that the starting poses lead to.
+    """The local minima of the reprojection error that initial poses converge to.
 
     Parameters
     ----------
-    pairs
-        N pairs.
+    correspondences
+        N correspondences.
     start
-        K poses.
+        K initial poses.
     loss
         Least squares if left out.
-    held
-        Adds a pull towards poses.
-    freedoms
-        ``(6, D)`` orthonormal directions of the twist that may change; all six if left out.
+    prior
+        Added to the cost if given.
+    free_directions
+        ``(6, D)`` orthonormal directions of the twist in which the poses may change; all six if left out.
     iterations
-        At most so many; few are enough to leave a bad start.
+        Largest number of iterations.
 
     Returns
     -------
-    K poses and their costs ``(K,)`` in px^2; infinite where least squares found a point behind the camera at the start.
+    K poses, and their costs ``(K,)`` in px^2. With least squares the cost is infinite, and the pose unchanged, where an
+    initial pose has a point behind the camera.
     """
     loss = loss or Loss()
-    basis = np.eye(6) if freedoms is None else freedoms
+    basis = np.eye(6) if free_directions is None else free_directions
     rotations, positions = start.rotations.copy(), start.positions.copy()
-    cost, normal, gradient = _normal_equations(pairs, start, loss, held, basis)
+    cost, normal, gradient = _normal_equations(correspondences, start, loss, prior, basis)
     damping = np.full(len(start), 1e-4)
     active = np.isfinite(cost)
     for _ in range(iterations):
@@ -113,17 +114,17 @@ def fitted_poses(
             break
         now = np.flatnonzero(active)
         diagonal = np.einsum("kii->ki", normal[now])
-        if held is not None:
-            # damped in the measure of the pull: what no pixel determines then stays, instead of drifting along
-            measure = ((held.precision_root[:, None] * basis) ** 2).sum(axis=0)
-            diagonal = measure * (diagonal / measure).max(axis=1, keepdims=True)
-        # a freedom that moves no pixel gets a floor, or the system would be singular
+        if prior is not None:
+            # damped in the metric of the prior: directions that no pixel determines then stay instead of drifting
+            metric = ((prior.precision_root[:, None] * basis) ** 2).sum(axis=0)
+            diagonal = metric * (diagonal / metric).max(axis=1, keepdims=True)
+        # without a floor, a direction that moves no pixel would make the system singular
         floor = 1e-12 * diagonal.max(axis=1, keepdims=True) + 1e-30
         damped = normal[now] + (damping[now, None] * diagonal + floor)[..., None] * np.eye(basis.shape[1])
         step = np.linalg.solve(damped, gradient[now][..., None])[..., 0]
         twist = step @ basis.T
-        tried = Poses(rotations_from_vectors(twist[:, 3:]) @ rotations[now], positions[now] + twist[:, :3])
-        tried_cost, tried_normal, tried_gradient = _normal_equations(pairs, tried, loss, held, basis)
+        tried = Poses(rotation_from_vector(twist[:, 3:]) @ rotations[now], positions[now] + twist[:, :3])
+        tried_cost, tried_normal, tried_gradient = _normal_equations(correspondences, tried, loss, prior, basis)
         better = tried_cost <= cost[now]
         moved_px = np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", step, normal[now], step), 0))
         accepted = now[better]
@@ -131,31 +132,33 @@ def fitted_poses(
         cost[accepted], normal[accepted] = tried_cost[better], tried_normal[better]
         gradient[accepted] = tried_gradient[better]
         damping[now] = np.clip(np.where(better, damping[now] / 8, damping[now] * 6), 1e-12, None)
-        active[now] = (moved_px > CONVERGED) & (damping[now] < 1e9)
+        active[now] = (moved_px > CONVERGED_PX) & (damping[now] < 1e9)
     return Poses(_orthonormal(rotations), positions), cost
 
 
 def _normal_equations(
-    pairs: Correspondences, poses: Poses, loss: Loss, held: Held | None, basis: np.ndarray
+    correspondences: Correspondences, poses: Poses, loss: Loss, prior: PosePrior | None, basis: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Costs ``(K,)``, weighted J^T J ``(K, D, D)`` and J^T r ``(K, D)``."""
-    apart, turned = residuals(pairs, poses)
-    costs, weights = loss((apart**2).sum(axis=-1))
-    jacobians = np.nan_to_num(twist_jacobians(pairs.camera, turned, poses.positions), posinf=0, neginf=0) @ basis
+    residuals_px, offsets_cam = residuals(correspondences, poses)
+    costs, weights = loss((residuals_px**2).sum(axis=-1))
+    jacobians = (
+        np.nan_to_num(twist_jacobians(correspondences.camera, offsets_cam, poses.positions), posinf=0, neginf=0) @ basis
+    )
     root = np.sqrt(weights)[..., None]
-    count, freedoms = len(poses), basis.shape[1]
-    rows = (jacobians * root[..., None]).reshape(count, -1, freedoms)
-    values = (np.nan_to_num(apart) * root).reshape(count, -1)
+    count = len(poses)
+    rows = (jacobians * root[..., None]).reshape(count, -1, basis.shape[1])
+    values = (np.nan_to_num(residuals_px) * root).reshape(count, -1)
     cost = costs.sum(axis=-1)
-    if held is not None:
-        held_values, held_rows = held.terms(poses)
-        rows = np.concatenate([rows, held_rows @ basis], axis=1)
-        values = np.concatenate([values, held_values], axis=1)
-        cost = cost + (held_values**2).sum(axis=-1)
+    if prior is not None:
+        prior_values, prior_rows = prior.residuals_and_jacobians(poses)
+        rows = np.concatenate([rows, prior_rows @ basis], axis=1)
+        values = np.concatenate([values, prior_values], axis=1)
+        cost = cost + (prior_values**2).sum(axis=-1)
     across = np.swapaxes(rows, -1, -2)
     return cost, across @ rows, (across @ values[..., None])[..., 0]
 
 
 def _orthonormal(rotations: np.ndarray) -> np.ndarray:
-    """Rounding of many steps taken out: one step of Newton's iteration for the polar factor (Higham 1986)."""
+    """Remove the rounding errors of many steps: one Newton step towards the polar factor (Higham 1986)."""
     return 0.5 * rotations @ (3 * np.eye(3) - np.swapaxes(rotations, -1, -2) @ rotations)

@@ -1,29 +1,30 @@
-"""Which pairs are wrong: each is compared with what the others predict for it."""
+"""Inlier selection: each correspondence is tested against the prediction of the others."""
 
 import numpy as np
 
 from .confidence_region import f_survival
-from .covariance import NoiseEstimate, inverse_normal
-from .levenberg_marquardt import fitted_poses
+from .covariance import NoiseEstimate, inverse_normal_matrix
+from .levenberg_marquardt import fit_poses
 from .reprojection import Correspondences, Poses, residuals, twist_jacobians
 
-FALSE_ALARM = 0.01
-"""Probability that of all pairs, none of them wrong, any is called wrong."""
+FALSE_ALARM_PROBABILITY = 0.01
+"""Probability that any of the correspondences is called an outlier although none is."""
 
-ROUNDS = 10
+MAX_ROUNDS = 10
+"""Each round adds or removes one correspondence."""
 
 
 def select_inliers(
-    pairs: Correspondences, pose: Poses, inliers: np.ndarray, click_sigma_px: float
+    correspondences: Correspondences, pose: Poses, inliers: np.ndarray, click_sigma_px: float
 ) -> tuple[np.ndarray, Poses]:
-    """Fit the pairs that agree, until no pair left out belongs to them and none of them stands out.
+    """Add and remove inliers one at a time and refit, until no p-value contradicts the selection.
 
     Parameters
     ----------
-    pairs
-        All N pairs.
+    correspondences
+        All N correspondences.
     pose
-        One pose to start from.
+        One initial pose.
     inliers
         ``(N,)`` bool, a first guess; at least 4.
     click_sigma_px
@@ -31,50 +32,68 @@ def select_inliers(
 
     Returns
     -------
-    ``(N,)`` bool and the pose that fits these pairs best.
+    ``(N,)`` bool inliers, and the pose that fits them best.
     """
     seen: set[bytes] = set()
-    pose, _ = fitted_poses(pairs[inliers], pose)
-    while len(seen) < ROUNDS and inliers.tobytes() not in seen:
+    pose, _ = fit_poses(correspondences[inliers], pose)
+    while len(seen) < MAX_ROUNDS and inliers.tobytes() not in seen:
         seen.add(inliers.tobytes())
-        chances = residual_p_values(pairs, pose, inliers, click_sigma_px)
-        unlikely = chances < FALSE_ALARM / len(pairs)
-        # one at a time: a wrong pair makes its neighbours look wrong; and never below the 4 that a pose needs
-        worst = int(np.argmin(np.where(inliers, chances, np.inf)))
+        p_values = residual_p_values(correspondences, pose, inliers, click_sigma_px)
+        unlikely = p_values < FALSE_ALARM_PROBABILITY / len(correspondences)
+        # one at a time, since an outlier makes its neighbours look wrong; a pose needs 4
+        worst = int(np.argmin(np.where(inliers, p_values, np.inf)))
         changed = inliers.copy()
         if unlikely[worst] and inliers.sum() > 4:
             changed[worst] = False
         elif (back := ~inliers & ~unlikely).any():
-            changed[int(np.argmax(np.where(back, chances, -1)))] = True
+            changed[int(np.argmax(np.where(back, p_values, -1)))] = True
         else:
             break
         inliers = changed
-        pose, _ = fitted_poses(pairs[inliers], pose)
+        pose, _ = fit_poses(correspondences[inliers], pose)
     return inliers, pose
 
 
-def residual_p_values(pairs: Correspondences, pose: Poses, inliers: np.ndarray, click_sigma_px: float) -> np.ndarray:
-    """``(N,)`` probability of a residual as large as each pair's, were the pair right.
+def residual_p_values(
+    correspondences: Correspondences, pose: Poses, inliers: np.ndarray, click_sigma_px: float
+) -> np.ndarray:
+    """``(N,)`` residual p-values: probability of a residual at least this large if the correspondence is right.
 
-    A pair that took part pulls the pose towards itself: its residual is divided by what is left of the noise after
-    that, (1 - H), and the noise is estimated without it (externally studentised, Cook & Weisberg 1982). One that did
-    not take part has the uncertainty of its prediction added, (1 + H). H = J (sum J^T J)^-1 J^T; r^T (1 -+ H)^-1 r / 2
-    over the noise follows F(2, dof). 0 for points behind the camera.
+    Points behind the camera get 0.
+
+    Parameters
+    ----------
+    correspondences
+        All N correspondences.
+    pose
+        One pose, fitted to the inliers.
+    inliers
+        ``(N,)`` bool.
+    click_sigma_px
+        Stated click noise.
+
+    Notes
+    -----
+    Let r be a residual, H = J (sum J^T J)^-1 J^T its leverage with the sum over the inliers, and sigma^2 the noise
+    variance. Then r^T (1 -+ H)^-1 r / (2 sigma^2) follows F(2, dof), with - for inliers and + for the others.
+    An inlier pulls the pose towards itself, so its residual is smaller than the noise, and sigma^2 is estimated without
+    it (externally studentised residuals, Cook & Weisberg 1982). For the others the uncertainty of the prediction is
+    added.
     """
-    apart, turned = residuals(pairs, pose)
-    apart, jacobians = apart[0], twist_jacobians(pairs.camera, turned, pose.positions)[0]
-    normal = inverse_normal(jacobians[inliers].reshape(-1, 6))
+    residual_px, offsets_cam = residuals(correspondences, pose)
+    residual_px, jacobians = residual_px[0], twist_jacobians(correspondences.camera, offsets_cam, pose.positions)[0]
+    normal = inverse_normal_matrix(jacobians[inliers].reshape(-1, 6))
     leverage = jacobians @ normal @ np.swapaxes(jacobians, -1, -2)
     spread = np.eye(2) + np.where(inliers, -1.0, 1.0)[:, None, None] * leverage
-    total, dof = float((apart[inliers] ** 2).sum()), 2 * int(inliers.sum()) - 6
-    visible = np.isfinite(apart).all(axis=1)
+    total, dof = float((residual_px[inliers] ** 2).sum()), 2 * int(inliers.sum()) - 6
+    visible = np.isfinite(residual_px).all(axis=1)
     values, vectors = np.linalg.eigh(np.where(visible[:, None, None], spread, np.eye(2)))
-    # a direction that this pair alone determines: it cannot contradict the others there
-    along = (np.nan_to_num(apart)[:, None] @ vectors)[:, 0]
+    # in a direction that one correspondence alone determines, it cannot contradict the others
+    along = (np.nan_to_num(residual_px)[:, None] @ vectors)[:, 0]
     squared = np.where(values > 1e-6, along**2 / np.maximum(values, 1e-6), 0).sum(axis=1)
-    chances = np.zeros(len(pairs))
+    p_values = np.zeros(len(correspondences))
     for index in np.flatnonzero(visible):
         without, less = (float(squared[index]), 2) if inliers[index] else (0.0, 0)
         noise = NoiseEstimate.of(max(total - without, 0.0), dof - less, click_sigma_px)
-        chances[index] = f_survival(float(squared[index]) / (2 * noise.variance), 2, noise.dof)
-    return chances
+        p_values[index] = f_survival(float(squared[index]) / (2 * noise.variance), 2, noise.dof)
+    return p_values

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 
 from ...transforms import transform_points
+from .align_landmarks import Alignment
 from .confidence_region import ellipse_outlines
-from .report import Alignment
 
 MAGNIFIED = 10.0
 """Residuals are drawn so many times longer than they are: at their own length they could not be seen."""
@@ -32,11 +32,9 @@ def marked(picture: np.ndarray, alignment: Alignment) -> np.ndarray:
     estimate = alignment.estimate
     size = max(picture.shape[:2]) / 100
     pen = _Pen(result, max(1, round(size / 8)))
-    covariances = estimate.uncertainty.pixel_covariances(
-        alignment.points_mesh, alignment.camera, estimate.cam_from_model
-    )
+    covariances = estimate.uncertainty.pixel_covariances(alignment.points, alignment.camera, estimate.cam_from_model)
     outlines = ellipse_outlines(np.nan_to_num(covariances), estimate.uncertainty.ellipse_scale())
-    shown = alignment.camera.project(transform_points(estimate.cam_from_model, alignment.points_mesh))
+    shown = alignment.camera.project(transform_points(estimate.cam_from_model, alignment.points))
     for landmark, pixel, place, outline, apart, inlier in zip(
         alignment.landmarks, alignment.pixels, shown, outlines, estimate.residuals_px, estimate.inliers, strict=True
     ):

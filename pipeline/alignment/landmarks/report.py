@@ -1,72 +1,15 @@
-"""A pose found from landmarks, as it is told: lines for a person, a table for a program, a record for the case file."""
-
-from collections.abc import Sequence
-from dataclasses import dataclass
+"""Reports of a pose found from landmarks: lines for a person, a table for a program, a record for the case file."""
 
 import numpy as np
 
-from ...camera.pinhole import PinholeCamera
-from ...case.landmarks import Landmark
 from ...files.numbers import format_two_digits
-from ...surface.mesh import TriangleMesh
 from ...transforms import inverse_rigid, transform_points
-from .solver import PoseEstimate
+from .align_landmarks import Alignment
 
 CONVENTION = (
     "cam_from_mesh maps points of the mesh file (mm) to a camera with OpenCV axes: x right, y down, z forward; "
     "pixel (0, 0) is the centre of the top-left pixel of the undistorted frame"
 )
-
-OFF_SURFACE = 0.03
-"""A landmark farther from the surface's vertices than this part of its diagonal, plus an edge, does not lie on it."""
-
-
-@dataclass(frozen=True)
-class Alignment:
-    """A pose and what it was found from, in the frame of the mesh file.
-
-    Attributes
-    ----------
-    landmarks
-        N complete, enabled landmarks, in the order of the estimate's residuals.
-    camera
-        Intrinsics.
-    estimate
-        Solved with points of the mesh file's frame, so that its ``cam_from_model`` is ``cam_from_mesh``.
-    click_sigma_px
-        What was assumed of a click.
-    """
-
-    landmarks: tuple[Landmark, ...]
-    camera: PinholeCamera
-    estimate: PoseEstimate
-    click_sigma_px: float
-
-    @property
-    def points_mesh(self) -> np.ndarray:
-        """``(N, 3)`` mm."""
-        return np.array([landmark.point for landmark in self.landmarks])
-
-    @property
-    def pixels(self) -> np.ndarray:
-        """``(N, 2)`` as clicked."""
-        return np.array([landmark.pixel for landmark in self.landmarks])
-
-
-def complete_landmarks(landmarks: Sequence[Landmark]) -> tuple[Landmark, ...]:
-    """Those that take part: enabled, with point and pixel."""
-    return tuple(each for each in landmarks if each.enabled and each.point is not None and each.pixel is not None)
-
-
-def off_surface(alignment: Alignment, mesh_given: TriangleMesh) -> dict[str, float]:
-    """Names of the landmarks that do not lie on the surface, and their distances from its nearest vertex in mm."""
-    limit = OFF_SURFACE * float(np.linalg.norm(np.ptp(mesh_given.bounds, axis=0))) + mesh_given.median_edge
-    found = {}
-    for landmark, point in zip(alignment.landmarks, alignment.points_mesh, strict=True):
-        distance = float(np.sqrt(((mesh_given.vertices - point) ** 2).sum(axis=1).min()))
-        if distance > limit:
-            found[landmark.name] = distance
-    return found
 
 
 def pose_lines(cam_from_mesh: np.ndarray) -> list[str]:
@@ -85,7 +28,7 @@ def pose_table(cam_from_mesh: np.ndarray) -> dict[str, object]:
 
 
 def report_lines(alignment: Alignment) -> list[str]:
-    """The pose in both directions with all its digits, the residuals and the uncertainty."""
+    """The pose in both directions with all its digits, the residuals and the uncertainty; landmarks in ``mesh``."""
     estimate, uncertainty = alignment.estimate, alignment.estimate.uncertainty
     lines = pose_lines(estimate.cam_from_model)
     width = max(len("landmark"), *(len(landmark.name) for landmark in alignment.landmarks))
@@ -106,7 +49,7 @@ def report_lines(alignment: Alignment) -> list[str]:
 def report_table(alignment: Alignment) -> dict[str, object]:
     """The same for JSON: lengths in mm, angles in degrees, ``None`` where a pair lies behind the camera."""
     estimate, uncertainty = alignment.estimate, alignment.estimate.uncertainty
-    predicted = alignment.camera.project(transform_points(estimate.cam_from_model, alignment.points_mesh))
+    predicted = alignment.camera.project(transform_points(estimate.cam_from_model, alignment.points))
     pairs = [
         {
             "name": landmark.name,
@@ -119,12 +62,12 @@ def report_table(alignment: Alignment) -> dict[str, object]:
         }
         for landmark, point, pixel, shown, apart, inlier, covariance in zip(
             alignment.landmarks,
-            alignment.points_mesh,
+            alignment.points,
             alignment.pixels,
             predicted,
             estimate.residuals_px,
             estimate.inliers,
-            uncertainty.pixel_covariances(alignment.points_mesh, alignment.camera, estimate.cam_from_model),
+            uncertainty.pixel_covariances(alignment.points, alignment.camera, estimate.cam_from_model),
             strict=True,
         )
     ]
@@ -151,7 +94,7 @@ def report_table(alignment: Alignment) -> dict[str, object]:
 
 
 def alignment_record(alignment: Alignment, tool: str, date: str) -> dict[str, object]:
-    """The record for a case file: see :mod:`.alignment_record`."""
+    """The record for a case file: see :mod:`pipeline.case.alignment_record`. The same in any frame of the surface."""
     estimate, uncertainty = alignment.estimate, alignment.estimate.uncertainty
     return {
         "method": "landmarks",

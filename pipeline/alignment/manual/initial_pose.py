@@ -1,4 +1,4 @@
-"""A first pose for a surface that nothing is known about: facing the camera, centred, as large as the frame."""
+"""An initial pose without prior knowledge: the surface faces the camera, centred, and fills the frame."""
 
 import numpy as np
 
@@ -7,15 +7,15 @@ from ...surface.mesh import TriangleMesh
 from ...transforms import rigid
 
 FILL = 0.9
-"""Part of the frame's shorter side that the surface fills at first."""
+"""Fraction of the frame's shorter side that the surface's bounding sphere spans."""
 
 
 def initial_pose(mesh: TriangleMesh, camera: PinholeCamera) -> np.ndarray:
     """``cam_from_model`` (4x4, mm) for a surface in the model frame.
 
-    The surface's mean front side is turned to the camera, its widest extent lies along the image's longer side, and
-    its bounding sphere spans :data:`FILL` of the shorter side. A closed surface has no mean front side: it is seen
-    along its narrowest extent.
+    The mean normal points at the camera, the first principal axis lies along the image's longer side, and the bounding
+    sphere spans :data:`FILL` of the shorter side. A closed surface has no mean normal; the camera then looks along its
+    last principal axis.
     """
     _, _, axes = np.linalg.svd(mesh.vertices - mesh.vertices.mean(axis=0), full_matrices=False)
     normal = mesh.face_cross.sum(axis=0)
@@ -23,13 +23,13 @@ def initial_pose(mesh: TriangleMesh, camera: PinholeCamera) -> np.ndarray:
     if np.linalg.norm(normal) < 0.1 * area:
         normal = axes[2]
     towards_camera = normal / np.linalg.norm(normal)
-    wide = axes[0] - towards_camera * (axes[0] @ towards_camera)
-    if np.linalg.norm(wide) < 1e-3:
-        wide = axes[1] - towards_camera * (axes[1] @ towards_camera)
-    wide /= np.linalg.norm(wide)
-    # the camera looks along +z: the side turned to it has its normal along -z
+    long_axis = axes[0] - towards_camera * (axes[0] @ towards_camera)
+    if np.linalg.norm(long_axis) < 1e-3:
+        long_axis = axes[1] - towards_camera * (axes[1] @ towards_camera)
+    long_axis /= np.linalg.norm(long_axis)
+    # the camera looks along +z: a surface that faces it has its normal along -z
     z = -towards_camera
-    x, y = (wide, np.cross(z, wide)) if camera.width >= camera.height else (np.cross(wide, z), wide)
+    x, y = (long_axis, np.cross(z, long_axis)) if camera.width >= camera.height else (np.cross(long_axis, z), long_axis)
     focal_px = min(camera.fx, camera.fy)
     half_angle = np.arctan(FILL * min(camera.size_wh) / 2 / focal_px)
     distance = mesh.radius / np.sin(half_angle)

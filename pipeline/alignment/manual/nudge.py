@@ -1,4 +1,4 @@
-"""Small steps of a pose, as large as they look: the unit is the pixel of the frame, whatever the lens and distance."""
+"""Small steps of a pose, in pixels of the frame whatever the lens and distance."""
 
 from typing import Literal, get_args
 
@@ -20,29 +20,34 @@ def nudged(
     step_px: float,
     radius_mm: float,
 ) -> np.ndarray:
-    """The pose after one step; a step back by ``-step_px`` returns to where it was (unless the step was shortened).
+    """The pose after one step. A step by ``-step_px`` undoes it, unless the step was shortened.
 
     With z the depth of the pivot and rho = fx radius / z the radius in pixels:
 
     =============  ====================================================================================================
-    ``x``, ``y``   shift parallel to the image: the pivot's pixel moves by exactly the step, right or down
-    ``depth``      along the ray through the pivot, whose pixel stays: a rim of this radius about the pivot, parallel to
-                   the image, moves inwards by exactly the step; so a positive step leads away from the camera. It
-                   is shortened to half of rho: the distance at most doubles
-    ``roll``       about the camera's z axis through the pivot: the rim moves along itself by exactly the step
-    ``pitch``      about the camera's x axis through the pivot, by the same angle, step / rho: what lies at this radius
-                   before or behind the pivot moves by the step up or down
-    ``yaw``        about the camera's y axis, likewise: left or right
+    ``x``, ``y``   shift parallel to the image: the pivot's pixel moves right or down by exactly the step
+    ``depth``      shift along the ray through the pivot, whose pixel stays. A circle of this radius about the pivot,
+                   parallel to the image, shrinks by exactly the step: a positive step leads away from the camera. It
+                   is limited to rho / 2, so that the distance at most doubles
+    ``roll``       rotation about the camera's z axis through the pivot: the circle moves along itself by exactly the
+                   step, which is an angle of step / rho
+    ``pitch``      rotation about the camera's x axis through the pivot by the same angle: points at this radius in
+                   front of or behind the pivot move up or down by about the step
+    ``yaw``        rotation about the camera's y axis by the same angle: the points move left or right
     =============  ====================================================================================================
 
     Rotations are right-handed about camera axes (x right, y down, z forward).
 
     Parameters
     ----------
+    cam_from_model
+        ``(4, 4)`` the current pose.
     pivot_model
         ``(3,)`` mm, in front of the camera.
+    step_px
+        Pixels of the frame.
     radius_mm
-        Of what is moved, seen from the pivot: e.g. half the extent of the visible surface.
+        Radius of the moved surface about the pivot, e.g. half the extent of its visible part.
 
     Raises
     ------
@@ -66,7 +71,7 @@ def nudged(
         return rigid(translation=shift) @ cam_from_model
     rho_px = camera.fx * radius_mm / pivot[2]
     if axis == "depth":
-        # or the rim of a surface that is small in the image could shrink to nothing
+        # a step beyond rho would move the surface to infinity or behind the camera
         remaining = max(rho_px - step_px, rho_px / 2)
         return rigid(translation=pivot * (rho_px / remaining - 1)) @ cam_from_model
     vector = np.zeros(3)

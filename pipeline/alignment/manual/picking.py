@@ -1,4 +1,4 @@
-"""Which landmark the next pick belongs to, and what to tell the person who picks."""
+"""Which landmark the next pick belongs to, and the instruction shown to the user."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -8,15 +8,15 @@ from ...case.landmarks import Landmark
 Half = Literal["point", "pixel"]
 """The two halves of a landmark: the point on the surface, the pixel of the frame."""
 
-NEEDED = 4
-"""Pairs below which no pose is solved for."""
+MIN_LANDMARKS = 4
+"""Complete landmarks that a pose needs."""
 
 
 def landmark_for(half: Half, landmarks: Sequence[Landmark], active: int) -> int | None:
-    """Index of the landmark that a newly picked half completes; ``None``: it starts a new one.
+    """Index of the landmark that a newly picked half belongs to; ``None`` if it starts a new one.
 
-    The active landmark if it lacks this half, else the first one that has the other half only. So the halves may be
-    picked in either order, alternately or all of one kind first.
+    That is the active landmark if it lacks this half, else the first one that has only the other half. So users may
+    pick in either order, alternately or all of one kind first.
     """
     if 0 <= active < len(landmarks) and getattr(landmarks[active], half) is None:
         return active
@@ -28,7 +28,7 @@ def landmark_for(half: Half, landmarks: Sequence[Landmark], active: int) -> int 
 
 
 def new_name(landmarks: Sequence[Landmark]) -> str:
-    """``Landmark n`` with the smallest free number that is larger than the number of landmarks."""
+    """``Landmark n`` with the smallest unused n above the number of landmarks."""
     taken = {landmark.name for landmark in landmarks}
     number = len(landmarks) + 1
     while f"Landmark {number}" in taken:
@@ -37,17 +37,17 @@ def new_name(landmarks: Sequence[Landmark]) -> str:
 
 
 def next_step(landmarks: Sequence[Landmark], active: int, *, in_frame: bool) -> str:
-    """One sentence: what a click in this view does next.
+    """One sentence: what a click in this viewport does next.
 
     Parameters
     ----------
     landmarks, active
-        All of them, and the index of the active one.
+        All landmarks, and the index of the active one.
     in_frame
-        The view looks through the frame's camera, so that both halves can be picked in it.
+        Whether the viewport looks through the frame's camera, so that both halves can be picked in it.
     """
     surface_click = "Shift + click" if in_frame else "click"
-    halves = [_halves(landmark) for landmark in landmarks]
+    halves = [_count_halves(landmark) for landmark in landmarks]
     if 0 <= active < len(landmarks) and halves[active] == 0:
         feature = f"{landmarks[active].name}: click a feature"
     elif 1 in halves:
@@ -58,20 +58,20 @@ def next_step(landmarks: Sequence[Landmark], active: int, *, in_frame: bool) -> 
         return f"{name}: click the same point in the frame" + ("" if in_frame else ", seen through the camera")
     else:
         feature = "Click a feature"
-    pairs = _pairs(landmarks)
-    missing = f" ({NEEDED - pairs} more needed)" if pairs < NEEDED else ""
+    complete = _count_complete(landmarks)
+    missing = f" ({MIN_LANDMARKS - complete} more needed)" if complete < MIN_LANDMARKS else ""
     where = " in the frame, or Shift + click it on the surface" if in_frame else " on the surface"
     return feature + where + missing
 
 
-def waits(landmarks: Sequence[Landmark]) -> bool:
-    """Whether picking is unfinished: a half is missing somewhere, or there are too few pairs for a pose."""
-    return _pairs(landmarks) < NEEDED or any(_halves(landmark) < 2 for landmark in landmarks)
+def is_unfinished(landmarks: Sequence[Landmark]) -> bool:
+    """Whether picking is unfinished: a half is missing, or there are too few complete landmarks for a pose."""
+    return _count_complete(landmarks) < MIN_LANDMARKS or any(_count_halves(landmark) < 2 for landmark in landmarks)
 
 
-def _halves(landmark: Landmark) -> int:
+def _count_halves(landmark: Landmark) -> int:
     return (landmark.point is not None) + (landmark.pixel is not None)
 
 
-def _pairs(landmarks: Sequence[Landmark]) -> int:
-    return sum(landmark.enabled and _halves(landmark) == 2 for landmark in landmarks)
+def _count_complete(landmarks: Sequence[Landmark]) -> int:
+    return sum(landmark.enabled and _count_halves(landmark) == 2 for landmark in landmarks)

@@ -1,4 +1,4 @@
 """The pose from the image itself.
 
-In: a rough pose, the frame, the surface. Out: a better pose, verified, or the reason why there is none.
+In: a rough pose, the frame, the surface. Out: a refined and verified pose, or the reason for refusing it.
 """

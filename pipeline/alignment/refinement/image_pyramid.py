@@ -1,4 +1,4 @@
-"""The part of an image that an alignment looks at, from coarse to fine, with the surface reduced to match."""
+"""Image pyramid for coarse-to-fine refinement: the image around the surface, with the mesh decimated to match."""
 
 from dataclasses import dataclass, replace
 
@@ -10,26 +10,26 @@ from ...surface.decimation import cluster_vertices
 from .shading_features import Surface
 
 WINDOW = 0.07
-"""Standard deviation of the window of local means over the square root of the surface's area in the image."""
+"""Standard deviation of the Gaussian window of local means, relative to the square root of the surface's area in px."""
 
 CELL_PX = 1.5
-"""Cells of the reduced surface, in pixels of the level."""
+"""Cells of the vertex clustering, in pixels of the level."""
 
 
 @dataclass(frozen=True)
 class PyramidLevel:
-    """One resolution.
+    """The image and the surface at one resolution.
 
     Attributes
     ----------
     camera
-        Of the cropped and reduced image.
+        Intrinsics of the cropped and downsampled image.
     image, valid
         ``(H, W, C)`` float32 and ``(H, W)`` bool.
     surface
-        With detail to match.
+        Decimated to the resolution of the level.
     window_px
-        Window of local means.
+        Standard deviation of the window of local means, pixels of the level.
     px
         Pixels of the full image per pixel of this level.
     """
@@ -42,7 +42,7 @@ class PyramidLevel:
     px: float
 
     def margin(self, pixels: int) -> PinholeCamera:
-        """The camera of the level's image with a margin on all sides."""
+        """The camera of the level's image with a margin of ``pixels`` on all sides."""
         camera = self.camera
         return replace(
             camera,
@@ -64,17 +64,20 @@ def pyramid(
     area_px: float,
     depth_mm: float,
 ) -> list[PyramidLevel]:
-    """Levels in which a surface of ``area_px`` in the image has an area of ``side**2``, in the order of ``sides``.
+    """Levels in which a surface of ``area_px`` in the image covers ``side**2`` pixels, in the order of ``sides``.
 
     Parameters
     ----------
+    image, valid
+        ``(H, W, C)`` full image, and ``(H, W)`` bool: pixels that may be used.
+    camera, surface
+        Of the full image, and at full resolution.
     crop
         Pixels x0 <= x < x1, y0 <= y < y1 as (x0, y0, x1, y1).
     sides
-        Increasing. Nothing is enlarged: levels that would be finer than the image are left out but for one at its own
-        resolution.
+        Increasing. Levels are never upsampled: those finer than the image are replaced by one at its resolution.
     depth_mm
-        Of the surface, for the detail that a pixel shows.
+        Typical depth of the surface, which sets the decimation.
     """
     x0, y0, x1, y1 = crop
     part = replace(camera, width=x1 - x0, height=y1 - y0, cx=camera.cx - x0, cy=camera.cy - y0)

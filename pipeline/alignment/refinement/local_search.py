@@ -1,10 +1,10 @@
-"""Move a pose uphill: least squares between an image and the mixture of features that it follows best.
+"""Local search of a pose: least squares between an image and the best mixture of a surface's features.
 
-The surface is rendered once, and its visible points then look up the image where they fall as the pose moves. In each
-step the mixture is solved for exactly and its freedom is taken out of the Jacobian (variable projection: Golub &
-Pereyra 1973, in the form of Kaufman 1975); gradients are the mean of the image's and of the rendered mixture's
+The surface is rendered, and its visible points then sample the image where they project as the pose moves. Each step
+solves for the mixture exactly and removes its degrees of freedom from the Jacobian (variable projection: Golub &
+Pereyra 1973, in the form of Kaufman 1975). Gradients are a mean of those of the image and of the rendered mixture
 (Benhimane & Malis, "Real-time image-based tracking of planes using efficient second-order minimization", 2004). Steps
-are damped after Levenberg and Marquardt.
+are damped (Levenberg-Marquardt).
 """
 
 from typing import NamedTuple
@@ -18,27 +18,31 @@ from .canonical_correlation import CanonicalCorrelation, best_mixture
 from .image_pyramid import PyramidLevel
 from .shading_features import Appearance, appearance, image_without_local_mean
 
-POINTS = 16000
-"""Most points that take part in a level (cv2.remap takes 32767)."""
-OVERLAP = 0.5
-"""Of the points at the start that must stay in the image."""
-SHARE = 0.7
-"""Of the rendered mixture's gradient in the mean of gradients; the rest is the image's, which is noisier."""
-STOP_PX = 0.02
-"""Mean movement of the points, in px of the level, by which a step is the last of its rendering."""
-SETTLED_PX = 0.1
-"""The same, by which a rendering is the last."""
+MAX_POINTS = 16000
+"""Most points used on a level (cv2.remap takes 32767)."""
+
+MIN_OVERLAP = 0.5
+"""Fraction of the initial points that must stay in the image."""
+
+RENDERED_WEIGHT = 0.7
+"""Weight of the rendered mixture's gradient in the mean of gradients; the image's is noisier."""
+
+STEP_CONVERGED_PX = 0.02
+"""Mean movement of the points, in px of the level, below which a step is the last of its rendering."""
+
+RENDERING_CONVERGED_PX = 0.1
+"""Mean movement of the points, in px of the level, below which a rendering is the last."""
 
 
 class LocalResult(NamedTuple):
-    """Where the climb ended: squared correlation 0..1 and pose."""
+    """The local maximum: squared correlation, 0..1, and ``(4, 4)`` pose."""
 
     score: float
     cam_from_model: np.ndarray
 
 
 class _Points(NamedTuple):
-    """Rendered points: ``(N, 3)`` model, ``(N, K)`` features, ``(N, K, 2)`` their gradients, ``(N,)`` weight."""
+    """Rendered points: ``(N, 3)`` model frame, ``(N, K)`` features, ``(N, K, 2)`` their gradients, ``(N,)`` weights."""
 
     model: np.ndarray
     features: np.ndarray
@@ -47,6 +51,8 @@ class _Points(NamedTuple):
 
 
 class _State(NamedTuple):
+    """A pose, the points in the camera frame and in the image, the image's channels there, and the best mixture."""
+
     cam_from_model: np.ndarray
     points_cam: np.ndarray
     pixels: np.ndarray
@@ -58,53 +64,57 @@ class _State(NamedTuple):
 def refine_on_level(
     level: PyramidLevel, cam_from_model: np.ndarray, *, renderings: int = 8, steps: int = 12, half: int | None = None
 ) -> LocalResult | None:
-    """Refine a pose on one level, or ``None`` if too little of the surface is in the image.
+    """Refine a pose on one level; ``None`` if too little of the surface is in the image.
 
     Parameters
     ----------
+    level
+        The image and the surface.
+    cam_from_model
+        ``(4, 4)`` the initial pose.
     renderings, steps
-        At most; and steps for each rendering.
+        Largest number of renderings, and of steps for each.
     half
-        0 or 1 to use only the fields of one colour of a chequerboard over the image; ``None`` for all.
+        0 or 1 to use only one of two complementary halves of the image, a chequerboard; ``None`` for the whole image.
     """
     result = None
     for rendering in range(renderings):
         seen = appearance(level.surface, level.camera, cam_from_model, window_px=level.window_px)
         if seen is None:
             return result
-        points = _chosen_points(seen, rendering, half)
+        points = _sample_points(seen, rendering, half)
         image = image_without_local_mean(level.image, level.valid, seen.region, level.window_px)
-        state = _state(level, image, points, cam_from_model)
+        state = _evaluate(level, image, points, cam_from_model)
         if state is None:
             return result
         before = state.pixels
         state = _levenberg_marquardt(level, image, points, state, steps)
         cam_from_model = state.cam_from_model
         result = LocalResult(state.mixture.score, cam_from_model)
-        if np.linalg.norm(state.pixels - before, axis=1).mean() < SETTLED_PX:
+        if np.linalg.norm(state.pixels - before, axis=1).mean() < RENDERING_CONVERGED_PX:
             break
     return result
 
 
 def score(level: PyramidLevel, cam_from_model: np.ndarray) -> float:
-    """Squared correlation of the image with the best mixture at a pose; 0 if nothing of the surface is in it."""
+    """Squared correlation of the image with the best mixture at a pose; 0 if too little of the surface is in it."""
     seen = appearance(level.surface, level.camera, cam_from_model, window_px=level.window_px)
     if seen is None:
         return 0.0
     image = image_without_local_mean(level.image, level.valid, seen.region, level.window_px)
-    state = _state(level, image, _chosen_points(seen, 0, None), cam_from_model)
+    state = _evaluate(level, image, _sample_points(seen, 0, None), cam_from_model)
     return 0.0 if state is None else state.mixture.score
 
 
-def _chosen_points(seen: Appearance, rendering: int, half: int | None) -> _Points:
-    chosen = seen.region
-    step = max(int(np.ceil(np.sqrt(np.count_nonzero(chosen) / POINTS))), 1)
+def _sample_points(seen: Appearance, rendering: int, half: int | None) -> _Points:
+    selected = seen.region
+    step = max(int(np.ceil(np.sqrt(np.count_nonzero(selected) / MAX_POINTS))), 1)
     if step > 1:
-        lattice = np.zeros_like(chosen)
-        # another lattice for each rendering
+        lattice = np.zeros_like(selected)
+        # a different subset of points for each rendering
         lattice[rendering % step :: step, (rendering // step) % step :: step] = True
-        chosen = chosen & lattice
-    y, x = np.nonzero(chosen)
+        selected = selected & lattice
+    y, x = np.nonzero(selected)
     weights = np.ones(len(x))
     if half is not None:
         field = max(np.sqrt(np.count_nonzero(seen.region)) / 5, 2)
@@ -119,37 +129,37 @@ def _gradient(plane: np.ndarray) -> np.ndarray:
     return np.dstack([cv2.Sobel(plane, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(plane, cv2.CV_32F, 0, 1, scale=1 / 8)])
 
 
-def _sampled(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+def _sample_image(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """``(H, W)`` or ``(H, W, C)`` at ``(N, 2)`` pixels -> ``(N, C)`` float64; 0 outside."""
     x, y = (np.ascontiguousarray(column, np.float32).reshape(-1, 1) for column in pixels.T)
     return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT).reshape(len(x), -1).astype(float)
 
 
-def _state(level: PyramidLevel, image: np.ndarray, points: _Points, cam_from_model: np.ndarray) -> _State | None:
+def _evaluate(level: PyramidLevel, image: np.ndarray, points: _Points, cam_from_model: np.ndarray) -> _State | None:
     points_cam = transform_points(cam_from_model, points.model)
     if points_cam[:, 2].min() <= 0:
         return None
     pixels = level.camera.project(points_cam)
-    valid = _sampled(level.valid.astype(np.float32), pixels)[:, 0]
+    valid = _sample_image(level.valid.astype(np.float32), pixels)[:, 0]
     weights = np.where(valid > 0.99, points.weights, 0.0)
     if np.count_nonzero(weights) < 4 * points.features.shape[1]:
         return None
-    channels = _sampled(image, pixels)
+    channels = _sample_image(image, pixels)
     return _State(
         cam_from_model, points_cam, pixels, weights, channels, best_mixture(channels, points.features, weights)
     )
 
 
 def _levenberg_marquardt(level: PyramidLevel, image: np.ndarray, points: _Points, state: _State, steps: int) -> _State:
-    damping, least = 1e-3, OVERLAP * state.weights.sum()
+    damping, min_weight = 1e-3, MIN_OVERLAP * state.weights.sum()
     pivot = state.points_cam.mean(axis=0)
     for _ in range(steps):
         normal, gradient = _normal_equations(level.camera, image, points, state, pivot)
         for _ in range(4):
             twist = np.linalg.solve(normal + damping * np.diag(np.diag(normal)) + 1e-12 * np.eye(6), -gradient)
             moved = rigid(translation=pivot) @ se3_exp(twist) @ rigid(translation=-pivot) @ state.cam_from_model
-            trial = _state(level, image, points, moved)
-            if trial is not None and trial.mixture.score > state.mixture.score and trial.weights.sum() >= least:
+            trial = _evaluate(level, image, points, moved)
+            if trial is not None and trial.mixture.score > state.mixture.score and trial.weights.sum() >= min_weight:
                 break
             damping *= 10
         else:
@@ -157,7 +167,7 @@ def _levenberg_marquardt(level: PyramidLevel, image: np.ndarray, points: _Points
         damping *= 0.2
         moved_px = float(np.linalg.norm(trial.pixels - state.pixels, axis=1).mean())
         state = trial
-        if moved_px < STOP_PX:
+        if moved_px < STEP_CONVERGED_PX:
             break
     return state
 
@@ -165,21 +175,21 @@ def _levenberg_marquardt(level: PyramidLevel, image: np.ndarray, points: _Points
 def _normal_equations(
     camera: PinholeCamera, image: np.ndarray, points: _Points, state: _State, pivot: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """``(6, 6)`` and ``(6,)`` of the twist (mm, radians) about ``pivot`` (cam)."""
+    """J^T J ``(6, 6)`` and J^T r ``(6,)`` for a twist (mm, radians) about ``pivot``, in the camera frame."""
     mixture, weights = state.mixture, state.weights
     total = weights.sum()
-    mixed, foretold = state.channels @ mixture.channel_weights, points.features @ mixture.feature_weights
-    residual = (mixed - weights @ mixed / total) - (foretold - weights @ foretold / total)
+    mixed, predicted = state.channels @ mixture.channel_weights, points.features @ mixture.feature_weights
+    residual = (mixed - weights @ mixed / total) - (predicted - weights @ predicted / total)
     mixed_image = (image @ mixture.channel_weights).astype(np.float32)
-    slope = (1 - SHARE) * _sampled(_gradient(mixed_image), state.pixels) + SHARE * np.einsum(
-        "nkd,k->nd", points.gradients, mixture.feature_weights
-    )
+    observed = _sample_image(_gradient(mixed_image), state.pixels)
+    rendered = np.einsum("nkd,k->nd", points.gradients, mixture.feature_weights)
+    gradient_px = (1 - RENDERED_WEIGHT) * observed + RENDERED_WEIGHT * rendered
     x, y, z = state.points_cam.T
-    # d(pixel)/d(point) times the image's slope
-    towards = np.stack([slope[:, 0] * camera.fx / z, slope[:, 1] * camera.fy / z], axis=1)
-    towards = np.column_stack([towards, -(towards[:, 0] * x + towards[:, 1] * y) / z])
-    jacobian = np.hstack([towards, np.cross(state.points_cam - pivot, towards)])
-    # what another mixture could explain as well is no reason to move
+    # gradient in the image times d(pixel)/d(point)
+    gradient_cam = np.stack([gradient_px[:, 0] * camera.fx / z, gradient_px[:, 1] * camera.fy / z], axis=1)
+    gradient_cam = np.column_stack([gradient_cam, -(gradient_cam[:, 0] * x + gradient_cam[:, 1] * y) / z])
+    jacobian = np.hstack([gradient_cam, np.cross(state.points_cam - pivot, gradient_cam)])
+    # remove what a change of the mixture explains as well as a motion does
     root = np.sqrt(weights)[:, None]
     basis = np.column_stack([np.ones(len(residual)), points.features]) * root
     jacobian = jacobian * root

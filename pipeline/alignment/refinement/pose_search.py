@@ -1,9 +1,9 @@
-"""Search poses around a rough one: renderings from a few tilts, correlated with the image over all shifts at once.
+"""Pose search around a rough pose: renderings at several tilts, correlated with the image over all shifts at once.
 
-Shifts in the image are turns of the camera about its own centre, so a rendering stays exact under them; turns about the
-view ray and changes of distance are warps of the image; only tilts need renderings. For each the correlation of
-features and channels is evaluated for all shifts with Fourier transforms, each shift over its own overlap of the valid
-pixels (Padfield, "Masked object registration in the Fourier domain", 2012).
+Only tilts need renderings. A shift in the image is, to first order, a rotation of the camera about its centre, which
+leaves the rendering unchanged. Rolls and changes of distance are warps of the image. For each tilt and warp, Fourier
+transforms give the correlation of features and channels at all shifts, each over its own overlap of valid pixels
+(Padfield, "Masked object registration in the Fourier domain", 2012).
 """
 
 from collections.abc import Callable, Sequence
@@ -18,9 +18,10 @@ from .canonical_correlation import summed_correlation
 from .image_pyramid import PyramidLevel
 from .shading_features import Appearance, appearance, without_local_mean
 
-OVERLAP = 0.6
-"""Of the surface, or of the image if that is smaller: less overlap is no candidate."""
-PEAKS = 6
+MIN_OVERLAP = 0.6
+"""Fraction of the surface, or of the image if that is smaller, that a candidate must overlap."""
+
+MAX_PEAKS = 6
 """Local maxima kept of each correlation."""
 
 TILTS_DEG = tuple(
@@ -35,14 +36,14 @@ REACH = 0.058
 
 
 class Candidate(NamedTuple):
-    """A pose and its sum of squared canonical correlations with the image."""
+    """A ``(4, 4)`` pose and its score: the sum of its squared canonical correlations with the image."""
 
     score: float
     cam_from_model: np.ndarray
 
 
-class _View(NamedTuple):
-    """The image turned and scaled: its transforms, where it came from, and its extent."""
+class _WarpedImage(NamedTuple):
+    """The image rotated and scaled: its Fourier transforms, the affine warp, its scale and its area in px."""
 
     mask: np.ndarray
     channels: list[np.ndarray]
@@ -53,7 +54,7 @@ class _View(NamedTuple):
 
 
 class _Transforms(NamedTuple):
-    """Of a rendering: of its region, its features, and their products."""
+    """Fourier transforms of a rendering: of its region, its features, and their products."""
 
     region: np.ndarray
     features: list[np.ndarray]
@@ -74,11 +75,17 @@ def search_poses(
 
     Parameters
     ----------
+    cam_from_model
+        ``(4, 4)`` the rough pose.
     pivot_cam
-        ``(3,)`` mm: the point about which the surface is turned, on the surface.
+        ``(3,)`` mm: the centre of rotations, a point on the surface at the rough pose, in the camera frame.
+    tilts_deg, rolls_deg, scales
+        Rotations about the camera's (x, y) and about z, and factors of the image's size; all combinations are searched.
+    progress
+        Called with the fraction done.
     """
     reach, canvas, shape = _canvas(level)
-    views = [_view(level, roll, scale, reach, shape) for roll in rolls_deg for scale in scales]
+    warped_images = [_warped_image(level, roll, scale, reach, shape) for roll in rolls_deg for scale in scales]
     found = []
     for index, tilt in enumerate(tilts_deg):
         progress(index / len(tilts_deg))
@@ -88,54 +95,57 @@ def search_poses(
             continue
         transforms = _transforms(seen, shape)
         area = float(np.count_nonzero(seen.region))
-        for view in views:
-            scores = _scores(transforms, view, reach, shape, OVERLAP * min(area, view.area))
+        for warped in warped_images:
+            scores = _scores(transforms, warped, reach, shape, MIN_OVERLAP * min(area, warped.area))
             for score, shift in _peaks(scores, reach):
-                found.append((score, shift, view, tilted))
+                found.append((score, shift, warped, tilted))
     found.sort(key=lambda entry: -entry[0])
     pivot_canvas = canvas.project(pivot_cam[None])[0]
     return [
-        Candidate(score, _pose(tilted, view, pivot_cam, pivot_canvas - shift, level))
-        for score, shift, view, tilted in found
+        Candidate(score, _candidate_pose(tilted, warped, pivot_cam, pivot_canvas - shift, level))
+        for score, shift, warped, tilted in found
     ]
 
 
 def second_peak_ratio(level: PyramidLevel, cam_from_model: np.ndarray) -> float:
-    """The best correlation of the same rendering elsewhere in the image over that at the pose itself.
+    """Second peak ratio: the best score of the same rendering elsewhere in the image over the score at the pose.
 
-    Near 0: the pose stands alone; near 1 or above: other places fit as well, and the pose is not to be believed.
+    Near 0 the pose is unique among its shifts. Near 1 or above, other places fit as well, and the pose is unreliable.
+    Infinite if too little of the surface is in the image.
     """
     reach, canvas, shape = _canvas(level)
     seen = appearance(level.surface, canvas, cam_from_model, window_px=level.window_px, brief=True)
     if seen is None:
         return np.inf
-    view = _view(level, 0.0, 1.0, reach, shape)
-    least_area = OVERLAP * min(float(np.count_nonzero(seen.region)), view.area)
-    scores = _scores(_transforms(seen, shape), view, reach, shape, least_area)
-    away = np.hypot(*np.mgrid[-reach : reach + 1, -reach : reach + 1])
-    here = scores[away <= 2].max()
-    elsewhere = scores[away > max(2 * level.window_px, 4)].max(initial=0.0)
+    warped = _warped_image(level, 0.0, 1.0, reach, shape)
+    least_area = MIN_OVERLAP * min(float(np.count_nonzero(seen.region)), warped.area)
+    scores = _scores(_transforms(seen, shape), warped, reach, shape, least_area)
+    shift_px = np.hypot(*np.mgrid[-reach : reach + 1, -reach : reach + 1])
+    here = scores[shift_px <= 2].max()
+    elsewhere = scores[shift_px > max(2 * level.window_px, 4)].max(initial=0.0)
     return float(elsewhere / here) if here > 0 else np.inf
 
 
 def _canvas(level: PyramidLevel) -> tuple[int, PinholeCamera, tuple[int, int]]:
-    """Largest shift in px of the level, the camera of a rendering with that margin, and the size of transforms."""
+    """The largest shift in px of the level, the camera of renderings with that margin, and the transforms' shape."""
     reach = int(np.ceil(REACH * min(level.camera.fx, level.camera.fy)))
     canvas = level.margin(reach)
     return reach, canvas, (cv2.getOptimalDFTSize(canvas.height), cv2.getOptimalDFTSize(canvas.width))
 
 
-def _view(level: PyramidLevel, roll_deg: float, scale: float, reach: int, shape: tuple[int, int]) -> _View:
+def _warped_image(
+    level: PyramidLevel, roll_deg: float, scale: float, reach: int, shape: tuple[int, int]
+) -> _WarpedImage:
     camera = level.camera
     canvas_from_image = cv2.getRotationMatrix2D((camera.width / 2, camera.height / 2), -roll_deg, scale)
     canvas_from_image[:, 2] = canvas_from_image[:, 2] + reach
     size = camera.width + 2 * reach, camera.height + 2 * reach
     image = without_local_mean(level.image, level.valid, level.window_px)
     mask = cv2.warpAffine(level.valid.astype(np.float32), canvas_from_image, size)
-    turned = cv2.warpAffine(image, canvas_from_image, size).reshape(*mask.shape, -1)
-    planes = np.moveaxis(turned, 2, 0)
+    rotated = cv2.warpAffine(image, canvas_from_image, size).reshape(*mask.shape, -1)
+    planes = np.moveaxis(rotated, 2, 0)
     pairs = [(c, d) for c in range(len(planes)) for d in range(c, len(planes))]
-    return _View(
+    return _WarpedImage(
         mask=np.conj(np.fft.rfft2(mask, shape)),
         channels=[np.conj(np.fft.rfft2(plane, shape)) for plane in planes],
         products={(c, d): np.conj(np.fft.rfft2(planes[c] * planes[d], shape)) for c, d in pairs},
@@ -155,26 +165,28 @@ def _transforms(seen: Appearance, shape: tuple[int, int]) -> _Transforms:
     )
 
 
-def _scores(transforms: _Transforms, view: _View, reach: int, shape: tuple[int, int], least_area: float) -> np.ndarray:
-    """``(2 reach + 1, 2 reach + 1)`` score by shift of the canvas against the image, y then x, from -reach."""
+def _scores(
+    transforms: _Transforms, warped: _WarpedImage, reach: int, shape: tuple[int, int], least_area: float
+) -> np.ndarray:
+    """``(2 reach + 1, 2 reach + 1)`` scores by shift (y, x) of the canvas against the image, from -reach."""
     region, features, products = transforms
     rows, columns = (np.r_[size - reach : size, 0 : reach + 1] for size in shape)
 
     def correlated(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return np.fft.irfft2(a * b, shape)[rows][:, columns]
 
-    area = correlated(region, view.mask)
+    area = correlated(region, warped.mask)
     count = np.maximum(area, 1.0)
-    mean_p = np.stack([correlated(feature, view.mask) for feature in features], axis=-1) / count[..., None]
-    mean_y = np.stack([correlated(region, channel) for channel in view.channels], axis=-1) / count[..., None]
+    mean_p = np.stack([correlated(feature, warped.mask) for feature in features], axis=-1) / count[..., None]
+    mean_y = np.stack([correlated(region, channel) for channel in warped.channels], axis=-1) / count[..., None]
     within_p = np.empty((*area.shape, len(features), len(features)))
     for (k, m), product in products.items():
-        within_p[..., k, m] = within_p[..., m, k] = correlated(product, view.mask) / count
-    within_y = np.empty((*area.shape, len(view.channels), len(view.channels)))
-    for (c, d), product in view.products.items():
+        within_p[..., k, m] = within_p[..., m, k] = correlated(product, warped.mask) / count
+    within_y = np.empty((*area.shape, len(warped.channels), len(warped.channels)))
+    for (c, d), product in warped.products.items():
         within_y[..., c, d] = within_y[..., d, c] = correlated(region, product) / count
     between = np.stack(
-        [np.stack([correlated(feature, channel) for channel in view.channels], -1) for feature in features], axis=-2
+        [np.stack([correlated(feature, channel) for channel in warped.channels], -1) for feature in features], axis=-2
     )
     within_p -= mean_p[..., :, None] * mean_p[..., None, :]
     within_y -= mean_y[..., :, None] * mean_y[..., None, :]
@@ -183,28 +195,28 @@ def _scores(transforms: _Transforms, view: _View, reach: int, shape: tuple[int, 
 
 
 def _peaks(scores: np.ndarray, reach: int) -> list[tuple[float, np.ndarray]]:
-    """The best local maxima: score and shift (x, y)."""
+    """The best local maxima: score and ``(2,)`` shift (x, y) in px."""
     neighbours = cv2.dilate(scores, np.ones((5, 5), np.uint8))
     y, x = np.nonzero((scores >= neighbours) & (scores > 0))
-    best = np.argsort(-scores[y, x], kind="stable")[:PEAKS]
+    best = np.argsort(-scores[y, x], kind="stable")[:MAX_PEAKS]
     return [(float(scores[y[i], x[i]]), np.array([x[i] - reach, y[i] - reach], float)) for i in best]
 
 
-def _pose(
-    tilted: np.ndarray, view: _View, pivot_cam: np.ndarray, pivot_view: np.ndarray, level: PyramidLevel
+def _candidate_pose(
+    tilted: np.ndarray, warped: _WarpedImage, pivot_cam: np.ndarray, pivot_warped: np.ndarray, level: PyramidLevel
 ) -> np.ndarray:
-    """The pose in which the rendering of ``tilted`` looks as it does under the turned, scaled and shifted image."""
-    linear, offset = view.canvas_from_image[:, :2], view.canvas_from_image[:, 2]
-    pivot_image = np.linalg.solve(linear, pivot_view - offset)
+    """The pose whose rendering in the image equals that of ``tilted`` in the rotated, scaled and shifted image."""
+    linear, offset = warped.canvas_from_image[:, :2], warped.canvas_from_image[:, 2]
+    pivot_image = np.linalg.solve(linear, pivot_warped - offset)
     roll = np.arctan2(linear[1, 0], linear[0, 0])
-    # the image was enlarged to look like the rendering: what it shows is farther away
+    # an image that had to be enlarged to match the rendering shows the surface farther away
     pose = turned_about(pivot_cam, rotation_from_vector(np.array([0.0, 0.0, -roll]))) @ tilted
-    pose = rigid(translation=(view.scale - 1) * pivot_cam) @ pose
-    return rigid(_turn(pivot_cam, level.camera.rays_cam(pivot_image[None])[0])) @ pose
+    pose = rigid(translation=(warped.scale - 1) * pivot_cam) @ pose
+    return rigid(_rotation_between(pivot_cam, level.camera.rays_cam(pivot_image[None])[0])) @ pose
 
 
-def _turn(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The smallest rotation that takes direction a to direction b."""
+def _rotation_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """``(3, 3)`` smallest rotation that takes direction a to direction b."""
     axis = np.cross(a, b)
     sine = np.linalg.norm(axis)
     return rotation_from_vector(axis / max(sine, 1e-300) * np.arctan2(sine, a @ b))

@@ -1,9 +1,9 @@
-"""Refine a rough pose against the image, and say whether the result is to be believed.
+"""Refine a rough pose against the image, and accept or refuse the result.
 
-First the pose climbs from where it is; if that is not believed, tilts, turns, distances and shifts around it are
-searched on a coarse image (:mod:`.pose_search`) and the best climb on finer and finer ones (:mod:`.local_search`).
-A result is refused, and the pose stays, unless it explains the image better than before, stands alone among shifts of
-itself, and two halves of the image agree on it. Needs numpy and cv2 only.
+A local search (:mod:`.local_search`) starts from the rough pose. If its result fails the verification, a search over
+tilts, rolls, distances and shifts on a coarse image (:mod:`.pose_search`) gives further initial poses, which are
+refined from coarse to fine. The result is accepted only if it explains the image better than the rough pose, has a low
+second peak ratio, and agrees between two halves of the image (:mod:`.verification`). Needs ``cv2``.
 """
 
 from collections.abc import Callable
@@ -31,30 +31,40 @@ from .shading_features import RIM, Surface
 from .verification import ImageAgreement, Verification, agreement, contrast, mean_distance_px, verify
 
 SIDES_PX = (70.0, 125.0, 220.0)
-"""Square roots of the surface's area on the levels."""
-LARGEST_CANVAS_PX = 16000
-"""Pixels of the coarsest level with its margin: bounds the time of the search."""
-CLIMBERS, FINALISTS = 6, 2
-"""Candidates of the search that climb on the coarsest level, and on the next."""
+"""Square roots of the surface's area on the pyramid levels."""
 
-HOP_DEG, HOPS = 4.0, 3
-"""Where a climb ends it is repeated from tilts of that size around, so often while that leads higher."""
-LEAST_GAIN = 1.05
-"""Of the score, for another round."""
+MAX_CANVAS_PX = 16000
+"""Pixels of the coarsest level with its margin; bounds the time of the search."""
+
+COARSEST_CANDIDATES, FINER_CANDIDATES = 6, 2
+"""Candidates of the pose search that are refined on the coarsest level, and on the next."""
+
+HOP_DEG, MAX_HOPS = 4.0, 3
+"""The multi-start repeats a local search from tilts of this size around its result, at most this often."""
+
+MIN_GAIN = 1.05
+"""Ratio of scores at which the multi-start continues."""
+
 SMALL_PX = 10000
-"""Pixels of surface on the finest level below which that is done there too: its correlation has more peaks then."""
+"""Pixels of surface on the finest level below which the multi-start runs there too: small surfaces give more peaks."""
 
-LEAST_CONTRAST = 1e-3
+MIN_CONTRAST = 1e-3
 """Root mean square of the coarsest image less its local mean, code values 0..1."""
-LEAST_SCORE = 0.1
-LARGEST_SECOND_PEAK_RATIO = 0.5
-SHORT_TURN_DEG, LARGEST_TURN_DEG = 6.0, 15.0
-"""A climb that turned farther than the first may have found a wrong peak: search too. Farther than the second, where
-slanted views begin to fit anything, is refused."""
-LARGEST_HALVES_PX, LARGEST_HALVES_OF_LEVEL = 2.0, 0.7
-"""The larger holds: pixels of the full image, and of the finest level."""
-LEAST_SURFACE_PX = 64
-"""Pixels of an image of 160 px that must show the surface at the start."""
+
+MIN_SCORE = 0.1
+"""Squared correlation of the refined pose."""
+
+MAX_SECOND_PEAK_RATIO = 0.5
+
+SHORT_ROTATION_DEG, MAX_ROTATION_DEG = 6.0, 15.0
+"""A local search that rotated by more than the first may have found a wrong peak and is followed by the pose search.
+Rotations beyond the second are refused: slanted views begin to fit anything."""
+
+MAX_SPLIT_HALF_PX, MAX_SPLIT_HALF_LEVEL_PX = 2.0, 0.7
+"""In pixels of the full image, and of the finest level; the larger bound applies."""
+
+MIN_SURFACE_PX = 64
+"""Pixels that must show the surface at the rough pose, in an image of 160 px."""
 
 
 @dataclass(frozen=True)
@@ -64,21 +74,21 @@ class Refinement:
     Attributes
     ----------
     cam_from_model
-        ``(4, 4)`` the refined pose if accepted, else the one given.
+        ``(4, 4)`` the refined pose if accepted, else the rough one.
     accepted
-        Whether the refined pose is better than the given one and verified.
+        Whether the refined pose passed the verification and has a higher score than the rough one.
     before, after
-        Agreement of the given pose and of the refined one, whether accepted or not.
-    told
-        One sentence: why it was accepted or refused, with numbers.
+        Agreement of the rough and of the refined pose with the image, whether accepted or not.
+    message
+        Why the refined pose was accepted or refused, with numbers.
     found
         ``(4, 4)`` the refined pose, also if it was refused.
     verified
-        Whether ``found`` passed the tests; if it did and is not accepted, the given pose was as good.
-    moved_px, turned_deg
-        From the given pose to ``found``: mean over the visible points, and the angle of rotation.
+        Whether ``found`` passed the verification; if so and not accepted, the rough pose was as good.
+    moved_px, rotation_deg
+        From the rough pose to ``found``: mean shift of the visible points, and angle of rotation.
     verification
-        The tests that the refined pose had to pass; ``None`` if there was nothing to test.
+        Measures of the verification; ``None`` if there was no refined pose to test.
     """
 
     cam_from_model: np.ndarray
@@ -89,7 +99,7 @@ class Refinement:
     found: np.ndarray
     verified: bool
     moved_px: float
-    turned_deg: float
+    rotation_deg: float
     verification: Verification | None
 
 
@@ -108,22 +118,24 @@ def refine_pose(
     Parameters
     ----------
     image
-        ``(H, W, 3)`` (or 1 channel) undistorted frame, float32 0..1.
+        ``(H, W, 3)`` or ``(H, W, 1)`` undistorted frame, float32 0..1.
     valid
         ``(H, W)`` bool: pixels that may be used.
+    camera
+        Intrinsics of the undistorted frame.
     mesh
         In the model frame, mm.
     cam_from_model
-        ``(4, 4)`` the rough pose; good to some 10 degrees and 5 % of the distance.
+        ``(4, 4)`` the rough pose, within about 10° and 5 % of the distance.
     colours
         ``(V, 3)`` per vertex, 0..1, if the surface's own colours are known.
     progress
-        Called with the fraction done, 0..1; what it raises ends the refinement.
+        Called with the fraction done, 0..1; an exception that it raises ends the refinement.
 
     Raises
     ------
     InputError
-        Arrays that do not fit each other, or a pose that is not one.
+        Shapes that do not match, or a matrix that is not a rigid transform.
     """
     start, _ = checked_rigid(cam_from_model, "refinement: cam_from_model")
     _check(image, valid, camera, mesh, colours)
@@ -131,36 +143,38 @@ def refine_pose(
     report(0.0)
     levels, points, area_px = _levels(image, valid, camera, Surface(mesh, colours), start)
     if not levels:
-        return _nothing_to_go_by(start, "it shows next to nothing of the surface in the image; move it there first")
-    if contrast(levels[0]) < LEAST_CONTRAST:
-        return _nothing_to_go_by(start, "the image shows no detail there; use a frame with more contrast")
+        return _refuse_unsearched(
+            start, "it shows almost no surface in the image; move the surface into the image first"
+        )
+    if contrast(levels[0]) < MIN_CONTRAST:
+        return _refuse_unsearched(start, "the image shows no detail there; use a frame with more contrast")
     before = agreement(levels[-1], start)
     report(0.05)
 
-    def judged(pose: np.ndarray) -> Refinement:
+    def assess(pose: np.ndarray) -> Refinement:
         if area_px / levels[-1].px ** 2 < SMALL_PX:
             pose = _multistart(levels[-1], pose, points)
         return _accept(start, pose, before, levels, points, camera)
 
-    # where other shifts fit as well, finer images would be lost on it
+    # a pose whose shifts fit as well is not worth refining on finer levels
     pose = _multistart(levels[0], start, points, lambda fraction: report(0.05 + 0.05 * fraction))
-    if second_peak_ratio(levels[0], pose) <= LARGEST_SECOND_PEAK_RATIO:
+    if second_peak_ratio(levels[0], pose) <= MAX_SECOND_PEAK_RATIO:
         pose = _refined_over_levels([pose], levels[1:], points, camera, lambda fraction: report(0.1 + 0.1 * fraction))
-        near = judged(pose)
-        if near.verified and near.turned_deg <= SHORT_TURN_DEG:
+        local = assess(pose)
+        if local.verified and local.rotation_deg <= SHORT_ROTATION_DEG:
             report(1.0)
-            return near
+            return local
     report(0.25)
     pivot = transform_points(start, points).mean(axis=0)
     candidates = search_poses(levels[0], start, pivot, progress=lambda fraction: report(0.25 + 0.4 * fraction))
-    starts = [pose, *(candidate.cam_from_model for candidate in candidates[:CLIMBERS])]
+    starts = [pose, *(candidate.cam_from_model for candidate in candidates[:COARSEST_CANDIDATES])]
     pose = _refined_over_levels(starts, levels, points, camera, lambda fraction: report(0.65 + 0.25 * fraction))
-    result = judged(pose)
+    result = assess(pose)
     report(1.0)
     return result
 
 
-def _nothing_to_go_by(start: np.ndarray, reason: str) -> Refinement:
+def _refuse_unsearched(start: np.ndarray, reason: str) -> Refinement:
     none = ImageAgreement(0.0, np.nan)
     message = f"Refused, the pose is unchanged: {reason}."
     return Refinement(start, False, none, none, message, start, False, 0.0, 0.0, None)
@@ -184,7 +198,10 @@ def _check(
 def _levels(
     image: np.ndarray, valid: np.ndarray, camera: PinholeCamera, surface: Surface, start: np.ndarray
 ) -> tuple[list[PyramidLevel], np.ndarray, float]:
-    """The image around the surface from coarse to fine; ``(N, 3)`` visible model points and their area, px."""
+    """Pyramid levels, coarse to fine, ``(N, 3)`` visible points, model frame, and the surface's area in px.
+
+    Without levels where the rough pose shows too little of the surface.
+    """
     factor = min(160 / max(camera.size_wh), 1.0)
     small = camera.resized(max(round(camera.width * factor), 1), max(round(camera.height * factor), 1))
     depth = transform_points(start, surface.mesh.vertices)[:, 2]
@@ -193,7 +210,7 @@ def _levels(
     coarse, _ = cluster_vertices(surface.mesh, 1.5 * float(np.median(depth[depth > 0])) / small.fx)
     raster = rasterise_depth(coarse, small, start)
     seen = raster.face >= 0
-    if np.count_nonzero(seen) < LEAST_SURFACE_PX or not valid.any():
+    if np.count_nonzero(seen) < MIN_SURFACE_PX or not valid.any():
         return [], np.empty((0, 3)), 0.0
     points_cam = small.rays_cam(small.pixel_grid())[seen] / raster.inverse_depth[seen][:, None]
 
@@ -204,7 +221,7 @@ def _levels(
     first = np.floor(corner / factor - margin).astype(int).clip(0)
     end = np.ceil(opposite / factor + margin).astype(int).clip(None, camera.size_wh)
     canvas_px = np.prod(end - first + 2 * REACH * camera.fx)
-    coarsest = np.sqrt(area_px * min(LARGEST_CANVAS_PX / canvas_px, 1.0))
+    coarsest = np.sqrt(area_px * min(MAX_CANVAS_PX / canvas_px, 1.0))
     levels = pyramid(
         image,
         valid,
@@ -225,7 +242,7 @@ def _refined_over_levels(
     camera: PinholeCamera,
     report: Callable[[float], None],
 ) -> np.ndarray:
-    """The best pose after climbing on all levels, fewer and fewer from level to level."""
+    """The best pose after local searches on all levels, from fewer poses on each finer level."""
     poses = starts
     for index, level in enumerate(levels):
         results: list[LocalResult] = []
@@ -239,31 +256,31 @@ def _refined_over_levels(
         results.sort(key=lambda result: -result.score)
         poses = []
         for result in results:
-            apart = (mean_distance_px(camera, points, result.cam_from_model, pose) for pose in poses)
-            if all(distance > 2 * level.px for distance in apart):
+            distances_px = (mean_distance_px(camera, points, result.cam_from_model, pose) for pose in poses)
+            if all(distance > 2 * level.px for distance in distances_px):
                 poses.append(result.cam_from_model)
-        poses = poses[: FINALISTS if index == 0 else 1]
+        poses = poses[: FINER_CANDIDATES if index == 0 else 1]
     return poses[0]
 
 
 def _multistart(
     level: PyramidLevel, pose: np.ndarray, points: np.ndarray, report: Callable[[float], None] = lambda fraction: None
 ) -> np.ndarray:
-    """The best end of climbs from a pose and from tilts around that end."""
+    """The best result of local searches from a pose and, repeatedly, from tilts around the best result so far."""
     best = refine_on_level(level, pose)
-    for hop in range(HOPS):
+    for hop in range(MAX_HOPS):
         if best is None:
             return pose
         centre = best
         pivot = transform_points(centre.cam_from_model, points).mean(axis=0)
         for index in range(6):
-            report((hop + index / 6) / HOPS)
+            report((hop + index / 6) / MAX_HOPS)
             angle = index * np.pi / 3
             tilt = rotation_from_vector(np.radians(HOP_DEG) * np.array([np.cos(angle), np.sin(angle), 0.0]))
             result = refine_on_level(level, turned_about(pivot, tilt) @ centre.cam_from_model)
             if result is not None and result.score > best.score:
                 best = result
-        if best.score < LEAST_GAIN * centre.score:
+        if best.score < MIN_GAIN * centre.score:
             break
     return pose if best is None else best.cam_from_model
 
@@ -276,35 +293,38 @@ def _accept(
     points: np.ndarray,
     camera: PinholeCamera,
 ) -> Refinement:
-    """Accept or refuse a refined pose."""
+    """Verify a refined pose, and accept or refuse it."""
     after = agreement(levels[-1], pose)
     tests = verify(levels[0], levels[-1], pose, points, camera)
     moved_px = mean_distance_px(camera, points, start, pose)
-    turned_deg = rotation_angle_deg(pose[:3, :3] @ start[:3, :3].T)
-    limit_px = max(LARGEST_HALVES_PX, LARGEST_HALVES_OF_LEVEL * levels[-1].px)
+    rotation_deg = rotation_angle_deg(pose[:3, :3] @ start[:3, :3].T)
+    limit_px = max(MAX_SPLIT_HALF_PX, MAX_SPLIT_HALF_LEVEL_PX * levels[-1].px)
     explained = f"the shape explains {after.score:.0%} of the image's variation ({before.score:.0%} before)"
-    doubt = None
-    if after.score < LEAST_SCORE:
-        doubt = f"{explained}, too little to go by"
-    elif tests.second_peak_ratio > LARGEST_SECOND_PEAK_RATIO:
-        doubt = f"{explained}, but other places fit {tests.second_peak_ratio:.0%} as well as the best one"
-    elif turned_deg > LARGEST_TURN_DEG:
-        doubt = f"{explained}, but {turned_deg:.0f} degrees away (at most {LARGEST_TURN_DEG:.0f})"
-    elif tests.split_half_px > limit_px:
-        doubt = (
-            f"{explained}, but two halves of the image put the surface {tests.split_half_px:.1f} px apart "
-            f"(at most {limit_px:.1f})"
+    objection = None
+    if after.score < MIN_SCORE:
+        objection = f"{explained}, which is too little (at least {MIN_SCORE:.0%})"
+    elif tests.second_peak_ratio > MAX_SECOND_PEAK_RATIO:
+        objection = (
+            f"{explained}, but another place fits {tests.second_peak_ratio:.0%} as well "
+            f"(at most {MAX_SECOND_PEAK_RATIO:.0%})"
         )
-    accepted = doubt is None and after.score > before.score
-    if doubt is not None:
-        message = f"Refused, the pose is unchanged: {doubt}; bring it nearer by hand or with landmarks."
+    elif rotation_deg > MAX_ROTATION_DEG:
+        objection = f"{explained}, but at a rotation of {rotation_deg:.0f}° (at most {MAX_ROTATION_DEG:.0f}°)"
+    elif tests.split_half_px > limit_px:
+        objection = (
+            f"{explained}, but the poses from two halves of the image differ by {tests.split_half_px:.1f} px "
+            f"(at most {limit_px:.1f} px)"
+        )
+    accepted = objection is None and after.score > before.score
+    if objection is not None:
+        message = f"Refused, the pose is unchanged: {objection}; bring the surface nearer by hand or with landmarks."
     elif accepted:
         message = (
-            f"Refined by {moved_px:.1f} px and {turned_deg:.2f} degrees: {explained}, two halves of the image agree "
-            f"within {tests.split_half_px:.1f} px, and elsewhere it fits {tests.second_peak_ratio:.0%} as well."
+            f"Refined by {moved_px:.1f} px and {rotation_deg:.2f}°: {explained}, two halves of the image agree within "
+            f"{tests.split_half_px:.1f} px, and the next best place fits {tests.second_peak_ratio:.0%} as well."
         )
     else:
-        message = f"The pose is unchanged: the best one near it, {moved_px:.1f} px away, is no better ({explained})."
+        message = f"The pose is unchanged: the best pose nearby, {moved_px:.1f} px away, is no better ({explained})."
     return Refinement(
         cam_from_model=pose if accepted else start,
         accepted=accepted,
@@ -312,8 +332,8 @@ def _accept(
         after=after,
         message=message,
         found=pose,
-        verified=doubt is None,
+        verified=objection is None,
         moved_px=moved_px,
-        turned_deg=turned_deg,
+        rotation_deg=rotation_deg,
         verification=tests,
     )

@@ -1,15 +1,15 @@
-"""What geometry foretells of a photograph: features of a mesh in a view, each a picture that brightness may follow.
+"""Features of a surface that predict the shading of a photograph: images rendered from the mesh at a pose.
 
-Under light beside the lens, as of an endoscope or a surgical microscope, surface is bright where it faces the lens and
-dark in cavities. How bright, and in which colour, is left open: :mod:`.canonical_correlation` finds the mixture of
-features that the image follows best.
+Under a light next to the lens, as in an endoscope or a surgical microscope, surface is bright where it faces the lens
+and dark in cavities. How bright, and in which colour, is left open: :mod:`.canonical_correlation` finds the linear
+combination of features that correlates best with the image.
 
 Notes
 -----
 To first order, diffuse light is linear in the normal (Basri & Jacobs, "Lambertian reflectance and linear subspaces",
-2003); depth below the surroundings stands for shadowing and interreflection (Luft et al., "Image enhancement by
-unsharp masking the depth buffer", 2006). Around the outline lies a rim of background, which takes part with one
-feature, "this is the object": a colour that sets it off from its background makes its outline count.
+2003). Depth relative to the surroundings models shadowing and interreflection (Luft et al., "Image enhancement by
+unsharp masking the depth buffer", 2006). The region includes a rim of background around the outline, with one feature,
+the mask of the surface: so the outline counts where the surface differs in colour from its background.
 """
 
 from dataclasses import dataclass
@@ -23,15 +23,15 @@ from ...surface.mesh import TriangleMesh
 from ...transforms import inverse_rigid, transform_points
 
 RIM = 0.1
-"""Width of the rim over the square root of the outline's area."""
+"""Width of the rim relative to the square root of the surface's area in the image."""
 
-LARGEST_DEVIATION = 3.0
-"""From the local mean of an image, in standard deviations."""
+MAX_DEVIATION = 3.0
+"""Bound on the deviation of an image from its local mean, in standard deviations."""
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A mesh with optional ``(V, 3)`` vertex colours (0..1), model frame."""
+    """A mesh in the model frame, with optional ``(V, 3)`` vertex colours, 0..1."""
 
     mesh: TriangleMesh
     colours: np.ndarray | None = None
@@ -39,7 +39,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Appearance:
-    """Features of a surface in a view.
+    """Features of a surface at a pose.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Appearance:
     features
         ``(H, W, K)`` float32, without their local mean; 0 outside the region.
     points_model
-        ``(H, W, 3)`` the points that the pixels show, mm; a pixel of the rim takes the depth of the nearest surface.
+        ``(H, W, 3)`` the points that the pixels show, mm; pixels of the rim have the depth of the nearest surface.
     """
 
     region: np.ndarray
@@ -64,14 +64,18 @@ def appearance(
     window_px: float,
     brief: bool = False,
 ) -> Appearance | None:
-    """Features of a surface in a view, or ``None`` if fewer than 16 pixels show it.
+    """Features of a surface at a pose, or ``None`` if fewer than 16 pixels show it.
 
     Parameters
     ----------
+    surface
+        Mesh and colours.
+    camera, cam_from_model
+        Intrinsics, and ``(4, 4)`` pose.
     window_px
         Standard deviation of the Gaussian window of local means, see :func:`without_local_mean`.
     brief
-        Only the features that are the same after a turn about the view ray, and few of them.
+        Few features, and only such that do not change with a rotation about the optical axis.
     """
     raster = rasterise_depth(surface.mesh, camera, cam_from_model)
     seen = raster.face >= 0
@@ -87,10 +91,10 @@ def appearance(
     normals = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300)
     normal = np.where(seen[..., None], normals[raster.face], 0.0)
     towards_lens = -(normal * rays).sum(axis=2) / np.linalg.norm(rays, axis=2)
-    # either side of a face may be its front: the one that is seen
+    # the visible side of a face counts as its front
     normal *= np.sign(towards_lens)[..., None]
 
-    # depth in pixels: then its steps have the size of their shadows whatever the scale
+    # depth in pixels, so that its steps are comparable with the window at any scale
     relief = (depth * np.median(camera.fx * inverse_depth[seen])).astype(np.float32)
     fine = without_local_mean(relief, region, window_px / 4)
     features = [np.abs(towards_lens)]
@@ -119,14 +123,14 @@ def without_local_mean(image: np.ndarray, mask: np.ndarray, window_px: float) ->
 
 
 def image_without_local_mean(image: np.ndarray, valid: np.ndarray, mask: np.ndarray, window_px: float) -> np.ndarray:
-    """The image ``(H, W, C)`` less its mean over ``mask & valid``, also beyond the mask; 0 outside ``valid``.
+    """The image ``(H, W, C)`` less its local mean over ``mask & valid``, also beyond the mask; 0 outside ``valid``.
 
-    Values are held to :data:`LARGEST_DEVIATION`, so that highlights and instruments have no more say than that.
+    Values are clipped to :data:`MAX_DEVIATION`, to limit the influence of highlights and instruments.
     """
     result = _minus_local_mean(image, mask & valid, window_px)
     result[~valid] = 0
     spread = np.sqrt(np.mean(result[mask & valid] ** 2, axis=0)) if (mask & valid).any() else 0.0
-    return np.clip(result, -LARGEST_DEVIATION * spread, LARGEST_DEVIATION * spread).astype(np.float32)
+    return np.clip(result, -MAX_DEVIATION * spread, MAX_DEVIATION * spread).astype(np.float32)
 
 
 def _minus_local_mean(image: np.ndarray, mask: np.ndarray, window_px: float) -> np.ndarray:
@@ -141,14 +145,14 @@ def _minus_local_mean(image: np.ndarray, mask: np.ndarray, window_px: float) -> 
 
 
 def _with_rim(inverse_depth: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Continue the depth a little beyond the outline: inverse depth and region, both ``(H, W)``."""
+    """Extend the depth beyond the outline by the rim: inverse depth and region, both ``(H, W)``."""
     if seen.all():
         return inverse_depth, seen
     distance, label = cv2.distanceTransformWithLabels(
         (~seen).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL
     )
     region = distance <= max(RIM * np.sqrt(np.count_nonzero(seen)), 2.0)
-    # every pixel of the surface has a label of its own, which its nearest background pixels share
+    # every pixel of the surface has a unique label, which the background pixels nearest to it share
     of_label = np.zeros(int(np.max(label)) + 1)
     of_label[label[seen]] = inverse_depth[seen]
     return np.where(region, of_label[label], 0.0), region

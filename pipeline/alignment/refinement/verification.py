@@ -1,4 +1,4 @@
-"""How well a pose and an image agree, in numbers that can be judged without knowing the true pose."""
+"""Verification of a pose against the image: measures that need no ground truth."""
 
 from dataclasses import dataclass
 
@@ -13,24 +13,25 @@ from .local_search import refine_on_level, score
 from .pose_search import second_peak_ratio
 from .shading_features import without_local_mean
 
-STEP_PX = 4.0
-"""Depth steps of more pixel footprints than this between neighbours are edges of the surface."""
-CANNY_SHARE = 0.1
-"""Share of the image's pixels that count as edges: those with the steepest brightness."""
+DEPTH_EDGE_PX = 4.0
+"""Depth step between neighbouring pixels, in pixel footprints, from which it is an edge of the surface."""
+
+EDGE_FRACTION = 0.1
+"""Fraction of the pixels, those with the largest gradients, among which edges of the image are sought."""
 
 
 @dataclass(frozen=True)
 class ImageAgreement:
-    """A pose against the image.
+    """Agreement of a pose with the image.
 
     Attributes
     ----------
     score
-        Share (0..1) of the image's local variation that the shape's shading, cavities, outline and colours explain
-        there: the squared canonical correlation.
+        Fraction, 0..1, of the image's local variation that shading, cavities, outline and colours of the surface
+        explain: the squared canonical correlation.
     edge_distance_px
         Median distance from the surface's depth edges to the nearest strong edge of the image, in pixels of the full
-        image; NaN if the surface shows no edges there.
+        image; NaN if surface or image have no such edges.
     """
 
     score: float
@@ -39,15 +40,15 @@ class ImageAgreement:
 
 @dataclass(frozen=True)
 class Verification:
-    """What speaks for a refined pose, beside its score.
+    """Evidence for a refined pose besides its score.
 
     Attributes
     ----------
-    halves_px
-        Mean distance between the visible points as two halves of the image, the fields of a chequerboard, would
-        place them on their own; pixels of the full image.
-    rivalry
-        How well the same rendering fits elsewhere in the image, over how well it fits here.
+    split_half_px
+        Mean distance of the visible points between poses refined on two halves of the image, the fields of a
+        chequerboard; pixels of the full image, infinite if a half determines no pose.
+    second_peak_ratio
+        Best score elsewhere in the image over the score at the pose, see :func:`.pose_search.second_peak_ratio`.
     """
 
     split_half_px: float
@@ -55,7 +56,7 @@ class Verification:
 
 
 def agreement(level: PyramidLevel, cam_from_model: np.ndarray) -> ImageAgreement:
-    """Measure a pose on one level."""
+    """Agreement of a ``(4, 4)`` pose with the image of one level."""
     return ImageAgreement(score(level, cam_from_model), _edge_distance_px(level, cam_from_model))
 
 
@@ -66,11 +67,23 @@ def verify(
     points_model: np.ndarray,
     camera: PinholeCamera,
 ) -> Verification:
-    """Test a refined pose; ``points_model`` (N, 3) are visible points, ``camera`` that of the full image."""
+    """Measure how reliable a refined pose is.
+
+    Parameters
+    ----------
+    coarse, fine
+        Levels for the second peak ratio and for the split-half test.
+    cam_from_model
+        ``(4, 4)`` the refined pose.
+    points_model
+        ``(N, 3)`` visible points, mm.
+    camera
+        Intrinsics of the full image.
+    """
     halves = [refine_on_level(fine, cam_from_model, renderings=1, half=half) for half in (0, 1)]
     first, second = (None if half is None else half.cam_from_model for half in halves)
-    apart = np.inf if first is None or second is None else mean_distance_px(camera, points_model, first, second)
-    return Verification(apart, second_peak_ratio(coarse, cam_from_model))
+    split_half_px = np.inf if first is None or second is None else mean_distance_px(camera, points_model, first, second)
+    return Verification(split_half_px, second_peak_ratio(coarse, cam_from_model))
 
 
 def contrast(level: PyramidLevel) -> float:
@@ -80,7 +93,7 @@ def contrast(level: PyramidLevel) -> float:
 
 
 def mean_distance_px(camera: PinholeCamera, points_model: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:
-    """Mean distance between the images of ``(N, 3)`` points in two poses; infinite if they are behind the camera."""
+    """Mean distance between the projections of ``(N, 3)`` points at two poses; infinite if one is behind the camera."""
     seen = [camera.project(transform_points(pose, points_model)) for pose in (a, b)]
     distance = float(np.linalg.norm(seen[0] - seen[1], axis=1).mean())
     return distance if np.isfinite(distance) else np.inf
@@ -91,14 +104,14 @@ def _edge_distance_px(level: PyramidLevel, cam_from_model: np.ndarray) -> float:
     # a footprint is depth over focal length: steps of the logarithm in units of 1 / f
     logarithm = np.where(inverse_depth > 0, np.log(np.maximum(inverse_depth, 1e-9)), -20.0).astype(np.float32)
     step = cv2.morphologyEx(logarithm, cv2.MORPH_GRADIENT, np.ones((2, 2), np.uint8))
-    surface_edges = (step * level.camera.fx > STEP_PX) & level.valid
+    surface_edges = (step * level.camera.fx > DEPTH_EDGE_PX) & level.valid
     grey = cv2.GaussianBlur(level.image.mean(axis=2), (0, 0), 1.0)
-    slope = np.hypot(cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1))
+    gradient = np.hypot(cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1))
     whole = cv2.erode(level.valid.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     if not surface_edges.any() or not whole.any():
         return np.nan
-    ridge = slope >= cv2.dilate(slope, np.ones((3, 3), np.uint8)) * 0.9
-    image_edges = ridge & whole & (slope > max(float(np.quantile(slope[whole], 1 - CANNY_SHARE)), 1e-6))
+    ridge = gradient >= cv2.dilate(gradient, np.ones((3, 3), np.uint8)) * 0.9
+    image_edges = ridge & whole & (gradient > max(float(np.quantile(gradient[whole], 1 - EDGE_FRACTION)), 1e-6))
     if not image_edges.any():
         return np.nan
     distance = cv2.distanceTransform((~image_edges).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)

@@ -10,6 +10,7 @@ from ...colour.texture_atlas import bake_atlas, classify_faces
 from ...colour.vertex_colours import colour_vertices
 from ...dataset.view import RenderedView
 from ...errors import InputError
+from ...projection.visible_surface import most_central
 from ...projection.z_buffer import inverse_depth_map
 from ...surface.mesh import TriangleMesh
 from ...transforms import inverse_rigid, transform_points
@@ -59,9 +60,9 @@ def reference_view_of(loaded: LoadedCase) -> ReferenceView:
         messages.append(f"{name}: the frame sees the back of {1 - front:.0%} of the surface; its faces were flipped")
     view = SourceView(camera, cam_from_model, loaded.image, inverse_depth_map(seen.depth_mm, loaded.valid))
     v, u = np.nonzero(seen.mask & loaded.valid)
-    nearest = np.argmin((u - u.mean()) ** 2 + (v - v.mean()) ** 2)
-    pixel = np.array([[u[nearest], v[nearest]]], float)
-    pivot_cam = camera.rays_cam(pixel) * seen.depth_mm[v[nearest], u[nearest]]
+    central = most_central(np.stack([u, v], axis=1))
+    pixel = np.array([[u[central], v[central]]], float)
+    pivot_cam = camera.rays_cam(pixel) * seen.depth_mm[v[central], u[central]]
     pivot_model = transform_points(inverse_rigid(cam_from_model), pivot_cam)[0]
     return ReferenceView(mesh, view, pivot_model, tuple(messages))
 

@@ -1,19 +1,20 @@
 """The end of a dataset job: tables, contact sheet and video, once the views that they need are there."""
 
-import csv
-import io
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 from ...colour.vertex_colours import colour_vertices
+from ...dataset.bop import write_camera, write_models, write_scene
 from ...dataset.layout import VIEWS_PER_SCENE, ViewPaths, finished_views
-from ...dataset.tables import POSE_COLUMNS, pose_cells, write_camera, write_models, write_poses, write_scene
-from ...dataset.view import read_record
+from ...dataset.pose_tables import POSE_COLUMNS, pose_cells, write_csv, write_poses
+from ...dataset.view_record import read_record
 from ...files.content import write_bytes_atomically
 from ...images.contact_sheet import contact_sheet
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
+from ...poses.constraints import Rejections
 from ...progress import Progress
 from ..alignment.frame_overlay import frame_overlay
 from ..bridge.image import read_image
@@ -44,9 +45,7 @@ def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
 
 def write_overlay(job: OpenJob, renderer: ViewRenderer) -> None:
     """``overlay.png``: the frame with the surface's outline and the structures, to judge the alignment by."""
-    inverse = renderer.source.view.inverse_depth
-    depth = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0)
-    picture = frame_overlay(job.loaded, depth)
+    picture = frame_overlay(job.loaded, renderer.source.view.depth_mm)
     write_bytes_atomically(job.job.out / "overlay.png", encode_png(to_uint8(picture)))
 
 
@@ -58,7 +57,7 @@ def write_finished_scenes(job: OpenJob, renderer: ViewRenderer) -> bool:
     Whether all views of the whole dataset are there.
     """
     out, done = job.job.out, finished_views(job.job.out, range(job.count))
-    touched = sorted({index // VIEWS_PER_SCENE for index in job.frames})
+    touched = sorted({index // VIEWS_PER_SCENE for index in job.views})
     for scene in touched:
         views = range(scene * VIEWS_PER_SCENE, min((scene + 1) * VIEWS_PER_SCENE, job.count))
         if done.issuperset(views):
@@ -104,29 +103,28 @@ def write_trajectory_video(job: OpenJob, renderer: ViewRenderer, progress: Progr
             progress.advance()
 
     write_video(folder / "trajectory.mp4", images())
-    lines = io.StringIO(newline="")
-    table = csv.writer(lines, lineterminator="\n")
-    table.writerow(["frame", "time_s", *POSE_COLUMNS])
-    for number, pose in enumerate(poses):
-        table.writerow([number, repr(number / FRAMES_PER_SECOND), *pose_cells(pose)])
-    write_bytes_atomically(folder / "poses.csv", lines.getvalue().encode())
+    rows = [[number, repr(number / FRAMES_PER_SECOND), *pose_cells(pose)] for number, pose in enumerate(poses)]
+    write_csv(folder / "poses.csv", ("frame", "time_s", *POSE_COLUMNS), rows)
     return folder / "trajectory.mp4"
 
 
 def summary(job: OpenJob) -> list[str]:
     """Sentences about a complete dataset: size, what the frame observed, which poses were rejected."""
-    records = [read_record(ViewPaths(job.job.out, index)) for index in range(job.count)]
-    visible = sum(record["gt_info"]["px_count_visib"] for record in records)
-    observed = sum(record["px_count_observed"] for record in records)
-    attempts = sum(record["attempts"] for record in records)
+    visible = observed = attempts = 0
+    rejections = Rejections()
+    for index in range(job.count):
+        record = read_record(ViewPaths(job.job.out, index))
+        visible += record.gt_info.px_count_visib
+        observed += record.px_count_observed
+        attempts += record.attempts
+        rejections += record.rejections
     names = {"surface": "too little surface", "observed": "too little observed surface", "clearance": "too near"}
-    broken = {name: sum(record["rejections"][name] for record in records) for name in names}
     messages = [
         f"the frame observed {observed / visible:.1%} of the surface in the views"
         if visible
         else "no view shows any surface"
     ]
-    reasons = ", ".join(f"{count} with {names[name]}" for name, count in broken.items() if count)
+    reasons = ", ".join(f"{count} with {names[name]}" for name, count in asdict(rejections).items() if count)
     if reasons:
         drawn = attempts > job.count
         messages.append(

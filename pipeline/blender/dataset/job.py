@@ -13,17 +13,18 @@ import bpy
 import numpy as np
 
 from ... import __version__
-from ...case.case_file import Case, read_case
+from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase
 from ...dataset.folder import Shard
 from ...dataset.layout import FORMAT, VIEWS_PER_SCENE, ViewPaths
 from ...dataset.options import DatasetOptions
-from ...dataset.view import write_view
-from ...errors import InputError, RunError
+from ...dataset.view import RenderedSample, write_view
+from ...errors import RunError
+from ...files.content import read_content
 from ...poses.pose_file import read_poses
 from ..case.load_case import load_case
 from ..colour.reference_view import reference_view_of
-from .view_renderer import RenderedSample, ViewRenderer, view_camera
+from .view_renderer import ViewRenderer, view_camera
 
 NO_CONTENT = ("count", "poses", "video", "video_frames")
 """Options that no view depends on, or that the identity holds elsewhere; a video may be added later."""
@@ -37,8 +38,8 @@ class Job:
 
     Attributes
     ----------
-    case_path
-        The case file.
+    case
+        The case file, read once.
     out
         The dataset's folder.
     options
@@ -47,7 +48,7 @@ class Job:
         The part of the views to render.
     """
 
-    case_path: Path
+    case: Case
     out: Path
     options: DatasetOptions
     shard: Shard
@@ -68,9 +69,9 @@ class OpenJob:
         return self.job.options.count if self.given_poses is None else len(self.given_poses)
 
     @property
-    def frames(self) -> range:
+    def views(self) -> range:
         """The views of this job's shard."""
-        return self.job.shard.frames(self.count, VIEWS_PER_SCENE)
+        return self.job.shard.views(self.count, VIEWS_PER_SCENE)
 
     def renderer(self, *, threads: int) -> ViewRenderer:
         """What makes this job's views."""
@@ -105,35 +106,34 @@ class OpenJob:
 
 
 def open_job(job: Job) -> OpenJob:
-    """Read and check all inputs of a job.
+    """Read and check all inputs of a job beside its case file.
 
     Raises
     ------
     InputError
         Anything that the user gave and that cannot be used.
     """
-    case: Case = read_case(job.case_path)
-    loaded = load_case(case)
+    loaded = load_case(job.case)
     given_poses, messages = None, []
     if job.options.poses is not None:
         given_poses, messages = read_poses(
-            job.options.poses, mesh_from_model=loaded.mesh_from_model, mm_per_unit=case.mm_per_unit
+            job.options.poses, mesh_from_model=loaded.mesh_from_model, mm_per_unit=job.case.mm_per_unit
         )
     return OpenJob(job, loaded, given_poses, tuple(messages))
 
 
 def render_views(
-    renderer: ViewRenderer, out: Path, frames: Iterable[int | None], finished: Callable[[int], None]
+    renderer: ViewRenderer, out: Path, views: Iterable[int | None], finished: Callable[[int], None]
 ) -> None:
     """Make views and write them; encoding and writing run beside the next render.
 
     Parameters
     ----------
-    maker
+    renderer
         Makes the views.
     out
         The dataset's folder.
-    frames
+    views
         Numbers of the views; ``None`` for "nothing to do just now".
     finished
         Called with a view's number when it is on disk, from another thread.
@@ -145,14 +145,14 @@ def render_views(
     """
 
     def write(index: int, made: RenderedSample) -> None:
-        files, record = renderer.encode(made)
-        write_view(ViewPaths(out, index), files, record)
+        paths = ViewPaths(out, index)
+        write_view(paths, *renderer.encode(paths, made))
         finished(index)
 
     waiting: deque[Future[None]] = deque()
     try:
         with ThreadPoolExecutor(1, "encode") as encoder:
-            for index in frames:
+            for index in views:
                 if index is not None:
                     waiting.append(encoder.submit(write, index, renderer.make(index)))
                 while waiting and (len(waiting) > IN_FLIGHT or waiting[0].done()):
@@ -185,7 +185,4 @@ def available_cores() -> int:
 
 
 def _file_hash(path: Path) -> str:
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the file ({error.strerror})") from None
+    return hashlib.sha256(read_content(path, "an input of the dataset")).hexdigest()

@@ -15,7 +15,7 @@ from ..render.engines import check_engine, keep_freed_memory
 from . import finish
 from .job import Job, OpenJob, available_cores, open_job, render_views, write_error
 from .view_renderer import ViewRenderer
-from .workers import WorkerPool, assigned_frames, tell_finished
+from .workers import WorkerPool, assigned_views, tell_finished
 
 Report = Callable[[str], None]
 
@@ -75,7 +75,7 @@ def run(
         )
     else:
         report(
-            f"part {job.shard.index}/{job.shard.count}: {len(opened.frames)} views are finished; when all parts lie in "
+            f"part {job.shard.index}/{job.shard.count}: {len(opened.views)} views are finished; when all parts lie in "
             "one folder, the same command without --shard writes the tables"
         )
 
@@ -90,12 +90,12 @@ def _render_missing(
 ) -> bool:
     """Render, then write the tables that can be written, and the video; whether the whole dataset is there."""
     out = opened.job.out
-    done = finished_views(out, opened.frames)
-    missing = [index for index in opened.frames if index not in done]
+    done = finished_views(out, opened.views)
+    missing = [index for index in opened.views if index not in done]
     workers = min(workers or available_cores(), max(1, len(missing)))
     lock = threading.Lock()
     settings = {"stream": stream, "line_seconds": progress_seconds}
-    progress = Progress(len(opened.frames), "views", finished=len(done), **settings)
+    progress = Progress(len(opened.views), "views", finished=len(done), **settings)
 
     def finished(_index: int) -> None:
         with lock:
@@ -111,7 +111,7 @@ def _render_missing(
             complete = finish.is_complete(opened)
             if not complete:
                 finish.write_model_files(opened, renderer)
-                render_views(renderer, out, pool.frames(), finished)
+                render_views(renderer, out, pool.views(), finished)
                 progress.close()
                 complete = finish.write_finished_scenes(opened, renderer)
                 if complete:
@@ -136,7 +136,7 @@ def _video(opened: OpenJob, renderer: ViewRenderer, progress: Progress) -> Path:
 def work(job: Job, *, workers: int, stream: TextIO) -> None:
     """Be one of ``workers`` processes: render the views whose numbers come in through the standard input."""
     # first of all, so that the input is watched while everything is loaded
-    frames = assigned_frames()
+    views = assigned_views()
     # Ctrl-C reaches all processes of a terminal: the parent decides
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     keep_freed_memory()
@@ -144,7 +144,7 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     # the files may have changed since the run began: what it says that it is made of is what it must be made of
     check_identity(job.out / RECORD, opened.identity())
     with opened.renderer(threads=_threads(workers)) as renderer:
-        render_views(renderer, job.out, frames, lambda index: tell_finished(index, stream))
+        render_views(renderer, job.out, views, lambda index: tell_finished(index, stream))
 
 
 def _threads(workers: int) -> int:

@@ -1,12 +1,15 @@
 """What a pose would show, before it is rendered: a coarse grid of rays through the true K."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
 from ...camera.pinhole import PinholeCamera
 from ...poses.constraints import ViewStatistics
-from ...transforms import camera_centre, inverse_rigid
+from ...projection.visible_surface import cast_grid
+from ...transforms import camera_centre
 from ..colour.reference_view import ReferenceView
 from ..render.surface_scene import SurfaceScene
 
@@ -22,22 +25,19 @@ class ViewProbe:
         depsgraph.update()
         self._tree = BVHTree.FromObject(surface_scene.surface_object, depsgraph)
         self._source = source
-        self._rays_cam = camera.rays_cam(camera.coarse_grid(GRID))
+        self._camera = camera
 
     def __call__(self, cam_from_model: np.ndarray) -> ViewStatistics:
         """Surface and observed fraction of the view, and the camera's distance to the surface."""
-        centre = Vector(camera_centre(cam_from_model))
-        directions = self._rays_cam @ inverse_rigid(cam_from_model)[:3, :3].T
-        points, normals = [], []
-        for direction in directions:
-            point, normal, _, _ = self._tree.ray_cast(centre, direction)
-            # back sides are surface too, but never observed
-            if point is not None:
-                points.append(point)
-                normals.append(normal if normal.dot(direction) < 0 else (0.0, 0.0, 0.0))
-        nearest = self._tree.find_nearest(centre)
-        clearance = float(nearest[3]) if nearest[3] is not None else np.inf
-        if not points:
+        seen = cast_grid(self._first_hit, self._camera, cam_from_model, along=GRID)
+        *_, distance = self._tree.find_nearest(Vector(camera_centre(cam_from_model)))
+        clearance = np.inf if distance is None else float(distance)
+        if len(seen.pixels) == 0:
             return ViewStatistics(0.0, 0.0, clearance)
-        observed = self._source.view.observed(np.array(points), np.array(normals))
-        return ViewStatistics(len(points) / len(directions), float(observed.mean()), clearance)
+        # back sides are surface too, but never observed
+        observed = self._source.view.observed(seen.points_model, seen.normals_model)
+        return ViewStatistics(seen.image_fraction, float(observed.mean()), clearance)
+
+    def _first_hit(self, origin: Sequence[float], direction: Sequence[float]) -> tuple[Vector, Vector] | None:
+        point, normal, _, _ = self._tree.ray_cast(origin, direction)
+        return None if point is None else (point, normal)

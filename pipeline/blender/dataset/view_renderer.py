@@ -1,30 +1,22 @@
 """One view of a dataset from its number: pose, render, ground truth. The same for any worker, shard or order."""
 
-from dataclasses import asdict, dataclass
-
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
+from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
-from ...dataset.view import RenderedView, depth_scale_for, mask_statistics, view_files
+from ...dataset.view import RenderedSample, RenderedView, depth_scale_for, encode_view
+from ...dataset.view_record import ViewRecord
 from ...errors import InputError
 from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose
 from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
-from ...projection.silhouette import SilhouetteEdges, silhouette_statistics
+from ...projection.silhouette import SilhouetteEdges
 from ..colour.reference_view import ReferenceView, colour_of
 from ..render.anti_aliasing import EdgeSampler
 from ..render.engines import render_view
 from ..render.surface_scene import SurfaceScene
 from .view_probe import ViewProbe
-
-
-@dataclass(frozen=True)
-class RenderedSample:
-    """A rendered view and how its pose was found."""
-
-    planned: PlannedPose
-    rendered: RenderedView
 
 
 class ViewRenderer:
@@ -129,44 +121,16 @@ class ViewRenderer:
         """``(video_frames, 4, 4)`` poses of the video's trajectory."""
         return self._trajectory.poses(self._options.video_frames)
 
-    def encode(self, made: RenderedSample) -> tuple[dict[str, bytes], dict]:
+    def encode(self, paths: ViewPaths, made: RenderedSample) -> tuple[dict[str, bytes], ViewRecord]:
         """The files of a view by kind, and its record; touches no Blender data, so any thread may call it."""
-        rendered, cam_from_model = made.rendered, made.planned.cam_from_model
-        depth_scale = self.depth_scale
-        farthest = float(rendered.depth_mm.max())
-        if farthest > depth_scale * 65535:
-            depth_scale = depth_scale_for(farthest)
-        files = view_files(
-            rendered.rgb,
-            rendered.depth_mm,
-            rendered.observed,
-            depth_scale=depth_scale,
+        return encode_view(
+            paths,
+            made,
+            self._edges,
+            self.camera,
+            depth_scale=self.depth_scale,
             float_depth=self._options.float_depth,
         )
-        mask = rendered.mask
-        visible = mask_statistics(mask)
-        silhouette = silhouette_statistics(self._edges, self.camera, cam_from_model)
-        inside = visible["px_count_visib"]
-        # rays and scan lines may disagree on a pixel whose centre an edge crosses: the image is what counts inside
-        whole = silhouette.px_count_all - silhouette.px_count_inside + inside
-        record = {
-            "cam_R_m2c": cam_from_model[:3, :3].ravel().tolist(),
-            "cam_t_m2c": cam_from_model[:3, 3].tolist(),
-            "depth_scale": depth_scale,
-            "gt_info": {
-                "bbox_obj": list(silhouette.bbox_obj) if inside else [-1, -1, -1, -1],
-                "bbox_visib": visible["bbox_visib"],
-                "px_count_all": whole,
-                "px_count_valid": inside,
-                "px_count_visib": inside,
-                "visib_fract": inside / whole if whole else 0.0,
-            },
-            "px_count_observed": int(np.count_nonzero(rendered.observed)),
-            "attempts": made.planned.attempts,
-            "rejections": asdict(made.planned.rejections),
-            "rle_counts": visible["rle_counts"],
-        }
-        return files, record
 
 
 def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:

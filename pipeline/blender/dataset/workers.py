@@ -25,9 +25,9 @@ AHEAD = 2
 class WorkerPool:
     """Workers that take views from a common queue; the parent takes from it as well."""
 
-    def __init__(self, frames: Sequence[int], finished: Callable[[int], None]) -> None:
+    def __init__(self, views: Sequence[int], finished: Callable[[int], None]) -> None:
         """Nothing runs yet; ``finished`` is called with a view's number, from any thread."""
-        self._frames = deque(frames)
+        self._views = deque(views)
         self._finished = finished
         self._threads: list[threading.Thread] = []
         self._processes: list[subprocess.Popen[str]] = []
@@ -51,24 +51,24 @@ class WorkerPool:
             self._threads.append(thread)
             thread.start()
 
-    def frames(self) -> Iterator[int]:
+    def views(self) -> Iterator[int]:
         """Views for the parent itself, until none is left and no worker holds one."""
         while True:
             self._check()
             try:
-                yield self._frames.popleft()
+                yield self._views.popleft()
                 continue
             except IndexError:
                 pass
             for thread in self._threads:
                 thread.join()
             self._check()
-            if not self._frames:
+            if not self._views:
                 return
 
     def stop(self) -> None:
         """End all workers at once."""
-        self._frames.clear()
+        self._views.clear()
         for process in self._processes:
             process.kill()
         for thread in self._threads:
@@ -97,7 +97,7 @@ class WorkerPool:
         code = process.wait()
         reader.join()
         # what it held goes back to the others
-        self._frames.extendleft(sorted(given, reverse=True))
+        self._views.extendleft(sorted(given, reverse=True))
         reported = [line for line in errors if line.startswith("error: ")] or [*errors]
         last = reported[-1].strip().removeprefix("error: ") if reported else ""
         if code == EXIT_INPUT:
@@ -114,7 +114,7 @@ class WorkerPool:
             return
         while len(given) < AHEAD:
             try:
-                index = self._frames.popleft()
+                index = self._views.popleft()
             except IndexError:
                 if not given:
                     stream.close()
@@ -130,7 +130,7 @@ def tell_finished(index: int, stream: TextIO) -> None:
     stream.flush()
 
 
-def assigned_frames(stream: TextIO = sys.stdin) -> Iterator[int | None]:
+def assigned_views(stream: TextIO = sys.stdin) -> Iterator[int | None]:
     """A worker's views from its input, ``None`` now and then while it waits; does not end by itself.
 
     The process ends with its input, at once: the parent ends it when nothing is left to do, or has died.
@@ -144,11 +144,11 @@ def assigned_frames(stream: TextIO = sys.stdin) -> Iterator[int | None]:
 
     threading.Thread(target=read, daemon=True).start()
 
-    def frames() -> Iterator[int | None]:
+    def views() -> Iterator[int | None]:
         while True:
             try:
                 yield int(lines.get(timeout=0.1))
             except queue.Empty:
                 yield None
 
-    return frames()
+    return views()

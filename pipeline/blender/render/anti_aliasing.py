@@ -23,7 +23,6 @@ from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import VertexColours
 from ...dataset.view import RenderedView
 from ...projection.edge_pixels import edge_pixels, pixel_pattern
-from ...projection.z_buffer import inverse_depth_map
 from ...transforms import camera_centre, transform_points
 from ..bridge.image import new_float_image
 from .engines import render_view
@@ -119,8 +118,8 @@ class EdgeSampler:
             known = colour.observed
             beside = edge_pixels(known.astype(np.float32), known, self._source.camera)
         else:
-            known = colour.inverse_depth > 0
-            beside = edge_pixels(inverse_depth_map(colour.inverse_depth), known, colour.camera)
+            known = colour.depth_mm > 0
+            beside = edge_pixels(colour.depth_mm, known, colour.camera)
         rgb = colour.image if footprint is None else prefiltered(colour.image, known, footprint)
         with self._surface_scene.owning():
             return new_float_image("filtered frame", np.concatenate([rgb, beside[..., None]], axis=2))

@@ -12,6 +12,8 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
+from ...files.content import read_content
+from ...files.tables import parsed_json
 from ..folder import RECORD
 from ..layout import FORMAT, ViewPaths
 
@@ -50,7 +52,7 @@ class Identity:
 
 @dataclass(frozen=True)
 class ViewRecord:
-    """The record of a finished view; see :mod:`pipeline.dataset.tables` for the meaning of ``gt_info``.
+    """The record of a finished view; see :mod:`pipeline.dataset.bop` for the meaning of ``gt_info``.
 
     Attributes
     ----------
@@ -176,13 +178,9 @@ def read_object(path: Path, where: str) -> dict:
         Missing, unreadable, not JSON, not an object.
     """
     try:
-        content = json.loads(path.read_bytes())
-    except FileNotFoundError:
-        raise DamagedFile(f"{where}: expected a file, found none") from None
-    except OSError as error:
-        raise DamagedFile(f"{where}: cannot read the file ({error.strerror})") from None
-    except ValueError as error:
-        raise DamagedFile(f"{where}: expected JSON, found a damaged or cut off file ({error})") from None
+        content = parsed_json(read_content(path, "a file of the dataset", where), where)
+    except InputError as error:
+        raise DamagedFile(str(error)) from None
     if not isinstance(content, dict):
         raise DamagedFile(f"{where}: expected an object, found {shortened(content)}")
     return content

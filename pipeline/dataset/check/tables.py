@@ -5,6 +5,7 @@ mistake in the code that writes the tables does not hide itself.
 """
 
 import csv
+import io
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -12,6 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...camera.pinhole import PinholeCamera
+from ...errors import InputError
+from ...files.content import read_content
 from ..layout import OBJECT_ID, ViewPaths
 from .findings import Findings
 from .records import DamagedFile, Identity, ViewRecord, check_rotation, numbers, read_object, shortened
@@ -250,12 +253,10 @@ def _close(found: ArrayLike, expected: ArrayLike, size: float) -> bool:
 
 def _read_csv(path: Path, where: str) -> list[dict]:
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            return list(csv.DictReader(stream))
-    except FileNotFoundError:
-        raise DamagedFile(f"{where}: expected a file, found none") from None
-    except OSError as error:
-        raise DamagedFile(f"{where}: cannot read the file ({error.strerror})") from None
+        text = read_content(path, "a file of the dataset", where).decode()
+        return list(csv.DictReader(io.StringIO(text, newline="")))
+    except InputError as error:
+        raise DamagedFile(str(error)) from None
     except (csv.Error, UnicodeDecodeError) as error:
         raise DamagedFile(f"{where}: expected a CSV table, found a damaged file ({error})") from None
 

@@ -27,8 +27,7 @@ from pipeline.dataset import layout as dataset
 from pipeline.dataset.folder import Shard
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.options import DatasetOptions
-from pipeline.dataset.tables import record_pose
-from pipeline.dataset.view import read_record
+from pipeline.dataset.view_record import read_record
 from pipeline.errors import InputError, RunError
 from pipeline.images.png import encode_png
 from pipeline.progress import Progress, duration, read_progress
@@ -61,7 +60,7 @@ def reference(case, tmp_path_factory, render_command, run_command) -> Path:
 def run_here(case: Path, out: Path, options: DatasetOptions = OPTIONS, shard: Shard = WHOLE) -> str:
     """The same in this process, without workers; gives what was told."""
     stream = io.StringIO()
-    dataset_run.run(Job(case, out, options, shard), workers=1, worker_command=(), stream=stream)
+    dataset_run.run(Job(read_case(case), out, options, shard), workers=1, worker_command=(), stream=stream)
     return stream.getvalue()
 
 
@@ -457,7 +456,7 @@ def check_video(case: Path, folder: Path, options: DatasetOptions) -> None:
     while (read := capture.read())[0]:
         frames.append(as_tagged(read[1]))
     assert len(frames) == options.video_frames
-    with open_job(Job(case, folder, options, WHOLE)).renderer(threads=1) as renderer:
+    with open_job(Job(read_case(case), folder, options, WHOLE)).renderer(threads=1) as renderer:
         for frame, row in zip(frames, rows, strict=True):
             view = renderer.render(rigid(row[2:11].reshape(3, 3), row[11:14])).rgb * 255
             assert frame.shape == view.shape
@@ -500,7 +499,7 @@ def test_explicit_poses_are_for_the_mesh_files_frame_and_replace_the_count(case,
     assert finished_views(tmp_path / "out") == 3
     mesh_from_model = np.array(json.loads((tmp_path / "out/dataset.json").read_text())["given_from_model"])
     assert np.allclose(mesh_from_model[:3, 3], [12, -7, 40], atol=0.1)
-    found = np.stack([record_pose(record) @ inverse_rigid(mesh_from_model) for record in records])
+    found = np.stack([record.cam_from_model @ inverse_rigid(mesh_from_model) for record in records])
     assert np.allclose(found, poses, atol=1e-9)
     # at the frame's own pose, the view is the frame
     view, frame = (read_rgb(path) for path in (ViewPaths(tmp_path / "out", 0).file("rgb"), case.parent / "frame.png"))
@@ -530,7 +529,7 @@ def test_float_depth_is_the_depth_that_the_image_rounds(reference):
     paths = ViewPaths(reference, 4)
     exact = np.load(paths.file("depth_mm"))
     rounded = cv2.imread(str(paths.file("depth")), cv2.IMREAD_UNCHANGED)
-    scale = read_record(paths)["depth_scale"]
+    scale = read_record(paths).depth_scale
     assert exact.dtype == np.float32
     assert exact.shape == rounded.shape
     assert ((exact > 0) == (rounded > 0)).all()
@@ -602,7 +601,7 @@ def test_blenders_program_runs_the_script_too(case, reference, tmp_path, render_
     assert ended.stdout.endswith(f"dataset of {VIEWS} views: {out}\n")
     # another build may round another way: the same files, the same poses up to that
     assert times(out).keys() == times(reference).keys()
-    ours, theirs = (record_pose(read_record(ViewPaths(folder, 5))) for folder in (reference, out))
+    ours, theirs = (read_record(ViewPaths(folder, 5)).cam_from_model for folder in (reference, out))
     assert np.allclose(ours, theirs, atol=1e-3)
 
     for arguments, code, message in [

@@ -1,0 +1,67 @@
+"""A comparison with photographs as files: a table of likeness, a picture of each pair, a sheet of all of them."""
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from ...case.loaded_case import LoadedCase
+from ...evaluation.photographs import PosedPhotograph
+from ...files.content import write_bytes_atomically
+from ...images.contact_sheet import contact_sheet
+from ...images.pixel_values import to_uint8
+from ...images.png import encode_png
+from .comparison import Comparison, compare
+
+TABLE, SHEET = "likeness.csv", "sheet.png"
+COLUMNS = ("image", "ssim", "mean_error_of_255", "correlation", "pixels")
+TILE_WIDTH = 900
+"""Of a picture in the sheet, px."""
+
+
+def write_comparisons(
+    loaded: LoadedCase, photographs: Sequence[PosedPhotograph], out: Path, *, colour: str
+) -> Iterator[Comparison]:
+    """Compare (see :func:`.compare`) and write what was found.
+
+    Parameters
+    ----------
+    loaded
+        The case.
+    photographs
+        What its views are compared with.
+    out
+        Folder, made if it does not exist; files of the same names are replaced.
+    colour
+        How the frame gets on the surface.
+
+    Yields
+    ------
+    Each comparison once its picture is on disk; the table and the sheet follow the last one.
+
+    Raises
+    ------
+    InputError
+        As :func:`.compare`.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    comparisons, pictures = [], []
+    for comparison in compare(loaded, list(photographs), colour=colour):
+        comparisons.append(comparison)
+        pictures.append(comparison.picture())
+        name = f"{comparison.photograph.path.stem}.png"
+        write_bytes_atomically(out / name, encode_png(to_uint8(pictures[-1])))
+        yield comparison
+    write_bytes_atomically(out / TABLE, _table(comparisons).encode())
+    sheet = contact_sheet(pictures, columns=2, tile_width=TILE_WIDTH)
+    write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
+
+
+def _table(comparisons: Sequence[Comparison]) -> str:
+    text = io.StringIO(newline="")
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(COLUMNS)
+    for comparison in comparisons:
+        found, name = comparison.likeness, comparison.photograph.path.name
+        rows.writerow([name, f"{found.ssim:.4f}", f"{found.mean_error:.2f}", f"{found.correlation:.4f}", found.pixels])
+    return text.getvalue()

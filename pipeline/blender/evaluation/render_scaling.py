@@ -1,0 +1,110 @@
+"""What more of it costs and brings: triangles, views, samples a pixel; measured in this process."""
+
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from skimage.metrics import structural_similarity
+
+from ...errors import RunError
+from ...evaluation.benchmark_case import TRIANGLES, VIEW_CAMERA, write_benchmark_case
+from ...images.pixel_values import to_uint8
+from ..colour.reference_view import colour_of
+from ..dataset.job import available_cores, render_views
+from ..render.engines import render_view
+from ..render.surface_scene import SurfaceScene
+from .render_speed import benchmark_job
+
+TRIANGLE_COUNTS = (20_000, TRIANGLES, 1_000_000)
+TIMED_VIEWS, WARM_UP_VIEWS = 24, 4
+EDGE_SAMPLES = (1, 4, 8, 16)
+REFERENCE_SAMPLES = 256
+COMPARED_VIEWS = 3
+MEMORY_STEP = 100
+"""Views between two measurements of the memory."""
+
+
+def measure_triangles(folder: Path, report: Callable[[str], None]) -> dict[str, float]:
+    """Milliseconds a view by triangle count, in one process."""
+    figures = {}
+    for triangles in TRIANGLE_COUNTS:
+        job = benchmark_job(write_benchmark_case(folder / f"t{triangles}", triangles), folder / "scaling")
+        with job.renderer(threads=available_cores()) as renderer:
+            ends: list[float] = []
+            render_views(
+                renderer,
+                folder / "scaling",
+                range(TIMED_VIEWS),
+                lambda _, ends=ends: ends.append(time.perf_counter()),
+            )
+        milliseconds = float(np.median(np.diff(ends[WARM_UP_VIEWS:])) * 1e3)
+        figures[f"{triangles} triangles"] = milliseconds
+        shutil.rmtree(folder / "scaling")
+        report(f"  {triangles} triangles: {milliseconds:.0f} ms a view")
+    return figures
+
+
+def measure_anti_aliasing(folder: Path, report: Callable[[str], None]) -> dict[str, float]:
+    """SSIM of exact and of anti-aliased views against 256 samples a pixel, the worst of the compared views."""
+    case, figures = write_benchmark_case(folder / "anti-aliasing"), {}
+    for samples in EDGE_SAMPLES:
+        job = benchmark_job(case, folder / "unused", samples=samples)
+        with job.renderer(threads=available_cores()) as renderer:
+            views = [renderer.make(index) for index in range(COMPARED_VIEWS)]
+        colour, _ = colour_of(renderer.source, "projective")
+        values = []
+        with SurfaceScene(renderer.source.mesh, VIEW_CAMERA, colour, samples=REFERENCE_SAMPLES) as reference:
+            for view in views:
+                truth = to_uint8(render_view(reference, view.planned.cam_from_model).rgb)
+                values.append(structural_similarity(truth, to_uint8(view.rendered.rgb), channel_axis=2, data_range=255))
+        name = f"SSIM with {samples} rays at edges" if samples > 1 else "SSIM of exact views"
+        figures[name] = float(min(values))
+        report(f"  {samples} samples: SSIM {min(values):.5f} (worst of {len(values)})")
+    return figures
+
+
+def measure_memory(folder: Path, report: Callable[[str], None], *, views: int) -> dict[str, float]:
+    """Growth of this process's resident memory over many views, MB.
+
+    Raises
+    ------
+    RunError
+        The system does not report the resident memory as Linux does.
+    """
+    resident_mb()
+    out = folder / "memory-out"
+    job = benchmark_job(write_benchmark_case(folder / "memory"), out)
+    sizes: dict[int, float] = {}
+
+    def finished(index: int) -> None:
+        if (index + 1) % MEMORY_STEP == 0:
+            sizes[index + 1] = resident_mb()
+            # the disk may be small
+            shutil.rmtree(out / "train_pbr" / "000000" / "rgb", ignore_errors=True)
+
+    with job.renderer(threads=available_cores()) as renderer:
+        render_views(renderer, out, range(views), finished)
+    shutil.rmtree(out)
+    first, last = min(sizes), max(sizes)
+    growth = sizes[last] - sizes[first]
+    report(f"  {first} to {last} views: {growth:+.1f} MB (of {sizes[last]:.0f} MB)")
+    return {f"growth from view {first} to {last}": growth}
+
+
+def resident_mb() -> float:
+    """Resident memory of this process.
+
+    Raises
+    ------
+    RunError
+        The system does not report it as Linux does.
+    """
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return next(int(line.split()[1]) / 1024 for line in lines if line.startswith("VmRSS"))
+    except (OSError, StopIteration):
+        raise RunError(
+            "memory: expected VmRSS in /proc/self/status, which only Linux has; measure the others with --only"
+        ) from None

@@ -1,0 +1,103 @@
+"""Find the pose of a frame from landmarks, and say how sure it is; or refine it against the image."""
+
+import argparse
+import datetime
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from .. import __version__
+from ..blender.command_line import own_output
+from ..errors import RunError
+from .parser import command_parser, explained_imports
+
+EPILOG = """examples:
+  %(prog)s case.toml --landmarks landmarks.csv --out aligned.toml --picture overlay.png
+  %(prog)s case.toml --json pose.json           (the landmarks of the case file)
+  %(prog)s rough.toml --refine --out refined.toml
+
+Landmarks are those of --landmarks (CSV or JSON: name, point of the mesh file, pixel of the undistorted frame), or else
+the case file's own. Prints the pose in both directions, the residual of every pair and the uncertainty. The case's
+pose may be rough: it only decides where two poses fit equally well. Exit code 2: the pairs do not determine a pose.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this command."""
+    parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface and a rough pose")
+    method = parser.add_argument_group("method")
+    method.add_argument(
+        "--landmarks", "--pairs", metavar="FILE", type=Path, help="landmarks as CSV or JSON (default: the case's own)"
+    )
+    method.add_argument(
+        "--click-sigma-px", metavar="X", type=float, default=2.0,
+        help="standard deviation of a click in each image direction (default %(default)g)",
+    )  # fmt: skip
+    method.add_argument(
+        "--refine", action="store_true",
+        help="fit the surface to the image, from the landmarks' pose or, without landmarks, the case's",
+    )  # fmt: skip
+    output = parser.add_argument_group("output")
+    output.add_argument("--out", metavar="FILE", type=Path, help="write the case with its new pose and these landmarks")
+    output.add_argument("--json", metavar="FILE", type=Path, help="write pose, residuals and covariance")
+    output.add_argument("--picture", metavar="FILE", type=Path, help="write the frame with overlay and residuals (PNG)")
+
+
+def main(argv: Sequence[str], prog: str = "oneframe align") -> int:
+    """Parse the arguments and run."""
+    arguments = command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv)
+    return run(arguments, tool=f"OneFrame {__version__}, {prog.removeprefix('oneframe ')}")
+
+
+def run(arguments: argparse.Namespace, *, tool: str) -> int:
+    """Align the case, report how, and write what was asked for; ``tool`` is named in the record of the case."""
+    with explained_imports():
+        from ..alignment.landmarks.report import pose_lines, pose_table, report_lines, report_table
+        from ..blender.alignment.align_case import align_case, alignment_picture
+        from ..case.case_file import read_case
+        from ..case.case_writer import write_case
+        from ..case.landmark_file import read_landmarks
+        from ..files.content import write_bytes_atomically
+        from ..images.pixel_values import to_uint8
+        from ..images.png import encode_png
+    output = own_output()
+    case = read_case(arguments.case)
+    if arguments.landmarks:
+        case = replace(case, landmarks=read_landmarks(arguments.landmarks, mm_per_unit=case.mm_per_unit))
+    aligned = align_case(
+        case,
+        click_sigma_px=arguments.click_sigma_px,
+        refine=arguments.refine,
+        tool=tool,
+        date=datetime.date.today().isoformat(),
+    )
+    alignment, refinement, found = aligned.alignment, aligned.refinement, aligned.loaded.case
+    lines = report_lines(alignment) if alignment else []
+    lines += [f"note: {sentence}" for sentence in aligned.messages]
+    if refinement and refinement.accepted:
+        lines += [refinement.message, *pose_lines(found.cam_from_mesh)]
+    elif refinement:
+        lines.append(f"note: {refinement.message}")
+    output.write("\n".join(lines) + "\n")
+    if arguments.json:
+        table = report_table(alignment) if alignment else {}
+        text = json.dumps({**table, **pose_table(found.cam_from_mesh)}, indent=2, allow_nan=False) + "\n"
+        _written(arguments.json, lambda path: write_bytes_atomically(path, text.encode()))
+    if arguments.picture:
+        picture = encode_png(to_uint8(alignment_picture(aligned)))
+        _written(arguments.picture, lambda path: write_bytes_atomically(path, picture))
+        drawn = "frame, overlay, residuals (10 times their length), 95 % ellipses" if alignment else "frame, overlay"
+        output.write(f"{drawn}: {arguments.picture}\n")
+    if arguments.out:
+        _written(arguments.out, lambda path: write_case(path, found))
+        output.write(f"aligned case: {arguments.out}\n")
+    return 0
+
+
+def _written(path: Path, write: Callable[[Path], None]) -> None:
+    """Write a file that the user named."""
+    try:
+        write(path)
+    except OSError as error:
+        raise RunError(f"{path}: cannot write it ({error.strerror}); name another place") from None

@@ -1,0 +1,45 @@
+"""Write the surface with the frame's colours on it, as GLB, OBJ or PLY."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..blender.command_line import own_output
+from .parser import command_parser, explained_imports
+
+EPILOG = """examples:
+  %(prog)s case.toml --out surface.glb
+  %(prog)s case.toml --out surface.ply --colour vertex
+
+PLY and OBJ keep the frame and units of the case's mesh; GLB is in metres with y up, as glTF demands.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this command."""
+    parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface and pose")
+    output = parser.add_argument_group("output")
+    output.add_argument("--out", metavar="FILE", type=Path, required=True, help="ends in .glb, .obj or .ply")
+    output.add_argument(
+        "--colour", choices=("texture", "vertex"), default="texture",
+        help="a picture on the surface, or a colour at each vertex (default %(default)s)",
+    )  # fmt: skip
+
+
+def main(argv: Sequence[str], prog: str = "oneframe colour") -> int:
+    """Parse the arguments and run."""
+    return run(command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the coloured surface, and report how much of it the frame saw."""
+    with explained_imports():
+        from ..blender.case.load_case import load_case
+        from ..blender.colour.export import export_coloured_surface
+        from ..case.case_file import read_case
+    output = own_output()
+    loaded = load_case(read_case(arguments.case))
+    for sentence in (*loaded.messages, *export_coloured_surface(loaded, arguments.out, colour=arguments.colour)):
+        output.write(sentence + "\n")
+    output.write(f"coloured surface: {arguments.out}\n")
+    return 0

@@ -1,0 +1,56 @@
+"""Put synthetic views of one frame beside real photographs of the same poses, and measure their likeness."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..blender.command_line import own_output
+from ..dataset.options import COLOURS
+from .parser import command_parser, explained_imports
+
+EPILOG = """examples:
+  %(prog)s case.toml held_out.json --out comparison
+  %(prog)s case.toml held_out.json --out comparison --colour vertex
+
+PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}. The folder then holds likeness.csv, a picture of
+each pair (photograph, view, difference) and sheet.png with all of them.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this command."""
+    parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface and pose")
+    parser.add_argument(
+        "photographs", metavar="PHOTOGRAPHS.json", type=Path, help="photographs by the same camera, and their poses"
+    )
+    output = parser.add_argument_group("output")
+    output.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
+    output.add_argument(
+        "--colour", choices=COLOURS, default=COLOURS[0],
+        help="how the frame gets on the surface (default %(default)s)",
+    )  # fmt: skip
+
+
+def main(argv: Sequence[str], prog: str = "oneframe compare") -> int:
+    """Parse the arguments and run."""
+    return run(command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the comparison, and report each likeness."""
+    with explained_imports():
+        from ..blender.case.load_case import load_case
+        from ..blender.evaluation.comparison_files import SHEET, write_comparisons
+        from ..case.case_file import read_case
+        from ..evaluation.photographs import read_photographs
+    output = own_output()
+    loaded = load_case(read_case(arguments.case))
+    photographs = read_photographs(arguments.photographs, loaded)
+    for comparison in write_comparisons(loaded, photographs, arguments.out, colour=arguments.colour):
+        found = comparison.likeness
+        output.write(
+            f"{comparison.photograph.path.name}: SSIM {found.ssim:.3f}, mean error {found.mean_error:.1f}/255, "
+            f"correlation {found.correlation:.3f} over {found.pixels} px\n"
+        )
+    output.write(f"photograph, view, difference: {arguments.out / SHEET}\n")
+    return 0

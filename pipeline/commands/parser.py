@@ -1,0 +1,70 @@
+"""What all commands share: how a parser is filled, and what is said of a missing package."""
+
+import argparse
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from ..blender.command_line import ArgumentParser
+from ..errors import RunError
+
+PACKAGES = {
+    "bpy": "Blender (bpy), which needs Python 3.11 or 3.13",
+    "cv2": "OpenCV",
+    "skimage": "scikit-image",
+    "shtab": "shtab",
+}
+"""Modules that the package index provides, and what they are called."""
+
+
+def command_parser(
+    prog: str, about: str | None, epilog: str, add_arguments: Callable[[argparse.ArgumentParser], None]
+) -> ArgumentParser:
+    """The parser of one command.
+
+    Parameters
+    ----------
+    prog
+        How the user calls it: ``oneframe render`` or ``render_dataset.py``.
+    about
+        The docstring of the command's module; its first line is the description.
+    epilog
+        Examples and what else ``--help`` ends with; ``%(prog)s`` stands for ``prog``.
+    add_arguments
+        Adds the arguments of the command.
+    """
+    parser = ArgumentParser(prog=prog)
+    fill_parser(parser, about, epilog, add_arguments)
+    return parser
+
+
+def fill_parser(
+    parser: argparse.ArgumentParser,
+    about: str | None,
+    epilog: str,
+    add_arguments: Callable[[argparse.ArgumentParser], None],
+) -> None:
+    """Describe a parser and give it its arguments; see :func:`command_parser`."""
+    parser.description = (about or "").partition("\n")[0]
+    parser.epilog = epilog
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    add_arguments(parser)
+
+
+@contextmanager
+def explained_imports() -> Iterator[None]:
+    """Around imports of what only the pip install brings, all of it or a part.
+
+    Raises
+    ------
+    RunError
+        A package is missing, as OpenCV is in a Blender program without the extension.
+    """
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name not in PACKAGES:
+            raise
+        raise RunError(
+            f"expected {PACKAGES[error.name]}, this Python has none; install OneFrame with pip in a Python of its own, "
+            "or, for OpenCV, use a Blender in which the OneFrame extension is enabled"
+        ) from None

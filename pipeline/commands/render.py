@@ -1,0 +1,98 @@
+"""Render a dataset of posed views from one aligned frame."""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..blender.command_line import end_with_input, own_output
+from ..dataset.options import add_option_arguments, option_names
+from ..errors import InputError
+from ..progress import LINE_SECONDS
+from .parser import command_parser, explained_imports
+
+OWN_COMMAND = (sys.executable, "-m", __package__, "render")
+
+GROUPS = {
+    "views": ("count", "scale", "engine", "samples", "colour", "float_depth"),
+    "poses": (
+        "seed", "poses", "sampler", "cone_deg", "roll_deg", "distance_min", "distance_max", "shift_mm", "sigma_deg",
+        "sigma_mm", "polar_deg",
+    ),
+    "constraints on poses": ("min_observed", "min_surface", "min_clearance_mm"),
+    "video": ("video", "video_frames"),
+}  # fmt: skip
+"""Headings of ``--help`` and the options of a dataset under them; what is not named here comes last."""
+
+EPILOG = """examples:
+  %(prog)s case.toml --out dataset --count 1000
+  %(prog)s case.toml --out dataset --cone-deg 30 --distance-min 0.8 --distance-max 1.3 --video
+  %(prog)s case.toml --out dataset --poses poses.npy --samples 8
+  %(prog)s case.toml --out dataset --count 100000 --shard 3/50      (part 3 of 0..49, on any machine)
+
+The same command goes on where a stopped run ended. Shards that rendered into folders of their own are merged by
+copying these into one; the same command without --shard then writes the tables. All options that concern the
+content may also stand in the case file, in a table [dataset] (count = 1000, cone_deg = 30, ...).
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this command."""
+    parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface and pose")
+    parser.add_argument(
+        "--out", metavar="DIR", type=Path, required=True, help="folder of the dataset; resumed if there"
+    )
+    grouped = {name for names in GROUPS.values() for name in names}
+    others = tuple(name for name in option_names() if name not in grouped)
+    for title, names in {**GROUPS, "further options": others}.items():
+        if names:
+            add_option_arguments(parser.add_argument_group(title), names)
+    machines = parser.add_argument_group("processes and machines")
+    machines.add_argument("--workers", metavar="N", type=int, default=0, help="processes (default: one a core)")
+    machines.add_argument("--shard", metavar="I/N", default="0/1", help="render part I (from 0) of N parts only")
+    machines.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    # for a program that runs this command and shows how far it is
+    machines.add_argument("--progress-seconds", type=float, default=LINE_SECONDS, help=argparse.SUPPRESS)
+    machines.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
+
+
+def main(argv: Sequence[str], prog: str = "oneframe render", *, own_command: Sequence[str] = OWN_COMMAND) -> int:
+    """Parse the arguments and run; ``own_command`` starts this command once more, in a process of its own."""
+    arguments = command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv)
+    if arguments.workers < 0:
+        raise InputError(f"command line: --workers: expected 0 (one a core) or more, found {arguments.workers}")
+    try:
+        return run(arguments, worker_command=[*own_command, *argv, "--worker"])
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("stopped; the same command goes on from here") from None
+
+
+def run(arguments: argparse.Namespace, *, worker_command: Sequence[str]) -> int:
+    """Render the dataset, or be one of the processes that do."""
+    # the matrices are small: threads of numpy's BLAS only wait, and busily, on the cores that render
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    with explained_imports():
+        from ..blender.dataset.job import Job
+        from ..blender.dataset.run import run as render
+        from ..blender.dataset.run import work
+        from ..case.case_file import read_case
+        from ..dataset.folder import parse_shard
+        from ..dataset.options import merged_options
+    output = own_output()
+    case = read_case(arguments.case)
+    options = merged_options(case.dataset, arguments, arguments.case)
+    job = Job(case, arguments.out, options, parse_shard(arguments.shard))
+    if arguments.worker:
+        work(job, workers=arguments.workers, stream=output)
+        return 0
+    if arguments.end_with_input:
+        end_with_input()
+    render(
+        job,
+        workers=arguments.workers,
+        worker_command=worker_command,
+        stream=output,
+        progress_seconds=arguments.progress_seconds,
+    )
+    return 0

@@ -1,0 +1,43 @@
+"""Make the built-in sample case: a drilled temporal bone, a microscope frame of it, and held-out photographs."""
+
+import argparse
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..blender.command_line import own_output
+from .parser import command_parser, explained_imports
+
+EPILOG = """examples:
+  %(prog)s
+  %(prog)s --out demo/case
+
+The folder then holds case.toml, frame.png, surface.ply, structures/, and held_out/ with held_out.json.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this command."""
+    parser.add_argument(
+        "--out", metavar="DIR", type=Path, default=Path("sample_case"), help="folder to write (default: %(default)s)"
+    )
+
+
+def main(argv: Sequence[str], prog: str = "oneframe sample", *, render: str = "oneframe render") -> int:
+    """Parse the arguments and run; ``render`` is what the command that comes next is called."""
+    return run(command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv), render)
+
+
+def run(arguments: argparse.Namespace, render: str) -> int:
+    """Write the sample case, and report each file."""
+    with explained_imports():
+        from ..blender.sample.sample_case import write_sample_case
+        from ..sample.temporal_bone import sample_surface
+    output = own_output()
+    start = time.monotonic()
+    surface = sample_surface()
+    output.write(f"surface of {len(surface.bone.faces)} triangles\n")
+    for path in write_sample_case(arguments.out, surface):
+        output.write(f"{time.monotonic() - start:6.1f} s  {path}\n")
+    output.write(f"next: {render} {arguments.out / 'case.toml'} --out dataset\n")
+    return 0

@@ -1,0 +1,93 @@
+"""The files of the BOP format: models, ``camera.json``, and the tables of each scene, from the records of its views.
+
+Source: thodan/bop_toolkit, docs/bop_datasets_format.md. Rotations are row-major, translations and depths millimetres,
+``m2c`` is ``cam_from_model`` for the mesh in ``models/``.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from ..camera.pinhole import PinholeCamera
+from ..files.content import write_bytes_atomically
+from ..files.tables import write_json
+from ..surface.mesh import TriangleMesh, diameter
+from ..surface.mesh_writer import write_ply
+from .coco import coco_table
+from .layout import OBJECT_ID, ViewPaths
+from .view_record import Box, read_record
+
+
+def bounding_box(mask: np.ndarray) -> Box:
+    """The box of a ``(H, W)`` bool mask as BOP has it: (x, y, x_max - x, y_max - y); -1 four times for an empty one."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return -1, -1, -1, -1
+    x, y = int(columns[0]), int(rows[0])
+    return x, y, int(columns[-1]) - x, int(rows[-1]) - y
+
+
+def write_models(root: Path, mesh: TriangleMesh, colours: np.ndarray) -> None:
+    """``models/``: the surface in the model frame with ``(V, 3)`` uint8 colours, and ``models_info.json``."""
+    folder = root / "models"
+    folder.mkdir(exist_ok=True)
+    write_ply(folder / f"obj_{OBJECT_ID:06d}.ply", mesh, colours=colours, normals=mesh.vertex_normals)
+    low, high = mesh.bounds
+    info: dict[str, float] = {"diameter": diameter(mesh.vertices)}
+    info |= {f"min_{axis}": float(value) for axis, value in zip("xyz", low, strict=True)}
+    info |= {f"size_{axis}": float(value) for axis, value in zip("xyz", high - low, strict=True)}
+    write_json(folder / "models_info.json", {str(OBJECT_ID): info})
+
+
+def write_camera(root: Path, camera: PinholeCamera, depth_scale: float) -> None:
+    """``camera.json``; the pixel origin is the centre of the top-left pixel."""
+    write_json(
+        root / "camera.json",
+        {
+            "fx": camera.fx,
+            "fy": camera.fy,
+            "cx": camera.cx,
+            "cy": camera.cy,
+            "width": camera.width,
+            "height": camera.height,
+            "depth_scale": depth_scale,
+        },
+    )
+
+
+def write_scene(root: Path, views: range, camera: PinholeCamera) -> None:
+    """The four JSON tables of one scene from the records of its views.
+
+    Raises
+    ------
+    RunError
+        A record is missing or damaged.
+    """
+    paths = [ViewPaths(root, index) for index in views]
+    records = [read_record(path) for path in paths]
+    scene_camera, scene_gt, scene_gt_info = {}, {}, {}
+    for path, record in zip(paths, records, strict=True):
+        key = str(path.image_id)
+        scene_camera[key] = {
+            "cam_K": camera.k.ravel().tolist(),
+            "depth_scale": record.depth_scale,
+            # the model frame is the world: one object, never moved
+            "cam_R_w2c": record.cam_r_m2c,
+            "cam_t_w2c": record.cam_t_m2c,
+        }
+        scene_gt[key] = [{"cam_R_m2c": record.cam_r_m2c, "cam_t_m2c": record.cam_t_m2c, "obj_id": OBJECT_ID}]
+        scene_gt_info[key] = [asdict(record.gt_info)]
+    folder = paths[0].scene
+    _write_rows(folder / "scene_camera.json", scene_camera)
+    _write_rows(folder / "scene_gt.json", scene_gt)
+    _write_rows(folder / "scene_gt_info.json", scene_gt_info)
+    write_json(folder / "scene_gt_coco.json", coco_table(paths, records, camera), indent=None)
+
+
+def _write_rows(path: Path, content: Mapping[str, object]) -> None:
+    """A dictionary with one entry a line, as BOP's own files are written."""
+    rows = ",\n".join(f"  {json.dumps(key)}: {json.dumps(value)}" for key, value in content.items())
+    write_bytes_atomically(path, f"{{\n{rows}\n}}\n".encode())

@@ -1,0 +1,80 @@
+"""The poses of all views in one table each: ``poses.csv``, and NeRF's ``transforms.json``.
+
+Source of the latter: Instant NGP, docs/nerf_dataset_tips.md, and Nerfstudio's data conventions.
+"""
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..camera.pinhole import PinholeCamera
+from ..files.content import write_bytes_atomically
+from ..files.tables import write_json
+from ..transforms import CAM_FROM_OPENGL_CAM, inverse_rigid
+from .layout import ViewPaths
+from .view_record import read_record
+
+POSE_COLUMNS = (*(f"r{row}{column}" for row in range(3) for column in range(3)), "tx_mm", "ty_mm", "tz_mm")
+"""Of the CSV tables that hold poses."""
+
+
+def pose_cells(cam_from_model: np.ndarray) -> list[str]:
+    """A pose (4x4, mm) as cells of :data:`POSE_COLUMNS`, to the last bit."""
+    return [repr(float(value)) for value in (*cam_from_model[:3, :3].ravel(), *cam_from_model[:3, 3])]
+
+
+def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """A table as CSV with line feeds, whole or not at all."""
+    lines = io.StringIO(newline="")
+    table = csv.writer(lines, lineterminator="\n")
+    table.writerow(header)
+    table.writerows(rows)
+    write_bytes_atomically(path, lines.getvalue().encode())
+
+
+def write_poses(root: Path, views: Iterable[int], camera: PinholeCamera, mesh_from_model: np.ndarray) -> None:
+    """``poses.csv`` and ``transforms.json`` for all views.
+
+    Raises
+    ------
+    RunError
+        A record is missing or damaged.
+    """
+    model_from_mesh = inverse_rigid(mesh_from_model)
+    rows, nerf_frames = [], []
+    for index in views:
+        paths = ViewPaths(root, index)
+        cam_from_model = read_record(paths).cam_from_model
+        cam_from_mesh = cam_from_model @ model_from_mesh
+        given = [repr(float(value)) for value in cam_from_mesh[:3, 3]]
+        rows.append([index, paths.relative("rgb"), *pose_cells(cam_from_model), *given])
+        model_from_opengl_cam = inverse_rigid(cam_from_model) @ CAM_FROM_OPENGL_CAM
+        nerf_frames.append(
+            {
+                "file_path": paths.relative("rgb"),
+                "depth_file_path": paths.relative("depth"),
+                "mask_path": paths.relative("mask"),
+                "transform_matrix": model_from_opengl_cam.tolist(),
+            }
+        )
+    header = ("index", "image", *POSE_COLUMNS, "given_tx_mm", "given_ty_mm", "given_tz_mm")
+    write_csv(root / "poses.csv", header, rows)
+    write_json(root / "transforms.json", _nerf_intrinsics(camera) | {"frames": nerf_frames}, indent=None)
+
+
+def _nerf_intrinsics(camera: PinholeCamera) -> dict[str, object]:
+    return {
+        "camera_model": "PINHOLE",
+        "w": camera.width,
+        "h": camera.height,
+        "fl_x": camera.fx,
+        "fl_y": camera.fy,
+        # NeRF tools put (0, 0) at the corner of the top-left pixel
+        "cx": camera.cx + 0.5,
+        "cy": camera.cy + 0.5,
+        "camera_angle_x": 2 * float(np.arctan(camera.width / (2 * camera.fx))),
+        "camera_angle_y": 2 * float(np.arctan(camera.height / (2 * camera.fy))),
+    }

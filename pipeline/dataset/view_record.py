@@ -1,0 +1,204 @@
+"""The record of a finished view, ``frame/NNNNNN.json``: its pose, ground truth and counts, and hashes of its files.
+
+It is written last, so that a view with a record is whole, and read by everything that is made of finished views.
+"""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, RunError
+from ..files.content import read_content
+from ..files.tables import parsed_json
+from ..poses.constraints import Rejections
+from ..transforms import rigid
+from .layout import ViewPaths
+
+Box = tuple[int, int, int, int]
+"""(x, y, width, height) in px with width = x_max - x_min, as in BOP; (-1, -1, -1, -1) for nothing."""
+
+
+@dataclass(frozen=True)
+class GroundTruthInfo:
+    """An entry of BOP's ``scene_gt_info.json``.
+
+    Attributes
+    ----------
+    bbox_obj, bbox_visib
+        Box of the whole silhouette, also outside the image, and of what is in the image.
+    px_count_all
+        Pixels of the whole silhouette.
+    px_count_valid, px_count_visib
+        Pixels of it in the image with depth; those that are visible.
+    visib_fract
+        Visible share of the silhouette, 0..1.
+    """
+
+    bbox_obj: Box
+    bbox_visib: Box
+    px_count_all: int
+    px_count_valid: int
+    px_count_visib: int
+    visib_fract: float
+
+
+@dataclass(frozen=True)
+class ViewRecord:
+    """What is known about a finished view.
+
+    Attributes
+    ----------
+    index
+        Number of the view in the dataset.
+    cam_from_model
+        ``(4, 4)`` rigid, mm.
+    depth_scale
+        Millimetres per unit of the 16-bit depth image.
+    gt_info
+        Boxes and counts, as BOP has them.
+    px_count_observed
+        Pixels of surface that the source frame saw.
+    attempts, rejections
+        Poses tried until this one, and the constraints that they broke.
+    rle_counts
+        Run lengths of the mask: see :func:`pipeline.dataset.coco.run_lengths`.
+    sha256
+        Hash of every file of the view, by its path relative to the dataset.
+    """
+
+    index: int
+    cam_from_model: np.ndarray
+    depth_scale: float
+    gt_info: GroundTruthInfo
+    px_count_observed: int
+    attempts: int
+    rejections: Rejections
+    rle_counts: tuple[int, ...]
+    sha256: dict[str, str]
+
+    @property
+    def cam_r_m2c(self) -> list[float]:
+        """The rotation row by row, as BOP's tables have it."""
+        return self.cam_from_model[:3, :3].ravel().tolist()
+
+    @property
+    def cam_t_m2c(self) -> list[float]:
+        """The translation in mm, as BOP's tables have it."""
+        return self.cam_from_model[:3, 3].tolist()
+
+    def to_json(self) -> dict[str, object]:
+        """The object that the file holds."""
+        return {
+            "index": self.index,
+            "cam_R_m2c": self.cam_r_m2c,
+            "cam_t_m2c": self.cam_t_m2c,
+            "depth_scale": self.depth_scale,
+            "gt_info": asdict(self.gt_info),
+            "px_count_observed": self.px_count_observed,
+            "attempts": self.attempts,
+            "rejections": asdict(self.rejections),
+            "rle_counts": list(self.rle_counts),
+            "sha256": self.sha256,
+        }
+
+    @classmethod
+    def from_json(cls, content: object, where: str) -> "ViewRecord":
+        """The record that a file's object holds; ``where`` names the file in messages.
+
+        Raises
+        ------
+        RunError
+            A key is missing, or its value is of the wrong kind.
+        """
+        record = _Fields(content, where)
+        info, rejections = record.object("gt_info"), record.object("rejections")
+        return cls(
+            index=record.whole("index"),
+            cam_from_model=rigid(
+                np.reshape(record.numbers("cam_R_m2c", 9), (3, 3)), np.array(record.numbers("cam_t_m2c", 3))
+            ),
+            depth_scale=record.number("depth_scale"),
+            gt_info=GroundTruthInfo(
+                bbox_obj=info.box("bbox_obj"),
+                bbox_visib=info.box("bbox_visib"),
+                px_count_all=info.whole("px_count_all"),
+                px_count_valid=info.whole("px_count_valid"),
+                px_count_visib=info.whole("px_count_visib"),
+                visib_fract=info.number("visib_fract"),
+            ),
+            px_count_observed=record.whole("px_count_observed"),
+            attempts=record.whole("attempts"),
+            rejections=Rejections(**{name: rejections.whole(name) for name in ("surface", "observed", "clearance")}),
+            rle_counts=record.wholes("rle_counts"),
+            sha256=record.texts("sha256"),
+        )
+
+
+def read_record(paths: ViewPaths) -> ViewRecord:
+    """The record of a finished view.
+
+    Raises
+    ------
+    RunError
+        Missing or damaged; the message names the file.
+    """
+    path = paths.file("frame")
+    try:
+        content = parsed_json(read_content(path, "the record of a view", str(path)), str(path))
+    except InputError as error:
+        raise RunError(f"{error}; or remove the file and {_AGAIN}") from None
+    return ViewRecord.from_json(content, str(path))
+
+
+_AGAIN = "run the same command again: the view is rendered anew"
+
+
+class _Fields:
+    """The values of an object of JSON, each checked for its kind."""
+
+    def __init__(self, content: object, where: str) -> None:
+        if not isinstance(content, dict):
+            raise RunError(f"{where}: expected the record of a view, found {content!r}; remove the file and {_AGAIN}")
+        self._content, self._where = content, where
+
+    def _checked(self, key: str, fits: bool, expected: str) -> Any:
+        if fits:
+            return self._content[key]
+        found = repr(self._content[key])[:60] if key in self._content else "no such key"
+        raise RunError(f"{self._where}: expected {key} to be {expected}, found {found}; remove the file and {_AGAIN}")
+
+    def object(self, key: str) -> "_Fields":
+        return _Fields(self._checked(key, isinstance(self._content.get(key), dict), "an object"), self._where)
+
+    def whole(self, key: str) -> int:
+        return self._checked(key, _is_whole(self._content.get(key)), "a whole number")
+
+    def number(self, key: str) -> float:
+        return float(self._checked(key, _is_number(self._content.get(key)), "a number"))
+
+    def numbers(self, key: str, count: int) -> list[float]:
+        values = self._content.get(key)
+        fits = isinstance(values, list) and len(values) == count and all(map(_is_number, values))
+        return self._checked(key, fits, f"{count} numbers")
+
+    def wholes(self, key: str) -> tuple[int, ...]:
+        values = self._content.get(key)
+        return tuple(self._checked(key, isinstance(values, list) and all(map(_is_whole, values)), "whole numbers"))
+
+    def box(self, key: str) -> Box:
+        x, y, width, height = self._checked(key, len(self.wholes(key)) == 4, "4 whole numbers")
+        return x, y, width, height
+
+    def texts(self, key: str) -> dict[str, str]:
+        values = self._content.get(key)
+        fits = isinstance(values, dict) and all(isinstance(text, str) for text in values.values())
+        return self._checked(key, fits, "texts by name")
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _is_number(value: object) -> bool:
+    return _is_whole(value) or isinstance(value, float)

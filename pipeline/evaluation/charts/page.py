@@ -1,0 +1,162 @@
+"""What all charts share: their colours on light and on dark pages, their files, and plain logarithmic axes.
+
+The same records give the same bytes with the same matplotlib. It is imported where it is used, since it is optional;
+hence its figures and axes are typed as ``Any``.
+"""
+
+import io
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import RunError
+from ...files.content import write_bytes_atomically
+
+DPI = 160
+
+
+@dataclass(frozen=True)
+class Theme:
+    """Colours for one kind of page; ``series`` (after Okabe and Ito 2008) differ for colour-blind readers too."""
+
+    suffix: str
+    background: str
+    text: str
+    muted: str
+    grid: str
+    series: tuple[str, str, str]
+    ramp: tuple[str, str]
+
+
+THEMES = (
+    Theme("", "#ffffff", "#1f2328", "#59636e", "#d8dee4", ("#0072b2", "#d55e00", "#007d5a"), ("#f3f6f9", "#0072b2")),
+    Theme(
+        "-dark", "#0d1117", "#e6edf3", "#9198a1", "#30363d", ("#56b4e9", "#e69f00", "#2bc49a"), ("#1c2430", "#56b4e9")
+    ),
+)
+OURS, WARNING, PEER = 0, 1, 2
+"""Positions in :attr:`Theme.series`."""
+
+Draw = Callable[[Any, Theme], None]
+"""Draws a chart into an empty matplotlib ``Figure``."""
+
+
+def require_matplotlib() -> None:
+    """Check that charts can be drawn, before measurements that take long.
+
+    Raises
+    ------
+    RunError
+        matplotlib is not installed.
+    """
+    try:
+        import matplotlib.figure  # noqa: F401
+    except ImportError:
+        raise RunError(
+            "charts: expected matplotlib, it is not installed; run pip install 'oneframe[charts]' (in a checkout: "
+            "pip install -e '.[charts]') and try again"
+        ) from None
+
+
+def write_chart(data: Path, draw: Draw, size_inches: tuple[float, float], *, title: str) -> list[Path]:
+    """Write a chart beside its data file: ``NAME.svg``, ``NAME.png``, ``NAME-dark.svg`` and ``NAME-dark.png``.
+
+    Parameters
+    ----------
+    data
+        The file that holds what the chart shows: gives folder and name.
+    draw
+        Called with an empty figure and the theme.
+    title
+        The chart's title, also in the files' metadata.
+
+    Raises
+    ------
+    RunError
+        matplotlib is not installed.
+    """
+    require_matplotlib()
+    written = []
+    for theme in THEMES:
+        with _style(theme):
+            from matplotlib.figure import Figure
+            from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+            figure = Figure(figsize=size_inches, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.1))
+            figure.suptitle(title, x=0.012, ha="left", fontsize=13, fontweight="bold")
+            draw(figure, theme)
+            for kind, metadata in (("svg", {"Date": None, "Creator": None}), ("png", {"Software": None})):
+                content = io.BytesIO()
+                figure.savefig(content, format=kind, metadata={"Title": title, **metadata})
+                path = data.with_name(f"{data.stem}{theme.suffix}.{kind}")
+                write_bytes_atomically(path, content.getvalue())
+                written.append(path)
+    return written
+
+
+@contextmanager
+def _style(theme: Theme) -> Iterator[None]:
+    """matplotlib's defaults, whatever the user's own settings, in the colours of a theme."""
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(
+            {
+                "svg.hashsalt": "oneframe",
+                "svg.fonttype": "path",
+                "savefig.dpi": DPI,
+                "font.size": 11,
+                "figure.facecolor": theme.background,
+                "axes.facecolor": theme.background,
+                "axes.edgecolor": theme.muted,
+                "axes.labelcolor": theme.text,
+                "axes.titlecolor": theme.text,
+                "axes.titlesize": 11,
+                "axes.titlelocation": "left",
+                "axes.spines.top": False,
+                "axes.spines.right": False,
+                "axes.axisbelow": True,
+                "grid.color": theme.grid,
+                "text.color": theme.text,
+                "xtick.color": theme.muted,
+                "ytick.color": theme.muted,
+                "xtick.labelcolor": theme.text,
+                "ytick.labelcolor": theme.text,
+            }
+        )
+        yield
+
+
+def note(figure: Any, theme: Theme, text: str) -> None:
+    """One line below the chart, in small print."""
+    figure.supxlabel(text, x=0.012, ha="left", fontsize=9.5, color=theme.muted)
+
+
+def plain_log_axis(axis: Any, ticks: Sequence[float]) -> None:
+    """Plain numbers at chosen ticks of a logarithmic axis."""
+    from matplotlib.ticker import NullFormatter
+
+    axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
+    axis.set_minor_formatter(NullFormatter())
+    axis.minorticks_off()
+
+
+def round_ticks(low: float, high: float) -> list[float]:
+    """Round numbers from ``low`` to ``high`` for a logarithmic axis, as many a decade as make nine at most."""
+    from matplotlib.ticker import MaxNLocator
+
+    powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    for factors in (range(1, 10), (1, 2, 5), (1, 3), (1,)):
+        values = [float(f"{factor}e{power}") for power in powers for factor in factors]
+        ticks = [value for value in values if low <= value <= high]
+        if len(ticks) <= 9:
+            break
+    if len(ticks) >= 3:
+        return ticks
+    # less than half a decade: as good as linear
+    return [float(value) for value in MaxNLocator(5).tick_values(low, high) if low <= value <= high]

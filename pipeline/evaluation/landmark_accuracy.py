@@ -1,0 +1,295 @@
+"""How well landmarks give the pose: accuracy and coverage, outliers found, time; as figures and as their JSON file.
+
+Every row has a generator of its own, seeded by its settings: it does not depend on which other rows are measured.
+"""
+
+import json
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..alignment.landmarks.solver import UndeterminedPose, solve_pose
+from ..camera.pinhole import PinholeCamera
+from ..errors import InputError
+from ..files.content import read_content
+from ..files.tables import parsed_json
+from .landmark_trials import MICROSCOPE, LandmarkTrial, PoseErrors, box_trial, run_trials, surface_trial
+
+STATED_SIGMA_PX = 2.0
+"""Click accuracy that the solver assumes, whatever the true one is."""
+COUNTS = (4, 6, 8, 10)
+"""Numbers of correspondences."""
+OUTLIER_SETTINGS = ((6, 0, 0), (6, 1, 40), (8, 2, 60), (10, 3, 60), (20, 0, 0), (20, 8, 80))
+"""Correspondences, how many of them are wrong, and by how many pixels."""
+TIME_SETTINGS = ((4, 0), (6, 0), (10, 0), (20, 0), (10, 2), (20, 4))
+"""Correspondences, and how many of them are wrong."""
+TIMED_SOLVES = 60
+
+DrawTrial = Callable[[np.random.Generator, int, float], LandmarkTrial]
+"""Makes a trial from a generator, a number of correspondences and the noise in pixels."""
+
+
+@dataclass(frozen=True)
+class ErrorQuantiles:
+    """Median and 95 % quantile of the rotation error and of the mean displacement of the surface in the image."""
+
+    rotation_deg: tuple[float, float]
+    surface_px: tuple[float, float]
+
+    @classmethod
+    def of(cls, errors: PoseErrors, *, accepted: bool) -> "ErrorQuantiles":
+        """The quantiles over the accepted trials, or over all."""
+        return cls(
+            errors.quantiles(errors.rotation_deg, accepted=accepted),
+            errors.quantiles(errors.mesh_px, accepted=accepted),
+        )
+
+    def __str__(self) -> str:
+        (turn, most_turn), (shift, most_shift) = self.rotation_deg, self.surface_px
+        return f"{turn:.2f} ({most_turn:.2f}) / {shift:.2f} ({most_shift:.2f})"
+
+
+@dataclass(frozen=True)
+class LandmarkAccuracy:
+    """Accuracy for one number of correspondences (``pairs``) and one true noise ``sigma_px``.
+
+    Attributes
+    ----------
+    accepted, all
+        Errors of the accepted trials; of all, where a refused trial counts with its best guess.
+    peers
+        Errors of the other solvers on the same clicks, by name.
+    refused
+        Number of refused trials by kind of refusal.
+    coverage
+        Share of the accepted trials whose 95 % region held the truth.
+    """
+
+    pairs: int
+    sigma_px: float
+    accepted: ErrorQuantiles
+    all: ErrorQuantiles
+    peers: dict[str, ErrorQuantiles]
+    refused: dict[str, int]
+    coverage: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.pairs:2d} pairs, {self.sigma_px:g} px: accepted {self.accepted}; all {self.all}; "
+            + "".join(f"{name} {errors}; " for name, errors in self.peers.items())
+            + f"coverage {self.coverage:.1%}; refused {sum(self.refused.values())} {self.refused}"
+        )
+
+
+@dataclass(frozen=True)
+class OutlierRejection:
+    """How often exactly the ``wrong`` ones of the correspondences are left out; ``outcomes`` counts trials."""
+
+    pairs: int
+    wrong: int
+    shift_px: float
+    outcomes: dict[str, int]
+
+    def __str__(self) -> str:
+        total = sum(self.outcomes.values())
+        return f"{self.wrong} of {self.pairs} pairs wrong by {self.shift_px:g} px: {self.outcomes} of {total}"
+
+
+@dataclass(frozen=True)
+class SolveTime:
+    """Processor time of one solve: median and 95 % quantile in milliseconds."""
+
+    pairs: int
+    wrong: int
+    median_ms: float
+    most_ms: float
+
+    def __str__(self) -> str:
+        return f"{self.pairs} pairs, {self.wrong} wrong: {self.median_ms:.1f} ms, 95 % below {self.most_ms:.1f} ms"
+
+
+@dataclass(frozen=True)
+class VisibleSurface:
+    """The points of a surface that a frame shows, ``(M, 3)`` mm in the model frame, and the frame's camera and pose.
+
+    ``description`` names them in the report.
+    """
+
+    description: str
+    camera: PinholeCamera
+    cam_from_model: np.ndarray
+    points: np.ndarray
+
+    def draw(self, rng: np.random.Generator, count: int, sigma_px: float) -> LandmarkTrial:
+        """A trial with correspondences on this surface."""
+        return surface_trial(
+            rng,
+            count,
+            sigma_px,
+            camera=self.camera,
+            cam_from_model=self.cam_from_model,
+            visible_points=self.points,
+        )
+
+
+@dataclass(frozen=True)
+class LandmarkFigures:
+    """All that was measured: ``box`` on random points, ``case`` on the surface of a case (empty if none was given)."""
+
+    trials: int
+    box: tuple[LandmarkAccuracy, ...]
+    case: tuple[LandmarkAccuracy, ...]
+    outliers: tuple[OutlierRejection, ...]
+    times: tuple[SolveTime, ...]
+
+
+def measure_landmarks(
+    trials: int, noise_px: Sequence[float], surface: VisibleSurface | None, report: Callable[[str], None]
+) -> LandmarkFigures:
+    """Measure everything.
+
+    Parameters
+    ----------
+    trials
+        Number of trials for each number of correspondences and each noise.
+    noise_px
+        Standard deviations of the clicks, in each image direction.
+    surface
+        A case's surface to measure on too.
+    report
+        Called with one line for each row when it is measured.
+    """
+
+    def reported(rows: Iterator) -> tuple:
+        kept = []
+        for row in rows:
+            report(f"  {row}")
+            kept.append(row)
+        return tuple(kept)
+
+    report(f"accuracy, {trials} trials each: rotation deg / surface px, median (95 %)")
+    box = reported(accuracies(box_trial, MICROSCOPE, trials, noise_px))
+    case: tuple[LandmarkAccuracy, ...] = ()
+    if surface is not None:
+        report(f"the same for {surface.description}")
+        case = reported(accuracies(surface.draw, surface.camera, trials, noise_px))
+    rejections = (
+        outlier_rejection(np.random.default_rng([pairs, wrong]), pairs, wrong, shift_px, max(trials // 10, 20))
+        for pairs, wrong, shift_px in OUTLIER_SETTINGS
+    )
+    times = (solve_time(np.random.default_rng(pairs), pairs, wrong) for pairs, wrong in TIME_SETTINGS)
+    return LandmarkFigures(trials, box, case, reported(rejections), reported(times))
+
+
+def accuracies(
+    draw: DrawTrial, camera: PinholeCamera, trials: int, noise_px: Sequence[float]
+) -> Iterator[LandmarkAccuracy]:
+    """Accuracy and coverage for every true noise and each of :data:`COUNTS`."""
+    for sigma_px in noise_px:
+        for count in COUNTS:
+            yield accuracy(np.random.default_rng([count, int(10 * sigma_px)]), draw, camera, trials, count, sigma_px)
+
+
+def accuracy(
+    rng: np.random.Generator, draw: DrawTrial, camera: PinholeCamera, trials: int, count: int, sigma_px: float
+) -> LandmarkAccuracy:
+    """Accuracy and coverage of ``trials`` trials with ``count`` correspondences and noise ``sigma_px``."""
+    ours, peers = run_trials(lambda: draw(rng, count, sigma_px), trials, camera=camera, click_sigma_px=STATED_SIGMA_PX)
+    return LandmarkAccuracy(
+        pairs=count,
+        sigma_px=sigma_px,
+        accepted=ErrorQuantiles.of(ours, accepted=True),
+        all=ErrorQuantiles.of(ours, accepted=False),
+        peers={name: ErrorQuantiles.of(errors, accepted=False) for name, errors in peers.items()},
+        refused=dict(Counter(refusal for refusal in ours.refusals if refusal is not None)),
+        coverage=ours.coverage,
+    )
+
+
+def outlier_rejection(
+    rng: np.random.Generator, pairs: int, wrong: int, shift_px: float, trials: int
+) -> OutlierRejection:
+    """Move ``wrong`` of the clicks by ``shift_px`` in random directions, and count what the solver leaves out."""
+    outcomes = Counter[str]()
+    for _ in range(trials):
+        trial = box_trial(rng, pairs, STATED_SIGMA_PX)
+        bad = rng.choice(pairs, wrong, replace=False)
+        pixels, angle = trial.pixels.copy(), rng.uniform(0, 2 * np.pi, wrong)
+        pixels[bad] += shift_px * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        try:
+            inliers = solve_pose(trial.points_model, pixels, MICROSCOPE).inliers
+        except UndeterminedPose as refusal:
+            outcomes[f"refused: {refusal.kind}"] += 1
+        else:
+            outcomes["exact" if set(np.flatnonzero(~inliers)) == set(bad) else "not exact"] += 1
+    return OutlierRejection(pairs, wrong, shift_px, dict(outcomes))
+
+
+def solve_time(rng: np.random.Generator, pairs: int, wrong: int, solves: int = TIMED_SOLVES) -> SolveTime:
+    """Time solves with ``wrong`` clicks that are 80 px off in both directions."""
+    times_ms = []
+    for _ in range(solves):
+        trial = box_trial(rng, pairs, STATED_SIGMA_PX)
+        trial.pixels[:wrong] += 80
+        start = time.process_time()
+        with suppress(UndeterminedPose):
+            solve_pose(trial.points_model, trial.pixels, MICROSCOPE)
+        times_ms.append((time.process_time() - start) * 1e3)
+    return SolveTime(pairs, wrong, float(np.median(times_ms)), float(np.quantile(times_ms, 0.95)))
+
+
+# --- the file --------------------------------------------------------------------------------------------------------
+
+
+def figures_to_json(figures: LandmarkFigures) -> bytes:
+    """The figures as a JSON file; infinite errors are ``Infinity``, as Python's json writes and reads them."""
+    content: dict[str, object] = {"trials": figures.trials, "box": [asdict(row) for row in figures.box]}
+    if figures.case:
+        content["case"] = [asdict(row) for row in figures.case]
+    content["wrong pairs"] = [asdict(row) for row in figures.outliers]
+    content["time"] = [asdict(row) for row in figures.times]
+    return (json.dumps(content, indent=2) + "\n").encode()
+
+
+def read_figures(path: Path) -> LandmarkFigures:
+    """Read what :func:`figures_to_json` wrote.
+
+    Raises
+    ------
+    InputError
+        The file is missing, or does not hold these figures.
+    """
+    content = parsed_json(read_content(path, "the figures of benchmark_alignment.py"), path.name)
+    try:
+        return LandmarkFigures(
+            content["trials"],
+            tuple(_accuracy_row(row) for row in content["box"]),
+            tuple(_accuracy_row(row) for row in content.get("case", ())),
+            tuple(OutlierRejection(**row) for row in content["wrong pairs"]),
+            tuple(SolveTime(**row) for row in content["time"]),
+        )
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise InputError(
+            f"{path.name}: expected the figures of benchmark_alignment.py, found something else ({error!r}); "
+            "measure them again"
+        ) from None
+
+
+def _accuracy_row(row: dict) -> LandmarkAccuracy:
+    return LandmarkAccuracy(
+        **row
+        | {name: _quantiles(row[name]) for name in ("accepted", "all")}
+        | {"peers": {name: _quantiles(errors) for name, errors in row["peers"].items()}}
+    )
+
+
+def _quantiles(errors: dict) -> ErrorQuantiles:
+    rotation, surface = (
+        (float(median), float(most)) for median, most in (errors["rotation_deg"], errors["surface_px"])
+    )
+    return ErrorQuantiles(rotation, surface)

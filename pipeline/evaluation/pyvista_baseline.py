@@ -1,0 +1,75 @@
+"""The same views by PyVista, as its users meet it: off screen, RGB, in memory. Optional, hence imported where used."""
+
+from collections.abc import Callable
+from importlib import import_module
+
+import numpy as np
+
+from ..camera.pinhole import PinholeCamera
+from ..errors import RunError
+from ..surface.mesh import TriangleMesh
+from ..transforms import inverse_rigid
+
+
+def pyvista_renderer(
+    mesh: TriangleMesh,
+    colours: np.ndarray,
+    camera: PinholeCamera,
+    *,
+    samples: int,
+    lit: bool,
+    depth_range_mm: tuple[float, float],
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Prepare a scene that PyVista renders with K, except that its pixels are square: it takes fx to be fy.
+
+    Parameters
+    ----------
+    mesh, colours
+        Model frame, mm; ``(V, 3)`` uint8 a vertex.
+    samples
+        Samples a pixel of its multi-sampling; 1: none.
+    lit
+        With the light of its default scene, or with the colours as they are.
+    depth_range_mm
+        Clipping planes.
+
+    Returns
+    -------
+    A function from ``cam_from_model`` (4x4) to the image, ``(H, W, 3)`` uint8.
+
+    Raises
+    ------
+    RunError
+        PyVista is not installed.
+    """
+    try:
+        pyvista = import_module("pyvista")
+    except ImportError:
+        raise RunError(
+            "expected PyVista to compare with, it is not installed; run pip install 'oneframe[bench]' (in a checkout: "
+            "pip install -e '.[bench]') and try again"
+        ) from None
+    plotter = pyvista.Plotter(off_screen=True, window_size=camera.size_wh, **({} if lit else {"lighting": "none"}))
+    data = pyvista.PolyData.from_regular_faces(mesh.vertices.astype(np.float32), mesh.faces)
+    data["rgb"] = colours
+    plotter.add_mesh(data, scalars="rgb", rgb=True, lighting=lit)
+    plotter.set_background("black")
+    if samples > 1:
+        plotter.enable_anti_aliasing("msaa", multi_samples=samples)
+    else:
+        plotter.disable_anti_aliasing()
+    plotter.camera.view_angle = np.degrees(2 * np.arctan(camera.height / 2 / camera.fy))
+    centre_x = -2 * (camera.cx - (camera.width - 1) / 2) / camera.width
+    plotter.camera.SetWindowCenter(centre_x, 2 * (camera.cy - (camera.height - 1) / 2) / camera.height)
+
+    def render(cam_from_model: np.ndarray) -> np.ndarray:
+        model_from_cam = inverse_rigid(cam_from_model)
+        position, forward = model_from_cam[:3, 3], model_from_cam[:3, 2]
+        plotter.camera.position = position
+        plotter.camera.focal_point = position + np.mean(depth_range_mm) * forward
+        plotter.camera.up = -model_from_cam[:3, 1]
+        plotter.camera.clipping_range = depth_range_mm
+        plotter.render()
+        return plotter.screenshot(None, return_img=True)
+
+    return render

@@ -1,0 +1,249 @@
+"""How far off a pose may be and still be refined, and how often a wrong result is accepted. Needs ``cv2``.
+
+The true pose is turned about the middle of the visible surface and moved by a part of its distance, both in random
+directions, on a grid of sizes. Wrong images are the scene's own, mirrored, upside down and turned by a quarter: the
+refinement must refuse all of them.
+"""
+
+import csv
+import io
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..alignment.refinement.refine import refine_pose
+from ..errors import InputError
+from ..files.content import decoded, read_content
+from ..transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points, turned_about
+from .refinement_scenes import RefinementScene
+
+WRONG_IMAGES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "mirrored": lambda image: image[:, ::-1],
+    "upside down": lambda image: image[::-1],
+    "quarter turn": lambda image: cv2.resize(np.rot90(image), image.shape[1::-1]),
+}
+RIGHT_IMAGE = "right"
+WRONG_START = 2.0, 2.0
+"""Degrees and percent of the distance by which the pose is off where the image is wrong."""
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """What a trial starts from: the scene's ``image`` or a wrong one, and how far the pose is off.
+
+    Attributes
+    ----------
+    image
+        :data:`RIGHT_IMAGE`, or a key of :data:`WRONG_IMAGES`.
+    angle_deg, percent
+        Angle of the rotation; length of the translation in percent of the distance to the surface.
+    """
+
+    image: str
+    angle_deg: float
+    percent: float
+
+
+@dataclass(frozen=True)
+class RefinementTrial:
+    """One refinement: a row of the CSV file.
+
+    Attributes
+    ----------
+    scene, image, angle_deg, percent
+        The scene's name and the :class:`Disturbance`.
+    start_px, error_deg, error_px
+        Mean displacement of the visible surface before; angle and displacement after, whether accepted or not.
+    right
+        Whether the refined pose lies within the scene's limits, and the image is not a wrong one.
+    accepted, message
+        The refinement's own verdict, and its reason.
+    score_before, score_after, edge_px_before, edge_px_after, split_half_px, second_peak_ratio
+        What the verdict rests on; infinite where there was nothing to test.
+    seconds
+        Processor time.
+    """
+
+    scene: str
+    image: str
+    angle_deg: float
+    percent: float
+    start_px: float
+    error_deg: float
+    error_px: float
+    right: bool
+    accepted: bool
+    score_before: float
+    score_after: float
+    edge_px_before: float
+    edge_px_after: float
+    split_half_px: float
+    second_peak_ratio: float
+    seconds: float
+    message: str
+
+
+# --- trials ----------------------------------------------------------------------------------------------------------
+
+
+def disturbances(
+    angles_deg: Sequence[float], percents: Sequence[float], trials: int, wrong: int
+) -> tuple[Disturbance, ...]:
+    """``trials`` times the grid of angles and percentages, then each of :data:`WRONG_IMAGES` ``wrong`` times."""
+    grid = [Disturbance(RIGHT_IMAGE, angle, percent) for angle in angles_deg for percent in percents]
+    return tuple(grid * trials + [Disturbance(name, *WRONG_START) for name in WRONG_IMAGES] * wrong)
+
+
+def disturbed_pose(scene: RefinementScene, angle_deg: float, percent: float, rng: np.random.Generator) -> np.ndarray:
+    """``(4, 4)`` the true pose turned about the middle of the visible surface and moved, in random directions."""
+    middle = transform_points(scene.cam_from_model, scene.points).mean(axis=0)
+    axis, direction = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+    rotation = rotation_from_vector(np.radians(angle_deg) * axis)
+    moved = rigid(translation=percent / 100 * np.linalg.norm(middle) * direction)
+    return moved @ turned_about(middle, rotation) @ scene.cam_from_model
+
+
+def run_trials(
+    scenes: Sequence[RefinementScene], planned: Sequence[Disturbance], seed: int
+) -> Iterator[RefinementTrial]:
+    """Refine from each disturbance, on the scenes in turn; trial ``i`` depends on the seed and on ``i`` alone."""
+    for index, disturbance in enumerate(planned):
+        yield run_trial(scenes[index % len(scenes)], disturbance, np.random.default_rng([seed, index]))
+
+
+def run_trial(scene: RefinementScene, disturbance: Disturbance, rng: np.random.Generator) -> RefinementTrial:
+    """Refine one disturbed pose and compare the result with the truth."""
+    start = disturbed_pose(scene, disturbance.angle_deg, disturbance.percent, rng)
+    wrong = WRONG_IMAGES.get(disturbance.image)
+    image = np.ascontiguousarray(wrong(scene.image)) if wrong else scene.image
+    began = time.process_time()
+    result = refine_pose(image, scene.valid, scene.camera, scene.mesh, start, colours=scene.colours)
+    seconds = time.process_time() - began
+    error_deg = rotation_angle_deg(result.found[:3, :3] @ scene.cam_from_model[:3, :3].T)
+    error_px = displacement_px(scene, result.found)
+    close = error_px < scene.largest_px and (scene.largest_deg is None or error_deg < scene.largest_deg)
+    return RefinementTrial(
+        scene=scene.name,
+        image=disturbance.image,
+        angle_deg=disturbance.angle_deg,
+        percent=disturbance.percent,
+        start_px=displacement_px(scene, start),
+        error_deg=error_deg,
+        error_px=error_px,
+        right=close and wrong is None,
+        accepted=result.accepted,
+        score_before=result.before.score,
+        score_after=result.after.score,
+        edge_px_before=result.before.edge_distance_px,
+        edge_px_after=result.after.edge_distance_px,
+        split_half_px=result.verification.split_half_px if result.verification else np.inf,
+        second_peak_ratio=result.verification.second_peak_ratio if result.verification else np.inf,
+        seconds=seconds,
+        message=result.message,
+    )
+
+
+def displacement_px(scene: RefinementScene, cam_from_model: np.ndarray) -> float:
+    """Mean distance in the image between the visible points at a pose and at the true one."""
+    found, true = (
+        scene.camera.project(transform_points(pose, scene.points)) for pose in (cam_from_model, scene.cam_from_model)
+    )
+    return float(np.linalg.norm(found - true, axis=1).mean())
+
+
+# --- results ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Tally:
+    """Counts of trials: of the right images (``trials``), and of wrong images (``wrong_images``)."""
+
+    trials: int
+    right: int
+    accepted: int
+    right_and_accepted: int
+    wrong_images: int
+    wrong_images_accepted: int
+
+    @classmethod
+    def of(cls, trials: Sequence[RefinementTrial]) -> "Tally":
+        """Count trials."""
+        grid = [trial for trial in trials if trial.image == RIGHT_IMAGE]
+        wrong = [trial for trial in trials if trial.image != RIGHT_IMAGE]
+        return cls(
+            trials=len(grid),
+            right=sum(trial.right for trial in grid),
+            accepted=sum(trial.accepted for trial in grid),
+            right_and_accepted=sum(trial.right and trial.accepted for trial in grid),
+            wrong_images=len(wrong),
+            wrong_images_accepted=sum(trial.accepted for trial in wrong),
+        )
+
+
+def summary(trials: Sequence[RefinementTrial]) -> list[str]:
+    """Sentences on success, false verdicts, errors and time."""
+    tally = Tally.of(trials)
+    lines = [
+        f"right {tally.right} of {tally.trials}",
+        f"accepted though wrong: {tally.accepted - tally.right_and_accepted} of {tally.accepted} accepted",
+        f"refused though right: {tally.right - tally.right_and_accepted} of {tally.right} right",
+    ]
+    if tally.wrong_images:
+        lines.append(f"wrong images accepted: {tally.wrong_images_accepted} of {tally.wrong_images}")
+    accepted = [trial for trial in trials if trial.accepted and trial.image == RIGHT_IMAGE]
+    if accepted:
+        errors = np.array([[trial.error_px, trial.error_deg] for trial in accepted])
+        (px, deg), (worst_px, worst_deg) = np.median(errors, axis=0), np.quantile(errors, 0.95, axis=0)
+        lines.append(
+            f"error where accepted, median / 95 %: {px:.2f} / {worst_px:.2f} px, {deg:.2f} / {worst_deg:.2f} deg"
+        )
+    seconds = [trial.seconds for trial in trials]
+    lines.append(f"processor time, median / largest: {np.median(seconds):.1f} / {max(seconds):.1f} s")
+    return lines
+
+
+# --- the file --------------------------------------------------------------------------------------------------------
+
+
+def trials_to_csv(trials: Sequence[RefinementTrial]) -> bytes:
+    """CSV of all trials, numbers to four significant digits."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, [field.name for field in fields(RefinementTrial)])
+    writer.writeheader()
+    for trial in trials:
+        writer.writerow(
+            {key: f"{value:.4g}" if isinstance(value, float) else value for key, value in vars(trial).items()}
+        )
+    return text.getvalue().encode()
+
+
+def read_trials(path: Path) -> tuple[RefinementTrial, ...]:
+    """Read what :func:`trials_to_csv` wrote.
+
+    Raises
+    ------
+    InputError
+        The file is missing, or does not hold such trials.
+    """
+    text = decoded(read_content(path, "the trials of benchmark_refinement.py"))
+    convert: dict[object, Callable[[str], object]] = {str: str, float: float, bool: _TRUTH.__getitem__}
+    try:
+        trials = tuple(
+            RefinementTrial(**{field.name: convert[field.type](row[field.name]) for field in fields(RefinementTrial)})  # type: ignore[arg-type]
+            for row in csv.DictReader(io.StringIO(text or "", newline=""))
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{path.name}: expected the trials of benchmark_refinement.py, found something else ({error!r}); "
+            "measure them again"
+        ) from None
+    if not trials:
+        raise InputError(f"{path.name}: expected the trials of benchmark_refinement.py, found none; measure them again")
+    return trials
+
+
+_TRUTH = {"True": True, "False": False}

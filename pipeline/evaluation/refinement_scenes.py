@@ -1,0 +1,156 @@
+"""Images with known poses to start refinements from: the frame of a case, and LINEMOD-Occluded. Needs ``cv2``."""
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..camera.distortion import undistort
+from ..camera.pinhole import PinholeCamera
+from ..case.case_file import read_case
+from ..errors import InputError
+from ..files.content import read_content
+from ..files.tables import parsed_json
+from ..projection.z_buffer import rasterise_depth
+from ..surface.mesh import TriangleMesh
+from ..surface.mesh_reader import read_mesh
+from ..transforms import inverse_rigid, nearest_rotation, rigid, transform_points
+
+LMO_OBJECTS = (1, 5, 6, 8, 9, 12)
+"""Objects of LM-O that scenes are made of: not those with a symmetry."""
+FEWEST_VISIBLE_POINTS = 100
+VISIBLE_POINTS = 2000
+"""About so many points stand for the visible surface."""
+
+
+@dataclass(frozen=True)
+class RefinementScene:
+    """An image with its true pose.
+
+    Attributes
+    ----------
+    image, valid
+        ``(H, W, 3)`` float32 RGB 0..1, undistorted; ``(H, W)`` bool, pixels that may be used.
+    camera, mesh, cam_from_model
+        What the image shows; the mesh in the model frame, mm.
+    colours
+        ``(V, 3)`` RGB 0..1 a vertex, or ``None`` if unknown.
+    points
+        ``(N, 3)`` mm, visible points of the surface, model frame.
+    largest_px, largest_deg
+        A refined pose within both of the true one is right; ``None``: any angle.
+    """
+
+    name: str
+    image: np.ndarray
+    valid: np.ndarray
+    camera: PinholeCamera
+    mesh: TriangleMesh
+    colours: np.ndarray | None
+    cam_from_model: np.ndarray
+    points: np.ndarray
+    largest_px: float
+    largest_deg: float | None
+
+
+def case_scene(path: Path) -> RefinementScene:
+    """The frame of a case file with the pose that the file states.
+
+    Raises
+    ------
+    InputError
+        The case, its frame or its surface cannot be used.
+    """
+    case = read_case(path)
+    mesh, _ = read_mesh(case.mesh)
+    mesh = mesh.scaled(case.mm_per_unit)
+    offset = mesh.vertices.mean(axis=0)
+    mesh, pose = mesh.moved(-offset), case.cam_from_mesh @ rigid(translation=offset)
+    image, valid = _read_image(case.image), np.ones(case.camera.shape_hw, bool)
+    if image.shape[:2] != case.camera.shape_hw:
+        raise InputError(
+            f"{case.image}: expected {case.camera.size_wh} px as in {path.name}, found {image.shape[1::-1]}; "
+            "correct the size in the case file or take the frame that it was made for"
+        )
+    if case.distortion is not None:
+        image, valid = undistort(image, case.camera, case.distortion)
+    points = visible_points(mesh, case.camera, pose)
+    return RefinementScene(path.stem, image, valid, case.camera, mesh, None, pose, points, 2.0, 1.0)
+
+
+def lmo_scenes(folder: Path) -> list[RefinementScene]:
+    """Scenes of LM-O, spread over its frames: each frame shows the next of :data:`LMO_OBJECTS`, in turn.
+
+    Frames without their object, or with hardly any of it in view, are left out. The true poses of LM-O are 2 to 6 px
+    off themselves, so a result within 5 px counts as right ("2D projection", Brachmann et al. 2016).
+
+    Parameters
+    ----------
+    folder
+        ``camera.json``, ``scene_gt.json``, ``rgb/`` and ``models/`` of one BOP scene.
+
+    Raises
+    ------
+    InputError
+        A file is missing or holds something else.
+    """
+    k, truth = _read_json(folder / "camera.json"), _read_json(folder / "scene_gt.json")
+    objects = {number: _coloured_mesh(folder / f"models/obj_{number:06d}.ply") for number in LMO_OBJECTS}
+    try:
+        camera = PinholeCamera(k["width"], k["height"], k["fx"], k["fy"], k["cx"], k["cy"])
+        annotated = [
+            (int(frame), {pose["obj_id"]: (pose["cam_R_m2c"], pose["cam_t_m2c"]) for pose in reversed(poses)})
+            for frame, poses in truth.items()
+        ]
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"{folder}: expected camera.json and scene_gt.json as BOP has them, found something else ({error!r})"
+        ) from None
+    scenes = []
+    for index, (frame, poses) in enumerate(annotated):
+        number = LMO_OBJECTS[index % len(LMO_OBJECTS)]
+        if number not in poses:
+            continue
+        rotation, translation = poses[number]
+        pose = rigid(nearest_rotation(np.reshape(rotation, (3, 3))), np.array(translation))
+        mesh, colours = objects[number]
+        points = visible_points(mesh, camera, pose)
+        if len(points) < FEWEST_VISIBLE_POINTS:
+            continue
+        image, name = _read_image(folder / f"rgb/{frame:06d}.png"), f"frame {frame} object {number}"
+        valid = np.ones(camera.shape_hw, bool)
+        scenes.append(RefinementScene(name, image, valid, camera, mesh, colours, pose, points, 5.0, None))
+    if not scenes:
+        raise InputError(f"{folder}: expected frames with objects of {LMO_OBJECTS} in view, found none")
+    return scenes
+
+
+def visible_points(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:
+    """``(N, 3)`` mm, model frame: about :data:`VISIBLE_POINTS` points of the surface that the camera sees."""
+    factor = max(camera.width / 320, 1.0)
+    small = camera.resized(round(camera.width / factor), round(camera.height / factor))
+    raster = rasterise_depth(mesh, small, cam_from_model)
+    seen = raster.face >= 0
+    points_cam = small.rays_cam(small.pixel_grid())[seen] / raster.inverse_depth[seen][:, None]
+    return transform_points(inverse_rigid(cam_from_model), points_cam[:: max(len(points_cam) // VISIBLE_POINTS, 1)])
+
+
+def _read_image(path: Path) -> np.ndarray:
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise InputError(f"{path}: expected an image, found none or another kind of file")
+    return np.ascontiguousarray(image[:, :, ::-1], np.float32) / 255
+
+
+def _read_json(path: Path) -> dict:
+    return parsed_json(read_content(path, "a table of BOP"), str(path))
+
+
+def _coloured_mesh(path: Path) -> tuple[TriangleMesh, np.ndarray]:
+    """LM-O's text PLY: x y z nx ny nz red green blue [alpha], then triangles."""
+    mesh, _ = read_mesh(path)
+    body = path.read_bytes().split(b"end_header\n", 1)[1]
+    rows = np.loadtxt(io.BytesIO(body), max_rows=len(mesh.vertices), usecols=range(9))
+    return mesh, rows[:, 6:9] / 255

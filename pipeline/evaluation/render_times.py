@@ -1,0 +1,95 @@
+"""Times of rendered frames, ours and PyVista's, from rounds that alternate; and their ratios.
+
+Ratios are taken within a round, since a shared machine is slower at some times than at others.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..files.content import read_content
+from ..files.tables import parsed_json
+
+LIT_PEER = "PyVista, 8x MSAA, default light"
+UNLIT_PEER = "PyVista, 8x MSAA, no light"
+PLAIN_PEER = "PyVista, no MSAA, no light"
+PEERS = (LIT_PEER, UNLIT_PEER, PLAIN_PEER)
+
+
+@dataclass(frozen=True)
+class TimeRatio:
+    """Ratio of the median times, and the least and the largest ratio of any round; the first lies between them."""
+
+    median: float
+    least: float
+    most: float
+
+
+@dataclass(frozen=True)
+class RenderTimes:
+    """Seconds a frame by name, one entry a round; the names of :data:`PEERS` among them."""
+
+    seconds: Mapping[str, tuple[float, ...]]
+
+    @property
+    def rounds(self) -> int:
+        """Number of rounds."""
+        return min(map(len, self.seconds.values()), default=0)
+
+    @property
+    def ours(self) -> tuple[str, ...]:
+        """All names but those of :data:`PEERS`."""
+        return tuple(name for name in self.seconds if name not in PEERS)
+
+    def median_ms(self, name: str) -> float:
+        """Median time of a frame."""
+        return float(np.median(self.seconds[name]) * 1e3)
+
+    def ratio(self, name: str, peer: str) -> TimeRatio:
+        """Time of ``name`` relative to ``peer``."""
+        by_round = np.divide(self.seconds[name], self.seconds[peer])
+        return TimeRatio(self.median_ms(name) / self.median_ms(peer), float(by_round.min()), float(by_round.max()))
+
+    def table(self) -> list[str]:
+        """Lines of a Markdown table: medians, and their ratios to PyVista's with and without its light."""
+        lines = ["| a frame | ms | / PyVista 8x MSAA, default light | / no light |", "|---|---|---|---|"]
+        for name in self.seconds:
+            lit, unlit = (self.ratio(name, peer).median for peer in (LIT_PEER, UNLIT_PEER))
+            lines.append(f"| {name} | {self.median_ms(name):.0f} | {lit:.2f} | {unlit:.2f} |")
+        return lines
+
+    def medians_ms(self) -> dict[str, float]:
+        """Median times of a frame, by name."""
+        return {name: self.median_ms(name) for name in self.seconds}
+
+    def rounds_ms(self) -> dict[str, list[float]]:
+        """All times in milliseconds: ``"speed rounds"`` in the file of benchmark.py."""
+        return {name: [1e3 * value for value in each] for name, each in self.seconds.items()}
+
+
+def read_render_times(path: Path) -> RenderTimes:
+    """Read the times from the file of benchmark.py.
+
+    Raises
+    ------
+    InputError
+        The file is missing, holds something else, or times that are not positive, not as many for each name, or not
+        those of all :data:`PEERS`.
+    """
+    table = parsed_json(read_content(path, "the figures of benchmark.py"), path.name)
+    try:
+        content = table["speed rounds"]
+        seconds = {name: tuple(float(value) / 1e3 for value in each) for name, each in content.items()}
+    except (AttributeError, KeyError, TypeError, ValueError):
+        seconds = {}
+    counts = {len(each) for each in seconds.values()}
+    positive = all(value > 0 for each in seconds.values() for value in each)
+    if not set(PEERS) < set(seconds) or len(counts) != 1 or counts == {0} or not positive:
+        raise InputError(
+            f'{path.name}: expected "speed rounds" with the times of every round by name, PyVista\'s among them, found '
+            "something else; measure them with benchmark.py"
+        )
+    return RenderTimes(seconds)

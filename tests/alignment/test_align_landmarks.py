@@ -1,0 +1,131 @@
+"""Which landmarks take part, that the present pose decides only where it must, and what lies off the surface."""
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.alignment.landmarks.align_landmarks import align_landmarks
+from pipeline.alignment.landmarks.solver import UndeterminedPose
+from pipeline.alignment.landmarks.surface_distance import check_landmarks_belong, off_surface, surface_distance
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.case.landmarks import Landmark
+from pipeline.errors import InputError
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
+
+CAMERA = PinholeCamera(1920, 1080, 12800.0, 12750.0, 955.0, 545.0)
+POSE = rigid(rotation_from_vector(np.array([2.8, 0.3, -0.2])), [1.0, -2.0, 300.0])
+
+
+def landmarks_at(points, pixels, **settings) -> list[Landmark]:
+    return [
+        Landmark(f"mark {number}", tuple(point), tuple(pixel), **settings)
+        for number, (point, pixel) in enumerate(zip(points.tolist(), pixels.tolist(), strict=True))
+    ]
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6), st.integers(5, 12), st.booleans())
+def test_the_frame_of_the_surface_does_not_matter(seed, count, with_outlier):
+    """A script solves in the frame of the mesh file, the add-on in the demeaned one."""
+    rng = np.random.default_rng(seed)
+    points = (rng.random((count, 3)) - 0.5) * [30, 20, 12]
+    pixels = CAMERA.project(transform_points(POSE, points)) + rng.normal(0, 1, (count, 2))
+    if with_outlier:
+        pixels[0] += 300
+    model_from_mesh = rigid(translation=rng.normal(0, 100, 3))
+    mesh_from_model = np.linalg.inv(model_from_mesh)
+    given_in = {
+        "model": (landmarks_at(points, pixels), POSE),
+        "mesh": (landmarks_at(transform_points(mesh_from_model, points), pixels), POSE @ model_from_mesh),
+    }
+    found = {}
+    for frame, (landmarks, start) in given_in.items():
+        try:
+            found[frame] = align_landmarks(landmarks, CAMERA, click_sigma_px=1.0, start=start).estimate
+        except UndeterminedPose as refusal:
+            found[frame] = refusal
+    model, mesh = found["model"], found["mesh"]
+    if isinstance(model, UndeterminedPose):
+        assert isinstance(mesh, UndeterminedPose)
+        assert mesh.kind == model.kind
+        return
+    assert np.array_equal(mesh.inliers, model.inliers)
+    assert mesh.messages == model.messages
+    back = mesh.cam_from_model @ mesh_from_model
+    seen = [CAMERA.project(transform_points(pose, points)) for pose in (back, model.cam_from_model)]
+    assert np.abs(seen[0] - seen[1]).max() < 1e-3
+
+
+def test_the_present_pose_decides_only_between_poses_that_fit():
+    """Four points of a plane seen from far away: two tilts, mirror images of each other, fit."""
+    points = np.array([[-10, -8, 0], [10, -8, 0], [10, 8, 0], [-10, 8, 0.0]])
+    far = PinholeCamera(1920, 1080, 128000.0, 128000.0, 960.0, 540.0)
+    tilted = [rigid(rotation_from_vector(np.array([turn, 0, 0])), [0, 0, 3000.0]) for turn in (0.35, -0.35)]
+    landmarks = landmarks_at(points, far.project(transform_points(tilted[0], points)))
+    with pytest.raises(UndeterminedPose) as refused:
+        align_landmarks(landmarks, far, click_sigma_px=2.0)
+    assert len(refused.value.candidates) == 2
+    for pose in tilted:
+        found = align_landmarks(landmarks, far, click_sigma_px=2.0, start=pose).estimate.cam_from_model
+        assert rotation_angle_deg(found[:3, :3] @ pose[:3, :3].T) < 3
+    # where they determine the pose, it decides nothing
+    solid = landmarks_at(*solid_pairs())
+    expected = align_landmarks(solid, CAMERA, click_sigma_px=2.0).estimate.cam_from_model
+    for pose in tilted:
+        found = align_landmarks(solid, CAMERA, click_sigma_px=2.0, start=pose).estimate.cam_from_model
+        assert np.array_equal(found, expected)
+
+
+def solid_pairs() -> tuple[np.ndarray, np.ndarray]:
+    points = (np.random.default_rng(3).random((8, 3)) - 0.5) * [30, 20, 12]
+    return points, CAMERA.project(transform_points(POSE, points))
+
+
+def test_disabled_and_incomplete_landmarks_take_no_part():
+    points, pixels = solid_pairs()
+    used = landmarks_at(points, pixels)
+    given_list = [
+        Landmark("half", None, (3.0, 4.0)), *used[:4], Landmark("off", (0.0, 0.0, 0.0), (1.0, 1.0), enabled=False),
+        Landmark("other half", (1.0, 2.0, 3.0), None), *used[4:],
+    ]  # fmt: skip
+    found = align_landmarks(given_list, CAMERA, click_sigma_px=2.0)
+    assert found.landmarks == tuple(used)
+    assert found.indices == (1, 2, 3, 4, 7, 8, 9, 10)
+    expected = align_landmarks(used, CAMERA, click_sigma_px=2.0)
+    assert np.array_equal(found.estimate.cam_from_model, expected.estimate.cam_from_model)
+    assert np.array_equal(found.points, points)
+    assert np.array_equal(found.pixels, pixels)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 40), st.sampled_from([0.01, 1.0, 30.0]))
+def test_distances_from_a_mesh_are_those_of_its_nearest_triangle(seed, faces, far):
+    rng = np.random.default_rng(seed)
+    # one size of triangle in ten is large: the nearest point is often far from every corner
+    corners = rng.normal(0, 10, (faces, 1, 3)) + rng.normal(0, 1, (faces, 3, 3)) * rng.choice([1, 1, 30], (faces, 1, 1))
+    mesh = TriangleMesh(corners.reshape(-1, 3), np.arange(3 * faces, dtype=np.int32).reshape(-1, 3))
+    point = corners[rng.integers(faces)].mean(axis=0) + rng.normal(0, far, 3)
+    nearest = trimesh.triangles.closest_point(corners, np.repeat(point[None], faces, axis=0))
+    assert surface_distance(point, mesh) == pytest.approx(np.linalg.norm(nearest - point, axis=1).min(), abs=1e-9)
+
+
+def test_landmarks_off_the_surface_are_named(bumpy_mesh):
+    on = bumpy_mesh.vertices[bumpy_mesh.faces[:3]].mean(axis=1)
+    marks = [Landmark(f"on {number}", tuple(point), None) for number, point in enumerate(on.tolist())]
+    assert off_surface(marks, bumpy_mesh) == ()
+    above = Landmark("above", (0.0, 0.0, float(bumpy_mesh.bounds[1, 2]) + 2.0), (1.0, 1.0))
+    disabled = Landmark("disabled", (0.0, 0.0, 500.0), (1.0, 1.0), enabled=False)
+    (sentence,) = off_surface([*marks, above, disabled, Landmark("half", None, (1.0, 1.0))], bumpy_mesh)
+    assert quoted(sentence) == ["above"]
+    check_landmarks_belong([*marks, above], bumpy_mesh, "surface.ply")
+    check_landmarks_belong([], bumpy_mesh, "surface.ply")
+    elsewhere = [Landmark(mark.name, tuple(np.array(mark.point) * 1000), None) for mark in marks]
+    with pytest.raises(InputError, match=r"expected points on surface\.ply, all lie beside it"):
+        check_landmarks_belong(elsewhere, bumpy_mesh, "surface.ply")
+
+
+def quoted(sentence: str) -> list[str]:
+    return [part for number, part in enumerate(sentence.split("'")) if number % 2]

@@ -1,0 +1,61 @@
+"""Five views in two scenes with blank images, for laws of the tables made from their records."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.dataset import layout
+from pipeline.dataset.bop import bounding_box, write_camera, write_scene
+from pipeline.dataset.coco import run_lengths
+from pipeline.dataset.layout import ViewPaths
+from pipeline.dataset.pose_tables import write_poses
+from pipeline.dataset.view import file_hashes, write_view
+from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord
+from pipeline.poses.constraints import Rejections
+from pipeline.transforms import rigid, rotation_from_vector
+
+CAMERA = PinholeCamera(width=20, height=14, fx=31.7, fy=29.3, cx=8.2, cy=7.9)
+CENTRE = np.array([11.0, -7.0, 420.0])
+
+
+def pose_of(index: int) -> np.ndarray:
+    return rigid(rotation_from_vector(np.array([0.3 * index, -0.7, 0.2 * index + 1.5])), [1.0, -0.5, 60.0 + index])
+
+
+def record_of(index: int) -> ViewRecord:
+    """The fourth view shows nothing."""
+    seen = 0 if index == 3 else 6 + index
+    mask = np.arange(CAMERA.width * CAMERA.height).reshape(CAMERA.shape_hw) < seen
+    return ViewRecord(
+        index=index,
+        cam_from_model=pose_of(index),
+        depth_scale=0.002,
+        gt_info=GroundTruthInfo((1, 2, 3, 4), bounding_box(mask), 80, seen, seen, seen / 80),
+        px_count_observed=seen // 2,
+        attempts=3,
+        rejections=Rejections(observed=1, clearance=2),
+        rle_counts=run_lengths(mask),
+        sha256={},
+    )
+
+
+def write_blank_dataset(root: Path) -> None:
+    """Views and tables; the images are blank."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(layout, "VIEWS_PER_SCENE", 3)
+        for index in range(5):
+            paths, files = ViewPaths(root, index), {"rgb": b""}
+            write_view(paths, files, replace(record_of(index), sha256=file_hashes(paths, files)))
+        write_camera(root, CAMERA, 0.002)
+        write_scene(root, range(3), CAMERA)
+        write_scene(root, range(3, 5), CAMERA)
+        write_poses(root, range(5), CAMERA, rigid(translation=CENTRE))
+
+
+def scene_tables(root: Path, scene: int) -> dict[str, dict]:
+    folder = root / "train_pbr" / f"{scene:06d}"
+    return {path.stem: json.loads(path.read_text()) for path in folder.glob("*.json")}

@@ -1,0 +1,122 @@
+"""Laws of a view's files: depth units, images, ground truth of the whole silhouette, and a record written last."""
+
+import io
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from pipeline.dataset.coco import run_lengths
+from pipeline.dataset.layout import ViewPaths, finished_views
+from pipeline.dataset.view import (
+    RenderedSample,
+    RenderedView,
+    depth_scale_for,
+    encode_view,
+    file_hashes,
+    quantised_depth,
+    view_files,
+    write_view,
+)
+from pipeline.dataset.view_record import read_record
+from pipeline.errors import InputError
+from pipeline.poses.constraints import PlannedPose, Rejections, ViewStatistics
+from pipeline.projection.silhouette import SilhouetteEdges
+from tests.dataset.blank_dataset import CAMERA, record_of
+from tests.dataset.synthetic_dataset import CAMERA as WIDE
+from tests.dataset.synthetic_dataset import COUNT, MESH, cast_rays, pose_of
+
+sides = st.integers(1, 40)
+
+
+@given(st.floats(1e-6, 1e9))
+@example(65535.0)
+@example(655.35)
+@example(np.nextafter(655.35, np.inf))
+@example(65535 * 5e-3)
+def test_depth_scale_is_the_finest_of_1_2_5_that_holds_the_distance(farthest):
+    candidates = [float(f"{digit}e{power}") for power in range(-13, 7) for digit in (1, 2, 5)]
+    assert depth_scale_for(farthest) == min(scale for scale in candidates if farthest <= scale * 65535)
+
+
+@pytest.mark.parametrize("distance", [0.0, -1.0, np.nan, np.inf])
+def test_depth_scale_of_no_distance(distance):
+    with pytest.raises(InputError, match="expected a positive distance"):
+        depth_scale_for(distance)
+
+
+@given(
+    hnp.arrays(np.float32, st.tuples(sides, sides), elements=st.floats(0, 1, width=32)),
+    st.floats(1e-3, 1e5),
+)
+def test_quantised_depth_is_within_half_a_unit_and_never_0_on_the_surface(part, farthest):
+    depth = (part * np.float32(farthest)).astype(np.float32)
+    scale = depth_scale_for(float(max(depth.max(), farthest)))
+    units = quantised_depth(depth, scale)
+    assert units.dtype == np.uint16
+    np.testing.assert_array_equal(units > 0, depth > 0)
+    error = np.abs(units * scale - depth.astype(np.float64))
+    # single precision: 65535 units times 2^-23
+    allowed = np.where(units == 1, 1.0, 0.51) * scale
+    assert (error <= allowed).all()
+
+
+def test_a_view_is_its_files_and_then_its_record(tmp_path):
+    depth = np.zeros(CAMERA.shape_hw, np.float32)
+    depth[3:9, 4:15] = np.linspace(250, 300, 11, dtype=np.float32)
+    rgb = np.full((*CAMERA.shape_hw, 3), [0.0, 0.5, 1.2], np.float32)
+    files = view_files(rgb, depth, depth > 270, depth_scale=0.01, float_depth=True)
+    decoded = {
+        kind: cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        for kind, data in files.items()
+        if kind != "depth_mm"
+    }
+    assert (decoded["rgb"] == [255, 128, 0]).all()
+    np.testing.assert_array_equal(decoded["depth"], np.rint(depth / 0.01))
+    for kind, expected in (("mask", depth > 0), ("mask_visib", depth > 0), ("mask_observed", depth > 270)):
+        np.testing.assert_array_equal(decoded[kind], 255 * expected)
+    np.testing.assert_array_equal(np.load(io.BytesIO(files["depth_mm"])), depth)
+
+    paths = ViewPaths(tmp_path, 1003)
+    write_view(paths, files, replace(record_of(1003), sha256=file_hashes(paths, files)))
+    assert paths.relative("mask_observed") == "train_pbr/000001/mask_observed/000003_000000.png"
+    record = read_record(paths)
+    assert record.index == 1003
+    assert {tmp_path / name for name in record.sha256} == {paths.file(kind) for kind in files}
+    assert finished_views(tmp_path, range(1010)) == {1003}
+    written = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
+    assert written == {*record.sha256, "train_pbr/000001/frame/000003.json"}
+
+
+@pytest.mark.parametrize("index", [0, COUNT - 1])
+@pytest.mark.parametrize("scale", [0.01, 1e-4])
+def test_an_encoded_view_tells_the_silhouette_also_outside_the_image(tmp_path, index, scale):
+    pose, (height, width) = pose_of(index), WIDE.shape_hw
+    wide = cast_rays(MESH, WIDE, pose, beyond=1)
+    depth = wide[height : 2 * height, width : 2 * width].astype(np.float32)
+    mask, observed = depth > 0, (depth > 0) & (np.arange(width) > 12)
+    view = RenderedView(np.zeros((height, width, 3), np.float32), depth, observed, np.zeros_like(mask))
+    planned = PlannedPose(pose, ViewStatistics(1, 1, 1), 5, Rejections(surface=4))
+    paths = ViewPaths(tmp_path, 1007)
+    files, record = encode_view(
+        paths, RenderedSample(planned, view), SilhouetteEdges.of(MESH), WIDE, depth_scale=scale, float_depth=False
+    )
+    rows = np.argwhere(wide > 0)
+    (top, left), (bottom, right) = rows.min(axis=0), rows.max(axis=0)
+    info = record.gt_info
+    assert info.bbox_obj == pytest.approx((left - width, top - height, right - left, bottom - top), abs=1)
+    assert info.px_count_all == pytest.approx(len(rows), abs=4)
+    assert (info.px_count_valid, info.px_count_visib) == (mask.sum(), mask.sum())
+    assert info.visib_fract == mask.sum() / info.px_count_all
+    assert record.px_count_observed == observed.sum()
+    assert record.rle_counts == run_lengths(mask)
+    assert (record.index, record.attempts, record.rejections) == (1007, 5, Rejections(surface=4))
+    # a depth image that cannot hold the farthest surface gets a coarser unit
+    assert record.depth_scale == (scale if scale == 0.01 else depth_scale_for(float(depth.max())))
+    units = cv2.imdecode(np.frombuffer(files["depth"], np.uint8), cv2.IMREAD_UNCHANGED)
+    assert np.abs(units * record.depth_scale - depth).max() <= 0.51 * record.depth_scale
+    assert record.sha256 == file_hashes(paths, files)

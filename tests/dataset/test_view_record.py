@@ -1,0 +1,67 @@
+"""A record comes back as it was; a damaged one is refused by the name of its file and of what is wrong in it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pipeline.dataset.layout import ViewPaths
+from pipeline.dataset.view import write_view
+from pipeline.dataset.view_record import ViewRecord, read_record
+from pipeline.errors import RunError
+from tests.dataset.blank_dataset import record_of
+
+WHERE = "dataset/frame/000002.json"
+CONTENT = record_of(2).to_json() | {"sha256": {"rgb/000002.png": "00"}}
+
+
+def test_the_file_has_the_keys_of_the_format():
+    """docs: the layout of a dataset; readers of others depend on these names and their order."""
+    assert list(CONTENT) == [
+        "index", "cam_R_m2c", "cam_t_m2c", "depth_scale", "gt_info", "px_count_observed", "attempts", "rejections",
+        "rle_counts", "sha256",
+    ]  # fmt: skip
+    assert list(CONTENT["gt_info"]) == [
+        "bbox_obj", "bbox_visib", "px_count_all", "px_count_valid", "px_count_visib", "visib_fract",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("index", [0, 3, 4])
+def test_a_record_comes_back_to_the_last_bit(tmp_path, index):
+    record, paths = record_of(index), ViewPaths(tmp_path, index)
+    write_view(paths, {}, record)
+    found = read_record(paths)
+    assert np.array_equal(found.cam_from_model, record.cam_from_model)
+    assert json.dumps(found.to_json()) == json.dumps(record.to_json())
+
+
+PLACES = [(key,) for key in CONTENT] + [("gt_info", key) for key in CONTENT["gt_info"]] + [("rejections", "observed")]
+WRONG = [None, "text", True, [1, -2.5], ["a"], [[1] * 9], {"a": 1}, [1.5] * 4]
+MISSING = object()
+
+
+@pytest.mark.parametrize("place", PLACES, ids=lambda place: place[-1])
+def test_a_missing_or_wrong_value_is_named_with_its_file(place):
+    for wrong in [MISSING, *WRONG]:
+        content = json.loads(json.dumps(CONTENT))
+        table = content
+        for key in place[:-1]:
+            table = table[key]
+        del table[place[-1]]
+        if wrong is not MISSING:
+            table[place[-1]] = wrong
+        with pytest.raises(RunError, match="remove the file and run the same command again") as caught:
+            ViewRecord.from_json(content, WHERE)
+        assert str(caught.value).startswith(f"{WHERE}: expected ")
+        # of an object, what is missing in it may be named
+        assert place[-1] in str(caught.value) or isinstance(wrong, dict)
+
+
+@pytest.mark.parametrize("data", [None, b"", b"{", b"[]", b"\xff"])
+def test_a_file_that_is_no_record_is_named(tmp_path, data):
+    paths = ViewPaths(tmp_path, 7)
+    if data is not None:
+        paths.file("frame").parent.mkdir(parents=True)
+        paths.file("frame").write_bytes(data)
+    with pytest.raises(RunError, match=r"frame/000007\.json: expected .*run the same command again"):
+        read_record(paths)

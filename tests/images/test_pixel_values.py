@@ -1,0 +1,39 @@
+"""Values between pixels are bilinear inside the grid of centres, and nothing outside; codes and light go both ways."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.images.pixel_values import among_centres, codes_from_linear, linear_from_codes, sample_bilinear, to_uint8
+
+SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
+
+
+@given(SIZES, st.tuples(st.floats(-3, 12), st.floats(-3, 12)))
+def test_a_plane_is_sampled_exactly_inside_and_zero_outside(size, pixel):
+    width, height = size
+    v, u = np.mgrid[:height, :width].astype(float)
+    (found,) = sample_bilinear(3 + 2 * u - 5 * v, np.array([pixel]))
+    (inside,) = among_centres(np.array([pixel]), size)
+    clipped = np.clip(pixel, 0, [width - 1, height - 1])
+    assert inside == (np.abs(clipped - pixel).max() <= 1e-3)
+    assert found == pytest.approx(3 + 2 * clipped[0] - 5 * clipped[1], abs=1e-9) if inside else found == 0
+
+
+@given(SIZES)
+def test_centres_are_the_pixels_themselves(size):
+    image = np.random.default_rng(size).random((size[1], size[0], 3))
+    v, u = np.mgrid[: size[1], : size[0]]
+    pixels = np.stack([u.ravel(), v.ravel()], axis=1)
+    assert np.array_equal(sample_bilinear(image, pixels.astype(float)), image.reshape(-1, 3))
+
+
+def test_nan_is_outside():
+    assert sample_bilinear(np.ones((4, 4)), np.array([[np.nan, 1.0]])) == [0]
+
+
+def test_codes_and_light_go_both_ways():
+    codes = np.arange(256) / 255
+    assert codes_from_linear(linear_from_codes(codes)) == pytest.approx(codes, abs=1e-7)
+    assert np.array_equal(to_uint8(codes), np.arange(256))

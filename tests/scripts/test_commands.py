@@ -1,0 +1,267 @@
+"""The program ``oneframe`` and the scripts: the same commands, found by their names, quick to say what is wrong."""
+
+import argparse
+import csv
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from pipeline import __version__
+from pipeline.commands.__main__ import COMMANDS, EPILOG, SHELLS, dispatch
+from pipeline.commands.parser import command_parser
+from pipeline.commands.render import GROUPS
+from pipeline.dataset.options import option_names
+from pipeline.errors import InputError
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPTS = {
+    "sample": "make_sample.py",
+    "align": "align.py",
+    "render": "render_dataset.py",
+    "check": "check_dataset.py",
+    "compare": "compare_views.py",
+    "colour": "colour_mesh.py",
+}
+
+
+@pytest.fixture
+def oneframe(run_command):
+    """Runs the program as its console script does, from this checkout."""
+    return lambda *arguments: run_command(
+        [sys.executable, "-m", "pipeline.commands", *map(str, arguments)], PYTHONPATH=str(ROOT)
+    )
+
+
+def parser_of(name: str) -> argparse.ArgumentParser:
+    module = import_module(f"pipeline.commands.{name}")
+    return command_parser(f"oneframe {name}", module.__doc__, module.EPILOG, module.add_arguments)
+
+
+def examples(epilog: str) -> list[list[str]]:
+    """Arguments of the lines under "examples:", without the remarks in parentheses."""
+    lines = epilog.partition("examples:\n")[2].partition("\n\n")[0].splitlines()
+    return [shlex.split(line.partition("  (")[0].strip().removeprefix("%(prog)s")) for line in map(str.strip, lines)]
+
+
+def assert_one_line(ended: subprocess.CompletedProcess, code: int, message: str) -> None:
+    assert (ended.returncode, ended.stdout) == (code, "")
+    assert ended.stderr.startswith("error: ")
+    assert ended.stderr.count("\n") == 1
+    assert message in ended.stderr
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_example_of_the_help_is_a_command_line(name):
+    module = import_module(f"pipeline.commands.{name}")
+    assert len(examples(module.EPILOG)) >= 2
+    for arguments in examples(module.EPILOG):
+        parser_of(name).parse(arguments)
+
+
+def test_the_examples_of_the_program_are_command_lines():
+    for command, *arguments in examples(EPILOG):
+        parser_of(command).parse(arguments)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_script_is_the_command_by_another_name(name, oneframe, run_command):
+    script = ROOT / "scripts" / SCRIPTS[name]
+    helped, spelled = oneframe(name, "--help"), run_command([sys.executable, str(script), "--help"])
+    assert (helped.returncode, spelled.returncode, helped.stderr, spelled.stderr) == (0, 0, "", "")
+    assert f"usage: oneframe {name} " in helped.stdout
+    assert f"  {script.name} " in spelled.stdout.partition("examples:")[2]
+    # usage lines are wrapped where the name ends
+    expected = helped.stdout.replace(f"oneframe {name}", script.name).split()
+    assert spelled.stdout.split() == expected
+
+
+def test_every_option_of_a_dataset_has_a_heading():
+    assert sorted(name for names in GROUPS.values() for name in names) == sorted(option_names())
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["--version"], *([name, "--help"] for name in COMMANDS if name != "check")], ids=str
+)
+def test_help_needs_neither_blender_nor_numpy(arguments, run_command):
+    code = (
+        "import runpy, sys\n"
+        "sys.modules.update(dict.fromkeys(['bpy', 'cv2', 'numpy', 'scipy', 'shtab', 'skimage']))\n"
+        f"sys.argv[1:] = {arguments!r}\n"
+        "runpy.run_module('pipeline.commands', run_name='__main__')"
+    )
+    ended = run_command([sys.executable, "-c", code], PYTHONPATH=str(ROOT))
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "oneframe" in ended.stdout
+
+
+def test_the_program_lists_its_commands_in_the_order_of_the_data(oneframe):
+    helped = oneframe("--help").stdout
+    assert tuple(re.findall(r"^ {4}(\w+)", helped.partition("commands:")[2], re.MULTILINE)) == COMMANDS
+    assert oneframe("--version").stdout == f"oneframe {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "expected a command"),
+        (["rendr"], "unknown command 'rendr'; did you mean 'render'?"),
+        (["color", "case.toml"], "did you mean 'colour'?"),
+        (["--vresion"], "unknown argument '--vresion'; did you mean '--version'?"),
+        (["--print-completion", "fish"], "invalid choice: 'fish'"),
+        # before the missing --out is complained about
+        (["render", "case.toml", "--ot", "dataset"], "unknown argument '--ot'; did you mean '--out'?"),
+        (["colour", "case.toml", "--uot=surface.glb"], "unknown argument '--uot'; did you mean '--out'?"),
+        (["render", "case.toml"], "the following arguments are required: --out"),
+        (["render", "case.toml", "--out", "x", "more"], "unknown argument 'more'"),
+        (["align", "case.toml", "--landmark", "x"], "did you mean '--landmarks'?"),
+        (["check", "dataset", "--view", "3"], "did you mean '--views'?"),
+        (["sample", "--output", "x"], "did you mean '--out'?"),
+        (["compare", "case.toml"], "the following arguments are required: PHOTOGRAPHS.json, --out"),
+    ],
+    ids=str,
+)
+def test_mistyped_commands_and_options_are_one_line(arguments, message, oneframe):
+    assert_one_line(oneframe(*arguments), 2, message)
+
+
+def test_a_missing_package_is_named(run_command, tmp_path):
+    code = (
+        "import sys; sys.modules['cv2'] = None\n"
+        "from pipeline.blender.command_line import exit_code\n"
+        "from pipeline.commands.__main__ import dispatch\n"
+        f"sys.exit(exit_code(dispatch, ['align', {str(tmp_path / 'case.toml')!r}]))"
+    )
+    assert_one_line(run_command([sys.executable, "-c", code], PYTHONPATH=str(ROOT)), 3, "expected OpenCV")
+
+
+def test_values_that_look_like_options_are_values():
+    """What stands behind ``--`` is no option, and neither is a text with a space in it."""
+    with pytest.raises(InputError, match=r"--views: expected a number of views or 0 for all, found -1"):
+        dispatch(["check", "--views", "-1", "--", "--dataset"])
+    assert parser_of("colour").parse(["--out", "--a name with spaces.ply", "case.toml"]).out == Path(
+        "--a name with spaces.ply"
+    )
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_completion_scripts_know_every_command_and_hide_what_is_hidden(shell, oneframe):
+    ended = oneframe("--print-completion", shell)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    shown = {option for name in COMMANDS for option in visible_options(parser_of(name))}
+    assert "--min-clearance-mm" in shown
+    assert all(word in ended.stdout for word in (*COMMANDS, *(option.lstrip("-") for option in shown)))
+    assert "end-with-input" not in ended.stdout
+
+
+def visible_options(parser: argparse.ArgumentParser) -> set[str]:
+    return {
+        option
+        for action in parser._actions
+        if action.help != argparse.SUPPRESS
+        for option in action.option_strings
+        if option.startswith("--")
+    }
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["re"], "render"),
+        (["co"], "compare colour"),
+        (["render", "--min-s"], "--min-surface"),
+        (["align", "--la"], "--landmarks"),
+        (["render", "case.toml", "--poses", "po"], "poses.npy"),
+        (["check", "da"], "dataset"),
+    ],
+    ids=str,
+)
+def test_bash_completes(words, expected, oneframe, tmp_path):
+    (tmp_path / "poses.npy").touch()
+    (tmp_path / "dataset").mkdir()
+    (tmp_path / "data.txt").touch()
+    script = oneframe("--print-completion", "bash").stdout
+    typed = " ".join(map(shlex.quote, ["oneframe", *words]))
+    script += f'\nCOMP_WORDS=({typed}); COMP_CWORD={len(words)}; _shtab_oneframe; echo "${{COMPREPLY[*]}}"'
+    ended = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert ended.stdout.strip().rstrip("/") == expected
+
+
+def files_of(root: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()}
+
+
+@pytest.mark.render
+def test_the_program_renders_what_the_script_renders(write_tiny_case, tmp_path, oneframe, render_command, run_command):
+    """With workers, which are started through the package and through the script."""
+    case = write_tiny_case(tmp_path / "case")
+    arguments = ["--count", "8", "--workers", "2"]
+    ended = oneframe("render", case, "--out", tmp_path / "program", *arguments)
+    # a worker that does not start would be told here
+    assert (ended.returncode, ended.stderr) == (0, "")
+    ended = run_command(render_command(case, "--out", tmp_path / "script", *arguments))
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert files_of(tmp_path / "program") == files_of(tmp_path / "script")
+    checked = oneframe("check", tmp_path / "program")
+    assert (checked.returncode, checked.stderr) == (0, "")
+    assert "dataset of 8 views: whole and consistent" in checked.stdout
+
+
+@pytest.mark.render
+def test_the_frame_compared_with_itself_is_the_same(write_tiny_case, tmp_path, oneframe):
+    case = write_tiny_case(tmp_path / "case")
+    pose = [[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]]
+    listed = tmp_path / "case" / "held_out.json"
+    listed.write_text(f'[{{"image": "frame.png", "cam_from_mesh": {pose}}}]')
+    out = tmp_path / "deep" / "comparison"
+    ended = oneframe("compare", case, listed, "--out", out)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout.splitlines()[-1] == f"photograph, view, difference: {out / 'sheet.png'}"
+    (row,) = csv.DictReader((out / "likeness.csv").read_text().splitlines())
+    assert (row["image"], row["ssim"]) == ("frame.png", "1.0000")
+    assert float(row["mean_error_of_255"]) < 0.5
+    assert {path.name for path in out.iterdir()} == {"frame.png", "likeness.csv", "sheet.png"}
+
+
+@pytest.fixture
+def in_blender(run_command, tmp_path):
+    """Runs a script in a real Blender program, as shipped."""
+    if not (program := os.environ.get("BLENDER")):
+        pytest.skip("the environment variable BLENDER names no Blender program")
+    return lambda name, *arguments: run_command(
+        [program, "-b", "--factory-startup", "-P", str(ROOT / "scripts" / SCRIPTS[name]), "--", *map(str, arguments)],
+        BLENDER_USER_RESOURCES=str(tmp_path / "resources"),
+    )
+
+
+@pytest.mark.render
+def test_scripts_run_in_a_blender_program(write_tiny_case, tmp_path, in_blender, oneframe):
+    case, out = write_tiny_case(tmp_path / "case"), tmp_path / "out"
+    ended = in_blender("render", case, "--out", out, "--count", "6", "--workers", "2")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert oneframe("check", out).returncode == 0
+    ended = in_blender("colour", case, "--out", tmp_path / "surface.ply")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert (tmp_path / "surface.ply").read_bytes().startswith(b"ply\n")
+    ended = in_blender("render", case, "--out", out, "--cuont", "6")
+    assert ended.returncode == 2
+    assert ended.stderr == "error: command line: unknown argument '--cuont'; did you mean '--count'?\n"
+
+
+@pytest.mark.parametrize("name", ["align", "check", "compare"])
+def test_a_blender_program_without_the_packages_says_so(name, in_blender, tmp_path):
+    path = tmp_path / "nothing"
+    arguments = {"align": [path], "check": [path], "compare": [path, path, "--out", path]}
+    ended = in_blender(name, *arguments[name])
+    # 2: a Blender that has them, and looks for the files
+    assert ended.returncode in (2, 3)
+    assert ended.stderr.startswith("error: ")
+    assert ended.stderr.count("\n") == 1
+    assert ("install OneFrame with pip" in ended.stderr) == (ended.returncode == 3)

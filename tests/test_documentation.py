@@ -1,30 +1,21 @@
 """What the pages promise is there: links and anchors, commands and their options, the rooms, the example case."""
 
-import importlib
 import io
 import re
 import shlex
-import tomllib
 from contextlib import redirect_stdout
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+from pipeline import __version__
 from pipeline.case.case_file import case_from_text
+from pipeline.commands.__main__ import COMMANDS, dispatch
 from pipeline.dataset.options import checked_options
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
-SUBCOMMANDS = {
-    "sample": "make_sample",
-    "align": "align",
-    "render": "render_dataset",
-    "check": "check_dataset",
-    "compare": "compare_views",
-    "colour": "colour_mesh",
-}
-"""Of the command ``oneframe``: the script that each one is."""
 README_LINES = 125
 FENCE = re.compile(r"^```(\S*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"!?\[(?:[^\[\]]|\[[^\]]*\])*\]\(([^)\s]+)\)")
@@ -96,12 +87,17 @@ def commands() -> list[tuple[str, str]]:
 
 
 @cache
-def options_of(script: str) -> set[str]:
-    """The options of a script, from its own argument parser."""
-    module, printed = importlib.import_module(f"scripts.{script}"), io.StringIO()
+def options_of(command: str) -> set[str]:
+    """The options of a command of the program ``oneframe``, or of the program itself, from its own parser."""
+    printed = io.StringIO()
     with redirect_stdout(printed), pytest.raises(SystemExit):
-        module.main(["--help"])
+        dispatch([*command.split(), "--help"])
     return set(re.findall(r"(?<![\w-])--[a-z][\w-]*", printed.getvalue()))
+
+
+def command_of(script: Path) -> str:
+    """The command that a script runs."""
+    return re.search(r"^from pipeline.commands import (\w+)$", script.read_text(encoding="utf-8"), re.MULTILINE)[1]
 
 
 @pytest.mark.parametrize(("page", "line"), commands(), ids=lambda value: value[:60])
@@ -111,28 +107,23 @@ def test_commands_exist(page, line):
         words.pop(0)
     if words[0] == "make":
         targets = re.findall(r"^([\w-]+):(?!=)", (ROOT / "Makefile").read_text(), re.MULTILINE)
-        wanted = [word for word in words[1:] if "=" not in word]
-        assert set(wanted) <= set(targets)
+        assert {word for word in words[1:] if "=" not in word} <= set(targets)
         return
     if words[0] == "oneframe":
-        if words[1].startswith("-"):
-            return
-        assert words[1] in SUBCOMMANDS
-        script, arguments = SUBCOMMANDS[words[1]], words[2:]
+        command, arguments = ("", words[1:]) if words[1].startswith("-") else (words[1], words[2:])
+        assert command in ("", *COMMANDS)
     else:
         path = next(word for word in words if word.endswith(".py"))
-        assert (ROOT / path).is_file()
         if words[0] == "blender":
             assert words[:3] == ["blender", "-b", "-P"]
             assert words[4:5] == ["--"], "Blender takes arguments before -- for its own"
-        script = ".".join(Path(path).with_suffix("").parts[1:])
-        arguments = words[words.index(path) + 1 :]
-    unknown = {word.partition("=")[0] for word in arguments if word.startswith("--") and word != "--"}
-    assert unknown - options_of(script) == set()
+        command, arguments = command_of(ROOT / path), words[words.index(path) + 1 :]
+    named = {word.partition("=")[0] for word in arguments if word.startswith("--") and word != "--"}
+    assert named - options_of(command) == set()
 
 
 def test_options_named_in_the_prose_exist():
-    known = {option for script in SUBCOMMANDS.values() for option in options_of(script)} | {"--help"}
+    known = {option for command in ("", *COMMANDS) for option in options_of(command)}
     for page in PAGES:
         if page.name == "CHANGELOG.md":
             continue
@@ -166,14 +157,18 @@ def test_the_map_has_all_rooms():
     assert missing == []
 
 
+def test_the_table_of_commands_is_right():
+    text = (ROOT / "docs" / "getting-started.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `oneframe (\w+)` \| `(\w+\.py)` \|", text, re.MULTILINE)
+    assert (
+        [command for command, _ in rows] == list(COMMANDS) == [command_of(ROOT / "scripts" / name) for _, name in rows]
+    )
+
+
 def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= README_LINES
 
 
-def test_the_versions_agree():
-    from pipeline import __version__
-
+def test_the_citation_has_the_version():
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert re.search(r"^version: (\S+)$", citation, re.MULTILINE)[1] == __version__
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
-    assert {"docs", "test", "lint", "bench"} <= set(extras)

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 from sphinx.application import Sphinx
+from sphinx.ext.napoleon import Config, NumpyDocstring
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -14,10 +15,8 @@ from pipeline import __version__
 project = "OneFrame"
 version = release = __version__
 author = "The OneFrame developers"
-extensions = ["myst_parser", "sphinx.ext.napoleon", "autoapi.extension", "sphinx_copybutton"]
+extensions = ["myst_parser", "autoapi.extension", "sphinx_copybutton"]
 exclude_patterns = ["img"]
-# found, but only once the module that it stands in has been read
-suppress_warnings = ["autoapi.python_import_resolution"]
 
 html_theme = "furo"
 html_title = "OneFrame"
@@ -33,31 +32,49 @@ autoapi_options = ["members", "undoc-members", "show-module-summary"]
 autoapi_member_order = "bysource"
 autoapi_python_class_content = "class"
 autoapi_keep_files = False
+# it finds them all the same, once the module that they stand in has been read
+suppress_warnings = ["autoapi.python_import_resolution"]
 
-napoleon_google_docstring = False
-napoleon_use_ivar = True
-napoleon_use_rtype = False
+# every role in a docstring leads to something of the pipeline; nothing else is linked, nor are names that autoapi does
+# not list: constants of one assignment to two names, and methods in summaries
+nitpicky = True
+nitpick_ignore_regex = [
+    ("py:.*", r"(argparse|bpy|collections|json|mathutils|numpy|pathlib|tempfile|tomllib)(\..*)?"),
+    ("py:data", "[A-Z_]+"),
+    ("py:meth", "[a-z_]+"),
+]
 
-
-_LITERAL = re.compile(r"(``.*?``|`.*?`)", re.DOTALL)
-_TWO_NAMES = re.compile(r"^(?P<names>\w+(?:, \w+)+)\n(?P<text>(?: +\S.*(?:\n|\Z))+)", re.MULTILINE)
+NAPOLEON = Config(napoleon_use_ivar=True, napoleon_use_rtype=False)
+LITERAL = re.compile(r"(``.*?``|`.*?`)", re.DOTALL)
+RESULT = re.compile(r"^(?P<kind>Returns|Yields)\n-+\n(?P<text>.+?)(?=\n\n\w+\n---|\Z)", re.MULTILINE | re.DOTALL)
+TWO_NAMES = re.compile(r"^(?P<names>\w+(?:, \w+)+)\n(?P<text>(?: +\S.*(?:\n|\Z))+)", re.MULTILINE)
 """The field of two or more attributes or parameters in a numpydoc section, with the text that they share."""
 
 
-def prepare_docstring(
-    _app: Sphinx, _what: str, _name: str, _object: object, _options: object, lines: list[str]
-) -> None:
-    """Change a docstring's lines in place: bars around a norm are no substitution, ``a, b`` are two attributes."""
+def rst_from_numpydoc(_app: Sphinx, what: str, _name: str, _object: object, _options: object, lines: list[str]) -> None:
+    """Change the lines of a docstring in place.
+
+    Of numpydoc, this project has sections only where they belong, and results as prose. Bars stand around norms; to
+    reStructuredText they would be substitutions.
+    """
     text = "".join(
-        part if part.startswith("`") else part.replace("|", r"\|") for part in _LITERAL.split("\n".join(lines))
+        part if part.startswith("`") else part.replace("|", r"\|") for part in LITERAL.split("\n".join(lines))
     )
-    lines[:] = _TWO_NAMES.sub(_one_name_each, text).splitlines()
+    if what in ("module", "package", "class", "exception", "function", "method"):
+        results = [_field(section) for section in RESULT.finditer(text)]
+        text = TWO_NAMES.sub(_one_name_each, RESULT.sub("", text))
+        text = "\n".join([str(NumpyDocstring(text, NAPOLEON, what=what)).rstrip(), "", *results, ""])
+    lines[:] = text.splitlines()
 
 
 def _one_name_each(field: re.Match) -> str:
     return "".join(f"{name}\n{field['text']}" for name in field["names"].split(", "))
 
 
+def _field(section: re.Match) -> str:
+    text = section["text"].strip().replace("\n", "\n    ")
+    return f":{section['kind'].lower()}: {text}"
+
+
 def setup(app: Sphinx) -> None:
-    # before napoleon, whose priority is 500
-    app.connect("autodoc-process-docstring", prepare_docstring, priority=400)
+    app.connect("autodoc-process-docstring", rst_from_numpydoc)

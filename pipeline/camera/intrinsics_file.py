@@ -94,7 +94,7 @@ def read_camera(path: Path) -> CameraFile:
     ------
     InputError
         No file, another format, damaged content, no camera or several that differ, an invalid K (see
-        :meth:`PinholeCamera.from_matrix`), a distortion other than OpenCV's with five coefficients.
+        :meth:`.PinholeCamera.from_matrix`), a distortion other than OpenCV's with five coefficients.
     """
     path = Path(path)
     found = calibration_of(_table(read_content(path, "a file with a camera", most=LARGEST_FILE), path), path.name)

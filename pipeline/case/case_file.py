@@ -150,7 +150,7 @@ def checked_camera(table: dict, where: str) -> tuple[PinholeCamera, Distortion |
     Raises
     ------
     InputError
-        See :meth:`PinholeCamera.from_matrix` and :func:`pipeline.camera.distortion.checked_distortion`.
+        See :meth:`.PinholeCamera.from_matrix` and :func:`pipeline.camera.distortion.checked_distortion`.
     """
     camera = PinholeCamera.from_matrix(
         table["K"], size=table["size"], pixel_origin=table.get("pixel_origin", "center"), where=f"{where} K"

@@ -44,7 +44,7 @@ class ViewPaths:
         return self.root / SPLIT / f"{self.scene_id:06d}"
 
     def file(self, kind: str) -> Path:
-        """Path of one of the view's files, by its kind (a key of :func:`view_files`, or ``"frame"``)."""
+        """Path of one of the view's files, by its kind (a key of :func:`.view_files`, or ``"frame"``)."""
         gt = "_000000" if kind in ("mask", "mask_visib", "mask_observed") else ""
         suffix = {"frame": ".json", "depth_mm": ".npy"}.get(kind, ".png")
         return self.scene / kind / f"{self.image_id:06d}{gt}{suffix}"

@@ -133,7 +133,7 @@ def run_trials(
 
     Returns
     -------
-    Errors of :func:`solve_pose` (for a refused trial of its best guess), and of every peer by its name.
+    Errors of :func:`.solve_pose` (for a refused trial of its best guess), and of every peer by its name.
     """
     ours: list[tuple[float, float]] = []
     theirs: dict[str, list[tuple[float, float]]] = {name: [] for name in PEERS}

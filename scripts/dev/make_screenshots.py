@@ -28,7 +28,7 @@ WINDOW = 1440, 880
 TIMEOUT_S = 900
 JPEG = {"quality": 86, "optimize": True, "subsampling": 0}
 VIEWS = 24
-SHOWN_VIEWS = (1, 8, 12)
+SHOWN_VIEWS = (0, 8, 16)
 """Of the dataset, beside the overlay on the first page."""
 GAP_PX = 6
 

@@ -106,8 +106,8 @@ def colour_and_poses(user):
     with user.context():
         bpy.ops.oneframe.preview_poses()
     here, there = surface.matrix_world.translation, camera.matrix_world.translation
-    view.view_location, view.view_distance = here.lerp(there, 0.55), 1.35 * (there - here).length
-    tilted(view, camera, 75)
+    view.view_location, view.view_distance = here.lerp(there, 0.52), 1.55 * (there - here).length
+    tilted(view, camera, 62)
     yield from view_picture(user, "poses", width=800)
     with user.context():
         bpy.ops.oneframe.hide_poses()

@@ -3,6 +3,7 @@
 import bpy
 
 from ..pipeline.errors import InputError
+from ..registration import class_registration
 from ..ui.wrapped_text import draw_sentence
 from . import background_job, operators, pose_preview
 
@@ -49,7 +50,7 @@ class ONEFRAME_PT_dataset(_DatasetPanel, bpy.types.Panel):
     bl_label = "7  Dataset"
     bl_order = 6
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.oneframe
         layout.use_property_split, layout.use_property_decorate = True, False
         options = settings.dataset
@@ -73,7 +74,7 @@ class ONEFRAME_PT_dataset_options(_DatasetPanel, bpy.types.Panel):
     bl_parent_id = "ONEFRAME_PT_dataset"
     bl_label = "More options"
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, options = self.layout, context.scene.oneframe.dataset
         layout.use_property_split, layout.use_property_decorate = True, False
         for names in (CONSTRAINTS, RENDERING):
@@ -92,7 +93,7 @@ class ONEFRAME_PT_dataset_preview(_DatasetPanel, bpy.types.Panel):
     bl_label = "Preview"
     bl_options = set()
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         row = layout.row(align=True)
         row.operator("oneframe.preview_poses", text="Poses", icon="OUTLINER_OB_CAMERA")
@@ -127,7 +128,7 @@ class ONEFRAME_PT_dataset_run(_DatasetPanel, bpy.types.Panel):
     bl_label = "Run"
     bl_options = set()
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         layout.prop(scene.oneframe, "dataset_out", text="")
         layout.operator_context = "INVOKE_DEFAULT"
@@ -169,4 +170,4 @@ _CLASSES = (
     ONEFRAME_PT_dataset_options,
     ONEFRAME_PT_dataset_run,
 )
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)
+register, unregister = class_registration(_CLASSES)

@@ -2,21 +2,28 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Literal
 
 import bpy
 
 from ..pipeline.errors import InputError, RunError
 from ..state import from_scene
 
+Messages = Iterable[str] | None
+"""Sentences for the status line."""
 
-class Reporting:
+OperatorResult = set[Literal["RUNNING_MODAL", "CANCELLED", "FINISHED", "PASS_THROUGH", "INTERFACE"]]
+"""What Blender expects of an operator's callbacks: one of these, in a set."""
+
+
+class Reporting(bpy.types.Operator):
     """Mixin: ``execute`` calls ``run``, tells what it returns, and reports what the user can mend."""
 
-    def run(self, context: bpy.types.Context) -> Iterable[str] | None:
+    def run(self, context: bpy.types.Context) -> Messages:
         """Do the work; the sentences returned are told. Raise InputError before anything has changed."""
         raise NotImplementedError
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
         """Called by Blender."""
         try:
             messages = self.run(context)
@@ -36,6 +43,8 @@ class Reporting:
 class ReportingFile(Reporting):
     """Mixin of operators with a file dialog."""
 
+    filepath: str
+
     def chosen_file(self) -> Path:
         """The file that was chosen.
 
@@ -50,7 +59,7 @@ class ReportingFile(Reporting):
         return path
 
 
-class NeedsAlignment:
+class NeedsAlignment(bpy.types.Operator):
     """Mixin: available once camera and surface are set up; before that, the button's tooltip says what is missing."""
 
     @classmethod

@@ -38,7 +38,9 @@ class Strokes:
         segments = np.stack([starts, ends], axis=1).reshape(-1, 2)
         self._lines.setdefault(width, []).append((segments, colour))
 
-    def arrow(self, start: np.ndarray, end: np.ndarray, colour: Colour, *, width: float = 2.0, head: float = 8.0):
+    def arrow(
+        self, start: np.ndarray, end: np.ndarray, colour: Colour, *, width: float = 2.0, head: float = 8.0
+    ) -> None:
         """A line with a head at its end, which is never longer than half of it."""
         self.line(np.stack([start, end]), colour, width=width)
         length = float(np.linalg.norm(end - start))

@@ -7,36 +7,60 @@ may be ``None``; and the properties that the add-on hangs on Blender's own types
 from collections.abc import Callable
 from functools import partial
 
-from mypy.nodes import MypyFile, TypeInfo
+from mypy.nodes import Decorator, FuncDef, MypyFile, TypeInfo
 from mypy.plugin import AttributeContext, ClassDefContext, Plugin
 from mypy.plugins.common import add_attribute_to_class
-from mypy.types import AnyType, Instance, NoneType, Type, TypeOfAny, UnionType, get_proper_type
+from mypy.types import (
+    AnyType,
+    CallableType,
+    Instance,
+    NoneType,
+    Type,
+    TypeOfAny,
+    UnboundType,
+    UnionType,
+    get_proper_type,
+)
 
 NEVER_NONE = frozenset(
     f"bpy.types.{name}"
     for name in (
         # the add-on's callbacks run in a window with a scene
         "Context.preferences",
+        "Context.region",
         "Context.scene",
+        "Context.screen",
         "Context.window_manager",
         "Context.workspace",
         "Panel.layout",
         # parts that their owners always have
         "Image.colorspace_settings",
+        "Material.node_tree",
+        "NodeTree.interface",
         "Preferences.system",
         "RenderSettings.ffmpeg",
         "Scene.display",
         "Scene.eevee",
         "Scene.view_settings",
+        "SceneDisplay.shading",
         "SpaceView3D.overlay",
         "SpaceView3D.region_3d",
         "SpaceView3D.shading",
+        "Window.screen",
     )
 )
 """Attributes that are not None although the stubs say that they may be."""
 
-ANY = frozenset({"bpy.types.Object.data"})
-"""Attributes whose stub is a union that no caller can narrow: which one it is follows from the object's type."""
+ANY = frozenset(
+    f"bpy.types.{name}" for name in ("Object.data", "Scene.cycles", "Context.space_data", "AreaSpaces.active")
+)
+"""Attributes whose type follows from what the stubs do not know: the object's type, the area's, the engines in use."""
+
+KINDS = frozenset(f"bpy.types.{name}" for name in ("Attribute", "Node", "NodeSocket", "Space"))
+"""Types of which Blender returns the subclass that a name in the call stands for, and the stubs the base class."""
+
+CALLBACK_ARGUMENTS = frozenset({"context", "event"})
+"""What Blender gives every callback, never None."""
 
 ADDED = {
     "bpy.types.Object": {"oneframe": "blender_addon.state.properties.ONEFRAME_PG_object"},
@@ -64,7 +88,7 @@ class BlenderPlugin(Plugin):
 
     def get_customize_class_mro_hook(self, fullname: str) -> Callable[[ClassDefContext], None] | None:
         """Called by mypy for every class."""
-        return _add_attributes if fullname in ADDED else None
+        return _correct if fullname.startswith("bpy.types.") else None
 
     def get_additional_deps(self, file: MypyFile) -> list[tuple[int, str, int]]:
         """Called by mypy for every module: the add-on's see the classes in ``ADDED``."""
@@ -89,10 +113,31 @@ def _of_class(target: str, context: AttributeContext) -> Type:
     return Instance(node, []) if isinstance(node, TypeInfo) else context.default_attr_type
 
 
-def _add_attributes(context: ClassDefContext) -> None:
-    for name in ADDED[context.cls.fullname]:
-        if name not in context.cls.info.names:
-            add_attribute_to_class(context.api, context.cls, name, AnyType(TypeOfAny.explicit))
+def _correct(context: ClassDefContext) -> None:
+    owner = context.cls
+    for name in ADDED.get(owner.fullname, ()):
+        if name not in owner.info.names:
+            add_attribute_to_class(context.api, owner, name, AnyType(TypeOfAny.explicit))
+    if owner.fullname in KINDS:
+        owner.info.fallback_to_any = True
+    for member in owner.defs.body:
+        function = member.func if isinstance(member, Decorator) else member
+        if isinstance(function, FuncDef):
+            for signature in (function.type, function.unanalyzed_type):
+                if isinstance(signature, CallableType):
+                    signature.arg_types = [
+                        _unless_none(kind) if name in CALLBACK_ARGUMENTS else kind
+                        for name, kind in zip(signature.arg_names, signature.arg_types, strict=True)
+                    ]
+
+
+def _unless_none(written: Type) -> Type:
+    """Of a type as the stub spells it, before mypy knows what its names stand for."""
+    if not isinstance(written, UnionType):
+        return written
+    return UnionType.make_union(
+        [part for part in written.items if not (isinstance(part, UnboundType) and part.name == "None")]
+    )
 
 
 def plugin(_version: str) -> type[Plugin]:

@@ -19,6 +19,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TextIO
 
+import numpy as np
+
 from pipeline import __version__
 from pipeline.blender.alignment.frame_overlay import frame_overlay
 from pipeline.blender.case.load_case import load_case
@@ -130,8 +132,8 @@ def aligned(case: Case, click_sigma_px: float) -> "Alignment":
     """Solve the landmarks of a case, in the frame of its mesh file."""
     used = complete_landmarks(case.landmarks)
     estimate = solve_pose(
-        [landmark.point for landmark in used],
-        [landmark.pixel for landmark in used],
+        np.array([landmark.point for landmark in used]),
+        np.array([landmark.pixel for landmark in used]),
         case.camera,
         click_sigma_px=click_sigma_px,
         start=case.cam_from_mesh,

@@ -22,6 +22,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -42,7 +43,7 @@ from pipeline.transforms import inverse_rigid, rigid
 
 CAMERA = PinholeCamera(640, 480, 3200.0, 3190.0, 322.5, 236.0)
 FRAME = CAMERA.resized(1280, 960)
-POSE = rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0])
+POSE = rigid(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 300.0]))
 SCRIPT = Path(__file__).with_name("render_dataset.py")
 REFERENCE_SAMPLES = 256
 
@@ -98,12 +99,12 @@ cam_from_mesh = {POSE.tolist()}
     return folder / "case.toml"
 
 
-def open_case(case: Path, out: Path, **options: object) -> OpenJob:
+def open_case(case: Path, out: Path, **options: Any) -> OpenJob:
     """The job of a case at 640x480."""
     return open_job(Job(case, out, DatasetOptions(scale=0.5, **options), Shard()))
 
 
-def median_ms(times: Sequence[float]) -> float:
+def median_ms(times: Sequence[float] | np.ndarray) -> float:
     return float(np.median(times) * 1e3)
 
 
@@ -158,7 +159,7 @@ def measure_speed(folder: Path, report: Callable[[str], None], *, rounds: int) -
         "PyVista, 8x MSAA, no light": pyvista_views(mesh, codes, poses, samples=8, lit=False),
         "PyVista, no MSAA, no light": pyvista_views(mesh, codes, poses, samples=1, lit=False),
     }
-    ours = {
+    ours: dict[str, dict] = {
         "exact, projective": {"colour": "projective"},
         "exact, texture": {"colour": "texture"},
         "exact, vertex": {"colour": "vertex"},
@@ -221,7 +222,11 @@ def measure_scaling(folder: Path, report: Callable[[str], None]) -> dict:
         opened = open_case(write_case(folder / f"t{triangles}", triangles), folder / "scaling")
         with opened.renderer(threads=available_cores()) as renderer:
             ends: list[float] = []
-            render_views(renderer, folder / "scaling", range(24), lambda _, ends=ends: ends.append(time.perf_counter()))
+
+            def finished(_index: int, ends: list[float] = ends) -> None:
+                ends.append(time.perf_counter())
+
+            render_views(renderer, folder / "scaling", range(24), finished)
         figures[f"{triangles} triangles"] = median_ms(np.diff(ends[4:]))
         shutil.rmtree(folder / "scaling")
         report(f"  {triangles} triangles: {figures[f'{triangles} triangles']:.0f} ms a view")

@@ -1,7 +1,7 @@
 """Operators that put the frame's colours on the surface, show them, and write the coloured surface to a file."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import bpy
 import numpy as np
@@ -37,7 +37,8 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     mode: Annotated[
-        str, EnumProperty(name="As", description="How the surface holds the colours", items=MODES, default="vertex")
+        Literal["texture", "vertex"],
+        EnumProperty(name="As", description="How the surface holds the colours", items=MODES, default="vertex"),
     ]
 
     def run(self, context: bpy.types.Context) -> Messages:
@@ -71,7 +72,7 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
         return sentences
 
 
-class _NeedsColour:
+class _NeedsColour(bpy.types.Operator):
     """Mixin: needs a surface that has been coloured."""
 
     @classmethod
@@ -93,7 +94,8 @@ class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting, bpy.types.Operator):
     def run(self, context: bpy.types.Context) -> None:
         surface = from_scene.surface_of(context.scene)
         _check_object_mode(surface)
-        mark_unseen(surface, not colour_record(surface)["unseen_marked"])
+        record = colour_record(surface)
+        mark_unseen(surface, record is not None and not record["unseen_marked"])
 
 
 class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting, bpy.types.Operator):
@@ -120,7 +122,8 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operat
     filter_glob: Annotated[str, StringProperty(default="*.glb;*.obj;*.ply", options={"HIDDEN"})]
     file_format: Annotated[str, EnumProperty(name="Format", description="Kind of file", items=FORMATS, default="glb")]
     mode: Annotated[
-        str, EnumProperty(name="Colours", description="How the file holds the colours", items=MODES, default="texture")
+        Literal["texture", "vertex"],
+        EnumProperty(name="Colours", description="How the file holds the colours", items=MODES, default="texture"),
     ]
 
     @property

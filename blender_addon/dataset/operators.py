@@ -86,7 +86,7 @@ class ONEFRAME_OT_preview_view(NeedsAlignment, Reporting, bpy.types.Operator):
         statistics = made.planned.statistics
         sentence = (
             f"view {index}: surface on {statistics.surface_fraction:.0%} of the image, the frame saw "
-            f"{made.rendered.observed.sum() / max(made.rendered.mask.sum(), 1):.0%} of it"
+            f"{made.rendered.observed.sum() / max(int(made.rendered.mask.sum()), 1):.0%} of it"
         )
         image = _put_preview(made.rendered.rgb, key, sentence)
         _show_in_image_editors(context, image)
@@ -132,7 +132,7 @@ class ONEFRAME_OT_render_dataset(NeedsAlignment, Reporting, bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if not context.scene.oneframe.case_path:
             self.report({"INFO"}, "Save the case first, then press Render Dataset again")
-            bpy.ops.oneframe.save_case("INVOKE_DEFAULT")
+            bpy.ops.oneframe.save_case("INVOKE_DEFAULT")  # type: ignore[attr-defined]  # the add-on's own
             return {"CANCELLED"}
         return self.execute(context)
 
@@ -167,7 +167,9 @@ class ONEFRAME_OT_cancel_dataset(Reporting, bpy.types.Operator):
         return job is not None and job.running
 
     def run(self, context: bpy.types.Context) -> None:
-        background_job.current().cancel()
+        job = background_job.current()
+        if job is not None:
+            job.cancel()
 
 
 class ONEFRAME_OT_open_result(Reporting, bpy.types.Operator):
@@ -187,6 +189,8 @@ class ONEFRAME_OT_open_result(Reporting, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context) -> Messages:
         folder = result_folder(context.scene)
+        if folder is None:
+            raise InputError("expected a dataset, none has been rendered; press Render Dataset")
         path = folder / CONTACT_SHEET if self.contact_sheet else folder
         if not path.exists():
             raise InputError(f"{path}: expected this file, it is not there yet; the run writes it at its end")

@@ -1,5 +1,7 @@
 """The Dataset panel: options, previews, the run and its result."""
 
+from typing import Literal
+
 import bpy
 
 from ..pipeline.errors import InputError
@@ -36,11 +38,14 @@ LABELS = {
 }
 
 
-class _DatasetPanel:
+PanelOptions = set[Literal["DEFAULT_CLOSED", "HIDE_HEADER", "INSTANCED", "HEADER_LAYOUT_EXPAND"]]
+
+
+class _DatasetPanel(bpy.types.Panel):
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "OneFrame"
-    bl_options = {"DEFAULT_CLOSED"}
+    bl_options: PanelOptions = {"DEFAULT_CLOSED"}
 
 
 class ONEFRAME_PT_dataset(_DatasetPanel, bpy.types.Panel):
@@ -59,7 +64,7 @@ class ONEFRAME_PT_dataset(_DatasetPanel, bpy.types.Panel):
         column.prop(options, "seed")
         column = layout.column(align=True)
         column.prop(options, "sampler", text="Poses")
-        for name in SAMPLER_OPTIONS[options.sampler]:
+        for name in SAMPLER_OPTIONS[options.sampler]:  # type: ignore[attr-defined]  # from DatasetOptions
             column.prop(options, name, text=LABELS[name])
         try:
             pose_preview.dataset_options(context.scene)
@@ -81,7 +86,7 @@ class ONEFRAME_PT_dataset_options(_DatasetPanel, bpy.types.Panel):
             column = layout.column(align=True)
             for name in names:
                 column.prop(options, name, text=LABELS.get(name))
-        if options.video:
+        if options.video:  # type: ignore[attr-defined]  # from DatasetOptions
             column.prop(options, "video_frames", text=LABELS["video_frames"])
 
 
@@ -91,7 +96,7 @@ class ONEFRAME_PT_dataset_preview(_DatasetPanel, bpy.types.Panel):
     bl_idname = "ONEFRAME_PT_dataset_preview"
     bl_parent_id = "ONEFRAME_PT_dataset"
     bl_label = "Preview"
-    bl_options = set()
+    bl_options: PanelOptions = set()
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
@@ -126,7 +131,7 @@ class ONEFRAME_PT_dataset_run(_DatasetPanel, bpy.types.Panel):
     bl_idname = "ONEFRAME_PT_dataset_run"
     bl_parent_id = "ONEFRAME_PT_dataset"
     bl_label = "Run"
-    bl_options = set()
+    bl_options: PanelOptions = set()
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene

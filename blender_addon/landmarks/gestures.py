@@ -167,14 +167,14 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
         if self.kind == "SURFACE" or view.frame is None:
             found = nearest(marks, "surface", pointer)
             if found is not None:
-                return Gesture("point", found, marks[found].surface, pointer, False)
+                return Gesture("point", *found, pointer, False)
             return _place_point(scene, view, pointer)
         found = nearest(marks, "image", pointer)
         if found is not None:
-            return Gesture("pixel", found, marks[found].image, pointer, False)
+            return Gesture("pixel", *found, pointer, False)
         found = nearest(marks, "surface", pointer)
         if found is not None and not _waits_for_pixel(scene):
-            return Gesture("point", found, marks[found].surface, pointer, False)
+            return Gesture("point", *found, pointer, False)
         pixel = edit.check_pixel(scene, view.frame.px_from_region(pointer))
         gesture = Gesture("pixel", edit.target(scene, "pixel"), pointer, pointer, False)
         edit.set_halves(scene, gesture.index, pixel=pixel)
@@ -187,7 +187,7 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
         scene = context.scene
         if put_back:
             self._before.restore(scene)
-        elif moved.moves != "pixel":
+        elif moved is not None and moved.moves != "pixel":
             # surface points and pins are solved for when they are where they shall be
             events.landmarks_changed(scene)
         redraw(context)
@@ -216,10 +216,10 @@ def _begin_pin(scene: bpy.types.Scene, view: LandmarkView, marks: list, pointer:
     if view.frame is None:
         raise InputError("pins pull the surface in the frame: look through the camera (numpad 0), then drag with Ctrl")
     found = nearest(marks, "image", pointer)
-    if found is not None and scene.oneframe.landmarks[found].has_point:
-        index, at = found, marks[found].image
-    elif (found := nearest(marks, "surface", pointer)) is not None:
-        index, at = found, marks[found].surface
+    if found is None or not scene.oneframe.landmarks[found[0]].has_point:
+        found = nearest(marks, "surface", pointer)
+    if found is not None:
+        index, at = found
     else:
         point = view.surface_point(scene, pointer)
         if point is None:
@@ -253,8 +253,9 @@ def _apply(scene: bpy.types.Scene, view: LandmarkView, gesture: Gesture, before:
 
 
 def _in_frame(view: LandmarkView, at: np.ndarray) -> np.ndarray:
-    camera = view.frame.camera
-    return np.clip(view.frame.px_from_region(at), -0.5, np.array(camera.size_wh) - 0.5)
+    if view.frame is None:
+        raise InputError("expected the view of the frame; look through the camera (numpad 0), then drag in the frame")
+    return np.clip(view.frame.px_from_region(at), -0.5, np.array(view.frame.camera.size_wh) - 0.5)
 
 
 def landmark_under(context: bpy.types.Context, event: bpy.types.Event) -> int | None:

@@ -38,7 +38,7 @@ class _HasLandmarks(NeedsAlignment):
         return True
 
 
-class _Halves:
+class _Halves(bpy.types.Operator):
     """Mixin: a surface point and an image point as properties, each taken only if it is given."""
 
     point: Annotated[
@@ -143,13 +143,13 @@ class ONEFRAME_OT_landmark_pin(NeedsAlignment, _Halves, Reporting, bpy.types.Ope
         events.landmarks_changed(scene)
 
 
-class _One:
+class _One(bpy.types.Operator):
     """Mixin: works on one landmark: by its index, or on the one under the pointer when a key or click calls it."""
 
-    elsewhere = {"PASS_THROUGH"}
+    elsewhere: OperatorResult = {"PASS_THROUGH"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if not self.at_pointer:
+        if not self.properties.at_pointer:
             return self.execute(context)
         if not is_alignment_view(context):
             return {"PASS_THROUGH"}
@@ -225,8 +225,11 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting, bpy.types.Operator):
         from_scene.cam_from_model(scene)
         solved = solve.solution(scene)
         solve.apply(scene, solved)
-        used = f"{int(solved.estimate.inliers.sum())} of {len(solved.pairs.names)} pairs"
-        return *solved.estimate.messages, f"pose from {used}, RMS {solved.estimate.rms_px:.2f} px"
+        estimate = solved.estimate
+        if estimate is None:
+            raise InputError(solved.refusal)
+        used = f"{int(estimate.inliers.sum())} of {len(solved.pairs.names)} pairs"
+        return *estimate.messages, f"pose from {used}, RMS {estimate.rms_px:.2f} px"
 
 
 class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Operator, ImportHelper):

@@ -28,7 +28,8 @@ class ONEFRAME_UL_landmarks(bpy.types.UIList):
         icon: int,
         active_data: ONEFRAME_PG_scene,
         active_property: str,
-        index: int,
+        index: int = 0,
+        flt_flag: int = 0,
     ) -> None:
         row = layout.row(align=True)
         row.prop(item, "enabled", text="")
@@ -149,7 +150,7 @@ def _draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty) -> 
     draw_sentence(box, f"Weakest: {uncertainty.weakest}")
 
 
-def _row_text(scene: bpy.types.Scene, item: bpy.types.PropertyGroup, index: int) -> tuple[str, str]:
+def _row_text(scene: bpy.types.Scene, item: ONEFRAME_PG_landmark, index: int) -> tuple[str, str]:
     if not item.has_pixel:
         return "frame?" if item.has_point else "both?", "NONE"
     if not item.has_point:

@@ -162,7 +162,7 @@ def departure(scene: bpy.types.Scene, solved: Solution) -> Departure | None:
     present, wanted = from_scene.cam_from_model(scene), solved.estimate.cam_from_model
     camera, points = from_scene.camera(scene), solved.pairs.points_model
     apart = camera.project(transform_points(present, points)) - camera.project(transform_points(wanted, points))
-    largest = float(np.linalg.norm(np.where(np.isfinite(apart), apart, np.inf), axis=1).max())
+    largest = float(np.max(np.linalg.norm(np.where(np.isfinite(apart), apart, np.inf), axis=1)))
     if largest <= AWAY_PX:
         return None
     twist = twist_between(wanted, present, solved.estimate.uncertainty.pivot_model)

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
-from ..pipeline.alignment.manual.nudge import nudged
+from ..pipeline.alignment.manual.nudge import Axis, nudged
 from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.errors import InputError
 from ..registration import class_registration
@@ -61,7 +61,7 @@ class _Mover(NeedsAlignment):
         self._first = from_scene.cam_from_model(context.scene)
         keep_pivot(context.scene, self._pivot, self._radius)
 
-    def _move(self, context: bpy.types.Context, pose: np.ndarray, axis: str, step_px: float) -> np.ndarray:
+    def _move(self, context: bpy.types.Context, pose: np.ndarray, axis: Axis, step_px: float) -> np.ndarray:
         return nudged(pose, from_scene.camera(context.scene), self._pivot, axis, step_px, self._radius)
 
     def _place(self, context: bpy.types.Context, pose: np.ndarray) -> None:
@@ -77,7 +77,7 @@ class ONEFRAME_OT_nudge(_Mover, Reporting, bpy.types.Operator):
     bl_label = "Nudge Surface"
     bl_options = {"REGISTER", "UNDO"}
 
-    axis: Annotated[str, EnumProperty(name="Axis", items=AXES, description="Along or about which axis of the camera")]
+    axis: Annotated[Axis, EnumProperty(name="Axis", items=AXES, description="Along or about which axis of the camera")]
     step_px: Annotated[
         float,
         FloatProperty(
@@ -168,7 +168,7 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
 
     def _steps(
         self, context: bpy.types.Context, pointer: np.ndarray, moved: np.ndarray
-    ) -> tuple[tuple[str, float], ...]:
+    ) -> tuple[tuple[Axis, float], ...]:
         if self.mode == "shift":
             return ("x", moved[0]), ("y", moved[1])
         if self.mode == "tilt":

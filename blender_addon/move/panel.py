@@ -66,7 +66,7 @@ class ONEFRAME_PT_pose(bpy.types.Panel):
         layout.prop(settings, "show_gizmo")
 
 
-class _Matrix:
+class _Matrix(bpy.types.Panel):
     """A matrix for the mesh file's own frame, read from the objects at every redraw."""
 
     bl_parent_id = "ONEFRAME_PT_pose"

@@ -127,7 +127,9 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         self._refining, self._shows_result = Refining(loaded, colours), False
-        self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
+        self._timer: bpy.types.Timer | None = context.window_manager.event_timer_add(
+            POLL_SECONDS, window=context.window
+        )
         context.window_manager.modal_handler_add(self)
         _tell(context, "Refining the pose      Esc: stop")
         return {"RUNNING_MODAL"}
@@ -158,6 +160,8 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
         if work.error is not None:
             raise work.error
         result = work.result
+        if result is None:
+            return self._end(context, "CANCELLED")
         if self._timer is not None:
             self._stop_timer(context)
             _remember(result)

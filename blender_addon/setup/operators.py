@@ -134,7 +134,7 @@ class ONEFRAME_OT_load_camera(ReportingFile, bpy.types.Operator, ImportHelper):
         if size is None:
             raise InputError(f"{self.filepath}: this file holds no image size; load the frame first")
         fit = fit_of(found, size)
-        to_scene.take_camera(context, fit.camera, found.distortion)
+        to_scene.take_camera(context, fit.camera, found.distortion_for(fit.camera))
         return *found.messages, *fit.messages
 
 
@@ -212,7 +212,8 @@ class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper)
         given, messages = read_mesh(path)
         offset = alignment_scene.mesh_from_model_of(surface)[:3, 3]
         mesh = given.scaled(MM_PER_UNIT[context.scene.oneframe.units]).moved(-offset)
-        structure = alignment_scene.put_structure(surface, mesh, path.stem, tuple(self.color))
+        red, green, blue = self.color
+        structure = alignment_scene.put_structure(surface, mesh, path.stem, (red, green, blue))
         structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path)
         return messages
 

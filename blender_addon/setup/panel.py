@@ -82,7 +82,8 @@ class ONEFRAME_PT_structures(bpy.types.Panel):
         return surface is not None and len(surface.children) > 0
 
     def draw(self, context: bpy.types.Context) -> None:
-        for child in context.scene.oneframe.surface.children:
+        surface = context.scene.oneframe.surface
+        for child in () if surface is None else surface.children:
             if child.oneframe.role != "STRUCTURE":
                 continue
             row = self.layout.row(align=True)

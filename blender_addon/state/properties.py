@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 import bpy
 from bpy.props import (
@@ -17,6 +17,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..pipeline.camera.pinhole import PixelOrigin
 from ..pipeline.dataset.options import DatasetOptions
 from ..registration import class_registration
 from . import events
@@ -91,7 +92,7 @@ class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
         float, FloatProperty(name="cy", description="Principal point in pixels, y", default=539.5, precision=4)
     ]
     pixel_origin: Annotated[
-        str,
+        PixelOrigin,
         EnumProperty(
             name="Pixel origin", description="What the principal point counts from", items=ORIGINS, default="center"
         ),
@@ -110,17 +111,18 @@ def _dataset_annotations() -> dict:
     for field in dataclasses.fields(DatasetOptions):
         if field.name == "poses":
             continue
+        default: Any = field.default
         limits, text = field.metadata, field.metadata["help"]
         settings = {"name": field.name.replace("_", " ").capitalize(), "description": text[:1].upper() + text[1:]}
         if "choices" in limits:
             items = [(choice, choice.capitalize(), "") for choice in limits["choices"]]
-            annotations[field.name] = EnumProperty(items=items, default=field.default, **settings)
+            annotations[field.name] = EnumProperty(items=items, default=default, **settings)
         elif field.type is bool:
-            annotations[field.name] = BoolProperty(default=field.default, **settings)
+            annotations[field.name] = BoolProperty(default=default, **settings)
         else:
             kind = IntProperty if field.type is int else FloatProperty
             ends = {end: limits[key] for end, key in (("min", "least"), ("max", "most")) if key in limits}
-            annotations[field.name] = kind(default=field.default, **ends, **settings)
+            annotations[field.name] = kind(default=default, **ends, **settings)
     return annotations
 
 

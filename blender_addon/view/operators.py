@@ -38,23 +38,23 @@ def _surface(scene: bpy.types.Scene) -> bpy.types.Object | None:
     return from_scene.surface_of(scene) if from_scene.is_set_up(scene) else None
 
 
-def _opacity(self) -> float:
+def _opacity(self: bpy.types.PropertyGroup) -> float:
     surface = _surface(self.id_data)
     return 1.0 if surface is None else surface.color[3]
 
 
-def _set_opacity(self, value: float) -> None:
+def _set_opacity(self: bpy.types.PropertyGroup, value: float) -> None:
     surface = _surface(self.id_data)
     if surface is not None:
         surface.color[3] = value
 
 
-def _wireframe(self) -> bool:
+def _wireframe(self: bpy.types.PropertyGroup) -> bool:
     surface = _surface(self.id_data)
     return surface is not None and surface.display_type == "WIRE"
 
 
-def _set_wireframe(self, value: bool) -> None:
+def _set_wireframe(self: bpy.types.PropertyGroup, value: bool) -> None:
     surface = _surface(self.id_data)
     if surface is not None:
         surface.display_type = "WIRE" if value else "TEXTURED"
@@ -126,6 +126,10 @@ class _Toggle(_FrameTool):
         self.toggle(context, context.scene.oneframe_view)
         redraw(context)
         return {"FINISHED"}
+
+    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
+        """Change how things are shown."""
+        raise NotImplementedError
 
 
 class ONEFRAME_OT_cycle_opacity(_Toggle, bpy.types.Operator):
@@ -233,7 +237,7 @@ class ONEFRAME_OT_zoom_frame(_FrameTool, bpy.types.Operator):
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         region = window_region(context.area)
-        self._pointer = (event.mouse_x - region.x, event.mouse_y - region.y)
+        self._pointer: tuple[float, float] = (event.mouse_x - region.x, event.mouse_y - region.y)
         if context.region.type != "WINDOW":
             self._pointer = (region.width / 2, region.height / 2)
         return self._zoom(context, region)

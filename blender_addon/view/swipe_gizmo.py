@@ -1,6 +1,7 @@
 """The grip on the line between frame and surface of the swipe: a gizmo, so that dragging it reaches no tool."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 import bpy
 import gpu
@@ -32,7 +33,7 @@ class ONEFRAME_GT_split(bpy.types.Gizmo):
         gpu.state.line_width_set(1.0)
         gpu.state.blend_set("NONE")
 
-    def test_select(self, context: bpy.types.Context, location: Sequence[float]) -> int:
+    def test_select(self, context: bpy.types.Context, location: Sequence[int]) -> int:
         x, y = _grip(context)
         near = (location[0] - x) ** 2 + (location[1] - y) ** 2 < (1.5 * _radius(context)) ** 2
         return 0 if near else -1
@@ -41,7 +42,9 @@ class ONEFRAME_GT_split(bpy.types.Gizmo):
         self._before = context.scene.oneframe_view.split
         return {"RUNNING_MODAL"}
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event, tweak: set[str]) -> OperatorResult:
+    def modal(
+        self, context: bpy.types.Context, event: bpy.types.Event, tweak: set[Literal["PRECISE", "SNAP"]]
+    ) -> OperatorResult:
         seen = FrameView.of(context.scene, context.region, context.region_data)
         px = seen.px_from_region([event.mouse_region_x, event.mouse_region_y])[0]
         context.scene.oneframe_view.split = (px + 0.5) / seen.camera.width

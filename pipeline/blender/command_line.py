@@ -11,7 +11,7 @@ import time
 import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 import bpy
 
@@ -26,7 +26,7 @@ STOPPING_SECONDS = 5.0
 class ArgumentParser(argparse.ArgumentParser):
     """Mistakes in the arguments are told like all others; options are not to be abbreviated."""
 
-    def __init__(self, **settings: object) -> None:
+    def __init__(self, **settings: Any) -> None:
         super().__init__(allow_abbrev=False, **settings)
 
     def error(self, message: str) -> NoReturn:

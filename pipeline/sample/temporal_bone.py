@@ -140,10 +140,10 @@ def held_out_poses() -> list[np.ndarray]:
 # --- anatomy, frame local -----------------------------------------------------------------------------------------
 
 
-def _cortex_height(x, y):
+def _cortex_height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """z of the lateral skull: a gentle dome with the zygomatic root, the temporal line, the tip and the spine."""
 
-    def bump(height, at_x, at_y, width_x, width_y):
+    def bump(height: float, at_x: float, at_y: float | np.ndarray, width_x: float, width_y: float) -> np.ndarray:
         return height * np.exp(-(((x - at_x) / width_x) ** 2) - ((y - at_y) / width_y) ** 2)
 
     z = 0.4 - x * x / 230 - y * y / 190
@@ -152,7 +152,7 @@ def _cortex_height(x, y):
     return z + 0.22 * np.sin(0.45 * x + 0.8) * np.sin(0.38 * y + 0.3) + 0.12 * np.sin(0.9 * x - 0.7 * y)
 
 
-def _cavity(x, y, z):
+def _cavity(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     """The drilled cavity before single burr strokes show, negative in air.
 
     A star-shaped section about an axis that leans toward the antrum, wider below the rim toward the sinodural angle
@@ -172,7 +172,7 @@ def _cavity(x, y, z):
     return -smooth_minimum(-wall, -floor, 2.5)
 
 
-def _kept(x, y, z):
+def _kept(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     """What a surgeon leaves standing, positive inside: canal wall, sinus plate, facial ridge, semicircular canal."""
     canal_wall = 5.5 - polyline(x, y, z, CANAL)
     sinus = 5.2 - polyline(x, y, z, SIGMOID_SINUS)
@@ -181,11 +181,11 @@ def _kept(x, y, z):
     return np.maximum(np.maximum(canal_wall, sinus), np.maximum(ridge, dome))
 
 
-def _base_cavity(x, y, z):
+def _base_cavity(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     return -smooth_minimum(-_cavity(x, y, z), -_kept(x, y, z), 1.2)
 
 
-def _ossicles(x, y, z):
+def _ossicles(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Incus (body, short process in its fossa, long process) and malleus (head, neck, handle), negative inside."""
     incus = ball(x, y, z, (-10.2, 6.0, -15.4), (1.5, 1.3, 1.6))
     short = polyline(x, y, z, np.array([[-9.8, 6.0, -15.5], [-5.8, 4.6, -17.3]]), [0.95, 0.4])
@@ -313,7 +313,7 @@ def _tissue(local: np.ndarray, cell_depth: np.ndarray) -> dict[str, np.ndarray]:
     """Weights per vertex, see :class:`SampleSurface`."""
     x, y, z = local.T.astype(np.float32)
 
-    def ramp(value, zero, one):
+    def ramp(value: np.ndarray, zero: float, one: float) -> np.ndarray:
         return np.clip((value - zero) / (one - zero), 0, 1)
 
     canal = ramp(polyline(x, y, z, CANAL), 5.2, 4.7) * ramp(z, -17.5, -16.5)

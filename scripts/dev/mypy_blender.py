@@ -39,8 +39,10 @@ NEVER_NONE = frozenset(
         "Context.workspace",
         "Panel.layout",
         # parts that their owners always have
+        "ID.original",
         "Image.colorspace_settings",
         "Material.node_tree",
+        "NodeSocket.node",
         "NodeTree.interface",
         "Preferences.system",
         "RenderSettings.ffmpeg",
@@ -54,6 +56,7 @@ NEVER_NONE = frozenset(
         "SpaceView3D.region_3d",
         "SpaceView3D.shading",
         "ViewLayer.depsgraph",
+        "UIPopupMenu.layout",
         "Window.screen",
         "World.node_tree",
     )
@@ -78,18 +81,34 @@ ANY = frozenset(
 """Attributes whose type the stubs cannot know."""
 
 KINDS = frozenset(
-    f"bpy.types.{name}" for name in ("Attribute", "Gizmo", "Light", "Modifier", "Node", "NodeSocket", "Space", "Strip")
+    f"bpy.types.{name}"
+    for name in ("Attribute", "Gizmo", "Light", "Modifier", "Node", "NodeSocket", "Property", "Space", "Strip")
 )
 """Base classes in the stubs where Blender returns the subclass that a name in the call stands for."""
 
-CALLBACK_ARGUMENTS = frozenset({"context", "event"})
-"""What Blender gives every callback, never None."""
+CALLBACKS = frozenset(
+    {
+        *("poll", "invoke", "modal", "execute", "check", "cancel"),
+        *("draw", "draw_header_preset", "draw_item"),
+        *("setup", "draw_prepare", "test_select", "exit"),
+    }
+)
+"""Methods that Blender calls: none of their arguments is None."""
+
+MISSING = {
+    "bpy.types.bpy_struct": ("__contains__",),
+    "bpy.types.ContextTempOverride": ("__enter__", "__exit__"),
+    "bpy_extras.io_utils.ExportHelper": ("filepath",),
+    "bpy_extras.io_utils.ImportHelper": ("filepath",),
+    "gpu.types.MatrixStackContext": ("__enter__", "__exit__"),
+    "mathutils.Matrix": ("__iter__",),
+    "mathutils.Vector": ("__iter__",),
+}
+"""What is missing in the stubs."""
 
 RETURNS_ANY = frozenset(
     {
-        # these return context managers
-        "bpy.types.Context.temp_override",
-        "gpu.matrix.push_pop",
+        # a context manager
         "gpu.types.GPUFrameBuffer.bind",
         # narrower than what bpy.types.Operator declares
         "bpy_extras.io_utils.ExportHelper.invoke",
@@ -141,7 +160,7 @@ class BlenderPlugin(Plugin):
 
     def get_customize_class_mro_hook(self, fullname: str) -> Callable[[ClassDefContext], None] | None:
         """Called by mypy for every class."""
-        return _correct if fullname.startswith(("bpy.types.", "bpy_extras.", "gpu.types.")) else None
+        return _correct if fullname.startswith(("bpy.types.", "bpy_extras.", "gpu.types.", "mathutils.")) else None
 
     def get_additional_deps(self, file: MypyFile) -> list[tuple[int, str, int]]:
         """Called by mypy for every module: the add-on's see the classes in ``ADDED``."""
@@ -182,7 +201,7 @@ def _with_arrays(context: FunctionSigContext | MethodSigContext) -> FunctionLike
 
 def _correct(context: ClassDefContext) -> None:
     owner = context.cls
-    for name in ADDED.get(owner.fullname, ()):
+    for name in (*ADDED.get(owner.fullname, ()), *MISSING.get(owner.fullname, ())):
         if name not in owner.info.names:
             add_attribute_to_class(context.api, owner, name, _ANYTHING)
     if owner.fullname in KINDS:
@@ -197,9 +216,10 @@ def _correct(context: ClassDefContext) -> None:
 
 def _correct_signature(fullname: str, signature: CallableType) -> None:
     """Of a method, as the stub spells it: mypy does not know yet what its names stand for."""
-    kinds = []
+    kinds: list[Type] = []
+    name_of_method = fullname.rpartition(".")[2]
     for name, kind in zip(signature.arg_names, signature.arg_types, strict=True):
-        if name in CALLBACK_ARGUMENTS and isinstance(kind, UnionType):
+        if name_of_method in CALLBACKS and isinstance(kind, UnionType):
             named = [part for part in kind.items if not (isinstance(part, UnboundType) and part.name == "None")]
             kinds.append(UnionType.make_union(named))
         elif name == "icon" and fullname.startswith("bpy.types.UILayout."):

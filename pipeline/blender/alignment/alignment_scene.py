@@ -6,6 +6,7 @@ The pose is what the two objects' matrices say, whoever moved them. Blender hold
 that was set is kept beside them exactly and holds for as long as the objects stand where it put them.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,7 +56,7 @@ def clear(scene: bpy.types.Scene) -> None:
             bpy.data.collections.remove(collection)
 
 
-def remove_objects(objects: list[bpy.types.Object]) -> None:
+def remove_objects(objects: Iterable[bpy.types.Object]) -> None:
     """Remove objects and their meshes or cameras, where nothing else uses these."""
     data = [found.data for found in objects if found.data is not None]
     bpy.data.batch_remove(list(objects))

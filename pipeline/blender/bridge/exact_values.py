@@ -8,9 +8,10 @@ import json
 
 import bpy
 import numpy as np
+from numpy.typing import ArrayLike
 
 
-def set_exact(data: bpy.types.ID, name: str, values: np.ndarray) -> None:
+def set_exact(data: bpy.types.ID, name: str, values: ArrayLike) -> None:
     """Store a float64 array of any shape in a custom property of a data-block."""
     # repr of a Python float is the shortest text that reads back to the same number
     data[name] = json.dumps(np.asarray(values, dtype=np.float64).tolist())

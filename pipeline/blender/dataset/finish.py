@@ -2,6 +2,7 @@
 
 import csv
 import io
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -98,7 +99,7 @@ def write_trajectory_video(job: OpenJob, renderer: ViewRenderer, progress: Progr
     (folder / "poses.csv").unlink(missing_ok=True)
     poses = renderer.video_poses()
 
-    def images() -> object:
+    def images() -> Iterator[np.ndarray]:
         for pose in poses:
             yield renderer.render(pose).rgb
             progress.advance()

@@ -114,7 +114,8 @@ def open_job(job: Job) -> OpenJob:
     """
     case: Case = read_case(job.case_path)
     loaded = load_case(case)
-    given_poses, messages = None, []
+    given_poses: np.ndarray | None = None
+    messages: list[str] = []
     if job.options.poses is not None:
         given_poses, messages = read_poses(
             job.options.poses, mesh_from_model=loaded.mesh_from_model, mm_per_unit=case.mm_per_unit

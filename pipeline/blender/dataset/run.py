@@ -5,7 +5,7 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from ...dataset.folder import RECORD, RunFolder, check_identity
 from ...dataset.layout import finished_views
@@ -94,7 +94,7 @@ def _render_missing(
     missing = [index for index in opened.frames if index not in done]
     workers = min(workers or available_cores(), max(1, len(missing)))
     lock = threading.Lock()
-    settings = {"stream": stream, "line_seconds": progress_seconds}
+    settings: dict[str, Any] = {"stream": stream, "line_seconds": progress_seconds}
     progress = Progress(len(opened.frames), "views", finished=len(done), **settings)
 
     def finished(_index: int) -> None:

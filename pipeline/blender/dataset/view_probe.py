@@ -20,7 +20,7 @@ class ViewProbe:
     def __init__(self, surface_scene: SurfaceScene, source: ReferenceView, camera: PinholeCamera) -> None:
         depsgraph = surface_scene.scene.view_layers[0].depsgraph
         depsgraph.update()
-        self._tree = BVHTree.FromObject(surface_scene.surface_object, depsgraph)
+        self._tree = BVHTree.FromObject(surface_scene.surface_object, depsgraph)  # type: ignore[arg-type]  # the same class
         self._source = source
         self._rays_cam = camera.rays_cam(camera.coarse_grid(GRID))
 
@@ -32,7 +32,7 @@ class ViewProbe:
         for direction in directions:
             point, normal, _, _ = self._tree.ray_cast(centre, direction)
             # back sides are surface too, but never observed
-            if point is not None:
+            if point is not None and normal is not None:
                 points.append(point)
                 normals.append(normal if normal.dot(direction) < 0 else (0.0, 0.0, 0.0))
         nearest = self._tree.find_nearest(centre)

@@ -1,6 +1,7 @@
 """One view of a dataset from its number: pose, render, ground truth. The same for any worker, shard or order."""
 
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -109,7 +110,7 @@ class ViewRenderer:
         """
         if self._given is not None:
             return plan_given_poses(self._given[index : index + 1], self._constraints, self._probe)[0][0]
-        if self._options.sampler == "trajectory":
+        if self._distribution is None:
             pose = self._trajectory.pose_at(index / self._options.count)
             return plan_given_poses(pose[None], self._constraints, self._probe)[0][0]
         return plan_pose(self._distribution, self._constraints, self._probe, seed=self._options.seed, index=index)
@@ -146,7 +147,7 @@ class ViewRenderer:
         mask = rendered.mask
         visible = mask_statistics(mask)
         silhouette = silhouette_statistics(self._edges, self.camera, cam_from_model)
-        inside = visible["px_count_visib"]
+        inside: Any = visible["px_count_visib"]
         # rays and scan lines may disagree on a pixel whose centre an edge crosses: the image is what counts inside
         whole = silhouette.px_count_all - silhouette.px_count_inside + inside
         record = {

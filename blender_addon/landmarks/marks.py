@@ -113,7 +113,7 @@ def marks_of(scene: bpy.types.Scene, view: LandmarkView) -> list[Mark]:
 
 
 def nearest(marks: Sequence[Mark], half: str, at: np.ndarray) -> tuple[int, np.ndarray] | None:
-    """The landmark whose mark of a half (``image``, ``surface``) is within reach of a region pixel: its index, the mark."""
+    """The landmark whose mark of a half (``image``, ``surface``) is in reach of a region pixel: its index, its mark."""
     reach = REACH * bpy.context.preferences.system.ui_scale
     best = None
     for mark in marks:

@@ -101,6 +101,7 @@ MISSING = {
     "bpy_extras.io_utils.ExportHelper": ("filepath",),
     "bpy_extras.io_utils.ImportHelper": ("filepath",),
     "gpu.types.MatrixStackContext": ("__enter__", "__exit__"),
+    "idprop.types.IDPropertyArray": ("__len__",),
     "mathutils.Matrix": ("__iter__",),
     "mathutils.Vector": ("__iter__",),
 }
@@ -160,7 +161,11 @@ class BlenderPlugin(Plugin):
 
     def get_customize_class_mro_hook(self, fullname: str) -> Callable[[ClassDefContext], None] | None:
         """Called by mypy for every class."""
-        return _correct if fullname.startswith(("bpy.types.", "bpy_extras.", "gpu.types.", "mathutils.")) else None
+        return (
+            _correct
+            if fullname.startswith(("bpy.types.", "bpy_extras.", "gpu.types.", "idprop.types.", "mathutils."))
+            else None
+        )
 
     def get_additional_deps(self, file: MypyFile) -> list[tuple[int, str, int]]:
         """Called by mypy for every module: the add-on's see the classes in ``ADDED``."""

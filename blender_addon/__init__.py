@@ -37,7 +37,8 @@ class _PipelineBeside(MetaPathFinder, Loader):
 
     def exec_module(self, module: ModuleType) -> None:
         # it is executed already; the import system has only put this alias's spec in the place of its own
-        module.__spec__ = self._own_specs.pop(module.__spec__.name)
+        if module.__spec__ is not None:
+            module.__spec__ = self._own_specs.pop(module.__spec__.name)
 
 
 _PIPELINE_BESIDE = _PipelineBeside()

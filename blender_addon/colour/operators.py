@@ -1,6 +1,7 @@
 """Operators that put the frame's colours on the surface, show them, and write the coloured surface to a file."""
 
 from pathlib import Path
+from typing import Annotated, Literal
 
 import bpy
 import numpy as np
@@ -13,8 +14,9 @@ from ..pipeline.blender.colour.export import export_coloured_surface
 from ..pipeline.blender.colour.reference_view import colour_of, reference_view_of
 from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, put_colour, remove_colour
 from ..pipeline.errors import InputError
+from ..registration import class_registration
 from ..state import from_scene
-from ..ui.operator import NeedsAlignment, Reporting, ReportingFile
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
 
 MODES = [
     ("vertex", "Vertex Colours", "A colour at every vertex: as fine as the mesh is"),
@@ -34,9 +36,12 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
     bl_label = "Project Colour"
     bl_options = {"REGISTER", "UNDO"}
 
-    mode: EnumProperty(name="As", description="How the surface holds the colours", items=MODES, default="vertex")
+    mode: Annotated[
+        Literal["texture", "vertex"],
+        EnumProperty(name="As", description="How the surface holds the colours", items=MODES, default="vertex"),
+    ]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
         surface = from_scene.surface_of(scene)
         _check_object_mode(surface)
@@ -67,11 +72,11 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
         return sentences
 
 
-class _NeedsColour:
+class _NeedsColour(bpy.types.Operator):
     """Mixin: needs a surface that has been coloured."""
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         surface = context.scene.oneframe.surface
         if surface is not None and colour_record(surface) is not None:
             return True
@@ -86,10 +91,11 @@ class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting, bpy.types.Operator):
     bl_label = "Mark Unseen Surface"
     bl_options = {"REGISTER", "UNDO"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         surface = from_scene.surface_of(context.scene)
         _check_object_mode(surface)
-        mark_unseen(surface, not colour_record(surface)["unseen_marked"])
+        record = colour_record(surface)
+        mark_unseen(surface, record is not None and not record["unseen_marked"])
 
 
 class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting, bpy.types.Operator):
@@ -99,7 +105,7 @@ class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting, bpy.types.Operator):
     bl_label = "Plain Surface"
     bl_options = {"REGISTER", "UNDO"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         surface = from_scene.surface_of(context.scene)
         _check_object_mode(surface)
         remove_colour(surface)
@@ -113,23 +119,26 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operat
     bl_label = "Export Coloured Surface"
     bl_options = {"REGISTER"}
 
-    filter_glob: StringProperty(default="*.glb;*.obj;*.ply", options={"HIDDEN"})
-    file_format: EnumProperty(name="Format", description="Kind of file", items=FORMATS, default="glb")
-    mode: EnumProperty(name="Colours", description="How the file holds the colours", items=MODES, default="texture")
+    filter_glob: Annotated[str, StringProperty(default="*.glb;*.obj;*.ply", options={"HIDDEN"})]
+    file_format: Annotated[str, EnumProperty(name="Format", description="Kind of file", items=FORMATS, default="glb")]
+    mode: Annotated[
+        Literal["texture", "vertex"],
+        EnumProperty(name="Colours", description="How the file holds the colours", items=MODES, default="texture"),
+    ]
 
     @property
     def filename_ext(self) -> str:
         """The extension that the file dialog gives the name."""
         return f".{self.file_format}"
 
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         record = colour_record(from_scene.surface_of(context.scene))
         if record is not None:
             self.mode = record["mode"]
         self.filepath = self.filepath or "surface.glb"
         return super().invoke(context, event)
 
-    def check(self, context):
+    def check(self, context: bpy.types.Context) -> bool:
         """Called by the file dialog after every change: a chosen format changes the name's extension."""
         path = Path(self.filepath)
         if path.suffix.lower() == self.filename_ext:
@@ -140,7 +149,7 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operat
         )
         return True
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
         if path.suffix.lower() == ".glb" and "gltf" not in dir(bpy.ops.export_scene):
             raise InputError(
@@ -210,7 +219,7 @@ _CLASSES = (
     ONEFRAME_OT_export_surface,
 )
 _HANDLERS = (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post)
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory(_CLASSES)
+_register_classes, _unregister_classes = class_registration(_CLASSES)
 
 
 def register() -> None:

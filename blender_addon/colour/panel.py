@@ -4,6 +4,7 @@ import bpy
 
 from ..pipeline.blender.colour.surface_colour import colour_record
 from ..pipeline.errors import InputError
+from ..registration import class_registration
 from ..ui.wrapped_text import draw_sentence
 from . import operators
 
@@ -19,7 +20,7 @@ class ONEFRAME_PT_colour(bpy.types.Panel):
     bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         layout.operator_context = "INVOKE_DEFAULT"
         surface = scene.oneframe.surface
@@ -61,4 +62,4 @@ def _draw_record(layout: bpy.types.UILayout, scene: bpy.types.Scene, record: dic
 
 
 _CLASSES = (ONEFRAME_PT_colour,)
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)
+register, unregister = class_registration(_CLASSES)

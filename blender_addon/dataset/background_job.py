@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -64,8 +65,8 @@ class BackgroundJob:
             The script is not there, or the system does not start it.
         """
         command = [*script_command(str(script_path(script))), *arguments]
-        kind: dict[str, object] = {"start_new_session": True}
-        if os.name == "nt":
+        kind: dict[str, Any] = {"start_new_session": True}
+        if sys.platform == "win32":
             kind = {"creationflags": subprocess.CREATE_NO_WINDOW | subprocess.BELOW_NORMAL_PRIORITY_CLASS}
         try:
             process = subprocess.Popen(
@@ -139,7 +140,8 @@ class BackgroundJob:
             return reported[-1]
         if self.code == EXIT_STOPPED:
             return "the run was stopped from outside; start it again to go on"
-        how = f"was ended by signal {-self.code}" if self.code < 0 else f"ended with code {self.code}"
+        code = self.code or 0
+        how = f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
         last = f": {self.errors[-1]}" if self.errors else ""
         return f"the background Blender {how}{last}; start it again to go on from the views that are finished"
 

@@ -4,6 +4,7 @@ import argparse
 import textwrap
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 import bpy
 import numpy as np
@@ -15,9 +16,10 @@ from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_writer import case_text, write_case
 from ..pipeline.dataset.options import DatasetOptions, merged_options
 from ..pipeline.errors import InputError
+from ..registration import class_registration
 from ..setup.alignment_record import recorded_case
 from ..state import from_scene
-from ..ui.operator import NeedsAlignment, Reporting
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
 from . import background_job, pose_preview
 
 SCRIPT = "render_dataset.py"
@@ -36,7 +38,7 @@ class ONEFRAME_OT_preview_poses(NeedsAlignment, Reporting, bpy.types.Operator):
     bl_label = "Preview Poses"
     bl_options = {"REGISTER"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         planned = pose_preview.plan(context.scene, context.scene.oneframe.preview_poses)
         message = (
             f"{len(planned.lines)} of {planned.count} poses: the frame saw {planned.observed.min():.0%} to "
@@ -56,10 +58,10 @@ class ONEFRAME_OT_hide_poses(Reporting, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return pose_preview.shown() is not None
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         pose_preview.hide()
 
 
@@ -70,7 +72,7 @@ class ONEFRAME_OT_preview_view(NeedsAlignment, Reporting, bpy.types.Operator):
     bl_label = "Preview View"
     bl_options = {"REGISTER"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
         options, index = pose_preview.dataset_options(scene), scene.oneframe.preview_view
         key, loaded = _view_key(scene), from_scene.loaded_case(scene)
@@ -84,7 +86,7 @@ class ONEFRAME_OT_preview_view(NeedsAlignment, Reporting, bpy.types.Operator):
         statistics = made.planned.statistics
         sentence = (
             f"view {index}: surface on {statistics.surface_fraction:.0%} of the image, the frame saw "
-            f"{made.rendered.observed.sum() / max(made.rendered.mask.sum(), 1):.0%} of it"
+            f"{made.rendered.observed.sum() / max(int(made.rendered.mask.sum()), 1):.0%} of it"
         )
         image = _put_preview(made.rendered.rgb, key, sentence)
         _show_in_image_editors(context, image)
@@ -99,10 +101,10 @@ class ONEFRAME_OT_enlarge_preview(Reporting, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return bpy.data.images.get(PREVIEW_IMAGE) is not None and not bpy.app.background
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         image = bpy.data.images[PREVIEW_IMAGE]
         if _show_in_image_editors(context, image):
             return
@@ -120,21 +122,21 @@ class ONEFRAME_OT_render_dataset(NeedsAlignment, Reporting, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         job = background_job.current()
         if job is not None and job.running:
             cls.poll_message_set("A run is under way: wait for it, or cancel it")
             return False
         return super().poll(context)
 
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if not context.scene.oneframe.case_path:
             self.report({"INFO"}, "Save the case first, then press Render Dataset again")
-            bpy.ops.oneframe.save_case("INVOKE_DEFAULT")
+            bpy.ops.oneframe.save_case("INVOKE_DEFAULT")  # type: ignore[attr-defined]  # the add-on's own
             return {"CANCELLED"}
         return self.execute(context)
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
         settings = scene.oneframe
         if not settings.case_path:
@@ -160,12 +162,14 @@ class ONEFRAME_OT_cancel_dataset(Reporting, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         job = background_job.current()
         return job is not None and job.running
 
-    def run(self, context):
-        background_job.current().cancel()
+    def run(self, context: bpy.types.Context) -> None:
+        job = background_job.current()
+        if job is not None:
+            job.cancel()
 
 
 class ONEFRAME_OT_open_result(Reporting, bpy.types.Operator):
@@ -175,14 +179,18 @@ class ONEFRAME_OT_open_result(Reporting, bpy.types.Operator):
     bl_label = "Open Dataset"
     bl_options = {"REGISTER"}
 
-    contact_sheet: BoolProperty(name="Contact sheet", description="Open the picture of many views", default=False)
+    contact_sheet: Annotated[
+        bool, BoolProperty(name="Contact sheet", description="Open the picture of many views", default=False)
+    ]
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return result_folder(context.scene) is not None
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         folder = result_folder(context.scene)
+        if folder is None:
+            raise InputError("expected a dataset, none has been rendered; press Render Dataset")
         path = folder / CONTACT_SHEET if self.contact_sheet else folder
         if not path.exists():
             raise InputError(f"{path}: expected this file, it is not there yet; the run writes it at its end")
@@ -297,7 +305,7 @@ _CLASSES = (
     ONEFRAME_OT_cancel_dataset,
     ONEFRAME_OT_open_result,
 )
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory(_CLASSES)
+_register_classes, _unregister_classes = class_registration(_CLASSES)
 
 
 def register() -> None:

@@ -1,8 +1,11 @@
 """The Dataset panel: options, previews, the run and its result."""
 
+from typing import Literal
+
 import bpy
 
 from ..pipeline.errors import InputError
+from ..registration import class_registration
 from ..ui.wrapped_text import draw_sentence
 from . import background_job, operators, pose_preview
 
@@ -35,11 +38,14 @@ LABELS = {
 }
 
 
-class _DatasetPanel:
+PanelOptions = set[Literal["DEFAULT_CLOSED", "HIDE_HEADER", "INSTANCED", "HEADER_LAYOUT_EXPAND"]]
+
+
+class _DatasetPanel(bpy.types.Panel):
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "OneFrame"
-    bl_options = {"DEFAULT_CLOSED"}
+    bl_options: PanelOptions = {"DEFAULT_CLOSED"}
 
 
 class ONEFRAME_PT_dataset(_DatasetPanel, bpy.types.Panel):
@@ -49,7 +55,7 @@ class ONEFRAME_PT_dataset(_DatasetPanel, bpy.types.Panel):
     bl_label = "7  Dataset"
     bl_order = 6
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.oneframe
         layout.use_property_split, layout.use_property_decorate = True, False
         options = settings.dataset
@@ -58,7 +64,7 @@ class ONEFRAME_PT_dataset(_DatasetPanel, bpy.types.Panel):
         column.prop(options, "seed")
         column = layout.column(align=True)
         column.prop(options, "sampler", text="Poses")
-        for name in SAMPLER_OPTIONS[options.sampler]:
+        for name in SAMPLER_OPTIONS[options.sampler]:  # type: ignore[attr-defined]  # from DatasetOptions
             column.prop(options, name, text=LABELS[name])
         try:
             pose_preview.dataset_options(context.scene)
@@ -73,14 +79,14 @@ class ONEFRAME_PT_dataset_options(_DatasetPanel, bpy.types.Panel):
     bl_parent_id = "ONEFRAME_PT_dataset"
     bl_label = "More options"
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, options = self.layout, context.scene.oneframe.dataset
         layout.use_property_split, layout.use_property_decorate = True, False
         for names in (CONSTRAINTS, RENDERING):
             column = layout.column(align=True)
             for name in names:
                 column.prop(options, name, text=LABELS.get(name))
-        if options.video:
+        if options.video:  # type: ignore[attr-defined]  # from DatasetOptions
             column.prop(options, "video_frames", text=LABELS["video_frames"])
 
 
@@ -90,9 +96,9 @@ class ONEFRAME_PT_dataset_preview(_DatasetPanel, bpy.types.Panel):
     bl_idname = "ONEFRAME_PT_dataset_preview"
     bl_parent_id = "ONEFRAME_PT_dataset"
     bl_label = "Preview"
-    bl_options = set()
+    bl_options: PanelOptions = set()
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         row = layout.row(align=True)
         row.operator("oneframe.preview_poses", text="Poses", icon="OUTLINER_OB_CAMERA")
@@ -125,9 +131,9 @@ class ONEFRAME_PT_dataset_run(_DatasetPanel, bpy.types.Panel):
     bl_idname = "ONEFRAME_PT_dataset_run"
     bl_parent_id = "ONEFRAME_PT_dataset"
     bl_label = "Run"
-    bl_options = set()
+    bl_options: PanelOptions = set()
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         layout.prop(scene.oneframe, "dataset_out", text="")
         layout.operator_context = "INVOKE_DEFAULT"
@@ -169,4 +175,4 @@ _CLASSES = (
     ONEFRAME_PT_dataset_options,
     ONEFRAME_PT_dataset_run,
 )
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)
+register, unregister = class_registration(_CLASSES)

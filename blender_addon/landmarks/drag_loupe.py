@@ -65,8 +65,8 @@ def _draw_image(
     texture_at = (pixel + corners * [half_px, -half_px] + 0.5) / size
     texture_at[:, 1] = 1 - texture_at[:, 1]
     shader = gpu.shader.from_builtin("IMAGE_SCENE_LINEAR_TO_REC709_SRGB")
-    positions = np.float32(centre + corners * half)
-    batch = batch_for_shader(shader, "TRI_FAN", {"pos": positions, "texCoord": np.float32(texture_at)})
+    fields = {"pos": np.float32(centre + corners * half), "texCoord": np.float32(texture_at)}
+    batch = batch_for_shader(shader, "TRIS", fields, indices=((0, 1, 2), (0, 2, 3)))
     shader.bind()
     shader.uniform_sampler("image", gpu.texture.from_image(image))
     batch.draw(shader)

@@ -6,6 +6,7 @@ import numpy as np
 from ..pipeline.alignment.manual.picking import is_unfinished
 from ..pipeline.errors import InputError
 from ..state import from_scene
+from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
 from ..ui.strokes import Colour, Strokes
 from . import drag_loupe, edit, gestures, solve, tool, uncertainty_drawing
@@ -50,7 +51,9 @@ def _hidden(scene: bpy.types.Scene, view: LandmarkView, marks: list[Mark]) -> li
     shown = [mark for mark in marks if mark.surface is not None]
     points = np.array([scene.oneframe.landmarks[mark.index].point[:] for mark in shown], float).reshape(-1, 3)
     behind = [False] * len(marks)
-    for mark, is_behind in zip(shown, view.hidden(scene, points, [mark.surface for mark in shown]), strict=True):
+    for mark, is_behind in zip(
+        shown, view.hidden(scene, points, [mark.surface for mark in shown if mark.surface is not None]), strict=True
+    ):
         behind[mark.index] = bool(is_behind)
     return behind
 
@@ -84,7 +87,7 @@ def _add_mark(
 
 
 def _colour(
-    entry: bpy.types.PropertyGroup, residual: np.ndarray | None, solved: Solution, index: int, click_sigma_px: float
+    entry: ONEFRAME_PG_landmark, residual: np.ndarray | None, solved: Solution, index: int, click_sigma_px: float
 ) -> Colour:
     if not entry.enabled:
         return OFF

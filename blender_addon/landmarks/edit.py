@@ -14,8 +14,8 @@ def landmarks_model(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
     return tuple(
         Landmark(
             entry.name,
-            tuple(entry.point) if entry.has_point else None,
-            tuple(entry.pixel) if entry.has_pixel else None,
+            (entry.point[0], entry.point[1], entry.point[2]) if entry.has_point else None,
+            (entry.pixel[0], entry.pixel[1]) if entry.has_pixel else None,
             entry.enabled,
         )
         for entry in scene.oneframe.landmarks
@@ -63,9 +63,9 @@ def set_halves(
     """Give a landmark one half or both, and tell."""
     entry = scene.oneframe.landmarks[index]
     if point_model is not None:
-        entry.point, entry.has_point = point_model, True
+        entry.point, entry.has_point = point_model.tolist(), True
     if pixel is not None:
-        entry.pixel, entry.has_pixel = pixel, True
+        entry.pixel, entry.has_pixel = pixel.tolist(), True
     events.landmarks_changed(scene)
 
 

@@ -5,7 +5,7 @@ everything back. Between gestures nothing of the add-on runs: navigation and und
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import bpy
 import numpy as np
@@ -13,8 +13,9 @@ from bpy.props import EnumProperty
 
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
+from ..registration import class_registration
 from ..state import events, from_scene
-from ..ui.operator import redraw
+from ..ui.operator import OperatorResult, redraw
 from . import edit, solve
 from .marks import LandmarkView, marks_of, nearest, under
 
@@ -100,21 +101,24 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
     bl_label = "Pick Landmark"
     bl_options = {"UNDO", "BLOCKING"}
 
-    kind: EnumProperty(
-        name="Kind",
-        items=[
-            ("IMAGE", "Image point", "Place or move a point in the frame"),
-            ("SURFACE", "Surface point", "Place or move a point on the surface"),
-            ("PIN", "Pin", "Pull the surface by the point under the pointer"),
-        ],
-        options={"SKIP_SAVE"},
-    )
+    kind: Annotated[
+        str,
+        EnumProperty(
+            name="Kind",
+            items=[
+                ("IMAGE", "Image point", "Place or move a point in the frame"),
+                ("SURFACE", "Surface point", "Place or move a point on the surface"),
+                ("PIN", "Pin", "Pull the surface by the point under the pointer"),
+            ],
+            options={"SKIP_SAVE"},
+        ),
+    ]
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return is_alignment_view(context)
 
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         global _running
         scene = context.scene
         try:
@@ -132,7 +136,7 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
         redraw(context)
         return {"RUNNING_MODAL"}
 
-    def modal(self, context, event):
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         gesture = _running
         if gesture is None or context.area is None or event.type == "WINDOW_DEACTIVATE":
             return self._end(context, put_back=True)
@@ -150,40 +154,40 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
             redraw(context)
         return {"RUNNING_MODAL"}
 
-    def cancel(self, context):
+    def cancel(self, context: bpy.types.Context) -> None:
         """Called by Blender when something else ends the gesture (a file is opened, the window closed)."""
         global _running
         _running = None
         context.workspace.status_text_set(None)
 
-    def _begin(self, scene, view, pointer):
+    def _begin(self, scene: bpy.types.Scene, view: LandmarkView, pointer: np.ndarray) -> Gesture:
         marks = marks_of(scene, view)
         if self.kind == "PIN":
             return _begin_pin(scene, view, marks, pointer)
         if self.kind == "SURFACE" or view.frame is None:
             found = nearest(marks, "surface", pointer)
             if found is not None:
-                return Gesture("point", found, marks[found].surface, pointer, False)
+                return Gesture("point", *found, pointer, False)
             return _place_point(scene, view, pointer)
         found = nearest(marks, "image", pointer)
         if found is not None:
-            return Gesture("pixel", found, marks[found].image, pointer, False)
+            return Gesture("pixel", *found, pointer, False)
         found = nearest(marks, "surface", pointer)
         if found is not None and not _waits_for_pixel(scene):
-            return Gesture("point", found, marks[found].surface, pointer, False)
+            return Gesture("point", *found, pointer, False)
         pixel = edit.check_pixel(scene, view.frame.px_from_region(pointer))
         gesture = Gesture("pixel", edit.target(scene, "pixel"), pointer, pointer, False)
         edit.set_halves(scene, gesture.index, pixel=pixel)
         return gesture
 
-    def _end(self, context, *, put_back):
+    def _end(self, context: bpy.types.Context, *, put_back: bool) -> OperatorResult:
         global _running
         moved, _running = _running, None
         context.workspace.status_text_set(None)
         scene = context.scene
         if put_back:
             self._before.restore(scene)
-        elif moved.moves != "pixel":
+        elif moved is not None and moved.moves != "pixel":
             # surface points and pins are solved for when they are where they shall be
             events.landmarks_changed(scene)
         redraw(context)
@@ -212,10 +216,10 @@ def _begin_pin(scene: bpy.types.Scene, view: LandmarkView, marks: list, pointer:
     if view.frame is None:
         raise InputError("pins pull the surface in the frame: look through the camera (numpad 0), then drag with Ctrl")
     found = nearest(marks, "image", pointer)
-    if found is not None and scene.oneframe.landmarks[found].has_point:
-        index, at = found, marks[found].image
-    elif (found := nearest(marks, "surface", pointer)) is not None:
-        index, at = found, marks[found].surface
+    if found is None or not scene.oneframe.landmarks[found[0]].has_point:
+        found = nearest(marks, "surface", pointer)
+    if found is not None:
+        index, at = found
     else:
         point = view.surface_point(scene, pointer)
         if point is None:
@@ -249,8 +253,9 @@ def _apply(scene: bpy.types.Scene, view: LandmarkView, gesture: Gesture, before:
 
 
 def _in_frame(view: LandmarkView, at: np.ndarray) -> np.ndarray:
-    camera = view.frame.camera
-    return np.clip(view.frame.px_from_region(at), -0.5, np.array(camera.size_wh) - 0.5)
+    if view.frame is None:
+        raise InputError("expected the view of the frame; look through the camera (numpad 0), then drag in the frame")
+    return np.clip(view.frame.px_from_region(at), -0.5, np.array(view.frame.camera.size_wh) - 0.5)
 
 
 def landmark_under(context: bpy.types.Context, event: bpy.types.Event) -> int | None:
@@ -263,4 +268,4 @@ def is_alignment_view(context: bpy.types.Context) -> bool:
     return context.area is not None and context.area.type == "VIEW_3D" and from_scene.is_set_up(context.scene)
 
 
-register, unregister = bpy.utils.register_classes_factory((ONEFRAME_OT_landmark_gesture,))
+register, unregister = class_registration((ONEFRAME_OT_landmark_gesture,))

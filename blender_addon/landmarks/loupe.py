@@ -59,7 +59,7 @@ def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, 
     size = round(SIZE_PX * context.preferences.system.ui_scale)
     # Blender draws cursors in pixels of the window
     left, below, *target = gpu.state.viewport_get()
-    low = np.array(corner(region, *at, size)) + np.array([region.x - left, region.y - below])
+    low = np.array(corner(region, at[0], at[1], size)) + np.array([region.x - left, region.y - below])
     seen, times = None, TIMES
     if in_frame:
         frame_view = FrameView.of(scene, region, context.region_data)
@@ -70,7 +70,7 @@ def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, 
         offset = low + size / 2 - times * (at - frame_view.offset)
         seen = FrameView(frame_view.camera, times * frame_view.scale, offset)
     projection = projection_of(scene, region, context.region_data, frame=in_frame)
-    projection = projection.narrowed(*at, times, size, size)
+    projection = projection.narrowed(at[0], at[1], times, size, size)
     view = scene.oneframe_view
     contour = in_frame and view.contour
     picture = picture_of(_PICTURE, size, size)
@@ -85,7 +85,7 @@ def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, 
         gpu.matrix.load_identity()
         clip_from_px = ((2 / width, 0, 0, -1), (0, 2 / height, 0, -1), (0, 0, -1, 0), (0, 0, 0, 1))
         gpu.matrix.load_projection_matrix(Matrix(clip_from_px))
-        _draw_cross(*low, size)
+        _draw_cross(low[0], low[1], size)
 
 
 def corner(region: bpy.types.Region, x: float, y: float, size: int) -> tuple[float, float]:

@@ -65,7 +65,7 @@ class LandmarkView:
         direction = view3d_utils.region_2d_to_vector_3d(self.region, self.region_3d, at)
         return frame_view.surface_point(scene, origin, direction)
 
-    def hidden(self, scene: bpy.types.Scene, points_model: np.ndarray, region: np.ndarray) -> np.ndarray:
+    def hidden(self, scene: bpy.types.Scene, points_model: np.ndarray, region: Sequence[np.ndarray]) -> np.ndarray:
         """``(N,)`` bool: another part of the surface lies before the point; in Edit mode that is not known."""
         if from_scene.surface_of(scene).mode == "EDIT":
             return np.zeros(len(points_model), bool)
@@ -112,18 +112,18 @@ def marks_of(scene: bpy.types.Scene, view: LandmarkView) -> list[Mark]:
     return marks
 
 
-def nearest(marks: Sequence[Mark], half: str, at: np.ndarray) -> int | None:
-    """Index of the landmark whose mark of a half (``image`` or ``surface``) is within reach of a region pixel."""
+def nearest(marks: Sequence[Mark], half: str, at: np.ndarray) -> tuple[int, np.ndarray] | None:
+    """The landmark whose mark of a half (``image``, ``surface``) is in reach of a region pixel: its index, its mark."""
     reach = REACH * bpy.context.preferences.system.ui_scale
     best = None
     for mark in marks:
         place = getattr(mark, half)
         if place is not None and (distance := float(np.linalg.norm(place - at))) <= reach:
-            best, reach = mark.index, distance
+            best, reach = (mark.index, place), distance
     return best
 
 
 def under(marks: Sequence[Mark], at: np.ndarray) -> int | None:
     """Index of the landmark of which any mark is within reach of a region pixel; image points first."""
-    found = nearest(marks, "image", at)
-    return nearest(marks, "surface", at) if found is None else found
+    found = nearest(marks, "image", at) or nearest(marks, "surface", at)
+    return None if found is None else found[0]

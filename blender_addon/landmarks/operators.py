@@ -1,5 +1,8 @@
 """Operators on landmarks that need no pointer, and those that work on the one under it."""
 
+from collections.abc import Sequence
+from typing import Annotated
+
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, FloatVectorProperty, IntProperty, StringProperty
@@ -8,8 +11,9 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.landmark_file import read_landmarks, write_landmarks
 from ..pipeline.errors import InputError
+from ..registration import class_registration
 from ..state import events, from_scene, to_scene
-from ..ui.operator import NeedsAlignment, Reporting, ReportingFile
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
 from . import edit, solve
 from .gestures import is_alignment_view, landmark_under
 
@@ -22,7 +26,7 @@ class _HasLandmarks(NeedsAlignment):
     """Mixin: needs a landmark as well."""
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         if not super().poll(context):
             return False
         if not context.scene.oneframe.landmarks:
@@ -31,28 +35,34 @@ class _HasLandmarks(NeedsAlignment):
         return True
 
 
-class _Halves:
+class _Halves(bpy.types.Operator):
     """Mixin: a surface point and an image point as properties, each taken only if it is given."""
 
-    point: FloatVectorProperty(
-        name="Surface point",
-        description="Point on the surface, in its own frame (model), mm",
-        size=3,
-        precision=4,
-        options=FRESH,
-    )
-    pixel: FloatVectorProperty(
-        name="Image point",
-        description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
-        size=2,
-        precision=3,
-        options=FRESH,
-    )
+    point: Annotated[
+        Sequence[float],
+        FloatVectorProperty(
+            name="Surface point",
+            description="Point on the surface, in its own frame (model), mm",
+            size=3,
+            precision=4,
+            options=FRESH,
+        ),
+    ]
+    pixel: Annotated[
+        Sequence[float],
+        FloatVectorProperty(
+            name="Image point",
+            description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
+            size=2,
+            precision=3,
+            options=FRESH,
+        ),
+    ]
 
-    def given_point(self):
+    def given_point(self) -> np.ndarray | None:
         return np.array(self.point, float) if self.properties.is_property_set("point") else None
 
-    def given_pixel(self, scene):
+    def given_pixel(self, scene: bpy.types.Scene) -> np.ndarray | None:
         if not self.properties.is_property_set("pixel"):
             return None
         return edit.check_pixel(scene, np.array(self.pixel, float))
@@ -65,16 +75,19 @@ class ONEFRAME_OT_landmark_set(NeedsAlignment, _Halves, Reporting, bpy.types.Ope
     bl_label = "Set Landmark"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: IntProperty(
-        name="Number",
-        description="Number in the list, counted from 0; -1 for the one that waits for this half, or a new one",
-        default=-1,
-        min=-1,
-        options=FRESH,
-    )
-    name: StringProperty(name="Name", description="Its name; empty to keep it", options=FRESH)
+    index: Annotated[
+        int,
+        IntProperty(
+            name="Number",
+            description="Number in the list, counted from 0; -1 for the one that waits for this half, or a new one",
+            default=-1,
+            min=-1,
+            options=FRESH,
+        ),
+    ]
+    name: Annotated[str, StringProperty(name="Name", description="Its name; empty to keep it", options=FRESH)]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
         point, pixel = self.given_point(), self.given_pixel(scene)
         if self.index >= 0:
@@ -95,15 +108,18 @@ class ONEFRAME_OT_landmark_pin(NeedsAlignment, _Halves, Reporting, bpy.types.Ope
     bl_label = "Pull Pin"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: IntProperty(
-        name="Number",
-        description="Number in the list, counted from 0; -1 for a new one",
-        default=-1,
-        min=-1,
-        options=FRESH,
-    )
+    index: Annotated[
+        int,
+        IntProperty(
+            name="Number",
+            description="Number in the list, counted from 0; -1 for a new one",
+            default=-1,
+            min=-1,
+            options=FRESH,
+        ),
+    ]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
         point, pixel = self.given_point(), self.given_pixel(scene)
         pose = from_scene.cam_from_model(scene)
@@ -124,13 +140,13 @@ class ONEFRAME_OT_landmark_pin(NeedsAlignment, _Halves, Reporting, bpy.types.Ope
         events.landmarks_changed(scene)
 
 
-class _One:
+class _One(bpy.types.Operator):
     """Mixin: works on one landmark: by its index, or on the one under the pointer when a key or click calls it."""
 
-    elsewhere = {"PASS_THROUGH"}
+    elsewhere: OperatorResult = {"PASS_THROUGH"}
 
-    def invoke(self, context, event):
-        if not self.at_pointer:
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        if not self.properties.at_pointer:
             return self.execute(context)
         if not is_alignment_view(context):
             return {"PASS_THROUGH"}
@@ -154,12 +170,12 @@ class ONEFRAME_OT_landmark_remove(_One, _HasLandmarks, Reporting, bpy.types.Oper
     bl_label = "Delete Landmark"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: IntProperty(name="Number", description=INDEX, default=-1, min=-1, options=FRESH)
-    at_pointer: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
+    index: Annotated[int, IntProperty(name="Number", description=INDEX, default=-1, min=-1, options=FRESH)]
+    at_pointer: Annotated[bool, BoolProperty(options={"HIDDEN", "SKIP_SAVE"})]
     # with this tool in hand the key must not delete the surface because a mark was missed by a pixel
     elsewhere = {"CANCELLED"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         edit.remove(context.scene, edit.checked_index(context.scene, self.index))
 
 
@@ -170,10 +186,10 @@ class ONEFRAME_OT_landmark_toggle(_One, _HasLandmarks, Reporting, bpy.types.Oper
     bl_label = "Use Landmark or Not"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: IntProperty(name="Number", description=INDEX, default=-1, min=-1, options=FRESH)
-    at_pointer: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
+    index: Annotated[int, IntProperty(name="Number", description=INDEX, default=-1, min=-1, options=FRESH)]
+    at_pointer: Annotated[bool, BoolProperty(options={"HIDDEN", "SKIP_SAVE"})]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
         index = edit.checked_index(scene, self.index)
         entry = scene.oneframe.landmarks[index]
@@ -189,7 +205,7 @@ class ONEFRAME_OT_landmarks_clear(_HasLandmarks, Reporting, bpy.types.Operator):
     bl_label = "Delete All Landmarks"
     bl_options = {"REGISTER", "UNDO"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         to_scene.replace_landmarks(context.scene, ())
 
 
@@ -200,14 +216,17 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting, bpy.types.Operator):
     bl_label = "Solve"
     bl_options = {"REGISTER", "UNDO"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
         # a scaled surface is to be refused, not to be made rigid in passing
         from_scene.cam_from_model(scene)
         solved = solve.solution(scene)
         solve.apply(scene, solved)
-        used = f"{int(solved.estimate.inliers.sum())} of {len(solved.alignment.landmarks)} pairs"
-        return *solved.estimate.messages, f"pose from {used}, RMS {solved.estimate.rms_px:.2f} px"
+        if solved.alignment is None:
+            raise InputError(solved.refusal)
+        estimate = solved.alignment.estimate
+        used = f"{int(estimate.inliers.sum())} of {len(solved.alignment.landmarks)} pairs"
+        return *estimate.messages, f"pose from {used}, RMS {estimate.rms_px:.2f} px"
 
 
 class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Operator, ImportHelper):
@@ -217,12 +236,15 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Oper
     bl_label = "Import Landmarks"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: StringProperty(default="*.csv;*.json", options={"HIDDEN"})
-    keep: BoolProperty(
-        name="Keep present ones", description="Add to the landmarks that are there, instead of replacing them"
-    )
+    filter_glob: Annotated[str, StringProperty(default="*.csv;*.json", options={"HIDDEN"})]
+    keep: Annotated[
+        bool,
+        BoolProperty(
+            name="Keep present ones", description="Add to the landmarks that are there, instead of replacing them"
+        ),
+    ]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
         path = self.chosen_file()
         read = read_landmarks(path, mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
@@ -241,9 +263,9 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Opera
 
     filename_ext = ".csv"
     check_extension = None
-    filter_glob: StringProperty(default="*.csv;*.json", options={"HIDDEN"})
+    filter_glob: Annotated[str, StringProperty(default="*.csv;*.json", options={"HIDDEN"})]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
         path = self.chosen_file()
         try:
@@ -263,4 +285,4 @@ _CLASSES = (
     ONEFRAME_OT_import_landmarks,
     ONEFRAME_OT_export_landmarks,
 )
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)
+register, unregister = class_registration(_CLASSES)

@@ -6,7 +6,9 @@ import numpy as np
 from ..pipeline.alignment.landmarks.covariance import PoseUncertainty
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
+from ..registration import class_registration
 from ..state import from_scene
+from ..state.properties import ONEFRAME_PG_landmark, ONEFRAME_PG_scene
 from ..ui.wrapped_text import draw_sentence
 from . import solve, tool
 from .solve import Solution
@@ -17,7 +19,18 @@ class ONEFRAME_UL_landmarks(bpy.types.UIList):
 
     bl_idname = "ONEFRAME_UL_landmarks"
 
-    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: ONEFRAME_PG_scene,
+        item: ONEFRAME_PG_landmark,
+        icon: int,
+        active_data: ONEFRAME_PG_scene,
+        active_property: str,
+        index: int = 0,
+        flt_flag: int = 0,
+    ) -> None:
         row = layout.row(align=True)
         row.prop(item, "enabled", text="")
         row.prop(item, "name", text="", emboss=False)
@@ -39,15 +52,15 @@ class ONEFRAME_PT_landmarks(bpy.types.Panel):
     bl_order = 3
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return from_scene.is_set_up(context.scene)
 
-    def draw_header_preset(self, context):
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
         settings = context.scene.oneframe
         icon = "HIDE_OFF" if settings.show_landmarks else "HIDE_ON"
         self.layout.prop(settings, "show_landmarks", text="", icon=icon, emboss=False)
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.oneframe
         layout.operator_context = "INVOKE_DEFAULT"
         row = layout.row()
@@ -90,7 +103,7 @@ class ONEFRAME_PT_landmark_keys(bpy.types.Panel):
     bl_category = "OneFrame"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         for keys, text in tool.KEYS:
             split = self.layout.split(factor=0.45)
             split.label(text=keys)
@@ -139,7 +152,7 @@ def _draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty) -> 
     draw_sentence(box, f"Weakest: {uncertainty.weakest}")
 
 
-def _row_text(scene: bpy.types.Scene, item: bpy.types.PropertyGroup, index: int) -> tuple[str, str]:
+def _row_text(scene: bpy.types.Scene, item: ONEFRAME_PG_landmark, index: int) -> tuple[str, str]:
     if not item.has_pixel:
         return "frame?" if item.has_point else "both?", "NONE"
     if not item.has_point:
@@ -155,4 +168,4 @@ def _row_text(scene: bpy.types.Scene, item: bpy.types.PropertyGroup, index: int)
 
 
 _CLASSES = (ONEFRAME_UL_landmarks, ONEFRAME_PT_landmarks, ONEFRAME_PT_landmark_keys)
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)
+register, unregister = class_registration(_CLASSES)

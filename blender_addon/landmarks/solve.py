@@ -111,7 +111,7 @@ def _solved(
 def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
     """A sentence that names the enabled landmarks whose point is not on the surface, or nothing."""
     return surface_distance.off_surface(
-        landmarks_model(scene), alignment_scene.edited_mesh(from_scene.surface_of(scene))
+        landmarks_model(scene), surface_object.edited_mesh(from_scene.surface_of(scene))
     )
 
 
@@ -133,7 +133,7 @@ def departure(scene: bpy.types.Scene, solved: Solution) -> Departure | None:
     present, wanted = from_scene.cam_from_model(scene), solved.alignment.estimate.cam_from_model
     camera, points = from_scene.camera(scene), solved.alignment.points
     apart = camera.project(transform_points(present, points)) - camera.project(transform_points(wanted, points))
-    largest = float(np.linalg.norm(np.where(np.isfinite(apart), apart, np.inf), axis=1).max())
+    largest = float(np.max(np.linalg.norm(np.where(np.isfinite(apart), apart, np.inf), axis=1)))
     if largest <= AWAY_PX:
         return None
     twist = twist_between(wanted, present, solved.alignment.estimate.uncertainty.pivot_model)

@@ -52,7 +52,8 @@ class LandmarkTool(bpy.types.WorkSpaceTool):
         _at_pointer("oneframe.landmark_remove", type="DEL", value="PRESS"),
     )
 
-    def draw_settings(context, layout, _tool):  # Blender calls it without an instance
+    @staticmethod
+    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
         layout.label(text=step_sentence(context))
 
 

@@ -10,6 +10,7 @@ from ..pipeline.blender.alignment.visible_surface import visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.transforms import inverse_rigid, transform_points
 from ..state import from_scene
+from ..ui.frame_view import FrameView
 from ..ui.strokes import Colour, Strokes
 from .marks import LandmarkView
 from .solve import Solution
@@ -28,14 +29,16 @@ LEGEND, LINE = (70.0, 34.0), 20.0
 
 def add_uncertainty(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkView, solved: Solution) -> None:
     """Add ellipses (in the view of the frame) and arrows to what is drawn into a view."""
+    if solved.estimate is None:
+        return
     uncertainty = solved.estimate.uncertainty
     samples = _samples(scene, view.cam_from_model)
     factor = _add_weakest(strokes, scene, view, uncertainty, np.vstack([samples, uncertainty.pivot_model]))
     times = f", arrows {factor} x" if factor > 1 else ", arrows" if factor == 1 else ""
     legend = [f"Weakest direction: {uncertainty.weakest}{times}"]
     if view.frame is not None:
-        _add_ellipses(strokes, scene, view, uncertainty, samples, width=1.0)
-        _add_ellipses(strokes, scene, view, uncertainty, solved.alignment.points, width=1.5)
+        _add_ellipses(strokes, scene, view, view.frame, uncertainty, samples, width=1.0)
+        _add_ellipses(strokes, scene, view, view.frame, uncertainty, solved.alignment.points, width=1.5)
         legend.append("Ellipses: 95 % of where the surface may lie")
     for number, text in enumerate(legend):
         strokes.text((np.array(LEGEND) + np.array([0, LINE * number])) * strokes.unit, text, UNSURE)
@@ -45,15 +48,16 @@ def _add_ellipses(
     strokes: Strokes,
     scene: bpy.types.Scene,
     view: LandmarkView,
+    frame: FrameView,
     uncertainty: PoseUncertainty,
     points_model: np.ndarray,
     *,
     width: float,
 ) -> None:
-    covariances = uncertainty.pixel_covariances(points_model, view.frame.camera, view.cam_from_model)
+    covariances = uncertainty.pixel_covariances(points_model, frame.camera, view.cam_from_model)
     outlines = ellipse_outlines(covariances, uncertainty.ellipse_scale())
     for centre, outline in zip(view.region_from_model(scene, points_model), outlines, strict=True):
-        strokes.line(centre + outline * view.frame.scale, UNSURE, width=width, closed=True)
+        strokes.line(centre + outline * frame.scale, UNSURE, width=width, closed=True)
 
 
 def _add_weakest(

@@ -6,6 +6,7 @@ from mathutils import Matrix
 
 from ..landmarks import tool
 from ..pipeline.errors import InputError
+from ..registration import class_registration
 from ..state import from_scene
 from ..state.pivot import pivot_of
 from ..ui.frame_view import FrameView, shows_frame
@@ -32,14 +33,14 @@ class ONEFRAME_GGT_pose(bpy.types.GizmoGroup):
     bl_options = {"PERSISTENT", "SCALE"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         settings = context.scene.oneframe
         if not settings.show_gizmo or not from_scene.is_set_up(context.scene) or not shows_frame(context):
             return False
         # its handles would take the clicks of whoever picks near the pivot
         return not tool.is_active(context)
 
-    def setup(self, context):
+    def setup(self, context: bpy.types.Context) -> None:
         self._handles = []
         for mode, icon, place in _HANDLES:
             handle = self.gizmos.new("GIZMO_GT_button_2d")
@@ -52,7 +53,7 @@ class ONEFRAME_GGT_pose(bpy.types.GizmoGroup):
             handle.target_set_operator("oneframe.drag_pose").mode = mode
             self._handles.append((handle, place))
 
-    def draw_prepare(self, context):
+    def draw_prepare(self, context: bpy.types.Context) -> None:
         scene = context.scene
         try:
             pivot, _ = pivot_of(scene)
@@ -76,4 +77,4 @@ class ONEFRAME_GGT_pose(bpy.types.GizmoGroup):
             handle.matrix_basis = Matrix.Translation((x, y, 0.0))
 
 
-register, unregister = bpy.utils.register_classes_factory((ONEFRAME_GGT_pose,))
+register, unregister = class_registration((ONEFRAME_GGT_pose,))

@@ -1,18 +1,21 @@
 """Moving the surface in steps of image pixels: keys, buttons, and drags of the gizmo."""
 
+from typing import Annotated
+
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
-from ..pipeline.alignment.manual.nudge import nudged
+from ..pipeline.alignment.manual.nudge import Axis, nudged
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
+from ..registration import class_registration
 from ..state import from_scene
 from ..state.pivot import keep_pivot, pivot_of
 from ..state.pose_text import pose_from_text, pose_rows, set_cam_from_mesh
 from ..ui.frame_view import FrameView, shows_frame, window_region
 from ..ui.keymap import OBJECT_MODE, Key, Keys
-from ..ui.operator import NeedsAlignment, Reporting, redraw
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, redraw
 
 AXES = [
     ("x", "Right", "Shift to the right in the image"),
@@ -53,15 +56,15 @@ KEYS = Keys(
 class _Mover(NeedsAlignment):
     """What keys and drags share."""
 
-    def _start(self, context):
+    def _start(self, context: bpy.types.Context) -> None:
         self._pivot, self._radius = pivot_of(context.scene)
         self._first = from_scene.cam_from_model(context.scene)
         keep_pivot(context.scene, self._pivot, self._radius)
 
-    def _move(self, context, pose, axis, step_px):
+    def _move(self, context: bpy.types.Context, pose: np.ndarray, axis: Axis, step_px: float) -> np.ndarray:
         return nudged(pose, from_scene.camera(context.scene), self._pivot, axis, step_px, self._radius)
 
-    def _place(self, context, pose):
+    def _place(self, context: bpy.types.Context, pose: np.ndarray) -> None:
         scene = context.scene
         surface_object.set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), pose)
         redraw(context)
@@ -74,16 +77,19 @@ class ONEFRAME_OT_nudge(_Mover, Reporting, bpy.types.Operator):
     bl_label = "Nudge Surface"
     bl_options = {"REGISTER", "UNDO"}
 
-    axis: EnumProperty(name="Axis", items=AXES, description="Along or about which axis of the camera")
-    step_px: FloatProperty(
-        name="Step", description="Step in pixels of the frame; negative for the other way", default=1.0, precision=2
-    )
+    axis: Annotated[Axis, EnumProperty(name="Axis", items=AXES, description="Along or about which axis of the camera")]
+    step_px: Annotated[
+        float,
+        FloatProperty(
+            name="Step", description="Step in pixels of the frame; negative for the other way", default=1.0, precision=2
+        ),
+    ]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         self._start(context)
         self._place(context, self._move(context, self._first, self.axis, self.step_px))
 
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if event.type in _KEYBOARD and not shows_frame(context):
             return {"PASS_THROUGH"}
         ended = self.execute(context)
@@ -94,7 +100,7 @@ class ONEFRAME_OT_nudge(_Mover, Reporting, bpy.types.Operator):
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
-    def modal(self, context, event):
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if event.type == self._key and event.value == "RELEASE":
             return {"FINISHED"}
         if event.type == self._key and event.value == "PRESS":
@@ -114,24 +120,27 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
     bl_label = "Drag Surface"
     bl_options = {"REGISTER", "UNDO", "BLOCKING", "GRAB_CURSOR"}
 
-    mode: EnumProperty(
-        name="Mode",
-        items=[
-            ("shift", "Shift", "Shift in the image plane"),
-            ("tilt", "Tilt", "Tilt and turn about the image's axes"),
-            ("roll", "Roll", "Roll about the view ray"),
-            ("depth", "Depth", "Up: farther, down: nearer"),
-        ],
-    )
+    mode: Annotated[
+        str,
+        EnumProperty(
+            name="Mode",
+            items=[
+                ("shift", "Shift", "Shift in the image plane"),
+                ("tilt", "Tilt", "Tilt and turn about the image's axes"),
+                ("roll", "Roll", "Roll about the view ray"),
+                ("depth", "Depth", "Up: farther, down: nearer"),
+            ],
+        ),
+    ]
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return super().poll(context) and shows_frame(context)
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         raise InputError("expected a drag with the mouse; use Nudge Surface from scripts")
 
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         try:
             self._start(context)
         except InputError as error:
@@ -142,7 +151,7 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
-    def modal(self, context, event):
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if event.type in ("ESC", "RIGHTMOUSE"):
             self._place(context, self._first)
             return {"CANCELLED"}
@@ -157,7 +166,9 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
             self._place(context, self._pose)
         return {"RUNNING_MODAL"}
 
-    def _steps(self, context, pointer, moved):
+    def _steps(
+        self, context: bpy.types.Context, pointer: np.ndarray, moved: np.ndarray
+    ) -> tuple[tuple[Axis, float], ...]:
         if self.mode == "shift":
             return ("x", moved[0]), ("y", moved[1])
         if self.mode == "tilt":
@@ -173,7 +184,7 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
         arc = (arm[0] * moved[1] - arm[1] * moved[0]) / length
         return (("roll", arc / length * self._radius * camera.fx / pivot_cam[2]),)
 
-    def _pointer(self, context, event):
+    def _pointer(self, context: bpy.types.Context, event: bpy.types.Event) -> np.ndarray:
         region = window_region(context.area)
         view = FrameView.of(context.scene, region, context.area.spaces.active.region_3d)
         return view.px_from_region(np.array([event.mouse_x - region.x, event.mouse_y - region.y], float))
@@ -185,9 +196,11 @@ class ONEFRAME_OT_copy_pose(Reporting, bpy.types.Operator):
     bl_idname = "oneframe.copy_pose"
     bl_label = "Copy Pose"
 
-    inverse: BoolProperty(name="Inverse", description="Copy mesh_from_cam instead of cam_from_mesh", default=False)
+    inverse: Annotated[
+        bool, BoolProperty(name="Inverse", description="Copy mesh_from_cam instead of cam_from_mesh", default=False)
+    ]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         context.window_manager.clipboard = "\n".join(pose_rows(context.scene, inverse=self.inverse))
         return ("the pose is in the clipboard",)
 
@@ -199,14 +212,14 @@ class ONEFRAME_OT_paste_pose(Reporting, bpy.types.Operator):
     bl_label = "Paste Pose"
     bl_options = {"REGISTER", "UNDO"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         pose, message = pose_from_text(context.window_manager.clipboard)
         set_cam_from_mesh(context.scene, pose)
         return (message,) if message else ()
 
 
 _CLASSES = (ONEFRAME_OT_nudge, ONEFRAME_OT_drag_pose, ONEFRAME_OT_copy_pose, ONEFRAME_OT_paste_pose)
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory(_CLASSES)
+_register_classes, _unregister_classes = class_registration(_CLASSES)
 
 
 def register() -> None:

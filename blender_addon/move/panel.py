@@ -4,6 +4,7 @@ import bpy
 
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import inverse_rigid
+from ..registration import class_registration
 from ..state import from_scene
 from ..state.pose_text import cam_from_mesh_of
 from ..ui.keymap import binding
@@ -41,10 +42,10 @@ class ONEFRAME_PT_pose(bpy.types.Panel):
     bl_order = 2
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return from_scene.is_set_up(context.scene)
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         settings = context.scene.oneframe
         layout.operator_context = "EXEC_DEFAULT"
@@ -65,7 +66,7 @@ class ONEFRAME_PT_pose(bpy.types.Panel):
         layout.prop(settings, "show_gizmo")
 
 
-class _Matrix:
+class _Matrix(bpy.types.Panel):
     """A matrix for the mesh file's own frame, read from the objects at every redraw."""
 
     bl_parent_id = "ONEFRAME_PT_pose"
@@ -74,7 +75,7 @@ class _Matrix:
     bl_category = "OneFrame"
     inverse = False
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         try:
             pose = cam_from_mesh_of(scene)
@@ -112,4 +113,4 @@ class ONEFRAME_PT_mesh_from_cam(_Matrix, bpy.types.Panel):
 
 
 _CLASSES = (ONEFRAME_PT_pose, ONEFRAME_PT_cam_from_mesh, ONEFRAME_PT_mesh_from_cam)
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)
+register, unregister = class_registration(_CLASSES)

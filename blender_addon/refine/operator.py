@@ -4,6 +4,8 @@ The work is done in a thread, on arrays alone, so that the window stays alive; E
 """
 
 import threading
+from collections.abc import Callable
+from typing import Literal
 
 import bpy
 import numpy as np
@@ -13,10 +15,11 @@ from ..pipeline.blender.alignment.surface_object import set_pose
 from ..pipeline.blender.colour.surface_colour import colour_record, vertex_codes
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError, RunError
+from ..registration import class_registration
 from ..setup.alignment_record import remember_refined
 from ..state import from_scene
 from ..ui.keymap import OBJECT_MODE, Key, Keys
-from ..ui.operator import NeedsAlignment, Reporting, redraw
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, redraw
 
 KEYS = Keys([Key("oneframe.refine", "F", keymap=OBJECT_MODE)])
 POLL_SECONDS = 0.1
@@ -64,7 +67,9 @@ class Refining:
             self.error = error
 
 
-def refined(loaded: LoadedCase, colours: np.ndarray | None, progress=None) -> Refinement:
+def refined(
+    loaded: LoadedCase, colours: np.ndarray | None, progress: Callable[[float], None] | None = None
+) -> Refinement:
     """The case's pose, refined against its frame."""
     return refine_pose(
         loaded.image,
@@ -100,7 +105,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
     bl_label = "Refine Pose"
     bl_options = {"REGISTER", "UNDO"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         """Without a window: at once."""
         scene = context.scene
         loaded = from_scene.loaded_case(scene, aligned=False)
@@ -112,7 +117,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
         remember_refined(scene, result.cam_from_model)
         return (result.message,)
 
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if context.window is None or bpy.app.background:
             return self.execute(context)
         try:
@@ -122,12 +127,14 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         self._refining, self._shows_result = Refining(loaded, colours), False
-        self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
+        self._timer: bpy.types.Timer | None = context.window_manager.event_timer_add(
+            POLL_SECONDS, window=context.window
+        )
         context.window_manager.modal_handler_add(self)
         _tell(context, "Refining the pose      Esc: stop")
         return {"RUNNING_MODAL"}
 
-    def modal(self, context, event):
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         try:
             return self._handle(context, event)
         except (InputError, RunError) as error:
@@ -137,12 +144,12 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
             self._end(context, "CANCELLED")
             raise
 
-    def cancel(self, context):
+    def cancel(self, context: bpy.types.Context) -> None:
         """Called by Blender when it ends the operator itself: a file is opened, the window closed."""
         self._refining.stop()
         self._end(context, "CANCELLED")
 
-    def _handle(self, context, event):
+    def _handle(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         work = self._refining
         if work.running:
             if event.type == "ESC" and event.value == "PRESS":
@@ -153,6 +160,8 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
         if work.error is not None:
             raise work.error
         result = work.result
+        if result is None:
+            return self._end(context, "CANCELLED")
         if self._timer is not None:
             self._stop_timer(context)
             _remember(result)
@@ -177,22 +186,29 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
         )
         return self._passed(event)
 
-    def _passed(self, event):
+    def _passed(self, event: bpy.types.Event) -> OperatorResult:
         """Looking around is allowed meanwhile, nothing else."""
         return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
 
-    def _show(self, context, cam_from_model, is_result):
+    def _show(self, context: bpy.types.Context, cam_from_model: np.ndarray, is_result: bool) -> None:
         scene = context.scene
         set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), cam_from_model)
         self._shows_result = is_result
         redraw(context)
 
-    def _stop_timer(self, context):
+    def _stop_timer(self, context: bpy.types.Context) -> None:
         if self._timer is not None:
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None
 
-    def _end(self, context, outcome, *, message="", error=""):
+    def _end(
+        self,
+        context: bpy.types.Context,
+        outcome: Literal["FINISHED", "CANCELLED"],
+        *,
+        message: str = "",
+        error: str = "",
+    ) -> OperatorResult:
         self._stop_timer(context)
         _tell(context, None)
         if message:
@@ -243,7 +259,7 @@ def outcome(scene: bpy.types.Scene) -> Refinement | None:
 
 
 _CLASSES = (ONEFRAME_OT_refine,)
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory(_CLASSES)
+_register_classes, _unregister_classes = class_registration(_CLASSES)
 
 
 def register() -> None:

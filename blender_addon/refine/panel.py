@@ -5,6 +5,7 @@ import math
 import bpy
 
 from ..pipeline.errors import InputError
+from ..registration import class_registration
 from ..state import from_scene
 from ..ui.keymap import draw_key
 from ..ui.wrapped_text import draw_sentence
@@ -21,7 +22,7 @@ class ONEFRAME_PT_refine(bpy.types.Panel):
     bl_category = "OneFrame"
     bl_order = 4
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         layout.operator_context = "INVOKE_DEFAULT"
         row = layout.split(factor=0.85, align=True)
@@ -55,4 +56,4 @@ def _pixels(value: float) -> str:
 
 
 _CLASSES = (ONEFRAME_PT_refine,)
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)
+register, unregister = class_registration(_CLASSES)

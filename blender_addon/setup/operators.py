@@ -1,5 +1,8 @@
 """Operators that bring frame, camera, surface and structures into the scene, and open and save the case."""
 
+from collections.abc import Sequence
+from typing import Annotated
+
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
@@ -15,10 +18,11 @@ from ..pipeline.errors import InputError
 from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.mesh_writer import write_ply
+from ..registration import class_registration
 from ..state import from_scene, to_scene
 from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
-from ..ui.operator import Reporting, ReportingFile
+from ..ui.operator import Messages, OperatorResult, Reporting, ReportingFile
 from .alignment_record import recorded_case, remember_opened
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
@@ -35,9 +39,9 @@ class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Open Case"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: StringProperty(default="*.toml", options={"HIDDEN"})
+    filter_glob: Annotated[str, StringProperty(default="*.toml", options={"HIDDEN"})]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         loaded = load_case(read_case(self.chosen_file()), aligned=False)
         to_scene.remember_case(context.scene, loaded, alignment_scene.set_up(context.scene, loaded))
         remember_opened(context.scene, loaded.case.alignment, loaded.cam_from_model)
@@ -54,21 +58,24 @@ class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):
     bl_options = {"REGISTER"}
 
     filename_ext = ".toml"
-    filter_glob: StringProperty(default="*.toml", options={"HIDDEN"})
+    filter_glob: Annotated[str, StringProperty(default="*.toml", options={"HIDDEN"})]
 
-    save_as: BoolProperty(
-        name="Save As",
-        description="Ask for the file, also if there is one already",
-        default=False,
-        options={"SKIP_SAVE"},
-    )
+    save_as: Annotated[
+        bool,
+        BoolProperty(
+            name="Save As",
+            description="Ask for the file, also if there is one already",
+            default=False,
+            options={"SKIP_SAVE"},
+        ),
+    ]
 
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         known = bpy.path.abspath(context.scene.oneframe.case_path)
         self.filepath = known or "case.toml"
         return self.execute(context) if known and not self.save_as else super().invoke(context, event)
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         from_scene.check_mesh_unedited(context.scene)
         path = self.chosen_file()
         write_case(path, recorded_case(context.scene, path))
@@ -83,9 +90,9 @@ class ONEFRAME_OT_load_frame(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Load Frame"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: StringProperty(default=IMAGES, options={"HIDDEN"})
+    filter_glob: Annotated[str, StringProperty(default=IMAGES, options={"HIDDEN"})]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
         image, _ = read_image(path, path.name)
         return to_scene.take_frame(context, path, image.shape[1], image.shape[0])
@@ -98,10 +105,12 @@ class ONEFRAME_OT_load_video_frame(ReportingFile, bpy.types.Operator, ImportHelp
     bl_label = "Load Video Frame"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: StringProperty(default=VIDEOS, options={"HIDDEN"})
-    frame_index: IntProperty(name="Frame", description="Number of the frame, counted from 0", min=0, default=0)
+    filter_glob: Annotated[str, StringProperty(default=VIDEOS, options={"HIDDEN"})]
+    frame_index: Annotated[
+        int, IntProperty(name="Frame", description="Number of the frame, counted from 0", min=0, default=0)
+    ]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         from ..pipeline.video.frame_reader import write_video_frame
 
         path = write_video_frame(self.chosen_file(), self.frame_index)
@@ -117,15 +126,15 @@ class ONEFRAME_OT_load_camera(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Load K"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: StringProperty(default=CAMERAS, options={"HIDDEN"})
+    filter_glob: Annotated[str, StringProperty(default=CAMERAS, options={"HIDDEN"})]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         found = read_camera(self.chosen_file())
         size = to_scene.frame_size(context.scene) or found.size
         if size is None:
             raise InputError(f"{self.filepath}: this file holds no image size; load the frame first")
         fit = fit_of(found, size)
-        to_scene.take_camera(context, fit.camera, found.distortion)
+        to_scene.take_camera(context, fit.camera, found.distortion_for(fit.camera))
         return *found.messages, *fit.messages
 
 
@@ -136,7 +145,7 @@ class ONEFRAME_OT_set_camera(Reporting, bpy.types.Operator):
     bl_label = "Set Camera"
     bl_options = {"REGISTER", "UNDO"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         camera, distortion = to_scene.typed_camera(context.scene)
         to_scene.take_camera(context, camera, distortion)
         return to_scene.frame_warnings(context.scene)
@@ -149,7 +158,7 @@ class ONEFRAME_OT_rescale_camera(Reporting, bpy.types.Operator):
     bl_label = "Rescale K to Frame"
     bl_options = {"REGISTER", "UNDO"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
         camera, size = from_scene.camera(scene), to_scene.frame_size(scene)
         if size is None:
@@ -164,10 +173,12 @@ class ONEFRAME_OT_load_surface(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Load Surface"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: StringProperty(default=MESHES, options={"HIDDEN"})
-    units: EnumProperty(name="Units", description="Unit of the numbers in the file", items=UNITS, default="mm")
+    filter_glob: Annotated[str, StringProperty(default=MESHES, options={"HIDDEN"})]
+    units: Annotated[
+        str, EnumProperty(name="Units", description="Unit of the numbers in the file", items=UNITS, default="mm")
+    ]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
         given, messages = read_mesh(path)
         to_scene.take_surface(context, path, given.scaled(MM_PER_UNIT[self.units]), self.units)
@@ -181,18 +192,28 @@ class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper)
     bl_label = "Add Structure"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: StringProperty(default=MESHES, options={"HIDDEN"})
-    color: FloatVectorProperty(
-        name="Colour", subtype="COLOR_GAMMA", size=3, min=0, max=1, default=(1.0, 0.0, 1.0), description="Its colour"
-    )
+    filter_glob: Annotated[str, StringProperty(default=MESHES, options={"HIDDEN"})]
+    color: Annotated[
+        Sequence[float],
+        FloatVectorProperty(
+            name="Colour",
+            subtype="COLOR_GAMMA",
+            size=3,
+            min=0,
+            max=1,
+            default=(1.0, 0.0, 1.0),
+            description="Its colour",
+        ),
+    ]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         surface = from_scene.surface_of(context.scene)
         path = self.chosen_file()
         given, messages = read_mesh(path)
         offset = surface_object.mesh_from_model_of(surface)[:3, 3]
         mesh = given.scaled(MM_PER_UNIT[context.scene.oneframe.units]).moved(-offset)
-        structure = alignment_scene.put_structure(surface, mesh, path.stem, tuple(self.color))
+        red, green, blue = self.color
+        structure = alignment_scene.put_structure(surface, mesh, path.stem, (red, green, blue))
         structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path)
         return messages
 
@@ -204,9 +225,9 @@ class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Load Pose"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: StringProperty(default=POSES, options={"HIDDEN"})
+    filter_glob: Annotated[str, StringProperty(default=POSES, options={"HIDDEN"})]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         cam_from_mesh, message = read_pose(self.chosen_file())
         set_cam_from_mesh(context.scene, cam_from_mesh)
         return (message,) if message else ()
@@ -231,9 +252,9 @@ class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportH
     bl_options = {"REGISTER", "UNDO"}
 
     filename_ext = ".ply"
-    filter_glob: StringProperty(default="*.ply", options={"HIDDEN"})
+    filter_glob: Annotated[str, StringProperty(default="*.ply", options={"HIDDEN"})]
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> Messages:
         scene, path = context.scene, self.chosen_file()
         if path.suffix.lower() != ".ply":
             raise InputError(f"{path}: expected the name of a file *.ply, found {path.name!r}; take another name")
@@ -259,4 +280,4 @@ _CLASSES = (
     ONEFRAME_OT_remove_scale,
     ONEFRAME_OT_save_edited_surface,
 )
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)
+register, unregister = class_registration(_CLASSES)

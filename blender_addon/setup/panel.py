@@ -3,6 +3,7 @@
 import bpy
 
 from ..pipeline.errors import InputError
+from ..registration import class_registration
 from ..state import from_scene
 from ..state.to_scene import frame_warnings
 from ..ui.wrapped_text import draw_sentence
@@ -18,7 +19,7 @@ class ONEFRAME_PT_setup(bpy.types.Panel):
     bl_category = "OneFrame"
     bl_order = 0
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.oneframe
         layout.operator_context = "INVOKE_DEFAULT"
         row = layout.row(align=True)
@@ -50,7 +51,7 @@ class ONEFRAME_PT_camera(bpy.types.Panel):
     bl_category = "OneFrame"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, typed = self.layout, context.scene.oneframe.camera
         layout.use_property_split = True
         column = layout.column(align=True)
@@ -76,12 +77,13 @@ class ONEFRAME_PT_structures(bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         surface = context.scene.oneframe.surface
         return surface is not None and len(surface.children) > 0
 
-    def draw(self, context):
-        for child in context.scene.oneframe.surface.children:
+    def draw(self, context: bpy.types.Context) -> None:
+        surface = context.scene.oneframe.surface
+        for child in () if surface is None else surface.children:
             if child.oneframe.role != "STRUCTURE":
                 continue
             row = self.layout.row(align=True)
@@ -116,4 +118,4 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
 
 
 _CLASSES = (ONEFRAME_PT_setup, ONEFRAME_PT_camera, ONEFRAME_PT_structures)
-register, unregister = bpy.utils.register_classes_factory(_CLASSES)
+register, unregister = class_registration(_CLASSES)

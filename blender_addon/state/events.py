@@ -19,7 +19,9 @@ def forget(listener: Callable[[bpy.types.Scene], None]) -> None:
     _listeners.remove(listener)
 
 
-def landmarks_changed(owner: bpy.types.PropertyGroup, _context: bpy.types.Context | None = None) -> None:
+def landmarks_changed(
+    owner: bpy.types.PropertyGroup | bpy.types.Scene, _context: bpy.types.Context | None = None
+) -> None:
     """Tell all listeners; usable as the ``update`` of a property."""
     if _untold:
         return

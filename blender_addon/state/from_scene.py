@@ -107,8 +107,8 @@ def landmarks_mesh(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
         landmarks.append(
             Landmark(
                 entry.name,
-                tuple(point.tolist()) if entry.has_point else None,
-                tuple(float(value) for value in entry.pixel) if entry.has_pixel else None,
+                (float(point[0]), float(point[1]), float(point[2])) if entry.has_point else None,
+                (float(entry.pixel[0]), float(entry.pixel[1])) if entry.has_pixel else None,
                 entry.enabled,
             )
         )

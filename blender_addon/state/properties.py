@@ -1,6 +1,8 @@
 """What a scene keeps of an alignment beside its objects: files, K as typed, landmarks, how things are shown."""
 
 import dataclasses
+from collections.abc import Sequence
+from typing import Annotated, Any
 
 import bpy
 from bpy.props import (
@@ -15,7 +17,9 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..pipeline.camera.pinhole import PixelOrigin
 from ..pipeline.dataset.options import DatasetOptions
+from ..registration import class_registration
 from . import events
 
 UNITS = [("mm", "Millimetres", "The mesh's numbers are millimetres"), ("m", "Metres", "The mesh's numbers are metres")]
@@ -40,38 +44,65 @@ def _keep_name_unique(landmark: "ONEFRAME_PG_landmark", _context: bpy.types.Cont
 class ONEFRAME_PG_landmark(bpy.types.PropertyGroup):
     """A pair of a surface point and an image point; either half may be missing yet."""
 
-    name: StringProperty(name="Name", description="Name of the landmark", update=_keep_name_unique)
-    enabled: BoolProperty(
-        name="Use", description="Use this pair for the pose", default=True, update=events.landmarks_changed
-    )
-    has_point: BoolProperty(description="The point on the surface has been picked")
-    point: FloatVectorProperty(
-        name="Surface point", description="Point on the surface, in its own frame (model), mm", size=3, precision=4
-    )
-    has_pixel: BoolProperty(description="The point in the frame has been picked")
-    pixel: FloatVectorProperty(
-        name="Image point",
-        description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
-        size=2,
-        precision=3,
-    )
+    name: Annotated[str, StringProperty(name="Name", description="Name of the landmark", update=_keep_name_unique)]
+    enabled: Annotated[
+        bool,
+        BoolProperty(
+            name="Use", description="Use this pair for the pose", default=True, update=events.landmarks_changed
+        ),
+    ]
+    has_point: Annotated[bool, BoolProperty(description="The point on the surface has been picked")]
+    point: Annotated[
+        Sequence[float],
+        FloatVectorProperty(
+            name="Surface point", description="Point on the surface, in its own frame (model), mm", size=3, precision=4
+        ),
+    ]
+    has_pixel: Annotated[bool, BoolProperty(description="The point in the frame has been picked")]
+    pixel: Annotated[
+        Sequence[float],
+        FloatVectorProperty(
+            name="Image point",
+            description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
+            size=2,
+            precision=3,
+        ),
+    ]
 
 
 class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
     """K as typed in the panel; takes effect with Set Camera."""
 
-    width: IntProperty(name="Width", description="Width of the frame in pixels", min=1, max=65536, default=1920)
-    height: IntProperty(name="Height", description="Height of the frame in pixels", min=1, max=65536, default=1080)
-    fx: FloatProperty(name="fx", description="Focal length in pixels, along x", default=12800.0, precision=4)
-    fy: FloatProperty(name="fy", description="Focal length in pixels, along y", default=12800.0, precision=4)
-    cx: FloatProperty(name="cx", description="Principal point in pixels, x", default=959.5, precision=4)
-    cy: FloatProperty(name="cy", description="Principal point in pixels, y", default=539.5, precision=4)
-    pixel_origin: EnumProperty(
-        name="Pixel origin", description="What the principal point counts from", items=ORIGINS, default="center"
-    )
-    distortion: StringProperty(
-        name="Distortion", description="OpenCV's k1, k2, p1, p2, k3, separated by commas; empty for none"
-    )
+    width: Annotated[
+        int, IntProperty(name="Width", description="Width of the frame in pixels", min=1, max=65536, default=1920)
+    ]
+    height: Annotated[
+        int, IntProperty(name="Height", description="Height of the frame in pixels", min=1, max=65536, default=1080)
+    ]
+    fx: Annotated[
+        float, FloatProperty(name="fx", description="Focal length in pixels, along x", default=12800.0, precision=4)
+    ]
+    fy: Annotated[
+        float, FloatProperty(name="fy", description="Focal length in pixels, along y", default=12800.0, precision=4)
+    ]
+    cx: Annotated[
+        float, FloatProperty(name="cx", description="Principal point in pixels, x", default=959.5, precision=4)
+    ]
+    cy: Annotated[
+        float, FloatProperty(name="cy", description="Principal point in pixels, y", default=539.5, precision=4)
+    ]
+    pixel_origin: Annotated[
+        PixelOrigin,
+        EnumProperty(
+            name="Pixel origin", description="What the principal point counts from", items=ORIGINS, default="center"
+        ),
+    ]
+    distortion: Annotated[
+        str,
+        StringProperty(
+            name="Distortion", description="OpenCV's k1, k2, p1, p2, k3, separated by commas; empty for none"
+        ),
+    ]
 
 
 def _dataset_annotations() -> dict:
@@ -80,17 +111,18 @@ def _dataset_annotations() -> dict:
     for field in dataclasses.fields(DatasetOptions):
         if field.name == "poses":
             continue
+        default: Any = field.default
         limits, text = field.metadata, field.metadata["help"]
         settings = {"name": field.name.replace("_", " ").capitalize(), "description": text[:1].upper() + text[1:]}
         if "choices" in limits:
             items = [(choice, choice.capitalize(), "") for choice in limits["choices"]]
-            annotations[field.name] = EnumProperty(items=items, default=field.default, **settings)
+            annotations[field.name] = EnumProperty(items=items, default=default, **settings)
         elif field.type is bool:
-            annotations[field.name] = BoolProperty(default=field.default, **settings)
+            annotations[field.name] = BoolProperty(default=default, **settings)
         else:
             kind = IntProperty if field.type is int else FloatProperty
             ends = {end: limits[key] for end, key in (("min", "least"), ("max", "most")) if key in limits}
-            annotations[field.name] = kind(default=field.default, **ends, **settings)
+            annotations[field.name] = kind(default=default, **ends, **settings)
     return annotations
 
 
@@ -103,62 +135,103 @@ class ONEFRAME_PG_dataset(bpy.types.PropertyGroup):
 class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     """All that the add-on keeps in a scene."""
 
-    case_path: StringProperty(name="Case", description="The case file that was opened or saved", subtype="FILE_PATH")
-    frame_path: StringProperty(name="Frame", description="The frame's image file", subtype="FILE_PATH")
-    frame_size: IntVectorProperty(name="Frame size", description="Width and height of the frame in pixels", size=2)
-    units: EnumProperty(name="Units", description="Unit of the mesh files", items=UNITS, default="mm")
-    camera: PointerProperty(type=ONEFRAME_PG_camera)
-    distortion_text: StringProperty(description="Distortion in use (JSON), exact", options={"HIDDEN"})
-    case_dataset_text: StringProperty(description="The case's [dataset] table as read (JSON)", options={"HIDDEN"})
-    case_alignment_text: StringProperty(description="The case's [alignment] table as read (JSON)", options={"HIDDEN"})
-    camera_object: PointerProperty(type=bpy.types.Object, name="Camera", description="The frame's camera")
-    surface: PointerProperty(type=bpy.types.Object, name="Surface", description="The surface that is aligned")
-    landmarks: CollectionProperty(type=ONEFRAME_PG_landmark)
-    landmark_index: IntProperty(name="Active landmark", description="The landmark that is being edited")
-    click_sigma_px: FloatProperty(
-        name="Click accuracy",
-        description="Standard deviation of a click in pixels: what you can place by eye",
-        default=2.0,
-        min=0.05,
-        max=50.0,
-    )
-    live_solve: BoolProperty(
-        name="Live",
-        description="Solve the pose at every change of the landmarks",
-        default=True,
-        update=events.landmarks_changed,
-    )
-    show_landmarks: BoolProperty(
-        name="Show landmarks", description="Draw landmarks, residuals and the pose's uncertainty", default=True
-    )
-    step: EnumProperty(
-        name="Step",
-        description="Step of the buttons, in pixels of the frame",
-        items=[
-            ("coarse", "10 px", "Ten pixels (with keys: hold Ctrl)"),
-            ("normal", "1 px", "One pixel"),
-            ("fine", "0.1 px", "A tenth of a pixel (with keys: hold Shift)"),
-        ],
-        default="normal",
-    )
-    show_gizmo: BoolProperty(name="Gizmo", description="Show handles at the pivot of the surface in view", default=True)
-    dataset: PointerProperty(type=ONEFRAME_PG_dataset)
-    dataset_out: StringProperty(
-        name="Folder", description="Folder of the dataset; a run that was stopped goes on there", subtype="DIR_PATH"
-    )
-    preview_poses: IntProperty(
-        name="Poses", description="Number of poses that are shown, from the first", default=50, min=1, max=2000
-    )
-    preview_view: IntProperty(name="View", description="Number of the view to preview, from 0", default=0, min=0)
+    case_path: Annotated[
+        str, StringProperty(name="Case", description="The case file that was opened or saved", subtype="FILE_PATH")
+    ]
+    frame_path: Annotated[str, StringProperty(name="Frame", description="The frame's image file", subtype="FILE_PATH")]
+    frame_size: Annotated[
+        Sequence[int],
+        IntVectorProperty(name="Frame size", description="Width and height of the frame in pixels", size=2),
+    ]
+    units: Annotated[str, EnumProperty(name="Units", description="Unit of the mesh files", items=UNITS, default="mm")]
+    camera: Annotated[ONEFRAME_PG_camera, PointerProperty(type=ONEFRAME_PG_camera)]
+    distortion_text: Annotated[str, StringProperty(description="Distortion in use (JSON), exact", options={"HIDDEN"})]
+    case_dataset_text: Annotated[
+        str, StringProperty(description="The case's [dataset] table as read (JSON)", options={"HIDDEN"})
+    ]
+    case_alignment_text: Annotated[
+        str, StringProperty(description="The case's [alignment] table as read (JSON)", options={"HIDDEN"})
+    ]
+    camera_object: Annotated[
+        bpy.types.Object | None, PointerProperty(type=bpy.types.Object, name="Camera", description="The frame's camera")
+    ]
+    surface: Annotated[
+        bpy.types.Object | None,
+        PointerProperty(type=bpy.types.Object, name="Surface", description="The surface that is aligned"),
+    ]
+    landmarks: Annotated[
+        "bpy.types.bpy_prop_collection_idprop[ONEFRAME_PG_landmark]", CollectionProperty(type=ONEFRAME_PG_landmark)
+    ]
+    landmark_index: Annotated[int, IntProperty(name="Active landmark", description="The landmark that is being edited")]
+    click_sigma_px: Annotated[
+        float,
+        FloatProperty(
+            name="Click accuracy",
+            description="Standard deviation of a click in pixels: what you can place by eye",
+            default=2.0,
+            min=0.05,
+            max=50.0,
+        ),
+    ]
+    live_solve: Annotated[
+        bool,
+        BoolProperty(
+            name="Live",
+            description="Solve the pose at every change of the landmarks",
+            default=True,
+            update=events.landmarks_changed,
+        ),
+    ]
+    show_landmarks: Annotated[
+        bool,
+        BoolProperty(
+            name="Show landmarks", description="Draw landmarks, residuals and the pose's uncertainty", default=True
+        ),
+    ]
+    step: Annotated[
+        str,
+        EnumProperty(
+            name="Step",
+            description="Step of the buttons, in pixels of the frame",
+            items=[
+                ("coarse", "10 px", "Ten pixels (with keys: hold Ctrl)"),
+                ("normal", "1 px", "One pixel"),
+                ("fine", "0.1 px", "A tenth of a pixel (with keys: hold Shift)"),
+            ],
+            default="normal",
+        ),
+    ]
+    show_gizmo: Annotated[
+        bool, BoolProperty(name="Gizmo", description="Show handles at the pivot of the surface in view", default=True)
+    ]
+    dataset: Annotated[ONEFRAME_PG_dataset, PointerProperty(type=ONEFRAME_PG_dataset)]
+    dataset_out: Annotated[
+        str,
+        StringProperty(
+            name="Folder", description="Folder of the dataset; a run that was stopped goes on there", subtype="DIR_PATH"
+        ),
+    ]
+    preview_poses: Annotated[
+        int,
+        IntProperty(
+            name="Poses", description="Number of poses that are shown, from the first", default=50, min=1, max=2000
+        ),
+    ]
+    preview_view: Annotated[
+        int, IntProperty(name="View", description="Number of the view to preview, from 0", default=0, min=0)
+    ]
 
 
 class ONEFRAME_PG_object(bpy.types.PropertyGroup):
     """What an object of the alignment is, and where it came from."""
 
-    role: EnumProperty(
-        name="Role", items=[("NONE", "None", ""), ("SURFACE", "Surface", ""), ("STRUCTURE", "Structure", "")]
-    )
-    mesh_path: StringProperty(name="Mesh", description="The file it was read from", subtype="FILE_PATH")
+    role: Annotated[
+        str,
+        EnumProperty(
+            name="Role", items=[("NONE", "None", ""), ("SURFACE", "Surface", ""), ("STRUCTURE", "Structure", "")]
+        ),
+    ]
+    mesh_path: Annotated[str, StringProperty(name="Mesh", description="The file it was read from", subtype="FILE_PATH")]
 
 
 _CLASSES = (
@@ -168,7 +241,7 @@ _CLASSES = (
     ONEFRAME_PG_scene,
     ONEFRAME_PG_object,
 )
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory(_CLASSES)
+_register_classes, _unregister_classes = class_registration(_CLASSES)
 
 
 def register() -> None:

@@ -67,8 +67,8 @@ def replace_landmarks(scene: bpy.types.Scene, landmarks: tuple[Landmark, ...]) -
 
 def frame_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
     """(width, height) of the frame that is loaded, ``None`` without one."""
-    size = tuple(scene.oneframe.frame_size)
-    return size if all(size) else None
+    width, height = scene.oneframe.frame_size
+    return (width, height) if width and height else None
 
 
 def take_frame(context: bpy.types.Context, path: Path, width: int, height: int) -> tuple[str, ...]:
@@ -135,15 +135,15 @@ def take_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: D
     existing, surface = from_scene.present_camera(scene), from_scene.present_surface(scene)
     pose = None if surface is None else surface_object.pose_of(existing, surface)
     alignment_scene.set_alignment_units(scene)
-    settings.camera_object = alignment_scene.put_camera(scene, existing, camera)
+    camera_object = settings.camera_object = alignment_scene.put_camera(scene, existing, camera)
     _remember_camera(scene, camera, distortion)
-    if pose is not None:
+    if surface is not None and pose is not None:
         first = exact(surface, FIRST_POSE)
         if first is not None and np.array_equal(first, pose):
             _place_first(scene, surface)
         else:
-            surface_object.set_pose(settings.camera_object, surface, pose)
-            alignment_scene.fit_clip(settings.camera_object, surface_object.radius_of(surface), pose)
+            surface_object.set_pose(camera_object, surface, pose)
+            alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), pose)
     if settings.frame_path:
         _show(scene)
     look_through_camera(context)
@@ -170,7 +170,7 @@ def relink_surface(context: bpy.types.Context, path: Path) -> None:
     """The surface now lies in another file, whose vertices have another mean: the model frame follows."""
     scene = context.scene
     settings = scene.oneframe
-    pose, surface = from_scene.cam_from_model(scene), settings.surface
+    pose, surface = from_scene.cam_from_model(scene), from_scene.surface_of(scene)
     landmarks = from_scene.landmarks_mesh(scene)
     mesh_from_old = surface_object.mesh_from_model_of(surface)
     mesh = surface_object.edited_mesh(surface)
@@ -217,7 +217,7 @@ def _show(scene: bpy.types.Scene) -> None:
     undistorted = None
     if settings.distortion_text and not frame_warnings(scene):
         undistorted, _ = from_scene.frame_at(scene, path)
-    alignment_scene.show_frame(settings.camera_object, alignment_scene.frame_image(path, undistorted))
+    alignment_scene.show_frame(from_scene.camera_object_of(scene), alignment_scene.frame_image(path, undistorted))
 
 
 def _place_first(scene: bpy.types.Scene, surface: bpy.types.Object) -> None:

@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 from bpy_extras import view3d_utils
 from mathutils import Vector
+from numpy.typing import ArrayLike
 
 from ..pipeline.blender.alignment.visible_surface import first_hit
 from ..pipeline.blender.bridge.camera import cam_from_model_of
@@ -50,11 +51,11 @@ class FrameView:
         scale = (last - first) / np.maximum(corners[1] - corners[0], 1.0)
         return cls(camera, scale, first)
 
-    def region_from_px(self, pixels: np.ndarray) -> np.ndarray:
+    def region_from_px(self, pixels: ArrayLike) -> np.ndarray:
         """``(..., 2)`` frame pixels -> ``(..., 2)`` region pixels."""
         return np.asarray(pixels, float) * self.scale + self.offset
 
-    def px_from_region(self, points: np.ndarray) -> np.ndarray:
+    def px_from_region(self, points: ArrayLike) -> np.ndarray:
         """``(..., 2)`` region pixels -> ``(..., 2)`` frame pixels."""
         return (np.asarray(points, float) - self.offset) / self.scale
 

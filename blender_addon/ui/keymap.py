@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 
@@ -9,7 +10,7 @@ VIEW = "3D View"
 OBJECT_MODE = "Object Mode"
 """Blender asks this keymap before the 3D view's own: the place for plain letters and digits, which then also leave Edit
 mode alone."""
-_SPACES = {VIEW: "VIEW_3D", OBJECT_MODE: "EMPTY"}
+_SPACES: dict[str, Any] = {VIEW: "VIEW_3D", OBJECT_MODE: "EMPTY"}
 
 
 @dataclass(frozen=True)
@@ -29,8 +30,8 @@ class Key:
     """
 
     operator: str
-    type: str
-    value: str = "PRESS"
+    type: Any  # one of Blender's names
+    value: Any = "PRESS"
     shift: bool = False
     ctrl: bool = False
     alt: bool = False

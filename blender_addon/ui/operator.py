@@ -2,21 +2,28 @@
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Literal
 
 import bpy
 
 from ..pipeline.errors import InputError, RunError
 from ..state import from_scene
 
+Messages = Iterable[str] | None
+"""Sentences for the status line."""
 
-class Reporting:
+OperatorResult = set[Literal["RUNNING_MODAL", "CANCELLED", "FINISHED", "PASS_THROUGH", "INTERFACE"]]
+"""What Blender expects of an operator's callbacks: one of these, in a set."""
+
+
+class Reporting(bpy.types.Operator):
     """Mixin: ``execute`` calls ``run``, tells what it returns, and reports what the user can mend."""
 
-    def run(self, context: bpy.types.Context) -> Iterable[str] | None:
+    def run(self, context: bpy.types.Context) -> Messages:
         """Do the work; the sentences returned are told. Raise InputError before anything has changed."""
         raise NotImplementedError
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
         """Called by Blender."""
         try:
             messages = self.run(context)
@@ -44,13 +51,14 @@ class ReportingFile(Reporting):
         InputError
             None, or a folder.
         """
-        path = Path(bpy.path.abspath(self.filepath))
+        filepath: str = self.filepath  # type: ignore[attr-defined]  # from ImportHelper or ExportHelper
+        path = Path(bpy.path.abspath(filepath))
         if not path.name or path.is_dir():
-            raise InputError(f"expected a file, found {self.filepath or 'none'}; choose one, or give it a name")
+            raise InputError(f"expected a file, found {filepath or 'none'}; choose one, or give it a name")
         return path
 
 
-class NeedsAlignment:
+class NeedsAlignment(bpy.types.Operator):
     """Mixin: available once camera and surface are set up; before that, the button's tooltip says what is missing."""
 
     @classmethod

@@ -38,7 +38,9 @@ class Strokes:
         segments = np.stack([starts, ends], axis=1).reshape(-1, 2)
         self._lines.setdefault(width, []).append((segments, colour))
 
-    def arrow(self, start: np.ndarray, end: np.ndarray, colour: Colour, *, width: float = 2.0, head: float = 8.0):
+    def arrow(
+        self, start: np.ndarray, end: np.ndarray, colour: Colour, *, width: float = 2.0, head: float = 8.0
+    ) -> None:
         """A line with a head at its end, which is never longer than half of it."""
         self.line(np.stack([start, end]), colour, width=width)
         length = float(np.linalg.norm(end - start))
@@ -82,7 +84,9 @@ class Strokes:
         points = np.concatenate([segments for segments, _ in lines])
         positions = np.zeros((len(points), 3), np.float32)
         positions[:, :2] = points
-        colours = np.concatenate([np.tile(np.float32(colour), (len(segments), 1)) for segments, colour in lines])
+        colours = np.concatenate(
+            [np.tile(np.array(colour, np.float32), (len(segments), 1)) for segments, colour in lines]
+        )
         shader = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR")
         batch = batch_for_shader(shader, "LINES", {"pos": positions, "color": colours})
         shader.bind()
@@ -102,7 +106,7 @@ class Strokes:
             high = at + np.array([width + margin, TEXT_SIZE * self.unit * 0.8 + margin])
             corners += [low, [high[0], low[1]], high, low, high, [low[0], high[1]]]
         shader = gpu.shader.from_builtin("UNIFORM_COLOR")
-        batch = batch_for_shader(shader, "TRIS", {"pos": np.float32(corners)})
+        batch = batch_for_shader(shader, "TRIS", {"pos": np.array(corners, np.float32)})
         shader.bind()
         shader.uniform_float("color", GROUND)
         batch.draw(shader)

@@ -4,14 +4,18 @@ Opacity and wires are Blender's own display of the object. The rest is drawn ove
 here touches the pose: zoom and pan are the view's.
 """
 
+from collections.abc import Sequence
+from typing import Annotated
+
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty
 
+from ..registration import class_registration
 from ..state import from_scene
 from ..ui.frame_view import FrameView, shows_frame, window_region
 from ..ui.keymap import OBJECT_MODE, Key, Keys
-from ..ui.operator import NeedsAlignment, redraw
+from ..ui.operator import NeedsAlignment, OperatorResult, redraw
 
 OPACITIES = (1.0, 0.6, 0.3, 0.0)
 MAGNIFICATIONS = (1 / 16, 64.0)
@@ -34,23 +38,23 @@ def _surface(scene: bpy.types.Scene) -> bpy.types.Object | None:
     return from_scene.surface_of(scene) if from_scene.is_set_up(scene) else None
 
 
-def _opacity(self) -> float:
+def _opacity(self: bpy.types.PropertyGroup) -> float:
     surface = _surface(self.id_data)
     return 1.0 if surface is None else surface.color[3]
 
 
-def _set_opacity(self, value: float) -> None:
+def _set_opacity(self: bpy.types.PropertyGroup, value: float) -> None:
     surface = _surface(self.id_data)
     if surface is not None:
         surface.color[3] = value
 
 
-def _wireframe(self) -> bool:
+def _wireframe(self: bpy.types.PropertyGroup) -> bool:
     surface = _surface(self.id_data)
     return surface is not None and surface.display_type == "WIRE"
 
 
-def _set_wireframe(self, value: bool) -> None:
+def _set_wireframe(self: bpy.types.PropertyGroup, value: bool) -> None:
     surface = _surface(self.id_data)
     if surface is not None:
         surface.display_type = "WIRE" if value else "TEXTURED"
@@ -59,45 +63,54 @@ def _set_wireframe(self, value: bool) -> None:
 class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     """What is drawn over the camera view."""
 
-    opacity: FloatProperty(
+    opacity: Annotated[float, FloatProperty(
         name="Opacity", description="Opacity of the surface over the frame", min=0, max=1, get=_opacity,
         set=_set_opacity, subtype="FACTOR",
-    )  # fmt: skip
-    wireframe: BoolProperty(
-        name="Wireframe", description="Show the surface as wires", get=_wireframe, set=_set_wireframe
-    )
-    contour: BoolProperty(name="Contour", description="Outlines and creases of the surface, over the frame")
-    crease_deg: FloatProperty(
+    )]  # fmt: skip
+    wireframe: Annotated[
+        bool,
+        BoolProperty(name="Wireframe", description="Show the surface as wires", get=_wireframe, set=_set_wireframe),
+    ]
+    contour: Annotated[
+        bool, BoolProperty(name="Contour", description="Outlines and creases of the surface, over the frame")
+    ]
+    crease_deg: Annotated[float, FloatProperty(
         name="Crease",
         description="How far the surface must turn within 6 px of the frame to be drawn as a crease, degrees",
         min=5, max=120, default=60, precision=0, step=500,
-    )  # fmt: skip
-    contour_color: FloatVectorProperty(
+    )]  # fmt: skip
+    contour_color: Annotated[Sequence[float], FloatVectorProperty(
         name="Contour", description="Colour of the contour", subtype="COLOR_GAMMA", size=3, min=0, max=1,
         default=(0.1, 1.0, 0.95),
-    )  # fmt: skip
-    comparison: EnumProperty(name="Compare", description="Compare surface and frame", items=COMPARISONS)
-    split: FloatProperty(
+    )]  # fmt: skip
+    comparison: Annotated[str, EnumProperty(name="Compare", description="Compare surface and frame", items=COMPARISONS)]
+    split: Annotated[float, FloatProperty(
         name="Line", description="Where the line between frame and surface stands, in parts of the frame's width",
         min=0, max=1, default=0.5, subtype="FACTOR",
-    )  # fmt: skip
-    gain: FloatProperty(
-        name="Gain",
-        description="How much brighter the difference of a coloured surface is drawn",
-        min=0.5,
-        max=20,
-        default=3.0,
-    )
-    loupe: BoolProperty(
-        name="Loupe", description="Magnify what lies under the pointer while landmarks are picked", default=True
-    )
+    )]  # fmt: skip
+    gain: Annotated[
+        float,
+        FloatProperty(
+            name="Gain",
+            description="How much brighter the difference of a coloured surface is drawn",
+            min=0.5,
+            max=20,
+            default=3.0,
+        ),
+    ]
+    loupe: Annotated[
+        bool,
+        BoolProperty(
+            name="Loupe", description="Magnify what lies under the pointer while landmarks are picked", default=True
+        ),
+    ]
 
 
 class _FrameTool(NeedsAlignment):
     """Works in 3D views that look through the frame's camera."""
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         if not super().poll(context):
             return False
         if not shows_frame(context):
@@ -109,10 +122,14 @@ class _FrameTool(NeedsAlignment):
 class _Toggle(_FrameTool):
     bl_options = {"REGISTER", "UNDO"}
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
         self.toggle(context, context.scene.oneframe_view)
         redraw(context)
         return {"FINISHED"}
+
+    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
+        """Change how things are shown."""
+        raise NotImplementedError
 
 
 class ONEFRAME_OT_cycle_opacity(_Toggle, bpy.types.Operator):
@@ -121,7 +138,7 @@ class ONEFRAME_OT_cycle_opacity(_Toggle, bpy.types.Operator):
     bl_idname = "oneframe.cycle_opacity"
     bl_label = "Cycle Opacity"
 
-    def toggle(self, context, view):
+    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
         lower = [opacity for opacity in OPACITIES if opacity < view.opacity - 0.01]
         view.opacity = lower[0] if lower else OPACITIES[0]
 
@@ -132,7 +149,7 @@ class ONEFRAME_OT_toggle_wireframe(_Toggle, bpy.types.Operator):
     bl_idname = "oneframe.toggle_wireframe"
     bl_label = "Wireframe"
 
-    def toggle(self, context, view):
+    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
         view.wireframe = not view.wireframe
 
 
@@ -142,7 +159,7 @@ class ONEFRAME_OT_toggle_contour(_Toggle, bpy.types.Operator):
     bl_idname = "oneframe.toggle_contour"
     bl_label = "Contour"
 
-    def toggle(self, context, view):
+    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
         view.contour = not view.contour
 
 
@@ -152,7 +169,7 @@ class ONEFRAME_OT_toggle_blink(_Toggle, bpy.types.Operator):
     bl_idname = "oneframe.toggle_blink"
     bl_label = "Blink"
 
-    def toggle(self, context, view):
+    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
         view.comparison = "NONE" if view.comparison == "BLINK" else "BLINK"
 
 
@@ -162,7 +179,7 @@ class ONEFRAME_OT_toggle_swipe(_Toggle, bpy.types.Operator):
     bl_idname = "oneframe.toggle_swipe"
     bl_label = "Swipe"
 
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if context.region.type == "WINDOW":
             seen = FrameView.of(context.scene, context.region, context.region_data)
             part = (seen.px_from_region([event.mouse_region_x, event.mouse_region_y])[0] + 0.5) / seen.camera.width
@@ -170,7 +187,7 @@ class ONEFRAME_OT_toggle_swipe(_Toggle, bpy.types.Operator):
                 context.scene.oneframe_view.split = part
         return self.execute(context)
 
-    def toggle(self, context, view):
+    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
         view.comparison = "NONE" if view.comparison == "SWIPE" else "SWIPE"
 
 
@@ -180,7 +197,7 @@ class ONEFRAME_OT_toggle_difference(_Toggle, bpy.types.Operator):
     bl_idname = "oneframe.toggle_difference"
     bl_label = "Difference"
 
-    def toggle(self, context, view):
+    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
         view.comparison = "NONE" if view.comparison == "DIFFERENCE" else "DIFFERENCE"
 
 
@@ -192,10 +209,10 @@ class ONEFRAME_OT_show_frame(bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return from_scene.is_set_up(context.scene) and context.area is not None and context.area.type == "VIEW_3D"
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
         space, scene = context.space_data, context.scene
         scene.camera = from_scene.camera_object_of(scene)
         space.use_local_camera = False
@@ -211,26 +228,26 @@ class ONEFRAME_OT_zoom_frame(_FrameTool, bpy.types.Operator):
     bl_label = "Zoom Frame"
     bl_options = {"REGISTER"}
 
-    factor: FloatProperty(name="Factor", description="Times larger", default=1.25, min=0.01, max=100)
-    magnification: FloatProperty(
+    factor: Annotated[float, FloatProperty(name="Factor", description="Times larger", default=1.25, min=0.01, max=100)]
+    magnification: Annotated[float, FloatProperty(
         name="Magnification",
         description="Pixels of the screen per pixel of the frame; 0: as the factor says",
         default=0, min=0, max=MAGNIFICATIONS[1],
-    )  # fmt: skip
+    )]  # fmt: skip
 
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         region = window_region(context.area)
-        self._pointer = (event.mouse_x - region.x, event.mouse_y - region.y)
+        self._pointer: tuple[float, float] = (event.mouse_x - region.x, event.mouse_y - region.y)
         if context.region.type != "WINDOW":
             self._pointer = (region.width / 2, region.height / 2)
         return self._zoom(context, region)
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
         region = window_region(context.area)
         self._pointer = (region.width / 2, region.height / 2)
         return self._zoom(context, region)
 
-    def _zoom(self, context, region):
+    def _zoom(self, context: bpy.types.Context, region: bpy.types.Region) -> OperatorResult:
         region_3d = context.space_data.region_3d
         now = FrameView.of(context.scene, region, region_3d).magnification
         zoom_view(context.scene, region, region_3d, self._pointer, self.magnification or self.factor * now)
@@ -275,7 +292,7 @@ VIEW_OPERATORS = (
 )
 """In the order of their keys."""
 _CLASSES = (ONEFRAME_PG_view, *VIEW_OPERATORS, ONEFRAME_OT_show_frame, ONEFRAME_OT_zoom_frame)
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory(_CLASSES)
+_register_classes, _unregister_classes = class_registration(_CLASSES)
 _KEYS = Keys(
     (
         *(

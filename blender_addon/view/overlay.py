@@ -13,6 +13,7 @@ from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..ui.frame_view import FrameView, shows_frame
 from . import overlay_mesh
+from .operators import ONEFRAME_PG_view
 from .overlay_passes import Projection, SurfacePicture, rectangle
 from .overlay_shaders import MODES, composite_shader
 
@@ -52,7 +53,7 @@ class Composite:
     origin: tuple[float, float] = (0.0, 0.0)
     target_encodes: bool = True
 
-    def draw(self, view: bpy.types.PropertyGroup, low: tuple[float, float], high: tuple[float, float]) -> None:
+    def draw(self, view: ONEFRAME_PG_view, low: tuple[float, float], high: tuple[float, float]) -> None:
         """Draw the rectangle between two corners (px of the active viewport) with the scene's settings ``view``."""
         shader = composite_shader()
         shader.bind()

@@ -111,10 +111,11 @@ def _content(mesh: bpy.types.Mesh) -> _Content | None:
     kind, image, corner_values, vertex_values = "PLAIN", "", None, None
     texture = _texture_of(mesh)
     colours = mesh.color_attributes.active_color
-    if texture is not None:
+    layer = mesh.uv_layers.active
+    if texture is not None and layer is not None:
         kind, image = "TEXTURE", texture.name
         corner_values = np.empty(2 * len(mesh.loops), np.float32)
-        mesh.uv_layers.active.uv.foreach_get("vector", corner_values)
+        layer.uv.foreach_get("vector", corner_values)
     elif colours is not None and colours.domain in ("POINT", "CORNER"):
         kind = "COLOURS"
         values = np.empty(4 * len(colours.data), np.float32)
@@ -160,7 +161,7 @@ def _texture_of(mesh: bpy.types.Mesh) -> bpy.types.Image | None:
 
 def _batch(content: _Content, mesh: bpy.types.Mesh) -> gpu.types.GPUBatch:
     vertices, faces = content.vertices.reshape(-1, 3), content.faces.reshape(-1, 3)
-    normals = np.empty(vertices.size, np.float32)
+    normals: np.ndarray = np.empty(vertices.size, np.float32)
     mesh.vertex_normals.foreach_get("vector", normals)
     normals = normals.reshape(-1, 3)
     values = content.vertex_values
@@ -170,7 +171,7 @@ def _batch(content: _Content, mesh: bpy.types.Mesh) -> gpu.types.GPUBatch:
         faces = np.arange(faces.size, dtype=np.int32).reshape(-1, 3)
     vertices, normals, values, faces = _split_at_sharp_edges(vertices, normals, values, faces)
     fields = {"position": vertices, "normal": normals}
-    if content.kind != "PLAIN":
+    if values is not None:
         fields["colour" if content.kind == "COLOURS" else "uv"] = values
     layout = gpu.types.GPUVertFormat()
     for name, data in fields.items():
@@ -221,7 +222,7 @@ def _after_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> No
 
 
 @persistent
-def _after_undo(*_) -> None:
+def _after_undo(*_: object) -> None:
     _doubtful.update(_drawn)
     alive = {mesh.session_uid for mesh in bpy.data.meshes}
     for key in set(_drawn) - alive:

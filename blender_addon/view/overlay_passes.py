@@ -189,7 +189,7 @@ class _plain_state:
         self._mask = gpu.state.depth_mask_get()
         gpu.state.blend_set("NONE")
 
-    def __exit__(self, *_) -> None:
-        gpu.state.blend_set(self._blend)
-        gpu.state.depth_test_set(self._depth)
+    def __exit__(self, *_: object) -> None:
+        gpu.state.blend_set(self._blend)  # type: ignore[arg-type]  # as it was read
+        gpu.state.depth_test_set(self._depth)  # type: ignore[arg-type]  # as it was read
         gpu.state.depth_mask_set(self._mask)

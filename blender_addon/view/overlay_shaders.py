@@ -262,7 +262,7 @@ def surface_shader(kind: str) -> gpu.types.GPUShader:
     between.smooth("VEC3", "toward_eye")
     between.smooth("FLOAT", "depth_mm")
     info = gpu.types.GPUShaderCreateInfo()
-    info.define(kind)
+    info.define(kind)  # type: ignore[call-arg]  # the value is optional
     info.vertex_in(0, "VEC3", "position")
     info.vertex_in(1, "VEC3", "normal")
     if kind == "COLOURS":
@@ -333,7 +333,7 @@ def composite_shader() -> gpu.types.GPUShader:
         ("BOOL", "coloured"),
         ("BOOL", "target_encodes"),
     ):
-        info.push_constant(kind, name)
+        info.push_constant(kind, name)  # type: ignore[arg-type]  # from the table above
     info.fragment_source(_COMPOSITE_FRAGMENT)
     return gpu.shader.create_from_info(info)
 

@@ -3,10 +3,12 @@
 import bpy
 
 from ..pipeline.errors import InputError
+from ..registration import class_registration
 from ..state import from_scene
 from ..ui.frame_view import shows_frame
 from ..ui.keymap import draw_key
 from ..ui.wrapped_text import draw_sentence
+from .operators import ONEFRAME_PG_view
 from .overlay import frame_image_of
 
 
@@ -21,10 +23,10 @@ class ONEFRAME_PT_view(bpy.types.Panel):
     bl_order = 1
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return from_scene.is_set_up(context.scene)
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         row = layout.row(align=True)
         row.operator("oneframe.side_by_side", icon="WINDOW")
@@ -39,7 +41,7 @@ class ONEFRAME_PT_view(bpy.types.Panel):
         except InputError as error:
             draw_sentence(layout, str(error), icon="ERROR")
 
-    def _draw(self, context, layout, view):
+    def _draw(self, context: bpy.types.Context, layout: bpy.types.UILayout, view: ONEFRAME_PG_view) -> None:
         row = layout.row(align=True)
         row.prop(view, "opacity", slider=True)
         _key(row, "oneframe.cycle_opacity", icon="FILE_REFRESH")
@@ -61,7 +63,7 @@ class ONEFRAME_PT_view(bpy.types.Panel):
         self._draw_zoom(layout)
         layout.prop(view, "loupe")
 
-    def _draw_zoom(self, layout):
+    def _draw_zoom(self, layout: bpy.types.UILayout) -> None:
         row = layout.row(align=True)
         row.operator("oneframe.zoom_frame", text="1 : 1").magnification = 1.0
         draw_key(row, "oneframe.zoom_frame", magnification=1.0)
@@ -84,4 +86,4 @@ def _key(row: bpy.types.UILayout, operator: str, icon: str) -> None:
     draw_key(row, operator)
 
 
-register, unregister = bpy.utils.register_classes_factory((ONEFRAME_PT_view,))
+register, unregister = class_registration((ONEFRAME_PT_view,))

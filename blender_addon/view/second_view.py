@@ -3,6 +3,7 @@
 import bpy
 from mathutils import Vector
 
+from ..registration import class_registration
 from ..state import from_scene
 from ..state.pivot import pivot_of
 from ..ui.frame_view import window_region
@@ -14,7 +15,7 @@ DISTANCES = 2.5
 
 class _In3DView(NeedsAlignment):
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         if context.space_data is None or context.space_data.type != "VIEW_3D":
             cls.poll_message_set("Needs a 3D view")
             return False
@@ -28,7 +29,7 @@ class ONEFRAME_OT_side_by_side(_In3DView, Reporting, bpy.types.Operator):
     bl_label = "Side by Side"
     bl_options = {"REGISTER"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         known = set(context.screen.areas)
         views = [area for area in context.screen.areas if area.type == "VIEW_3D"]
         if len(views) == 1:
@@ -50,7 +51,7 @@ class ONEFRAME_OT_orbit_surface(_In3DView, Reporting, bpy.types.Operator):
     bl_label = "Orbit Surface"
     bl_options = {"REGISTER"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         context.space_data.lock_camera = False
         turn_to_surface(context.scene, context.space_data)
 
@@ -67,4 +68,4 @@ def turn_to_surface(scene: bpy.types.Scene, space: bpy.types.SpaceView3D) -> Non
     space.clip_start, space.clip_end = 0.01 * radius, 1000 * radius
 
 
-register, unregister = bpy.utils.register_classes_factory((ONEFRAME_OT_side_by_side, ONEFRAME_OT_orbit_surface))
+register, unregister = class_registration((ONEFRAME_OT_side_by_side, ONEFRAME_OT_orbit_surface))

@@ -1,12 +1,16 @@
 """The grip on the line between frame and surface of the swipe: a gizmo, so that dragging it reaches no tool."""
 
+from collections.abc import Sequence
+from typing import Literal
+
 import bpy
 import gpu
 from gpu_extras.presets import draw_circle_2d
 
+from ..registration import class_registration
 from ..state import from_scene
 from ..ui.frame_view import FrameView, shows_frame
-from ..ui.operator import redraw
+from ..ui.operator import OperatorResult, redraw
 
 GRIP_PX = 9.0
 """Radius of the grip; it can be caught a little outside, too."""
@@ -17,7 +21,7 @@ class ONEFRAME_GT_split(bpy.types.Gizmo):
 
     bl_idname = "ONEFRAME_GT_split"
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         grip = _grip(context)
         colour = (1.0, 0.75, 0.2, 1.0) if self.is_highlight or self.is_modal else (1.0, 1.0, 1.0, 1.0)
         gpu.state.blend_set("ALPHA")
@@ -29,23 +33,25 @@ class ONEFRAME_GT_split(bpy.types.Gizmo):
         gpu.state.line_width_set(1.0)
         gpu.state.blend_set("NONE")
 
-    def test_select(self, context, location):
+    def test_select(self, context: bpy.types.Context, location: Sequence[int]) -> int:
         x, y = _grip(context)
         near = (location[0] - x) ** 2 + (location[1] - y) ** 2 < (1.5 * _radius(context)) ** 2
         return 0 if near else -1
 
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         self._before = context.scene.oneframe_view.split
         return {"RUNNING_MODAL"}
 
-    def modal(self, context, event, tweak):
+    def modal(
+        self, context: bpy.types.Context, event: bpy.types.Event, tweak: set[Literal["PRECISE", "SNAP"]]
+    ) -> OperatorResult:
         seen = FrameView.of(context.scene, context.region, context.region_data)
         px = seen.px_from_region([event.mouse_region_x, event.mouse_region_y])[0]
         context.scene.oneframe_view.split = (px + 0.5) / seen.camera.width
         redraw(context)
         return {"RUNNING_MODAL"}
 
-    def exit(self, context, cancel):
+    def exit(self, context: bpy.types.Context, cancel: bool) -> None:
         if cancel:
             context.scene.oneframe_view.split = self._before
 
@@ -60,14 +66,14 @@ class ONEFRAME_GGT_split(bpy.types.GizmoGroup):
     bl_options = {"PERSISTENT", "SHOW_MODAL_ALL"}
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return (
             from_scene.is_set_up(context.scene)
             and context.scene.oneframe_view.comparison == "SWIPE"
             and shows_frame(context)
         )
 
-    def setup(self, _context):
+    def setup(self, _context: bpy.types.Context) -> None:
         gizmo = self.gizmos.new(ONEFRAME_GT_split.bl_idname)
         gizmo.use_draw_modal = True
 
@@ -84,4 +90,4 @@ def _radius(context: bpy.types.Context) -> float:
     return GRIP_PX * context.preferences.system.ui_scale
 
 
-register, unregister = bpy.utils.register_classes_factory((ONEFRAME_GT_split, ONEFRAME_GGT_split))
+register, unregister = class_registration((ONEFRAME_GT_split, ONEFRAME_GGT_split))

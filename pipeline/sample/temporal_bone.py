@@ -146,7 +146,7 @@ def held_out_poses() -> list[np.ndarray]:
 def _cortex_height(x, y):
     """z of the lateral skull: a flat dome with the zygomatic root, temporal line, mastoid tip and suprameatal spine."""
 
-    def bump(height, at_x, at_y, width_x, width_y):
+    def bump(height: float, at_x: float, at_y: float | np.ndarray, width_x: float, width_y: float) -> np.ndarray:
         return height * np.exp(-(((x - at_x) / width_x) ** 2) - ((y - at_y) / width_y) ** 2)
 
     z = 0.4 - x * x / 230 - y * y / 190
@@ -184,11 +184,11 @@ def _kept(x, y, z):
     return np.maximum(np.maximum(canal_wall, sinus), np.maximum(ridge, dome))
 
 
-def _base_cavity(x, y, z):
+def _base_cavity(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     return -smooth_minimum(-_cavity(x, y, z), -_kept(x, y, z), 1.2)
 
 
-def _ossicles(x, y, z):
+def _ossicles(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Incus (body, short process in its fossa, long process) and malleus (head, neck, handle), negative inside."""
     incus = ball(x, y, z, (-10.2, 6.0, -15.4), (1.5, 1.3, 1.6))
     short = polyline(x, y, z, np.array([[-9.8, 6.0, -15.5], [-5.8, 4.6, -17.3]]), [0.95, 0.4])
@@ -316,7 +316,7 @@ def _tissue(local: np.ndarray, cell_depth: np.ndarray) -> dict[str, np.ndarray]:
     """``(V,)`` weights by name, see :class:`SampleSurface`."""
     x, y, z = local.T.astype(np.float32)
 
-    def ramp(value, zero, one):
+    def ramp(value: np.ndarray, zero: float, one: float) -> np.ndarray:
         return np.clip((value - zero) / (one - zero), 0, 1)
 
     canal = ramp(polyline(x, y, z, CANAL), 5.2, 4.7) * ramp(z, -17.5, -16.5)

@@ -5,6 +5,7 @@ camera stays where it is; aligning moves the surface (:mod:`pipeline.blender.ali
 its children.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,7 +65,7 @@ def clear(scene: bpy.types.Scene) -> None:
             bpy.data.collections.remove(collection)
 
 
-def remove_objects(objects: list[bpy.types.Object]) -> None:
+def remove_objects(objects: Iterable[bpy.types.Object]) -> None:
     """Remove objects and their meshes or cameras, where nothing else uses these."""
     data = [found.data for found in objects if found.data is not None]
     bpy.data.batch_remove(list(objects))

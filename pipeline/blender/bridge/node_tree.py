@@ -23,7 +23,7 @@ class Nodes:
         """Connect two sockets."""
         self._tree.links.new(output, to)
 
-    def math(self, operation: str, *values: object) -> bpy.types.NodeSocket:
+    def math(self, operation: str, *values: float | bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """A calculation with numbers and sockets."""
         node = self.add("ShaderNodeMath", operation=operation)
         for socket, value in zip(node.inputs, values, strict=False):

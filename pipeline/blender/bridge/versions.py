@@ -47,5 +47,5 @@ def set_mp4(scene: bpy.types.Scene) -> None:
 def new_image_strip(scene: bpy.types.Scene, path: str, *, channel: int, frame_start: int) -> bpy.types.Strip:
     """An image strip in the scene's sequencer; further files are added to its ``elements``."""
     editor = scene.sequence_editor_create()
-    strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+    strips = editor.strips if hasattr(editor, "strips") else editor.sequences  # type: ignore[attr-defined]  # 4.5
     return strips.new_image("frames", path, channel, frame_start)

@@ -52,7 +52,7 @@ def coverage_of(source: ReferenceView, colour: SurfaceColour) -> Coverage:
     centres = source.mesh.vertices[source.mesh.faces].mean(axis=1)
     seen = frame.observed(centres, source.mesh.face_normals)
     return Coverage(
-        of_view=float(view.observed.sum() / max(view.mask.sum(), 1)),
+        of_view=float(view.observed.sum() / max(int(view.mask.sum()), 1)),
         of_surface=float(areas[seen].sum() / areas.sum()),
         mean_error=float(differences.mean()) if differences.size else 0.0,
         max_error=float(differences.max()) if differences.size else 0.0,

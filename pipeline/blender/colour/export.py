@@ -5,6 +5,7 @@ PLY and OBJ keep the frame and units of the mesh that the user gave; GLB is in m
 
 import tempfile
 from pathlib import Path
+from typing import Literal
 
 import bpy
 import numpy as np
@@ -25,7 +26,7 @@ from .reference_view import colour_of, reference_view_of
 FORMATS = (".glb", ".obj", ".ply")
 
 
-def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: str) -> list[str]:
+def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["texture", "vertex"]) -> list[str]:
     """Write the surface with the frame's colours; an OBJ or a textured PLY gets its picture beside it.
 
     Parameters

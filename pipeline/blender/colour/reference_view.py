@@ -1,13 +1,15 @@
 """The aligned frame as a source of colour: what it saw of the surface, by a render of its own pose."""
 
 from dataclasses import dataclass
+from typing import Literal, overload
 
 import numpy as np
 
+from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...colour.source_view import SourceView
-from ...colour.texture_atlas import bake_atlas, classify_faces
-from ...colour.vertex_colours import colour_vertices
+from ...colour.texture_atlas import TextureAtlas, bake_atlas, classify_faces
+from ...colour.vertex_colours import VertexColours, colour_vertices
 from ...dataset.view import RenderedView
 from ...errors import InputError
 from ...projection.visible_surface import most_central
@@ -67,6 +69,16 @@ def reference_view_of(loaded: LoadedCase) -> ReferenceView:
     return ReferenceView(mesh, view, pivot_model, tuple(messages))
 
 
+@overload
+def colour_of(source: ReferenceView, mode: Literal["vertex"]) -> tuple[VertexColours, list[str]]: ...
+@overload
+def colour_of(source: ReferenceView, mode: Literal["texture"]) -> tuple[TextureAtlas, list[str]]: ...
+@overload
+def colour_of(
+    source: ReferenceView, mode: Literal["texture", "vertex"]
+) -> tuple[TextureAtlas | VertexColours, list[str]]: ...
+@overload
+def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str]]: ...
 def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str]]:
     """The surface's colour in a mode (``projective``, ``texture``, ``vertex``), and messages for the user."""
     view, mesh = source.view, source.mesh
@@ -89,6 +101,6 @@ def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str
     return colours, [message]
 
 
-def _geometry(mesh: TriangleMesh, camera: object, cam_from_model: np.ndarray) -> RenderedView:
+def _geometry(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> RenderedView:
     with SurfaceScene(mesh, camera, None) as surface_scene:
         return render_view(surface_scene, cam_from_model)

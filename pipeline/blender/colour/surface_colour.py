@@ -63,9 +63,12 @@ def put_colour(
     flipped = source.mesh.faces is not mesh.faces and not np.array_equal(source.mesh.faces, mesh.faces)
     textured = isinstance(colour, TextureAtlas)
     # beside a texture too: Solid's attribute colours, and whoever asks for the colour of a vertex
-    vertices = colour_vertices(source.mesh, source.view) if textured else colour
+    vertices = colour_vertices(source.mesh, source.view) if isinstance(colour, TextureAtlas) else colour
     _set_colour_attribute(surface, vertices, mark_unseen)
-    material = _textured(surface, colour, mark_unseen, flipped) if textured else _vertex_coloured(mark_unseen, flipped)
+    if isinstance(colour, TextureAtlas):
+        material = _textured(surface, colour, mark_unseen, flipped)
+    else:
+        material = _vertex_coloured(mark_unseen, flipped)
     flags = surface.data.attributes.new(OBSERVED_ATTRIBUTE, "BOOLEAN", "POINT")
     flags.data.foreach_set("value", np.ascontiguousarray(vertices.observed))
     material.cycles.emission_sampling = "NONE"
@@ -125,7 +128,7 @@ def mark_unseen(surface: bpy.types.Object, mark: bool) -> None:
             shown.image, other.image = other.image, shown.image
     attribute = surface.data.color_attributes.get(COLOUR_ATTRIBUTE)
     if attribute is not None:
-        rgba = np.empty(4 * len(attribute.data), np.float32)
+        rgba: np.ndarray = np.empty(4 * len(attribute.data), np.float32)
         attribute.data.foreach_get("color", rgba)
         rgba = rgba.reshape(-1, 4)
         rgba[rgba[:, 3] == 0, :3] = linear_from_codes(_unseen_codes(mark))
@@ -139,7 +142,7 @@ def vertex_codes(surface: bpy.types.Object) -> np.ndarray | None:
     attribute = surface.data.color_attributes.get(COLOUR_ATTRIBUTE)
     if attribute is None or attribute.domain != "POINT" or len(attribute.data) != len(surface.data.vertices):
         return None
-    rgba = np.empty(4 * len(attribute.data), np.float32)
+    rgba: np.ndarray = np.empty(4 * len(attribute.data), np.float32)
     attribute.data.foreach_get("color", rgba)
     rgba = rgba.reshape(-1, 4)
     return np.where(rgba[:, 3:] > 0, codes_from_linear(rgba[:, :3]), np.nan).astype(np.float32)

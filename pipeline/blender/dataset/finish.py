@@ -1,5 +1,6 @@
 """The end of a dataset job: tables, contact sheet and video, once the views that they need are there."""
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
@@ -98,7 +99,7 @@ def write_trajectory_video(job: OpenJob, renderer: ViewRenderer, progress: Progr
     (folder / "poses.csv").unlink(missing_ok=True)
     poses = renderer.video_poses()
 
-    def images() -> object:
+    def images() -> Iterator[np.ndarray]:
         for pose in poses:
             yield renderer.render(pose).rgb
             progress.advance()

@@ -23,7 +23,7 @@ class ViewProbe:
     def __init__(self, surface_scene: SurfaceScene, source: ReferenceView, camera: PinholeCamera) -> None:
         depsgraph = surface_scene.scene.view_layers[0].depsgraph
         depsgraph.update()
-        self._tree = BVHTree.FromObject(surface_scene.surface_object, depsgraph)
+        self._tree = BVHTree.FromObject(surface_scene.surface_object, depsgraph)  # type: ignore[arg-type]  # the same class
         self._source = source
         self._camera = camera
 

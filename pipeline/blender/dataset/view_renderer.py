@@ -101,7 +101,7 @@ class ViewRenderer:
         """
         if self._given is not None:
             return plan_given_poses(self._given[index : index + 1], self._constraints, self._probe)[0][0]
-        if self._options.sampler == "trajectory":
+        if self._distribution is None:
             pose = self._trajectory.pose_at(index / self._options.count)
             return plan_given_poses(pose[None], self._constraints, self._probe)[0][0]
         return plan_pose(self._distribution, self._constraints, self._probe, seed=self._options.seed, index=index)

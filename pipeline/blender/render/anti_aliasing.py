@@ -95,7 +95,8 @@ class EdgeSampler:
 
     def _fit_filter(self, cam_from_model: np.ndarray) -> bool:
         """Give the surface's material the frame as filtered for the view's distance; False if it needs no filter."""
-        if isinstance(self._colour, VertexColours):
+        colour = self._colour
+        if isinstance(colour, VertexColours):
             return False
         frame, pivot = self._source, self._pivot_model[None]
         view_mm, frame_mm = (transform_points(pose, pivot)[0, 2] for pose in (cam_from_model, frame.cam_from_model))
@@ -104,16 +105,15 @@ class EdgeSampler:
         footprint = float(np.clip(at_frame * FOOTPRINT_STEP**step, SHARP_FOOTPRINT, LARGEST_FOOTPRINT))
         filtered = footprint > SHARP_FOOTPRINT
         if footprint not in self._images:
-            self._images[footprint] = self._new_image(footprint if filtered else None)
+            self._images[footprint] = self._new_image(colour, footprint if filtered else None)
         node = self._surface_scene.surface_object.data.materials[0].node_tree.nodes[FILTERED_IMAGE]
         if node.image != self._images[footprint]:
             node.image = self._images[footprint]
             node.interpolation = "Cubic" if filtered else "Linear"
         return filtered
 
-    def _new_image(self, footprint: float | None) -> bpy.types.Image:
+    def _new_image(self, colour: TextureAtlas | SourceView, footprint: float | None) -> bpy.types.Image:
         """The frame or atlas, filtered if a footprint is given; alpha marks where what it saw breaks off."""
-        colour = self._colour
         if isinstance(colour, TextureAtlas):
             known = colour.observed
             beside = edge_pixels(known.astype(np.float32), known, self._source.camera)

@@ -60,7 +60,7 @@ def _ray_nodes(surface: bpy.types.Object, colour: SurfaceColour) -> tuple[bpy.ty
     """The modifier's node group, and the node that holds the rays' origin."""
     group = bpy.data.node_groups.new("rays", "GeometryNodeTree")
     for direction in ("INPUT", "OUTPUT"):
-        group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
+        group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")  # type: ignore[arg-type]
     nodes = Nodes(group)
     rays, target = nodes.add("NodeGroupInput"), nodes.add("GeometryNodeObjectInfo", Object=surface)
     origin, direction = nodes.add("FunctionNodeInputVector"), nodes.add("GeometryNodeInputPosition")

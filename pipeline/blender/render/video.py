@@ -29,17 +29,17 @@ def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
         A file cannot be written.
     """
     with tempfile.TemporaryDirectory(prefix="oneframe-video-") as folder:
-        files, shape = [], (0, 0)
+        files, height, width = [], 0, 0
         for number, image in enumerate(images):
             padded = np.pad(image, ((0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)), mode="edge")
-            shape = padded.shape[:2]
+            height, width = padded.shape[:2]
             file = Path(folder) / f"{number:06d}.png"
             file.write_bytes(encode_png(to_uint8(padded)))
             files.append(file)
         written = Path(folder) / "video.mp4"
         with temporary_data():
             scene = bpy.data.scenes.new("oneframe video")
-            _set_up(scene, files, width=shape[1], height=shape[0])
+            _set_up(scene, files, width=width, height=height)
             scene.render.filepath = str(written)
             bpy.ops.render.render(animation=True, scene=scene.name)
         data = written.read_bytes()

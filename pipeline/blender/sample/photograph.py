@@ -178,13 +178,16 @@ def _linear(srgb: tuple[int, int, int]) -> np.ndarray:
     return np.append(linear, 1.0)
 
 
+Socket = bpy.types.NodeSocket
+
+
 class _Nodes:
     """Short words for building a shader graph from numbers and sockets."""
 
-    def __init__(self, tree: bpy.types.NodeTree):
+    def __init__(self, tree: bpy.types.NodeTree) -> None:
         self.tree = tree
 
-    def add(self, kind: str, inputs: dict, **settings) -> bpy.types.Node:
+    def add(self, kind: str, inputs: dict, **settings: object) -> bpy.types.Node:
         node = self.tree.nodes.new(kind)
         for name, value in settings.items():
             setattr(node, name, value)
@@ -196,21 +199,23 @@ class _Nodes:
                 socket.default_value = value
         return node
 
-    def noise(self, per_mm: float, detail: float, lacunarity: float, position):
+    def noise(
+        self, per_mm: float, detail: float, lacunarity: float, position: bpy.types.NodeSocket
+    ) -> bpy.types.NodeOutputs:
         inputs = {"Vector": position, "Scale": per_mm, "Detail": detail, "Roughness": 0.65, "Lacunarity": lacunarity}
         return self.add("ShaderNodeTexNoise", inputs).outputs
 
-    def vector(self, operation: str, *operands):
+    def vector(self, operation: str, *operands: object) -> Socket:
         return self.add("ShaderNodeVectorMath", dict(enumerate(operands)), operation=operation).outputs["Vector"]
 
-    def ramp(self, value, zero: float, one: float, low: float = 0.0, high: float = 1.0):
+    def ramp(self, value: Socket, zero: float, one: float, low: float = 0.0, high: float = 1.0) -> Socket:
         inputs = {"Value": value, "From Min": zero, "From Max": one, "To Min": low, "To Max": high}
         return self.add("ShaderNodeMapRange", inputs, clamp=True).outputs["Result"]
 
-    def maths(self, operation: str, *operands):
+    def maths(self, operation: str, *operands: object) -> Socket:
         return self.add("ShaderNodeMath", dict(enumerate(operands)), operation=operation).outputs["Value"]
 
-    def mix(self, weight, a, b):
+    def mix(self, weight: object, a: object, b: object) -> Socket:
         inputs = {0: weight, 6: a, 7: b}
         return self.add("ShaderNodeMix", inputs, data_type="RGBA").outputs[2]
 
@@ -219,7 +224,7 @@ def _tissue_material() -> bpy.types.Material:
     material = new_node_material("wet bone")
     make = _Nodes(material.node_tree)
 
-    def stored(name: str):
+    def stored(name: str) -> bpy.types.NodeOutputs:
         return make.add("ShaderNodeAttribute", {}, attribute_name=name).outputs
 
     position = make.add("ShaderNodeTexCoord", {}).outputs["Object"]

@@ -1,6 +1,6 @@
-"""Where a pose comes from: the optional table ``[alignment]`` of a case file, checked.
+"""The origin of a pose: the optional table ``[alignment]`` of a case file, checked.
 
-It records how the pose was found and how sure it is; nothing is computed from it.
+It records how the pose was found and its uncertainty; nothing is computed from it.
 """
 
 import math
@@ -31,13 +31,13 @@ KEYS = (
 ``tool``, ``date``
     Program and version; day or time in ISO 8601.
 ``pairs``, ``rms_px``
-    Landmarks that the pose was computed from, and what is left of their distances in the image.
+    Number of correspondences that the pose was computed from, and their root mean square reprojection error.
 ``click_sigma_px``
-    The standard deviation of a clicked pixel that the uncertainty assumes.
+    The standard deviation of the click noise that the uncertainty assumes.
 ``standard_deviation_deg``, ``standard_deviation_mm``
-    Of rotation and translation along the camera's x, y and z axis.
+    Standard deviations of rotation and translation along the camera's x, y and z axis.
 ``weakest``
-    The direction that the landmarks determine least, in words.
+    The least certain direction, in words.
 """
 
 _TEXTS, _AMOUNTS = ("method", "tool", "weakest"), ("rms_px", "click_sigma_px")
@@ -53,7 +53,7 @@ def checked_alignment_record(table: object, where: str) -> dict[str, object]:
     Raises
     ------
     InputError
-        No table, an unknown key, or a value of the wrong kind.
+        Not a table, an unknown key, or a value of the wrong kind.
     """
     if not isinstance(table, Mapping):
         raise InputError(f"{where}: expected a table, found {table!r}")
@@ -64,7 +64,7 @@ def checked_alignment_record(table: object, where: str) -> dict[str, object]:
 def _checked(key: str, value: Any, where: str) -> object:
     if key in _TEXTS:
         if not isinstance(value, str):
-            raise InputError(f"{where}: expected a text, found {value!r}")
+            raise InputError(f"{where}: expected text, found {value!r}")
         return value
     if key == "date":
         return _checked_date(value, where)
@@ -87,12 +87,12 @@ def _is_number(value: Any) -> bool:
         return False
     try:
         return math.isfinite(value)
-    except OverflowError:  # an integer that no float holds
+    except OverflowError:  # an integer too large for a float
         return False
 
 
 def _checked_date(value: Any, where: str) -> str:
-    if isinstance(value, date):  # as TOML has them; a datetime is one
+    if isinstance(value, date):  # TOML has dates; a datetime is a date too
         return value.isoformat()
     try:
         datetime.fromisoformat(value)

@@ -1,6 +1,6 @@
 """The case file: one frame, its camera, surface and pose, read strictly from TOML.
 
-Reading stops at paths and numbers; the files they name are opened by :mod:`pipeline.blender.case.load_case`.
+This module reads paths and numbers; :mod:`pipeline.blender.case.load_case` opens the files that they name.
 """
 
 import re
@@ -32,7 +32,7 @@ _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 
 @dataclass(frozen=True)
 class Structure:
-    """An anatomical structure that overlays show: a name, a mesh file in the surface's frame, an sRGB colour 0..1."""
+    """An anatomical structure for overlays: name, mesh file in the frame of the surface's file, sRGB colour 0..1."""
 
     name: str
     mesh: Path
@@ -56,17 +56,17 @@ class Case:
     mesh
         The surface's file.
     cam_from_mesh
-        4x4, mm: the pose as given, for the frame of the mesh file.
+        4x4, mm: the pose in the file, from the frame of the mesh file.
     structures
-        What overlays show beside the surface.
+        What overlays show in addition to the surface.
     dataset
         The raw ``[dataset]`` table: options of the run, checked by :mod:`pipeline.dataset.options`.
     messages
-        Sentences about what was corrected.
+        Messages about what was corrected.
     landmarks
         Points of the surface (mm, ``mesh``) with their pixels in the undistorted frame.
     alignment
-        Where the pose comes from: see :mod:`pipeline.case.alignment_record`.
+        Origin of the pose: see :mod:`pipeline.case.alignment_record`.
     """
 
     path: Path
@@ -83,7 +83,7 @@ class Case:
     alignment: dict[str, object] = field(default_factory=dict)
 
     def input_files(self) -> dict[str, Path]:
-        """All files that the results depend on, by a name that does not depend on where they lie."""
+        """All files that the results depend on, by a name that does not depend on their location."""
         files = {"case": self.path, "frame": self.image, "surface": self.mesh}
         return files | {f"structure {structure.name}": structure.mesh for structure in self.structures}
 
@@ -94,13 +94,13 @@ def read_case(path: Path) -> Case:
     Raises
     ------
     InputError
-        Missing or not TOML, an unknown or missing key, a value of the wrong kind.
+        The file is missing or not TOML, a key is unknown or missing, or a value is of the wrong kind.
     """
     return case_from_text(read_content(path, "a case file"), path)
 
 
 def case_from_text(text: str | bytes, path: Path) -> Case:
-    """The case that a file of this text would be, if it lay at ``path``.
+    """Check a case from the text of its file; file names in it are relative to the folder of ``path``.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
 
 
 def checked_camera(table: dict, where: str) -> tuple[PinholeCamera, Distortion | None]:
-    """The camera of a checked table ``[camera]``, with the pixel origin at the centre of the top-left pixel.
+    """The camera of a table ``[camera]`` with valid keys; pixel origin at the centre of the top-left pixel.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Writing the case file that :func:`pipeline.case.case_file.read_case` reads back to the last bit."""
+"""Write case files that :func:`pipeline.case.case_file.read_case` reads back to the last bit."""
 
 import json
 import os
@@ -25,28 +25,28 @@ UNIT_OF = {factor: unit for unit, factor in MM_PER_UNIT.items()}
 def write_case(path: Path, case: Case, *, comment: str = "") -> None:
     """Write a case as TOML, whole or not at all.
 
-    Numbers come back to the last bit, colours of structures as 8-bit codes. Files are named relative to the folder of
-    ``path`` (whatever the folder of ``case.path`` is), unless they lie on another drive.
+    Numbers are read back to the last bit, colours of structures as 8-bit codes. File names are relative to the folder
+    of ``path``, not of ``case.path``, unless a file is on another drive.
 
     Parameters
     ----------
     path
         The file, ``*.toml``; its folder exists.
     case
-        What to write; ``messages`` are left out.
+        The case; its ``messages`` are not written.
     comment
-        Lines to stand first in the file.
+        Lines for the beginning of the file.
 
     Raises
     ------
     InputError
-        Another extension, so that a wrong name cannot replace the frame or the mesh; or something in the case that
-        cannot be read back, such as two landmarks of one name or a number that is not finite.
+        Another extension (so that a wrong name cannot overwrite the frame or the mesh), or a case that could not be
+        read back, such as one with two landmarks of one name or a number that is not finite.
     OSError
         The file cannot be written.
     """
     if path.suffix.lower() != ".toml":
-        raise InputError(f"{path}: expected the name of a case file, *.toml, found {path.name!r}; take another name")
+        raise InputError(f"{path}: expected the name of a case file, *.toml, found {path.name!r}; choose another name")
     text = case_text(path, case, comment=comment)
     try:
         data = text.encode()
@@ -57,7 +57,7 @@ def write_case(path: Path, case: Case, *, comment: str = "") -> None:
 
 
 def case_text(path: Path, case: Case, *, comment: str = "") -> str:
-    """The text of :func:`write_case`."""
+    """The text that :func:`write_case` writes."""
     folder = path.parent
     blocks = [
         [*(f"# {line}" for line in comment.splitlines()), f'units = "{UNIT_OF[case.mm_per_unit]}"'],
@@ -129,7 +129,7 @@ def _pairs(table: Mapping[str, object]) -> list[str]:
 
 
 def _moved(dataset: Mapping[str, object], folder: Path, new_folder: Path) -> dict[str, object]:
-    """The table as it must read in another folder: ``poses`` names a file relative to the case."""
+    """The table for a case file in another folder: ``poses`` names a file relative to the case file."""
     poses = dataset.get("poses")
     if folder == new_folder or not isinstance(poses, str):
         return dict(dataset)
@@ -141,16 +141,16 @@ def _file(path: Path, folder: Path) -> str:
 
 
 def relative_name(path: Path, folder: Path) -> str:
-    """A file's name as seen from a folder, with slashes on every system; whole if the file lies on another drive."""
+    """A file's path relative to a folder, with slashes on every system; absolute if it is on another drive."""
     try:
         return path.relative_to(folder).as_posix()
     except ValueError:
-        # ".." leads out of where a link points to, so no folder on the way may be a link
+        # ".." goes to the parent of a link's target, so no folder on the way may be a link
         return walked(Path(os.path.realpath(path.parent)) / path.name, Path(os.path.realpath(folder)))
 
 
 def walked(path: PurePath, folder: PurePath) -> str:
-    """The way from one absolute folder to a file, up and down, with slashes."""
+    """The relative path from an absolute folder to a file, with slashes."""
     if path.anchor != folder.anchor:
         return path.as_posix()
     shared = 0
@@ -160,7 +160,7 @@ def walked(path: PurePath, folder: PurePath) -> str:
 
 
 def toml_value(value: Any) -> str:
-    """A value as TOML 1.0; tables are written inline."""
+    """A value as TOML 1.0; tables become inline tables."""
     match value:
         case bool():
             return str(value).lower()

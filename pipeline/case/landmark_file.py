@@ -2,8 +2,8 @@
 
 The CSV has a header ``name,x,y,z,u,v,enabled`` (any order; commas or semicolons; other columns are ignored), the JSON
 is a list of ``{"name", "surface": [x, y, z], "pixel": [u, v], "enabled"}``, as in a case file. Points are in the frame
-and units of the mesh file, pixels in the undistorted frame with (0, 0) at the centre of the top-left pixel. Cells or
-entries that are missing make a landmark of which only the point, or only the pixel, is known.
+and units of the mesh file, pixels in the undistorted frame with (0, 0) at the centre of the top-left pixel. Without a
+point or without a pixel, a landmark is incomplete.
 """
 
 import csv
@@ -24,14 +24,14 @@ _TRUTHS = {"": True, "true": True, "1": True, "yes": True, "false": False, "0": 
 
 
 def read_landmarks(path: Path, *, mm_per_unit: float = 1.0) -> tuple[Landmark, ...]:
-    """Read landmarks; JSON if the file begins as such, else CSV.
+    """Read landmarks: JSON if the file begins with a bracket, else CSV.
 
     Parameters
     ----------
     path
         The file.
     mm_per_unit
-        Factor from the unit of the points, that of the mesh file, to millimetres.
+        Factor from the unit of the points (that of the mesh file) to millimetres.
 
     Returns
     -------
@@ -40,7 +40,8 @@ def read_landmarks(path: Path, *, mm_per_unit: float = 1.0) -> tuple[Landmark, .
     Raises
     ------
     InputError
-        No file, no header, a missing or doubtful number, a name that stands twice; the line is named.
+        The file or its header is missing, a number is missing or malformed, or a name occurs twice; the message names
+        the line.
     """
     path = Path(path)
     text = decoded(read_content(path, "a file with landmarks", most=LARGEST_FILE))
@@ -57,13 +58,15 @@ def write_landmarks(path: Path, landmarks: Sequence[Landmark], *, mm_per_unit: f
     Raises
     ------
     InputError
-        Another extension; or they could not be read again: two of one name, or a number that is not finite.
+        Another extension, or landmarks that could not be read back: two of one name, or a number that is not finite.
     OSError
         The file cannot be written.
     """
     suffix = path.suffix.lower()
     if suffix not in (".csv", ".json"):
-        raise InputError(f"{path}: expected the name of a file *.csv or *.json, found {path.name!r}; take another name")
+        raise InputError(
+            f"{path}: expected the name of a file *.csv or *.json, found {path.name!r}; choose another name"
+        )
     tables = [
         {"name": landmark.name}
         | ({} if landmark.point is None else {"surface": list(landmark.point)})
@@ -115,7 +118,7 @@ def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
             landmark = landmark_from_table(_table(names, cells, place), place, mm_per_unit=mm_per_unit)
             line, _ = found.setdefault(landmark.name, (rows.line_num, landmark))
             if line != rows.line_num:
-                raise InputError(f"{place}expected another name, {landmark.name!r} stands in line {line}; rename one")
+                raise InputError(f"{place}expected another name, {landmark.name!r} is also in line {line}; rename one")
     except csv.Error as error:
         raise InputError(f"{name}: line {rows.line_num}: expected CSV, found a mistake: {error}") from None
     if not names:
@@ -136,7 +139,7 @@ def _checked_header(cells: list[str], place: str) -> list[str]:
 
 
 def _table(names: list[str], cells: list[str], place: str) -> dict[str, object]:
-    """A row as the table of a landmark."""
+    """Convert a row of cells to the table of a landmark."""
     row = dict.fromkeys(COLUMNS, "") | {name: cell.strip() for name, cell in zip(names, cells, strict=False)}
     entry: dict[str, object] = {"name": row["name"]}
     for key, parts in (("surface", ("x", "y", "z")), ("pixel", ("u", "v"))):
@@ -149,7 +152,7 @@ def _table(names: list[str], cells: list[str], place: str) -> dict[str, object]:
 
 def _number(text: str, place: str) -> float:
     try:
-        if "_" in text:  # Python's, not a number's
+        if "_" in text:  # float() accepts it, CSV does not
             raise ValueError
         return WrittenFloat(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Landmarks as a list of tables ``{name, surface, pixel, enabled}``: in case files and in landmark files alike."""
+"""Landmarks as tables ``{name, surface, pixel, enabled}``, the form of both case files and landmark files."""
 
 from __future__ import annotations
 
@@ -17,10 +17,18 @@ from ..files.tables import check_keys
 
 @dataclass(frozen=True)
 class Landmark:
-    """One point of the surface and the pixel where it is seen; either may still be missing.
+    """A 2D-3D correspondence: a point of the surface and its pixel in the frame; either may still be missing.
 
-    `point` is in mm, in a `Case` in the frame `mesh`. `pixel` is in the UNDISTORTED frame, in px, with (0, 0) at the
-    centre of the top-left pixel. A landmark that is not `enabled` is kept, but takes no part in the alignment.
+    Attributes
+    ----------
+    name
+        Unique within a list of landmarks.
+    point
+        mm; in a :class:`~pipeline.case.case_file.Case` in the frame ``mesh``.
+    pixel
+        px in the *undistorted* frame, with (0, 0) at the centre of the top-left pixel.
+    enabled
+        False: the alignment ignores the landmark.
     """
 
     name: str
@@ -30,25 +38,25 @@ class Landmark:
 
 
 _NOT_IN_NAMES = re.compile("[\x00-\x1f\x7f\ud800-\udfff]")
-"""Line breaks and other control characters, and what is no Unicode."""
+"""Line breaks and other control characters, and surrogates, which are not valid Unicode text."""
 
 
 def landmarks_from_tables(
     entries: object, where: str, *, mm_per_unit: float = 1.0, pixel_origin: PixelOrigin = "center"
 ) -> tuple[Landmark, ...]:
-    """Check landmarks as a user gives them.
+    """Check the user's landmarks.
 
     Parameters
     ----------
     entries
-        List of tables with ``name`` and, as far as they are known, ``surface`` = [x, y, z] in the mesh file's frame and
-        units and ``pixel`` = [u, v] px in the undistorted frame; ``enabled`` is true if it is not there.
+        List of tables with ``name`` and, if known, ``surface`` = [x, y, z] in the mesh file's frame and units and
+        ``pixel`` = [u, v] px in the undistorted frame; ``enabled`` is true by default.
     where
         Names the list in messages, e.g. ``"case.toml: [[landmarks]]"``.
     mm_per_unit
         Factor from the units of ``surface`` to millimetres.
     pixel_origin
-        Where ``pixel`` has its (0, 0).
+        Whether (0, 0) of ``pixel`` is the centre or the corner of the top-left pixel.
 
     Returns
     -------
@@ -57,7 +65,7 @@ def landmarks_from_tables(
     Raises
     ------
     InputError
-        An unknown or missing key, a value of the wrong kind, a number that is not finite, a name that stands twice.
+        An unknown or missing key, a value of the wrong kind, a number that is not finite, a name that occurs twice.
     """
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise InputError(f"{where}: expected a list of tables with name, surface and pixel, found {entries!r}")
@@ -77,7 +85,7 @@ def landmarks_from_tables(
 def landmark_from_table(
     entry: Mapping[str, Any], place: str, *, mm_per_unit: float = 1.0, pixel_origin: PixelOrigin = "center"
 ) -> Landmark:
-    """One landmark; ``place`` begins the messages. White space around the name is dropped.
+    """Check one landmark; ``place`` begins the messages. Strips white space around the name.
 
     Raises
     ------
@@ -92,7 +100,7 @@ def landmark_from_table(
         x, y, z = _numbers(entry["surface"], 3, f"{place}expected surface = [x, y, z]")
         point = (millimetres(x, mm_per_unit), millimetres(y, mm_per_unit), millimetres(z, mm_per_unit))
         if not np.isfinite(point).all():
-            raise InputError(f"{place}expected surface = [x, y, z] on the surface, found {entry['surface']!r}")
+            raise InputError(f"{place}expected smaller numbers in surface = [x, y, z], found {entry['surface']!r}")
     if "pixel" in entry:
         shift = 0.5 if pixel_origin == "corner" else 0.0
         u, v = _numbers(entry["pixel"], 2, f"{place}expected pixel = [u, v]")

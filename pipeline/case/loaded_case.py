@@ -1,4 +1,4 @@
-"""A case in memory, and whether its pose can be right: the surface in view, at a distance that microscopes have."""
+"""A case in memory, and a check that its pose is plausible: the surface in view, at a microscope's distance."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,7 @@ from ..transforms import rigid, transform_points
 from .case_file import Case, Structure
 
 NEAREST_MM, FARTHEST_MM = 2.0, 30_000.0
-"""Working distances outside of this are taken for a mistake of the units; a factor of 1000 always falls outside."""
+"""Working distances outside this range indicate wrong units; an error by a factor of 1000 is always outside."""
 
 
 @dataclass(frozen=True)
@@ -24,17 +24,17 @@ class LoadedCase:
     case
         The case file.
     image, valid
-        ``(H, W, 3)`` float32 code values 0..1 of the undistorted frame; ``(H, W)`` bool, False where it shows nothing.
+        ``(H, W, 3)`` float32 code values 0..1 of the undistorted frame; ``(H, W)`` bool, False where it has no image.
     mesh
         The surface in the model frame (demeaned), mm.
     mesh_from_model
-        4x4, the translation by the mean of the given vertices.
+        4x4, mm: the translation by the mean of the file's vertices.
     cam_from_model
-        4x4, the pose of the frame.
+        4x4, mm: the pose of the frame.
     structures
-        What overlays show, in the model frame.
+        The structures and their meshes in the model frame, for overlays.
     messages
-        Sentences about what was corrected or dropped.
+        Messages about what was corrected or dropped.
     """
 
     case: Case
@@ -48,7 +48,11 @@ class LoadedCase:
 
 
 def load_surface(path: Path, mm_per_unit: float) -> tuple[TriangleMesh, np.ndarray, list[str]]:
-    """The surface in the model frame, mm; ``mesh_from_model`` (4x4); and sentences about what was dropped.
+    """Read the surface and move it to the model frame.
+
+    Returns
+    -------
+    The surface in the model frame, mm; ``mesh_from_model`` (4x4, mm); and messages about what was dropped.
 
     Raises
     ------
@@ -75,7 +79,7 @@ def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> No
     in_front = depth > 0
     if not in_front.any():
         raise InputError(
-            f"{name}: expected the surface in front of the camera, all of it lies behind (depth {depth.min():.4g} to "
+            f"{name}: expected the surface in front of the camera, all of it is behind (depth {depth.min():.4g} to "
             f"{depth.max():.4g} mm); cam_from_mesh maps the mesh to OpenCV axes (z forward): "
             "invert the matrix if it is mesh_from_cam, negate its 2nd and 3rd row if its axes are OpenGL's, "
             "and give mesh and translation in the same unit"
@@ -85,7 +89,7 @@ def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> No
         raise InputError(
             f"{name}: expected a working distance of {NEAREST_MM:g} mm to {FARTHEST_MM / 1000:g} m, the surface is "
             f"{distance:.4g} mm away: wrong units suspected; units is "
-            f'"{"mm" if case.mm_per_unit == 1 else "m"}", is that what the mesh and the pose are in?'
+            f'"{"mm" if case.mm_per_unit == 1 else "m"}", are the mesh and the pose in this unit?'
         )
     camera = case.camera
     extent_px = 2 * mesh.radius / distance * min(camera.fx, camera.fy)

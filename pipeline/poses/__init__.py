@@ -1,4 +1,4 @@
 """New camera poses.
 
-In: the frame's pose, a seed, an index. Out: the pose of that view, within constraints.
+In: the frame's pose, a seed, the index of a view. Out: the pose of that view, which meets the constraints.
 """

@@ -1,9 +1,8 @@
-"""The poses of a dataset: drawn with constraints by rejection, or read from a list that the user gives.
+"""The poses of a dataset: drawn by rejection sampling under constraints, or read from the user's list.
 
-A *probe* says what a pose shows: a callable ``cam_from_model -> ViewStatistics``. Rejection keeps the
-distribution's shape: accepted poses follow the distribution conditioned on the constraints (von Neumann, 1951). Poses
-from a list are the user's own choice, so they are never rejected; those that break constraints are counted and
-reported.
+A *probe* measures what a pose shows: a callable ``cam_from_model -> ViewStatistics``. Accepted poses follow the
+distribution conditioned on the constraints (rejection sampling, von Neumann, 1951). Poses from a list are the user's
+own choice, so they are never rejected; those that break constraints are counted and reported.
 """
 
 from collections.abc import Callable
@@ -17,14 +16,14 @@ from .distributions import PoseDistribution
 
 @dataclass(frozen=True)
 class ViewStatistics:
-    """What a camera at some pose would see.
+    """What a camera would see from a pose.
 
     Attributes
     ----------
     surface_fraction
-        Share of the image covered by the surface, 0..1.
+        Fraction of the image that the surface covers, 0..1.
     observed_fraction
-        Share of the surface in view that the source frame observed, 0..1; 0 if no surface is in view.
+        Fraction of the surface in view that the source frame observed, 0..1; 0 if no surface is in view.
     clearance_mm
         Distance from the centre of projection to the nearest point of the surface.
     """
@@ -61,9 +60,9 @@ class Constraints:
     Attributes
     ----------
     min_surface
-        Smallest share of the image that is covered by the surface, 0..1.
+        Smallest fraction of the image that the surface covers, 0..1.
     min_observed
-        Smallest share of the surface in view that the source frame observed, 0..1.
+        Smallest fraction of the surface in view that the source frame observed, 0..1.
     min_clearance_mm
         Smallest distance from the centre of projection to the surface.
     max_attempts
@@ -90,7 +89,7 @@ class Constraints:
             )
 
     def broken_by(self, statistics: ViewStatistics) -> Rejections:
-        """Count 1 for each constraint that a view breaks; statistics that are NaN break theirs."""
+        """Count 1 for each constraint that a view breaks; a statistic that is NaN breaks its constraint."""
         return Rejections(
             surface=int(not statistics.surface_fraction >= self.min_surface),
             observed=int(not statistics.observed_fraction >= self.min_observed),
@@ -100,7 +99,7 @@ class Constraints:
 
 @dataclass(frozen=True)
 class PlannedPose:
-    """One view's pose and how it was found.
+    """The pose of one view and how it was found.
 
     Attributes
     ----------
@@ -109,9 +108,9 @@ class PlannedPose:
     statistics
         What this pose shows.
     attempts
-        Poses tried, this one included.
+        Number of poses tried, including this one.
     rejections
-        Constraints that the poses tried before broke; for a pose from a list, those that it breaks itself.
+        Constraints that the rejected poses broke; for a pose from a list, those that it breaks itself.
     """
 
     cam_from_model: np.ndarray
@@ -123,13 +122,13 @@ class PlannedPose:
 def plan_pose(
     distribution: PoseDistribution, constraints: Constraints, probe: Probe, *, seed: int, index: int
 ) -> PlannedPose:
-    """Draw the pose of view ``index`` until it meets the constraints; the result depends on (seed, index) only.
+    """Draw poses of view ``index`` until one meets the constraints; the random numbers depend on (seed, index) only.
 
     Raises
     ------
     InputError
-        None of ``max_attempts`` poses meets the constraints; the message says how many broke which, the best value of
-        each, and which to loosen.
+        None of ``max_attempts`` poses meets the constraints; the message says how many poses broke each constraint,
+        the best value of each, and which one to loosen.
     """
     rng = np.random.default_rng([seed, index])
     rejections, rejected = Rejections(), []
@@ -147,7 +146,7 @@ def plan_pose(
 def plan_given_poses(
     cams_from_model: np.ndarray, constraints: Constraints, probe: Probe
 ) -> tuple[list[PlannedPose], list[str]]:
-    """Take ``(N, 4, 4)`` poses as they are; also return messages that say how many break which constraint."""
+    """Plan ``(N, 4, 4)`` poses without rejecting any; also return messages that count those that break constraints."""
     planned = []
     for cam_from_model in cams_from_model:
         statistics = probe(cam_from_model)
@@ -173,13 +172,13 @@ def _found_none(constraints: Constraints, rejections: Rejections, rejected: list
             reasons.append((option.split(" ")[0], f"{counts[name]} {what} (the best: {best})"))
     return (
         f"view {index}: found no pose that meets the constraints: of {len(rejected)} poses tried, "
-        f"{', '.join(sentence for _, sentence in reasons)}; "
-        f"lower {reasons[0][0]}, which was broken most often, or draw nearer to the reference pose"
+        f"{', '.join(clause for _, clause in reasons)}; "
+        f"lower {reasons[0][0]}, which was broken most often, or draw poses nearer to the reference pose"
     )
 
 
 def _reason(name: str, constraints: Constraints, views: list[ViewStatistics]) -> tuple[str, str, str]:
-    """Option with its value, what breaking it means, and the best value among the views."""
+    """Option and its value, a clause that says how a view breaks it, and the best value among the views."""
     if name == "surface":
         best = np.nanmax([0.0, *(view.surface_fraction for view in views)])
         wanted = constraints.min_surface

@@ -1,17 +1,17 @@
 """Distributions of novel camera poses around the reference pose of the aligned frame.
 
 Every distribution is a frozen dataclass with ``draw(rng) -> cam_from_model`` (4x4, mm, exactly rigid). View ``i`` of a
-dataset is drawn with ``np.random.default_rng([seed, i])`` and with nothing else, so views can be made in any order, by
-any number of processes. A draw takes its random numbers in one fixed order whatever the parameters are: another
-``shift_mm`` does not change the tilts of a dataset.
+dataset is drawn with ``np.random.default_rng([seed, i])`` alone, so views can be rendered in any order, by any number
+of processes. A draw takes its random numbers in a fixed order, whatever the parameters: another ``shift_mm`` does not
+change the tilts of a dataset.
 
 Cone, shell and trajectory move the camera on an orbit around the pivot p, a point on the surface. With the reference
 R0 (rotation of ``cam_from_model``) and the unit vector u from the camera to the pivot in the reference camera's axes,
 
     cam_from_model = T(distance * u) Roll(u, rho) Tilt R0 T(-p),    Tilt = exp([w]x) with w perpendicular to u.
 
-T(a) is the translation by a. Tilt turns the view by |w| about an axis perpendicular to the pivot's ray, hence without
-any twist about that ray, and Roll turns the camera about the ray: the pivot stays on its ray, so on its pixel.
+T(a) is the translation by a. Tilt rotates by |w| about an axis perpendicular to the pivot's ray, hence without twist
+about that ray, and Roll rotates by rho about the ray. So the pivot stays on its ray, and on its pixel.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from ..transforms import inverse_rigid, rigid, rotation_from_vector, se3_exp, tr
 
 
 class PoseDistribution(Protocol):
-    """What poses are drawn from."""
+    """A distribution of camera poses."""
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """Draw one ``(4, 4)`` rigid ``cam_from_model``, mm."""
@@ -72,7 +72,7 @@ class ReferencePose:
     def orbit(
         self, tilt: tuple[float, float], roll: float, distance_mm: float, look: np.ndarray | None = None
     ) -> np.ndarray:
-        """The orbit of the module's docstring.
+        """``(4, 4)`` ``cam_from_model`` on the orbit that the module's docstring defines.
 
         Parameters
         ----------
@@ -81,9 +81,9 @@ class ReferencePose:
         roll
             Angle about the pivot's ray, radians.
         distance_mm
-            From the centre of projection to the pivot.
+            Distance from the centre of projection to the pivot.
         look
-            ``(3,)`` direction in the camera on which the pivot shall lie; its direction in the reference if left out.
+            ``(3,)`` direction of the pivot in the camera's axes; as in the reference if left out.
         """
         ray = self.cam_from_ray[:, 2]
         rotation = rotation_from_vector(self.cam_from_ray @ [*tilt, 0.0]) @ self.cam_from_model[:3, :3]
@@ -107,9 +107,9 @@ class Cone:
     roll_deg
         In-plane roll about the ray through the pivot, uniform in -roll_deg..roll_deg, 0..180.
     distance_min, distance_max
-        The distance from the camera to the pivot is uniform between these factors of the reference's distance.
+        The distance from the camera to the pivot is uniform between these multiples of the reference's distance.
     shift_mm
-        Afterwards the camera slides along its own x and y by a vector uniform in a disc of this radius.
+        Afterwards the camera moves along its own x and y by a vector that is uniform in a disc of this radius.
     """
 
     reference: ReferencePose
@@ -171,7 +171,7 @@ class Gaussian:
 
 @dataclass(frozen=True, kw_only=True)
 class Shell:
-    """Camera centres uniform *in volume* in a spherical shell, or the part of it within a cone, looking at the pivot.
+    """Cameras that look at the pivot, their centres uniform *in volume* in a spherical shell or its part in a cone.
 
     The radius has p(r) ~ r^2, drawn by inverting its distribution function: r^3 is uniform. With
     ``max_polar_deg = roll_deg = 180`` the rotation is uniform on SO(3).
@@ -181,14 +181,14 @@ class Shell:
     reference
         Gives the centre (the pivot), the unit of the radii, and the axis of the cone.
     distance_min, distance_max
-        Radii of the shell as factors of the reference's distance.
+        Radii of the shell as multiples of the reference's distance.
     max_polar_deg
         Half-angle of the cone around the direction from the pivot to the reference camera; 180: the whole sphere.
     roll_deg
         In-plane roll, uniform in -roll_deg..roll_deg.
     look_ray_cam
-        Direction in the camera on which the pivot lies. The default is the optical axis; a camera whose principal
-        point is far from the middle of the image (a cropped frame) needs the ray of the middle pixel.
+        Direction of the pivot in the camera's axes. The default is the optical axis; a camera whose principal point is
+        far from the middle of the image (a cropped frame) needs the ray of the middle pixel.
     """
 
     reference: ReferencePose
@@ -223,15 +223,15 @@ class Trajectory:
     """A smooth closed path for videos: starts at the reference and stays within the limits of a :class:`Cone`.
 
     The tilt runs through a rose curve, w(t) = cone sin(6 pi t) (cos 4 pi t, sin 4 pi t): six petals that reach the rim
-    of the cap, at a speed that varies by a factor of 1.5 only. Distance and roll are sinusoidal. All terms are
-    analytic and have period 1 in t, so that the path has no kink, at its seam neither.
+    of the cap, at a speed that varies by a factor of only 1.5. Distance and roll are sinusoidal. All terms are
+    analytic and have period 1 in t, so the path has no kink, not even where it closes.
 
     Attributes
     ----------
     reference
         The pose at phase 0.
     cone_deg, roll_deg, distance_min, distance_max
-        Limits as for :class:`Cone`, all of them reached; the factors must include 1, the reference's own distance.
+        Limits as for :class:`Cone`; the path reaches all of them. The interval of distances must contain 1.
     """
 
     reference: ReferencePose
@@ -251,16 +251,16 @@ class Trajectory:
             )
 
     def pose_at(self, phase: float) -> np.ndarray:
-        """``(4, 4)`` ``cam_from_model`` at a phase in [0, 1); the path is periodic outside of it."""
-        turn = 2 * np.pi * (phase % 1.0)
-        tilt = np.radians(self.cone_deg) * np.sin(3 * turn)
-        roll = np.radians(self.roll_deg) * np.sin(2 * turn)
+        """``(4, 4)`` ``cam_from_model`` at a phase; the path has period 1."""
+        angle = 2 * np.pi * (phase % 1.0)
+        tilt = np.radians(self.cone_deg) * np.sin(3 * angle)
+        roll = np.radians(self.roll_deg) * np.sin(2 * angle)
         middle, half = (self.distance_max + self.distance_min) / 2, (self.distance_max - self.distance_min) / 2
-        # the phase at which a sine between the limits passes 1: a piecewise scaling would have a kink there
+        # start where the sine between the limits passes 1: a piecewise scaling would have a kink there
         start = np.arcsin(np.clip((1 - middle) / half, -1, 1)) if half > 0 else 0.0
-        factor = middle + half * np.sin(turn + start)
+        factor = middle + half * np.sin(angle + start)
         return self.reference.orbit(
-            (tilt * np.cos(2 * turn), tilt * np.sin(2 * turn)), roll, factor * self.reference.distance_mm
+            (tilt * np.cos(2 * angle), tilt * np.sin(2 * angle)), roll, factor * self.reference.distance_mm
         )
 
     def poses(self, count: int) -> np.ndarray:
@@ -268,14 +268,14 @@ class Trajectory:
         return np.stack([self.pose_at(index / count) for index in range(count)])
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """Draw the pose at a uniformly random phase: stills along the path."""
+        """Draw the pose at a uniformly random phase: a still from the path."""
         return self.pose_at(rng.random())
 
 
 def _tilt_in_cap(half_angle_deg: float, polar: float, azimuth: float) -> tuple[float, float]:
-    """Two numbers uniform in [0, 1) -> tilt vector; the direction it tilts to is uniform by solid angle in the cap.
+    """Two numbers uniform in [0, 1) -> tilt vector whose direction is uniform by solid angle in the cap, radians.
 
-    The area of a cap grows with 1 - cos(angle) = 2 sin^2(angle / 2) (Archimedes); written with the half angle it stays
+    The area of a cap grows with 1 - cos(angle) = 2 sin^2(angle / 2) (Archimedes); the form with the half angle is
     accurate for caps of any size.
     """
     angle = 2 * np.arcsin(np.sqrt(polar) * np.sin(np.radians(half_angle_deg) / 2))
@@ -287,7 +287,7 @@ def _roll(roll_deg: float, uniform: float) -> float:
 
 
 def _shortest_rotation(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """``(3, 3)`` rotation by the smallest angle that takes one direction to another; they must not be opposite."""
+    """``(3, 3)`` rotation by the smallest angle that takes ``start`` to ``end``, directions that are not opposite."""
     axis = np.cross(start, end)
     sine, cosine = np.linalg.norm(axis), start @ end
     return rotation_from_vector(axis * (np.arctan2(sine, cosine) / sine)) if sine > 0 else np.eye(3)
@@ -302,6 +302,6 @@ def _check_range(distribution: str, name: str, value: float, upper: float = np.i
 def _check_distances(distribution: str, smallest: float, largest: float) -> None:
     if not (0 < smallest <= largest and np.isfinite(largest)):
         raise InputError(
-            f"{distribution}: expected 0 < distance_min <= distance_max (factors of the reference's distance), "
+            f"{distribution}: expected 0 < distance_min <= distance_max (multiples of the reference's distance), "
             f"found {smallest:g} and {largest:g}"
         )

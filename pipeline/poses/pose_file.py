@@ -1,6 +1,6 @@
-"""Poses in files: one as ``.npy`` (Vision6D's), text or JSON, or a list of them as ``.npy`` or JSON.
+"""Pose files: one pose as ``.npy`` (Vision6D's format), text or JSON, or a list of poses as ``.npy`` or JSON.
 
-All are ``cam_from_mesh``: for the frame of the mesh file that the user gave, see :mod:`pipeline.transforms`.
+All are ``cam_from_mesh``, in the frame of the user's mesh file: see :mod:`pipeline.transforms`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,22 +16,22 @@ from ..transforms import checked_rigid
 
 POSE_KEY = "cam_from_mesh"
 FORMER_POSE_KEY = "cam_from_model"
-"""What :data:`POSE_KEY` was called in files of version 0.1; readers accept it."""
+"""The name of :data:`POSE_KEY` in files of version 0.1; readers accept it."""
 
 
 def pose_key(table: Mapping[str, object], where: str) -> str:
-    """The key of the pose in a table; ``where`` begins the message, such as ``"case.toml: [pose] "``.
+    """Find the key of the pose in a table; ``where`` begins the message, such as ``"case.toml: [pose] "``.
 
     Raises
     ------
     InputError
-        There is none, or there are two.
+        There is no such key, or there are two.
     """
     found = [key for key in (POSE_KEY, FORMER_POSE_KEY) if key in table]
     if not found:
         raise InputError(f"{where}expected the key {POSE_KEY}, found {', '.join(table) or 'none'}")
     if len(found) > 1:
-        raise InputError(f"{where}expected {POSE_KEY} or its former name {FORMER_POSE_KEY}, found both; remove one")
+        raise InputError(f"{where}expected either {POSE_KEY} or its old name {FORMER_POSE_KEY}, found both; remove one")
     return found[0]
 
 
@@ -41,10 +41,10 @@ def read_pose(path: Path, *, mm_per_unit: float = 1.0) -> tuple[np.ndarray, str 
     Parameters
     ----------
     path
-        ``.npy`` of 4x4, a text of 16 numbers row by row, or JSON: 4 rows of 4 numbers, or a dictionary with one such
-        entry.
+        ``.npy`` with a 4x4 array, a text of 16 numbers row by row, or JSON: 4 rows of 4 numbers, or a dictionary with
+        one such entry.
     mm_per_unit
-        Factor from the unit of the translation, that of the mesh, to millimetres.
+        Factor from the unit of the translation (that of the mesh) to millimetres.
 
     Returns
     -------
@@ -53,7 +53,8 @@ def read_pose(path: Path, *, mm_per_unit: float = 1.0) -> tuple[np.ndarray, str 
     Raises
     ------
     InputError
-        No file, none of these formats, or not rigid (see :func:`pipeline.transforms.checked_rigid`).
+        The file is missing or has another format, or the pose is not rigid (see
+        :func:`pipeline.transforms.checked_rigid`).
     """
     path = Path(path)
     data = read_content(path, "a file with a pose", most=LARGEST_FILE)
@@ -91,7 +92,7 @@ def _entry(text: str, name: str) -> object:
     if len(found) != 1:
         names = ", ".join(map(repr, found)) or "none"
         raise InputError(
-            f"{name}: expected one entry of 4 rows of 4 numbers, found {names}; leave one pose in the file"
+            f"{name}: expected one entry of 4 rows of 4 numbers, found {names}; keep only one pose in the file"
         )
     return next(iter(found.values()))
 
@@ -109,9 +110,9 @@ def read_poses(
     path
         The file.
     mesh_from_model
-        ``(4, 4)`` rigid, mm, from the frame of all computation to the frame of the user's mesh.
+        ``(4, 4)`` rigid, mm.
     mm_per_unit
-        Scales the translations, e.g. 1000 if the poses are in metres.
+        Factor from the unit of the translations to millimetres, e.g. 1000 if the poses are in metres.
 
     Returns
     -------
@@ -139,10 +140,10 @@ def read_poses(
         pose[:3, 3] *= mm_per_unit
         cams_from_model[index] = pose @ mesh_from_model
         corrected += [message] if message else []
-    sentences = corrected[:1]
+    messages = corrected[:1]
     if len(corrected) > 1:
-        sentences.append(f"{path.name}: likewise the rotations of {len(corrected) - 1} other poses")
-    return cams_from_model, sentences
+        messages.append(f"{path.name}: the rotations of {len(corrected) - 1} other poses were made orthonormal too")
+    return cams_from_model, messages
 
 
 def _array_entries(data: bytes, name: str) -> Sequence[object]:
@@ -153,7 +154,7 @@ def _array_entries(data: bytes, name: str) -> Sequence[object]:
 
 
 def _json_entries(data: bytes, name: str) -> list[object]:
-    # whole numbers as float too: one with 400 digits becomes infinity, which is refused with the pose's index
+    # whole numbers as float too: one of 400 digits becomes infinity, and the error then names the pose
     found = parsed_json(data, name, parse_int=float)
     if isinstance(found, dict) or (_is_list(found) and _is_list(found[0]) and not _is_list(found[0][0])):
         found = [found]

@@ -203,7 +203,7 @@ BAD = {
     "two landmarks of a name": (landmark('name = "a"\n[[landmarks]]\nname = "a"'), "found 'a' twice; rename one"),
     "landmarks as one table": ({"more": '[landmarks]\nname = "n"'}, "expected a list of tables"),
     "provenance's key": ({"more": "[alignment]\nrms = 1"}, "\\[alignment\\] unknown key 'rms'; did you mean 'rms_px'"),
-    "provenance's text": ({"more": "[alignment]\nmethod = 1"}, "\\[alignment\\] method: expected a text, found 1"),
+    "provenance's text": ({"more": "[alignment]\nmethod = 1"}, "\\[alignment\\] method: expected text, found 1"),
     "provenance's pixels": ({"more": "[alignment]\nrms_px = -1"}, "rms_px: expected a number of pixels, found -1"),
     "provenance's pairs": ({"more": "[alignment]\npairs = 1.5"}, "pairs: expected the number of landmarks, found 1.5"),
     "provenance's axes": (

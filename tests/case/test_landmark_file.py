@@ -75,7 +75,7 @@ BAD = {
     "underscore": (HEADER + "tip,1_0,2,3,,,\n", "line 2: x: expected a number, found '1_0'"),
     "truth": (HEADER + "tip,,,,,,maybe\n", "line 2: expected enabled = true or false, found 'maybe'"),
     "no name": (HEADER + ",1,2,3,,,\n", "line 2: expected a name, found ''"),
-    "name twice": (HEADER + "a,,,,,,\nb,,,,,,\na ,,,,,,\n", "line 4: expected another name, 'a' stands in line 2"),
+    "name twice": (HEADER + "a,,,,,,\nb,,,,,,\na ,,,,,,\n", "line 4: expected another name, 'a' is also in line 2"),
     "quote without end": (HEADER + 'tip,1,2,3,"10,20,true\n', "line 2: expected CSV, found a mistake"),
     "broken JSON": ('[{"name": ', "expected JSON, found a mistake"),
     "JSON of another kind": ('{"name": "tip"}', "expected a list of tables"),

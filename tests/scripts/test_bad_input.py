@@ -177,10 +177,10 @@ def test_faces_without_area_are_dropped_and_told(case):
 # --- frame, surface and pose together -------------------------------------------------------------------------------
 
 MISFITS = {
-    "behind": (("-1, 340]", "-1, -340]"), "surface in front of the camera, all of it lies behind .*mesh_from_cam"),
+    "behind": (("-1, 340]", "-1, -340]"), "surface in front of the camera, all of it is behind .*mesh_from_cam"),
     "turned away": (
         (POSE, "[[-1, 0, 0, 12], [0, -1, 0, -7], [0, 0, 1, -380], [0, 0, 0, 1]]"),
-        "all of it lies behind .*negate its 2nd and 3rd row if its axes are OpenGL's",
+        "all of it is behind .*negate its 2nd and 3rd row if its axes are OpenGL's",
     ),
     "beside": (("-12]", "150]"), r"expected the surface in the frame, it projects to u .* of 64x48; align the pose"),
     "a thousand times too far": (("340]", "300000]"), "working distance of 2 mm to 30 m, .*: wrong units suspected"),
@@ -328,7 +328,7 @@ RUNS = {
     "an unknown engine": (None, ("--engine", "cycle"), "engine: expected cycles or eevee or workbench, found 'cycle'"),
     "a number that is none": (None, ("--count", "many"), "argument --count: invalid number value: 'many'"),
     "no views": (None, ("--count", "0"), "count: expected 1 to 1e+07, found 0"),
-    "Workbench with a shader": (None, ("--engine", "workbench"), "add --colour vertex, or take --engine cycles"),
+    "Workbench with a shader": (None, ("--engine", "workbench"), "add --colour vertex, or use --engine cycles"),
     "constraints that nothing meets": (
         None,
         ("--min-clearance-mm", "1e6", "--workers", "2", "--count", "5"),

@@ -1,7 +1,7 @@
 """Rasterise many 2D triangles at once: which integer pixel centres lie in which triangle, with barycentrics.
 
-Pure numpy. Triangles are sorted by the size of their bounding boxes and each size class is tested as one dense array
-of edge functions (Pineda 1988), so that a million triangles of a pixel cost about as much as one of a million pixels.
+Pure numpy. Triangles are sorted by the size of their bounding boxes, and each size class is tested as one dense array
+of edge functions (Pineda 1988), so a million triangles of one pixel cost about as much as one of a million pixels.
 """
 
 from collections.abc import Iterator
@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 CHUNK = 1 << 20
-"""Candidate pixels tested at once: bounds the memory (about 60 bytes each)."""
+"""Number of candidate pixels tested at once: limits the memory (about 60 bytes each)."""
 
 MANTISSA_BITS = 25
-"""Bits of a coordinate before and after the point that keep an edge function exact in float64: 2 (25 + 1) + 1 = 53."""
+"""Bits of a coordinate for which an edge function is exact in float64: 2 (25 + 1) + 1 = 53."""
 
 
 class Samples(NamedTuple):
@@ -24,7 +24,7 @@ class Samples(NamedTuple):
     triangle, x, y
         ``(N,)`` int64 triangle index and pixel.
     barycentric
-        ``(N, 3)`` float64, sum 1; outside the triangle (``margin``) they extrapolate and some are negative.
+        ``(N, 3)`` float64 with sum 1; some are negative outside the triangle (with a ``margin``).
     """
 
     triangle: np.ndarray
@@ -44,15 +44,15 @@ def rasterise(triangles_px: np.ndarray, *, margin: float = 0.0, chunk: int = CHU
         Grows every triangle by a square of this half-width, px (Minkowski sum). 0.5 gives the pixels that a triangle
         touches ("conservative rasterisation"), 1 the texels that bilinear lookups inside it read.
     chunk
-        Candidate pixels tested at once.
+        Number of candidate pixels tested at once.
 
     Notes
     -----
     With ``margin=0`` the triangles of a triangulated region partition its pixel centres: a centre on a shared edge
     or vertex belongs to exactly one of them, as if it were moved right by an infinitesimal and down by a smaller one.
-    For that, corners are rounded to a dyadic grid on which edge functions are exact (as hardware does; 1/1024 px at
-    worst up to 16384 px), so the rule fails only where that rounding folds a triangle over. Barycentrics use the
-    corners as given. Triangles without area cover nothing, or with a margin, the surrounding of their segment.
+    To this end, corners are rounded to a dyadic grid on which edge functions are exact (as in hardware; at worst
+    1/1024 px for coordinates up to 16384 px). The rule fails only where the rounding inverts a triangle. Barycentrics
+    use the unrounded corners. Triangles without area cover nothing or, with a margin, the pixels around their segment.
     """
     if len(triangles_px) == 0:
         return
@@ -62,7 +62,7 @@ def rasterise(triangles_px: np.ndarray, *, margin: float = 0.0, chunk: int = CHU
     corners = np.ldexp(corners, -fraction_bits)
     direction = np.roll(corners, -1, axis=1) - corners
     area2 = direction[:, 0, 0] * direction[:, 1, 1] - direction[:, 0, 1] * direction[:, 1, 0]
-    # all edge functions positive inside
+    # orient all edges so that edge functions are positive inside
     direction[area2 < 0] *= -1
     if margin > 0:
         threshold = -margin * np.abs(direction).sum(axis=2)
@@ -115,7 +115,7 @@ def nearest_barycentric(triangles_px: np.ndarray, points_px: np.ndarray) -> tupl
 
 
 def _gradients(triangles_px: np.ndarray) -> np.ndarray:
-    """``(T, 3, 2)`` -> ``(T, 7)``: of the barycentrics of corners 1 and 2, derivatives in x and y, value and origin."""
+    """``(T, 3, 2)`` -> ``(T, 7)``: x and y derivatives of barycentrics 1 and 2, their value at corner 0, corner 0."""
     a = triangles_px[:, 0]
     (bx, by), (cx, cy) = (triangles_px[:, 1] - a).T, (triangles_px[:, 2] - a).T
     area2 = bx * cy - by * cx
@@ -138,9 +138,9 @@ def _weights(gradients: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def _boxes(
     kept: np.ndarray, low: np.ndarray, size: np.ndarray, chunk: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, tuple[int, int]]]:
-    """Bounding boxes in groups of one size class: triangle indices, first and end pixels ``(n, 2)``, class size.
+    """Bounding boxes in groups of one size class: triangle indices, first and end pixels ``(n, 2)``, size of the class.
 
-    Boxes larger than a chunk are cut into bands of rows first.
+    Boxes larger than a chunk are first cut into bands of rows.
     """
     rows = np.maximum(chunk // size[kept, 0], 1)
     bands = -(-size[kept, 1] // rows)

@@ -1,21 +1,21 @@
 """Exact silhouette of a mesh in a camera, over any window of pixels, from its silhouette edges and without rendering.
 
-Orient every triangle so that its image turns the same way. Then the sum of the winding numbers of all triangles
+Orient every triangle so that its image has the same winding. Then the sum of the winding numbers of all triangles
 around a pixel is the number of surface layers that cover it, front and back faces alike, and the pixel belongs to the
-silhouette if that number is not zero. The half-edges of neighbouring triangles cancel in the sum, and what remains is
-short: edges between a front and a back face, and open boundaries. Nothing is assumed about the mesh: it may be open,
+silhouette if that number is not zero. The half-edges of neighbouring triangles cancel in the sum. Few edges remain:
+those between a front and a back face, and open boundaries. Nothing is assumed about the mesh: it may be open,
 non-manifold, self-intersecting or inconsistently wound.
 
 Notes
 -----
-The winding number is counted along pixel rows. A crossing of a row by an edge is computed once for the edge and an end
-is "above the row" or not once for the vertex, so every triangle's loop stays closed under rounding and the sum is an
-exact integer: a pixel can only be wrong if its centre lies on an edge within rounding. The row rule is half-open (an
-end exactly on a row is above it), so a shared vertex counts once. A pixel belongs to the silhouette if its *centre*
-does, as in a renderer with one sample per pixel.
+Winding numbers are counted along pixel rows. Each crossing of an edge with a row is computed once per edge, and the
+test whether a vertex is above a row once per vertex. So every triangle's loop stays closed under rounding, and the sum
+is an exact integer: a pixel can only be wrong if its centre lies on an edge within rounding. The row rule is half-open
+(a vertex exactly on a row is above it), so a shared vertex counts once. A pixel belongs to the silhouette if its
+*centre* does, as in a renderer with one sample per pixel.
 
-Edges through the plane of the camera centre end at a point at infinity, and the part behind is left out; the part of a
-face's loop along the line at infinity crosses either all rows or none. There is no near plane.
+An edge through the plane of the camera centre ends at a point at infinity, and its part behind the plane is left out;
+the part of a face's loop along the line at infinity crosses either all rows or none. There is no near plane.
 
 The silhouette as the set where the winding number changes: Sander et al., "Silhouette clipping", SIGGRAPH 2000.
 """
@@ -39,9 +39,9 @@ def canvas(camera: PinholeCamera) -> Window:
 
 @dataclass(frozen=True)
 class SilhouetteEdges:
-    """The edges of a mesh with the faces on them: all that does not depend on the pose. Build it once per mesh.
+    """The edges of a mesh and the faces next to them: the part that does not depend on the pose. Build once per mesh.
 
-    Vertices are the same if their index is: a mesh whose faces share no vertices gives the right silhouette slowly.
+    Vertices are compared by index: a mesh whose faces share no vertices gives the right silhouette, but slowly.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class SilhouetteEdges:
         ``(2, E)`` vertex indices of the undirected edges, smaller index first.
     half_edges
         ``(2, E)`` the first two half-edges on each edge: f if face f runs from the smaller to the larger vertex index,
-        F + f if it runs back, 2F for none.
+        F + f if it runs the other way, 2F for none.
     further_edges, further_half_edges
         ``(M,)`` edge, ``(M,)`` half-edge: the third and later half-edges of non-manifold edges.
     face_edges
@@ -103,7 +103,7 @@ class SilhouetteEdges:
         return (side > 0).view(np.int8) - (side < 0).view(np.int8)
 
     def windings(self, facing: np.ndarray) -> np.ndarray:
-        """``(F,)`` facing -> ``(E,)`` sum of the half-edges on each edge, counted along ``ends``; 0 inside a layer."""
+        """``(F,)`` facing -> ``(E,)`` sum of the half-edges on each edge, signed along ``ends``; 0 inside a layer."""
         signs = np.concatenate([facing, -facing, np.zeros(1, np.int8)])
         sums = signs[self.half_edges[0]] + signs[self.half_edges[1]]
         if len(self.further_edges):
@@ -119,12 +119,12 @@ class SilhouetteStatistics:
     Attributes
     ----------
     px_count_all
-        Pixels of the silhouette on :func:`canvas`, inside and outside the image.
+        Number of pixels of the silhouette on :func:`canvas`, inside and outside the image.
     px_count_inside
-        Those of them inside the image.
+        Number of these pixels inside the image.
     bbox_obj
-        (x, y, width, height) of all of them, not clipped to the image, width = xmax - xmin; -1 four times if there are
-        none. (BOP's tool also writes -1 if no pixel is *visible*, which is not known here.)
+        (x, y, width, height) of all pixels, not clipped to the image, width = xmax - xmin; all -1 if there are none.
+        (BOP's tool also writes -1 if no pixel is *visible*, which is not known here.)
     """
 
     px_count_all: int
@@ -134,11 +134,11 @@ class SilhouetteStatistics:
 
 @dataclass(frozen=True)
 class _Segments:
-    """Directed image segments, whose winding number around a pixel is the number of layers on it.
+    """Directed image segments; their winding number around a pixel is the number of layers that cover it.
 
-    ``points`` (3, N) homogeneous pixels, ``v`` (N,) their image row or +-inf for a point at infinity, ``ends`` (2, S)
-    indices into them, ``winding`` (S,), and ``at_infinity``: how often the loops run down the line at infinity on its
-    left and on its right side, which crosses every row.
+    ``points`` (3, N) homogeneous pixels, ``v`` (N,) their image rows or +-inf for points at infinity, ``ends`` (2, S)
+    indices into them, ``winding`` (S,), and ``at_infinity``: how often the loops run down the line at infinity on the
+    left and on the right, which crosses every row.
     """
 
     points: np.ndarray
@@ -161,7 +161,7 @@ def silhouette_mask(
     height, width = rows.max() + 1 - top, columns.max() + 1 - left
     change = np.bincount((rows - top) * width + columns - left, winding, minlength=height * width)
     layers = np.cumsum(change.reshape(height, width), axis=1)
-    # the last column holds only ends of runs, at most one past the window
+    # the last column holds only ends of runs, at most one pixel beyond the window
     mask[top - y0 : top - y0 + height, left - x0 : left - x0 + width - 1] = layers[:, :-1] > 0
     return mask
 
@@ -169,7 +169,7 @@ def silhouette_mask(
 def silhouette_statistics(
     edges: SilhouetteEdges, camera: PinholeCamera, cam_from_model: np.ndarray
 ) -> SilhouetteStatistics:
-    """Count the silhouette on :func:`canvas`; no image is made, so the time does not grow with the canvas."""
+    """Count the silhouette on :func:`canvas`; no image is made, so the time does not grow with the canvas's area."""
     x0, _, x1, _ = window = canvas(camera)
     rows, columns, winding = _crossings(_segments(edges, camera, cam_from_model), window)
     order = np.argsort(rows * (x1 - x0 + 1) + columns)
@@ -193,8 +193,7 @@ def silhouette_statistics(
 def projected_bounds(vertices: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:
     """``(4,)`` umin, vmin, umax, vmax in px of ``(V, 3)`` model points; infinite if one is not in front of the camera.
 
-    If they lie within ``-0.5 .. width - 0.5`` and ``-0.5 .. height - 0.5``, the rendered mask of the object alone is
-    its whole silhouette.
+    Within ``-0.5 .. width - 0.5`` and ``-0.5 .. height - 0.5``, the rendered mask is the whole silhouette.
     """
     x, y, z = _homogeneous(vertices, camera, cam_from_model)
     if z.min() <= 0:
@@ -213,7 +212,7 @@ def _segments(edges: SilhouetteEdges, camera: PinholeCamera, cam_from_model: np.
     """The silhouette edges of a pose: those whose half-edges do not cancel."""
     facing = edges.facing(camera_centre(cam_from_model))
     windings = edges.windings(facing)
-    # each vertex once: its two copies in two edges must not differ in the last bit
+    # each vertex is projected once: its copies in two edges must not differ in the last bit
     points = _homogeneous(edges.mesh.vertices, camera, cam_from_model)
     front = points[2] > 0
     if not front.all():
@@ -225,10 +224,10 @@ def _segments(edges: SilhouetteEdges, camera: PinholeCamera, cam_from_model: np.
 def _segments_to_infinity(
     edges: SilhouetteEdges, facing: np.ndarray, windings: np.ndarray, points: np.ndarray, front: np.ndarray
 ) -> _Segments:
-    """The same for a mesh that is not all in front of the camera centre: what is behind is cut off."""
+    """The silhouette edges of a mesh that is partly behind the plane of the camera centre, clipped to that plane."""
     edge_front = front[edges.ends]
     cut = np.flatnonzero(edge_front[0] != edge_front[1])
-    # the point of an edge in the plane of the camera centre: seen from the front, the direction x, y at infinity
+    # where an edge crosses the plane of the camera centre: its image is the point at infinity in direction (x, y)
     p, q = points[:, edges.ends[0, cut]], points[:, edges.ends[1, cut]]
     at_infinity = p * np.abs(q[2]) + q * np.abs(p[2])
     at_infinity[2] = 0
@@ -240,7 +239,7 @@ def _segments_to_infinity(
     kept = np.flatnonzero((windings != 0) & edge_front.any(axis=0))
     ends = np.where(edge_front[:, kept], edges.ends[:, kept], index_at_infinity[kept])
 
-    # a face that is cut leaves the front along one edge and returns along another; between them it follows infinity
+    # a clipped face leaves the front along one edge and returns along another; between them it follows infinity
     corner_front = front[edges.mesh.faces]
     face = np.flatnonzero((corner_front.any(axis=1) & ~corner_front.all(axis=1)) & (facing != 0))
     corner_front = corner_front[face]
@@ -258,7 +257,7 @@ def _crossings(segments: _Segments, window: Window) -> tuple[np.ndarray, np.ndar
 
     Returns
     -------
-    ``(N,)`` row, ``(N,)`` first column whose centre is not left of the crossing, held to x0..x1 (x1: none in the
+    ``(N,)`` row, ``(N,)`` first column whose centre is not left of the crossing, clipped to x0..x1 (x1: none in the
     window), ``(N,)`` change of the number of layers there. The changes of a row sum to zero.
     """
     x0, y0, x1, y1 = window
@@ -269,11 +268,11 @@ def _crossings(segments: _Segments, window: Window) -> tuple[np.ndarray, np.ndar
     count = stop - first
     segment = np.repeat(np.arange(len(count)), count)
     rows = np.arange(len(segment)) + (first - np.cumsum(count) + count)[segment]
-    # the front of a face turns against the clock in the image, so a pixel to the right of a downward edge is inside
+    # front faces are counter-clockwise in the image, so a pixel to the right of a downward edge is inside
     winding = np.where(v_end > v_start, segments.winding, -segments.winding.astype(np.int64))[segment]
 
     (xa, ya, za), (xb, yb, zb) = (np.take(segments.points, i[segment], axis=1) for i in segments.ends)
-    # the weights are positive whatever the rounding: the crossing stays between the ends, and 0 / 0 cannot occur
+    # rounding cannot make the weights negative or zero: the crossing stays between the ends, and 0 / 0 cannot occur
     weight_a, weight_b = (np.maximum(np.abs(y - rows * z), 1e-200) for y, z in ((yb, zb), (ya, za)))
     u = (weight_a * xa + weight_b * xb) / (weight_a * za + weight_b * zb)
     columns = np.ceil(np.clip(u, x0, x1)).astype(np.int64)

@@ -1,4 +1,4 @@
-"""What of a surface a camera sees, by a coarse grid of rays: how much of it, and the point to turn about."""
+"""The part of a surface that a camera sees, sampled by a coarse grid of rays: its extent and its pivot."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,11 +19,11 @@ class VisibleSurface:
     Attributes
     ----------
     points_model, normals_model
-        ``(N, 3)`` mm and unit face normals, model frame; may be empty.
+        ``(N, 3)`` points in mm and unit face normals, model frame; may be empty.
     pixels
-        ``(N, 2)`` where they are seen.
+        ``(N, 2)`` the points' pixels.
     rays
-        Number of rays cast, whether they hit or not.
+        Number of all rays cast.
     """
 
     points_model: np.ndarray
@@ -33,16 +33,16 @@ class VisibleSurface:
 
     @property
     def image_fraction(self) -> float:
-        """Share of the image that the surface covers, 0..1; known to about 1 / ``rays``."""
+        """Fraction of the image that the surface covers, 0..1; accurate to about 1 / ``rays``."""
         return len(self.pixels) / self.rays
 
     @property
     def pivot_model(self) -> np.ndarray | None:
-        """``(3,)`` the seen point nearest to the middle of what is seen; ``None`` if nothing is."""
+        """``(3,)`` mm, model frame: the visible point nearest to the mean of the pixels; ``None`` if there is none."""
         return None if len(self.pixels) == 0 else self.points_model[most_central(self.pixels)]
 
     def radius_mm(self, pivot_model: np.ndarray) -> float:
-        """Root mean square distance of the seen points from a pivot."""
+        """Root mean square distance of the visible points from a pivot (3,), mm."""
         return float(np.sqrt(((self.points_model - pivot_model) ** 2).sum(axis=1).mean()))
 
 
@@ -56,7 +56,7 @@ def cast_grid(first_hit: FirstHit, camera: PinholeCamera, cam_from_model: np.nda
     camera, cam_from_model
         Intrinsics and pose (4x4, mm).
     along
-        Rays along the longer side of the image.
+        Number of rays along the longer side of the image.
     """
     pixels = camera.coarse_grid(along)
     directions = camera.rays_cam(pixels) @ inverse_rigid(cam_from_model)[:3, :3].T
@@ -68,5 +68,5 @@ def cast_grid(first_hit: FirstHit, camera: PinholeCamera, cam_from_model: np.nda
 
 
 def most_central(pixels: np.ndarray) -> int:
-    """Index of the one of ``(N, 2)`` pixels that lies nearest to their mean; N is at least 1."""
+    """Index of the pixel nearest to the mean of ``(N, 2)`` pixels; N is at least 1."""
     return int(np.argmin(((pixels - pixels.mean(axis=0)) ** 2).sum(axis=1)))

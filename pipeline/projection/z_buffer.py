@@ -1,6 +1,6 @@
-"""A z-buffer of a mesh in a pinhole camera, on numpy: which face each pixel centre shows, and how far away it is.
+"""A z-buffer of a mesh in a pinhole camera, in numpy: the nearest face at each pixel centre, and its depth.
 
-It serves interactive work on reduced images, where starting a renderer would take longer; datasets are ray traced.
+For interactive work on reduced images, where starting a renderer would take longer; datasets are ray traced.
 """
 
 from typing import NamedTuple
@@ -29,13 +29,13 @@ class DepthRaster(NamedTuple):
 
 
 def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> DepthRaster:
-    """Draw a mesh, both sides of its faces.
+    """Rasterise a mesh, both sides of its faces, and keep the nearest face at each pixel centre.
 
     Faces with a corner at or behind the plane of the camera centre are left out: there is no near-plane clipping.
 
     Notes
     -----
-    Inverse depth is affine in the image of a plane, so its interpolation with image barycentrics is exact.
+    The inverse depth of a plane is affine in the pixel, so interpolation with image barycentrics is exact.
     """
     points = transform_points(cam_from_model, mesh.vertices)
     height, width = camera.shape_hw
@@ -50,7 +50,7 @@ def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: n
     for values, size in ((u, width), (v, height)):
         of_a, of_b, of_c = values[a], values[b], values[c]
         low, high = np.minimum(np.minimum(of_a, of_b), of_c), np.maximum(np.maximum(of_a, of_b), of_c)
-        # a pixel centre in reach; far beyond the image nothing is seen, and the rasteriser's coordinates are limited
+        # keep faces with a pixel centre in their bounds, and within the rasteriser's limit on coordinates
         kept &= (np.ceil(low) <= np.floor(high)) & (high >= 0) & (low <= size - 1) & (low > -1e5) & (high < 1e5)
     kept = np.flatnonzero(kept)
     faces = mesh.faces[kept]
@@ -66,7 +66,7 @@ def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: n
     if pixel:
         order = np.argsort(np.concatenate(nearness), kind="stable")
         target = np.concatenate(pixel)[order]
-        # of repeated indices numpy keeps the last: the nearest
+        # numpy keeps the last of repeated indices: the nearest
         inverse_depth[target] = np.concatenate(nearness)[order]
         shown[target] = np.concatenate(face)[order]
     return DepthRaster(inverse_depth.reshape(height, width), shown.reshape(height, width))

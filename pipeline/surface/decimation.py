@@ -18,11 +18,11 @@ def cluster_vertices(
     cell_mm
         Side of the cubic cells; the surface moves by less than their diagonal.
     colours
-        ``(V, 3)`` per vertex, averaged likewise, or ``None``.
+        ``(V, 3)`` per vertex, averaged as the vertices are, or ``None``.
 
     Returns
     -------
-    The reduced mesh and its colours. A mesh none of whose faces would be left is returned as it is.
+    The reduced mesh and its colours. If no face would remain, the mesh and its colours unchanged.
     """
     cell = np.floor((mesh.vertices - mesh.bounds[0]) / cell_mm).astype(np.int64)
     extent = cell.max(axis=0) + 1

@@ -1,6 +1,6 @@
-"""Triangle meshes: cleaning at the border, demeaning, normals, diameter.
+"""Triangle meshes: checking and cleaning, normals, diameter.
 
-Reading and writing files is :mod:`pipeline.surface.mesh_reader`.
+:mod:`pipeline.surface.mesh_reader` and :mod:`pipeline.surface.mesh_writer` read and write files.
 """
 
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError
 
 LARGEST_COORDINATE = 1e9
-"""1000 km in mm: more is a damaged file, and products of such numbers overflow."""
+"""1000 km in mm; larger coordinates mean a damaged file, and their products may overflow."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class TriangleMesh:
 
     @cached_property
     def vertex_normals(self) -> np.ndarray:
-        """``(V, 3)`` unit normals, mean of the faces around weighted by area; zero for unused vertices."""
+        """``(V, 3)`` unit normals: the area-weighted mean of the adjacent faces; zero for unused vertices."""
         normals = np.empty_like(self.vertices)
         for axis in range(3):
             weights = np.repeat(self.face_cross[:, axis], 3)
@@ -62,7 +62,7 @@ class TriangleMesh:
 
     @cached_property
     def median_edge(self) -> float:
-        """Median edge length over the sides of all faces, mm: the density that limits vertex colours."""
+        """Median edge length over the sides of all faces, mm: it limits the resolution of vertex colours."""
         # all three sides: exporters that split quads start every face at the diagonal
         sides = self.vertices[self.faces] - self.vertices[np.roll(self.faces, 1, axis=1)]
         return float(np.median(np.linalg.norm(sides, axis=2)))
@@ -81,7 +81,7 @@ class TriangleMesh:
 
 
 def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[TriangleMesh, list[str]]:
-    """Check raw arrays at the border; drop zero-area faces and unused vertices.
+    """Check raw arrays; drop zero-area faces and unused vertices.
 
     Parameters
     ----------
@@ -97,8 +97,8 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
     Raises
     ------
     InputError
-        No vertices or faces, coordinates that are not finite or absurdly large, indices out of range, or all faces
-        without area.
+        No vertices or faces, coordinates that are not finite or above :data:`LARGEST_COORDINATE`, indices out of
+        range, or all faces without area.
     """
     messages: list[str] = []
     if len(vertices) == 0 or len(faces) == 0:
@@ -122,7 +122,7 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     longest = np.max([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
-    # relative to the face's own size: a needle this thin has no direction that single precision can tell
+    # relative to the face's own size: single precision does not determine the normal of a thinner needle
     flat = area <= 1e-7 * longest
     if flat.all():
         raise InputError(f"{where}: expected a surface, found {len(faces)} faces, all with zero area")
@@ -143,9 +143,9 @@ def diameter(points: np.ndarray) -> float:
 
     Notes
     -----
-    A pair at distance d has one end at least d/2 from any centre c. From a good lower bound d0 (a few sweeps of
-    "farthest from the farthest"), a point p can only belong to a longer pair if |p - c| + max|q - c| > d0, which
-    leaves few candidates on real shapes; those are compared in blocks.
+    A few sweeps to the farthest point from the last one give a good lower bound d0. A point p can only belong to a
+    longer pair if |p - c| + max|q - c| > d0 for the centre c, which leaves few candidates on real shapes; these are
+    compared in blocks.
     """
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     lower, index = 0.0, int(np.argmax(((points - centre) ** 2).sum(axis=1)))

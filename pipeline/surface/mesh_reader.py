@@ -19,7 +19,7 @@ from .ply_reader import read_ply
 
 
 def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
-    """Read a surface from a file with extension .ply, .obj or .stl, in any case.
+    """Read a surface from a file with extension .ply, .obj or .stl, in upper or lower case.
 
     Returns
     -------
@@ -40,7 +40,7 @@ def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
             "export the surface in one of these formats"
         )
     data = read_content(path, "a mesh file")
-    with np.errstate(invalid="ignore", over="ignore"):  # damaged files hold any number; checked_mesh judges them
+    with np.errstate(invalid="ignore", over="ignore"):  # damaged files hold any number; checked_mesh checks them
         vertices, lengths, corners, messages = reader(data, path.name)
         if (lengths < 3).any():
             short = f"{path.name}: dropped {(lengths < 3).sum()} of {len(lengths)} faces with less than 3 corners"
@@ -50,7 +50,7 @@ def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
 
 
 def _fans(lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Polygons of ``lengths`` (P,) that share ``corners`` (sum,) one after the other -> ``(F, 3)`` triangles."""
+    """Polygons with ``lengths`` (P,) corners each, concatenated in ``corners`` (sum,) -> ``(F, 3)`` triangles."""
     if (lengths == 3).all():
         return corners.reshape(-1, 3)
     per_polygon = np.maximum(lengths - 2, 0)
@@ -64,7 +64,7 @@ def _fans(lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def _read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
-    """Result like that of :func:`pipeline.surface.ply_reader.read_ply`; only the lines ``v`` and ``f`` are read."""
+    """Read the lines ``v`` and ``f``; the result is as that of :func:`pipeline.surface.ply_reader.read_ply`."""
     text = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
     text = text.replace(b"\\\n", b" ")  # joined lines count as one in the line numbers of messages
     if b"#" in text:
@@ -102,7 +102,7 @@ def _read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 
 def _obj_numbers(text: bytes, dtype: type, rows: list[int], where: str) -> tuple[np.ndarray, np.ndarray]:
-    """All numbers in the joined lines, and how many each line has."""
+    """All numbers in the joined lines, and their count per line."""
     numbers = parsed_numbers(text, dtype)
     if numbers is None:
         index, word = first_wrong_word(text, dtype)
@@ -122,12 +122,12 @@ _NUMBERS = (b".", b"x", b"y", b"z")
 
 
 def _read_stl(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
-    """Result like that of :func:`pipeline.surface.ply_reader.read_ply`."""
+    """Read text or binary STL; the result is as that of :func:`pipeline.surface.ply_reader.read_ply`."""
     header, record = 84, 50
     announced = int.from_bytes(data[80:header], "little")
     expected = header + record * announced
     messages: list[str] = []
-    # the header of a binary file may begin with "solid" too; read as binary, a text announces more than 100 million
+    # a binary header may begin with "solid" too; but a text, read as binary, announces over 100 million triangles
     begins_as_text = data[:200].lstrip()[:5].lower() == b"solid" and b"\0" not in data[:1000]
     if begins_as_text and len(data) < expected:
         points = _stl_text_points(data, where)

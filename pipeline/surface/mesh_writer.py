@@ -1,7 +1,7 @@
-"""Writing triangle meshes as PLY (the model format of BOP) and OBJ.
+"""Write triangle meshes as PLY (the model format of BOP) and OBJ.
 
-Texture coordinates are given per face corner, ``(F, 3, 2)``, with (0, 0) at the *bottom left* of the image and (1, 1)
-at its top right, as in OBJ and in Blender: the centre of pixel (row, column) of an h x w image is
+Texture coordinates are per face corner, ``(F, 3, 2)``, with (0, 0) at the *bottom left* of the image and (1, 1) at its
+top right, as in OBJ and in Blender: the centre of pixel (row, column) of an h x w image is
 ``((column + 0.5) / w, 1 - (row + 0.5) / h)``.
 """
 
@@ -33,7 +33,7 @@ def write_ply(
     uv
         ``(F, 3, 2)`` texture coordinates, bottom left origin, written per face as ``list uchar float texcoord``.
     texture
-        Name of the image beside the file, written as ``comment TextureFile`` (the convention of MeshLab); needs ``uv``.
+        Name of the image in the same folder, written as ``comment TextureFile`` (MeshLab's convention); needs ``uv``.
 
     Raises
     ------
@@ -86,14 +86,14 @@ def write_obj(
     uv: np.ndarray | None = None,
     texture: str | None = None,
 ) -> None:
-    """Write an OBJ with 9 significant digits per number, and with ``texture`` an unlit material in an .mtl beside it.
+    """Write an OBJ with 9 significant digits per number; with ``texture`` also an .mtl file with an unlit material.
 
     Parameters
     ----------
     uv
-        ``(F, 3, 2)`` texture coordinates, bottom left origin, kept to float32; equal ones share a line ``vt``.
+        ``(F, 3, 2)`` texture coordinates, bottom left origin, rounded to float32; equal ones share a line ``vt``.
     texture
-        Name of the image beside the file (``map_Kd``); needs ``uv``.
+        Name of the image in the same folder (``map_Kd``); needs ``uv``.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def write_obj(
     parts: list[str] = []
     if texture is not None:
         material = path.with_suffix(".mtl")
-        # the mesh comes second, so that it never refers to a material that is not there
+        # the mesh comes second, so that it never refers to a missing material
         write_bytes_atomically(material, f"newmtl surface\nKd 1 1 1\nillum 0\nmap_Kd {texture}\n".encode())
         parts += [f"mtllib {material.name}\n", "usemtl surface\n"]
     parts.append(_lines("v %.9g %.9g %.9g\n", mesh.vertices))
@@ -125,7 +125,7 @@ def write_obj(
 
 
 def _lines(line_format: str, rows: np.ndarray) -> str:
-    """All rows formatted by one call, several times faster than row by row."""
+    """Format all rows in one call, several times faster than row by row."""
     return (line_format * len(rows)) % tuple(rows.ravel().tolist())
 
 

@@ -1,4 +1,4 @@
-"""Reading the vertices and polygons of PLY files, text and binary, with any elements and properties around them.
+"""Read the vertices and polygons of PLY files, text and binary, whatever other elements and properties they have.
 
 Source: G. Turk, "The PLY Polygon File Format" (Stanford, 1994), with the sized type names of later writers.
 """
@@ -28,7 +28,7 @@ _HEADER_END = re.compile(rb"[\r\n]end_header[ \t]*(?:\r\n|\n|\r)")
 
 @dataclass(frozen=True)
 class _Property:
-    """A column of an element; ``length`` is the type of a list's leading number, ``None`` for a scalar."""
+    """A column of an element; ``length`` is the type of a list's count, ``None`` for a scalar."""
 
     name: str
     item: np.dtype
@@ -55,14 +55,14 @@ def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
     Returns
     -------
-    ``(V, 3)`` float64 vertices, ``(P,)`` corners per polygon, ``(sum,)`` int64 vertex indices of all polygons one
-    after the other (not checked to be in range), and messages for the user.
+    ``(V, 3)`` float64 vertices, ``(P,)`` corners per polygon, ``(sum,)`` int64 vertex indices of all polygons,
+    concatenated and not checked to be in range, and messages for the user.
 
     Raises
     ------
     InputError
-        No PLY header, a header that cannot be understood, fewer or (in text) more numbers than the header announces,
-        or no elements ``vertex`` with x, y, z and ``face`` with a list ``vertex_indices`` or ``vertex_index``.
+        The header is missing or malformed; there are fewer or (in text) more numbers than it announces; or there is no
+        element ``vertex`` with x, y, z or no ``face`` with a list ``vertex_indices`` or ``vertex_index``.
     """
     order, elements, start = _header(data, where)
     messages: list[str] = []
@@ -103,7 +103,7 @@ def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 def _header(data: bytes, where: str) -> tuple[str, list[_Element], int]:
-    """Name of the format, elements, and where the body starts."""
+    """Name of the format, elements, and offset of the body."""
     end = _HEADER_END.search(data)
     if end is None or not re.match(rb"ply\s", data):
         raise InputError(
@@ -143,7 +143,7 @@ def _dtype(order: str, type_name: str) -> np.dtype:
 
 
 def _columns(data: bytes, start: int, element: _Element, where: str, size: str) -> tuple[dict[str, _Column], int]:
-    """All columns of an element whose rows begin at ``start``, and where its rows end."""
+    """All columns of an element whose rows begin at ``start``, and the offset where its rows end."""
     if element.count == 0 or not element.properties:
         none = np.empty(0, np.int64)
         return {p.name: _Column(none, None if p.length is None else none) for p in element.properties}, start
@@ -151,7 +151,7 @@ def _columns(data: bytes, start: int, element: _Element, where: str, size: str) 
     stride = stop - start
     uniform = start + stride * element.count <= len(data)
     columns: dict[str, _Column] = {}
-    if uniform:  # views with the row layout of the first row, right if all lists are as long as there
+    if uniform:  # strided views with the layout of the first row; valid if all lists have the same length
         for prop, (offset,), (length,) in zip(element.properties, offsets, lengths, strict=True):
             shape, strides = (element.count, length), (stride, prop.item.itemsize)
             values: np.ndarray = np.ndarray(shape, prop.item, data, offset, strides)
@@ -180,7 +180,7 @@ def _columns(data: bytes, start: int, element: _Element, where: str, size: str) 
 def _walked(
     data: bytes, position: int, element: _Element, rows: int, where: str, size: str
 ) -> tuple[list[list[int]], list[list[int]], int]:
-    """Follow the lists of the first ``rows`` rows: per property the offsets and numbers of values, and the end."""
+    """Follow the lists of the first ``rows`` rows: offsets and numbers of values per property, and the end."""
     offsets: list[list[int]] = [[] for _ in element.properties]
     lengths: list[list[int]] = [[] for _ in element.properties]
     layout = []

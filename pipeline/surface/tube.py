@@ -1,4 +1,4 @@
-"""A tube round a curve, as a closed mesh: nerves and vessels."""
+"""A tube around a curve, as a closed mesh: nerves and vessels."""
 
 import numpy as np
 
@@ -6,7 +6,17 @@ from .mesh import TriangleMesh, checked_mesh
 
 
 def tube(path: np.ndarray, radius: float, sides: int = 16, steps: int = 8) -> TriangleMesh:
-    """A closed tube round a Catmull-Rom curve through ``(N, 3)`` points."""
+    """A closed tube of ``radius`` (mm) around a Catmull-Rom curve through ``(N, 3)`` points (mm).
+
+    Parameters
+    ----------
+    path
+        ``(N, 3)`` points.
+    radius
+        Same unit as the points.
+    sides, steps
+        Vertices per ring; rings per segment of the path.
+    """
     padded = np.concatenate([[2 * path[0] - path[1]], path, [2 * path[-1] - path[-2]]])
     t = np.arange(steps)[:, None, None] / steps
     p0, p1, p2, p3 = (padded[i : len(padded) - 3 + i] for i in range(4))
@@ -14,7 +24,7 @@ def tube(path: np.ndarray, radius: float, sides: int = 16, steps: int = 8) -> Tr
     curve = np.concatenate([curve.transpose(1, 0, 2).reshape(-1, 3), path[-1:]])
     tangent = np.gradient(curve, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    # no tube here runs along (0, 0, 1), so one reference direction frames all rings without a twist
+    # no tube in use runs along (0, 0, 1), so one reference direction orients all rings without a twist
     side = np.cross(tangent, [0.0, 0.0, 1.0])
     side /= np.linalg.norm(side, axis=1, keepdims=True)
     angle = np.arange(sides) * (2 * np.pi / sides)

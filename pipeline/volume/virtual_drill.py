@@ -1,9 +1,9 @@
-"""A virtual drill: spherical burrs that take bone away from a distance field.
+"""A virtual drill: spherical burrs that remove bone from a distance field.
 
-A burr held still removes a ball; a stroke is a row of balls, close enough to each other for the ridges (scallops)
-between them to be as high as wanted. In a field that is positive in bone, taking a solid away is the minimum of the
-field and the signed distance to the solid, negative inside (constructive solid geometry on implicit functions:
-Ricci, "A constructive geometry for computer graphics", 1973).
+A burr at rest removes a ball; a stroke is a row of balls whose spacing sets the height of the ridges (scallops)
+between them. In a field that is positive in bone, removing a solid is the minimum of the field and the signed distance
+to the solid, negative inside (constructive solid geometry on implicit functions: Ricci, "A constructive geometry for
+computer graphics", 1973).
 """
 
 import numpy as np
@@ -12,16 +12,16 @@ from .distance_field import ImplicitGrid
 
 
 def subtract_burrs(grid: ImplicitGrid, centres: np.ndarray, radii: np.ndarray) -> None:
-    """Take burrs away from the bone of a grid, each within its own box, so that its size is what it costs.
+    """Remove burrs from the bone of a grid; the cost of each burr depends on its own size only.
 
     Parameters
     ----------
     grid
-        Changed in place, within two grid spacings round each burr: farther away no surface can be.
+        Changed in place, within two grid spacings around each burr: the new surface is never farther away.
     centres
-        ``(N, 3)`` of the burrs, mm, in the frame of the grid; they may lie outside it.
+        ``(N, 3)`` centres of the burrs, mm, in the frame of the grid; they may lie outside it.
     radii
-        ``(N,)`` mm.
+        ``(N,)`` radii of the burrs, mm.
     """
     for centre, radius in zip(centres.astype(np.float32), radii.astype(np.float32), strict=True):
         reach = radius + 2 * grid.spacing

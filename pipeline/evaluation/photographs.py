@@ -1,4 +1,4 @@
-"""Posed photographs that views are compared with."""
+"""Photographs with known poses, to compare views with."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,11 +27,13 @@ def read_photographs(path: Path, loaded: LoadedCase) -> list[PosedPhotograph]:
     Raises
     ------
     InputError
-        Missing, not such a list, or a pose that is not rigid.
+        The file is missing or not such a list, or a pose is not rigid.
     """
     entries = parsed_json(read_content(path, "a list of photographs"), path.name)
     if not isinstance(entries, list) or not all(isinstance(e, dict) and "image" in e for e in entries):
-        raise InputError(f'{path.name}: expected a list of {{"image": ..., "cam_from_mesh": ...}}')
+        raise InputError(
+            f'{path.name}: expected a list of {{"image": ..., "cam_from_mesh": ...}}, found something else'
+        )
     photographs = []
     for number, entry in enumerate(entries):
         key = pose_key(entry, f"{path.name}: entry {number}: ")

@@ -1,4 +1,4 @@
-"""The same views by PyVista, as its users meet it: off screen, RGB, in memory. Optional, hence imported where used."""
+"""The same views by PyVista, as its users run it: off screen, RGB, in memory. PyVista is optional: imported on use."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -20,16 +20,16 @@ def pyvista_renderer(
     lit: bool,
     depth_range_mm: tuple[float, float],
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Prepare a scene that PyVista renders with K, except that its pixels are square: it takes fx to be fy.
+    """Prepare a scene that PyVista renders with K, except that its pixels are square: fx is set to fy.
 
     Parameters
     ----------
     mesh, colours
-        Model frame, mm; ``(V, 3)`` uint8 a vertex.
+        Model frame, mm; ``(V, 3)`` uint8 colours of the vertices.
     samples
-        Samples a pixel of its multi-sampling; 1: none.
+        Samples per pixel for multi-sampling; 1: none.
     lit
-        With the light of its default scene, or with the colours as they are.
+        Whether to use the light of the default scene, or to show the colours unchanged.
     depth_range_mm
         Clipping planes.
 

@@ -1,8 +1,8 @@
-"""How far off a pose may be and still be refined, and how often a wrong result is accepted. Needs ``cv2``.
+"""The refinement's basin of convergence, and how often it accepts a wrong pose. Needs ``cv2``.
 
-The true pose is turned about the middle of the visible surface and moved by a part of its distance, both in random
-directions, on a grid of sizes. Wrong images are the scene's own, mirrored, upside down and turned by a quarter: the
-refinement must refuse all of them.
+The initial pose is the true one, rotated about the middle of the visible surface and translated by a percentage of its
+distance, both in random directions, on a grid of sizes. Wrong images are the scene's own, mirrored, upside down and
+rotated by 90 degrees: the refinement must refuse all of them.
 """
 
 import csv
@@ -28,12 +28,12 @@ WRONG_IMAGES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 RIGHT_IMAGE = "right"
 WRONG_START = 2.0, 2.0
-"""Degrees and percent of the distance by which the pose is off where the image is wrong."""
+"""Size of the disturbance for wrong images: degrees, and percent of the distance."""
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """What a trial starts from: the scene's ``image`` or a wrong one, and how far the pose is off.
+    """The start of a trial: the scene's image or a wrong one, and the error of the initial pose.
 
     Attributes
     ----------
@@ -57,13 +57,14 @@ class RefinementTrial:
     scene, image, angle_deg, percent
         The scene's name and the :class:`Disturbance`.
     start_px, error_deg, error_px
-        Mean displacement of the visible surface before; angle and displacement after, whether accepted or not.
+        Mean displacement of the visible surface at the initial pose; rotation error and mean displacement after the
+        refinement, accepted or not.
     right
-        Whether the refined pose lies within the scene's limits, and the image is not a wrong one.
+        Whether the refined pose is within the scene's limits and the image is not a wrong one.
     accepted, message
-        The refinement's own verdict, and its reason.
+        The refinement's own verdict and its reason.
     score_before, score_after, edge_px_before, edge_px_after, split_half_px, second_peak_ratio
-        What the verdict rests on; infinite where there was nothing to test.
+        The measures behind the verdict; infinite if not tested.
     seconds
         Processor time.
     """
@@ -93,13 +94,13 @@ class RefinementTrial:
 def disturbances(
     angles_deg: Sequence[float], percents: Sequence[float], trials: int, wrong: int
 ) -> tuple[Disturbance, ...]:
-    """``trials`` times the grid of angles and percentages, then each of :data:`WRONG_IMAGES` ``wrong`` times."""
+    """The grid of angles and percentages ``trials`` times, then each of :data:`WRONG_IMAGES` ``wrong`` times."""
     grid = [Disturbance(RIGHT_IMAGE, angle, percent) for angle in angles_deg for percent in percents]
     return tuple(grid * trials + [Disturbance(name, *WRONG_START) for name in WRONG_IMAGES] * wrong)
 
 
 def disturbed_pose(scene: RefinementScene, angle_deg: float, percent: float, rng: np.random.Generator) -> np.ndarray:
-    """``(4, 4)`` the true pose turned about the middle of the visible surface and moved, in random directions."""
+    """``(4, 4)`` true pose, rotated about the middle of the visible surface and translated, in random directions."""
     middle = transform_points(scene.cam_from_model, scene.points).mean(axis=0)
     axis, direction = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
     rotation = rotation_from_vector(np.radians(angle_deg) * axis)
@@ -110,7 +111,7 @@ def disturbed_pose(scene: RefinementScene, angle_deg: float, percent: float, rng
 def run_trials(
     scenes: Sequence[RefinementScene], planned: Sequence[Disturbance], seed: int
 ) -> Iterator[RefinementTrial]:
-    """Refine from each disturbance, on the scenes in turn; trial ``i`` depends on the seed and on ``i`` alone."""
+    """Refine from each disturbance, cycling through the scenes; trial ``i`` depends on the seed and ``i`` alone."""
     for index, disturbance in enumerate(planned):
         yield run_trial(scenes[index % len(scenes)], disturbance, np.random.default_rng([seed, index]))
 
@@ -148,7 +149,7 @@ def run_trial(scene: RefinementScene, disturbance: Disturbance, rng: np.random.G
 
 
 def displacement_px(scene: RefinementScene, cam_from_model: np.ndarray) -> float:
-    """Mean distance in the image between the visible points at a pose and at the true one."""
+    """Mean distance in the image between the visible points at a pose and at the true pose, px."""
     found, true = (
         scene.camera.project(transform_points(pose, scene.points)) for pose in (cam_from_model, scene.cam_from_model)
     )
@@ -185,7 +186,7 @@ class Tally:
 
 
 def summary(trials: Sequence[RefinementTrial]) -> list[str]:
-    """Sentences on success, false verdicts, errors and time."""
+    """Lines on success, false verdicts, errors and time."""
     tally = Tally.of(trials)
     lines = [
         f"right {tally.right} of {tally.trials}",
@@ -198,9 +199,7 @@ def summary(trials: Sequence[RefinementTrial]) -> list[str]:
     if accepted:
         errors = np.array([[trial.error_px, trial.error_deg] for trial in accepted])
         (px, deg), (worst_px, worst_deg) = np.median(errors, axis=0), np.quantile(errors, 0.95, axis=0)
-        lines.append(
-            f"error where accepted, median / 95 %: {px:.2f} / {worst_px:.2f} px, {deg:.2f} / {worst_deg:.2f} deg"
-        )
+        lines.append(f"error where accepted, median / 95 %: {px:.2f} / {worst_px:.2f} px, {deg:.2f} / {worst_deg:.2f}°")
     seconds = [trial.seconds for trial in trials]
     lines.append(f"processor time, median / largest: {np.median(seconds):.1f} / {max(seconds):.1f} s")
     return lines
@@ -222,7 +221,7 @@ def trials_to_csv(trials: Sequence[RefinementTrial]) -> bytes:
 
 
 def read_trials(path: Path) -> tuple[RefinementTrial, ...]:
-    """Read what :func:`trials_to_csv` wrote.
+    """Read the file that :func:`trials_to_csv` wrote.
 
     Raises
     ------

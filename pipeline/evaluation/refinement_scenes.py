@@ -1,4 +1,4 @@
-"""Images with known poses to start refinements from: the frame of a case, and LINEMOD-Occluded. Needs ``cv2``."""
+"""Images with known poses for trials of the refinement: the frame of a case, and LINEMOD-Occluded. Needs ``cv2``."""
 
 import io
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ from ..surface.mesh_reader import read_mesh
 from ..transforms import inverse_rigid, nearest_rotation, rigid, transform_points
 
 LMO_OBJECTS = (1, 5, 6, 8, 9, 12)
-"""Objects of LM-O that scenes are made of: not those with a symmetry."""
+"""The objects of LM-O without symmetry."""
 FEWEST_VISIBLE_POINTS = 100
 VISIBLE_POINTS = 2000
-"""About so many points stand for the visible surface."""
+"""Approximate number of points that represent the visible surface."""
 
 
 @dataclass(frozen=True)
@@ -34,13 +34,13 @@ class RefinementScene:
     image, valid
         ``(H, W, 3)`` float32 RGB 0..1, undistorted; ``(H, W)`` bool, pixels that may be used.
     camera, mesh, cam_from_model
-        What the image shows; the mesh in the model frame, mm.
+        Intrinsics; the mesh in the model frame, mm; the true pose.
     colours
-        ``(V, 3)`` RGB 0..1 a vertex, or ``None`` if unknown.
+        ``(V, 3)`` RGB 0..1 per vertex, or ``None`` if unknown.
     points
         ``(N, 3)`` mm, visible points of the surface, model frame.
     largest_px, largest_deg
-        A refined pose within both of the true one is right; ``None``: any angle.
+        Largest displacement and rotation error of a refined pose that counts as right; ``None``: any angle.
     """
 
     name: str
@@ -56,7 +56,7 @@ class RefinementScene:
 
 
 def case_scene(path: Path) -> RefinementScene:
-    """The frame of a case file with the pose that the file states.
+    """The frame of a case file, with the pose in the file as the true one.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def case_scene(path: Path) -> RefinementScene:
     if image.shape[:2] != case.camera.shape_hw:
         raise InputError(
             f"{case.image}: expected {case.camera.size_wh} px as in {path.name}, found {image.shape[1::-1]}; "
-            "correct the size in the case file or take the frame that it was made for"
+            "correct the size in the case file, or name the frame that belongs to it"
         )
     if case.distortion is not None:
         image, valid = undistort(image, case.camera, case.distortion)
@@ -81,15 +81,15 @@ def case_scene(path: Path) -> RefinementScene:
 
 
 def lmo_scenes(folder: Path) -> list[RefinementScene]:
-    """Scenes of LM-O, spread over its frames: each frame shows the next of :data:`LMO_OBJECTS`, in turn.
+    """Scenes of LM-O, one per image; successive images use successive :data:`LMO_OBJECTS`.
 
-    Frames without their object, or with hardly any of it in view, are left out. The true poses of LM-O are 2 to 6 px
+    Images without their object, or with hardly any of it in view, are left out. The true poses of LM-O are 2 to 6 px
     off themselves, so a result within 5 px counts as right ("2D projection", Brachmann et al. 2016).
 
     Parameters
     ----------
     folder
-        ``camera.json``, ``scene_gt.json``, ``rgb/`` and ``models/`` of one BOP scene.
+        Folder with ``camera.json``, ``scene_gt.json``, ``rgb/`` and ``models/`` of one BOP scene.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def lmo_scenes(folder: Path) -> list[RefinementScene]:
         ]
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputError(
-            f"{folder}: expected camera.json and scene_gt.json as BOP has them, found something else ({error!r})"
+            f"{folder}: expected camera.json and scene_gt.json in BOP's format, found something else ({error!r})"
         ) from None
     scenes = []
     for index, (frame, poses) in enumerate(annotated):
@@ -149,7 +149,7 @@ def _read_json(path: Path) -> dict:
 
 
 def _coloured_mesh(path: Path) -> tuple[TriangleMesh, np.ndarray]:
-    """LM-O's text PLY: x y z nx ny nz red green blue [alpha], then triangles."""
+    """Read LM-O's text PLY: x y z nx ny nz red green blue [alpha], then triangles."""
     mesh, _ = read_mesh(path)
     body = path.read_bytes().split(b"end_header\n", 1)[1]
     rows = np.loadtxt(io.BytesIO(body), max_rows=len(mesh.vertices), usecols=range(9))

@@ -1,4 +1,4 @@
-"""Times of rendered frames, ours and PyVista's, from rounds that alternate; and their ratios.
+"""Render times per view, ours and PyVista's, from alternating rounds; and their ratios.
 
 Ratios are taken within a round, since a shared machine is slower at some times than at others.
 """
@@ -21,7 +21,7 @@ PEERS = (LIT_PEER, UNLIT_PEER, PLAIN_PEER)
 
 @dataclass(frozen=True)
 class TimeRatio:
-    """Ratio of the median times, and the least and the largest ratio of any round; the first lies between them."""
+    """Ratio of the median times, which is between the smallest and the largest ratio of any round."""
 
     median: float
     least: float
@@ -30,7 +30,7 @@ class TimeRatio:
 
 @dataclass(frozen=True)
 class RenderTimes:
-    """Seconds a frame by name, one entry a round; the names of :data:`PEERS` among them."""
+    """Seconds per view by name, one entry per round; the names include :data:`PEERS`."""
 
     seconds: Mapping[str, tuple[float, ...]]
 
@@ -41,11 +41,11 @@ class RenderTimes:
 
     @property
     def ours(self) -> tuple[str, ...]:
-        """All names but those of :data:`PEERS`."""
+        """All names except :data:`PEERS`."""
         return tuple(name for name in self.seconds if name not in PEERS)
 
     def median_ms(self, name: str) -> float:
-        """Median time of a frame."""
+        """Median time of a view."""
         return float(np.median(self.seconds[name]) * 1e3)
 
     def ratio(self, name: str, peer: str) -> TimeRatio:
@@ -55,18 +55,18 @@ class RenderTimes:
 
     def table(self) -> list[str]:
         """Lines of a Markdown table: medians, and their ratios to PyVista's with and without its light."""
-        lines = ["| a frame | ms | / PyVista 8x MSAA, default light | / no light |", "|---|---|---|---|"]
+        lines = ["| view | ms | / PyVista 8x MSAA, default light | / no light |", "|---|---|---|---|"]
         for name in self.seconds:
             lit, unlit = (self.ratio(name, peer).median for peer in (LIT_PEER, UNLIT_PEER))
             lines.append(f"| {name} | {self.median_ms(name):.0f} | {lit:.2f} | {unlit:.2f} |")
         return lines
 
     def medians_ms(self) -> dict[str, float]:
-        """Median times of a frame, by name."""
+        """Median times of a view in milliseconds, by name."""
         return {name: self.median_ms(name) for name in self.seconds}
 
     def rounds_ms(self) -> dict[str, list[float]]:
-        """All times in milliseconds: ``"speed rounds"`` in the file of benchmark.py."""
+        """All times in milliseconds, by name: ``"speed rounds"`` in the file of benchmark.py."""
         return {name: [1e3 * value for value in each] for name, each in self.seconds.items()}
 
 
@@ -76,8 +76,8 @@ def read_render_times(path: Path) -> RenderTimes:
     Raises
     ------
     InputError
-        The file is missing, holds something else, or times that are not positive, not as many for each name, or not
-        those of all :data:`PEERS`.
+        The file is missing or holds something else; times are not positive, differ in number between names, or lack
+        some of :data:`PEERS`.
     """
     table = parsed_json(read_content(path, "the figures of benchmark.py"), path.name)
     try:

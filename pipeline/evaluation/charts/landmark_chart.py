@@ -1,4 +1,4 @@
-"""The accuracy of poses from landmarks: OneFrame's solver and OpenCV's on the same clicks."""
+"""Chart of the accuracy of poses from landmarks: OneFrame's solver and OpenCV's on the same clicks."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from .page import OURS, PEER, WARNING, Theme, note, plain_log_axis, round_ticks,
 
 @dataclass(frozen=True)
 class Quantity:
-    """One of the errors: title and axis label of its panels, and how to take it from the quantiles."""
+    """One of the errors: title and axis label of its panels, and a function that takes it from the quantiles."""
 
     title: str
     label: str
@@ -43,9 +43,13 @@ SOLVERS = (
 
 
 def landmark_accuracy_charts(figures: LandmarkFigures, data: Path) -> list[Path]:
-    """Rotation error and displacement of the surface against the number of correspondences, ours and OpenCV's.
+    """Draw rotation error and displacement of the surface against the number of correspondences, ours and OpenCV's.
 
-    A row of panels for each noise; trials on the surface of a case get a chart of their own, ``NAME-case``.
+    Each click noise has a row of panels; trials on the surface of a case have a separate chart, ``NAME-case``.
+
+    Returns
+    -------
+    The files written.
     """
     written = []
     for rows, suffix, where in ((figures.box, "", "random points"), (figures.case, "-case", "the surface of a case")):
@@ -54,7 +58,7 @@ def landmark_accuracy_charts(figures: LandmarkFigures, data: Path) -> list[Path]
         noises = sorted({row.sigma_px for row in rows})
         caption = (
             f"{figures.trials} trials each on {where}; dot: median, bar: up to the 95 % quantile; "
-            "refused trials count with their best guess"
+            "refused trials count with their best candidate"
         )
 
         def draw(figure: Any, theme: Theme, rows=rows, noises=noises, caption=caption) -> None:
@@ -65,7 +69,7 @@ def landmark_accuracy_charts(figures: LandmarkFigures, data: Path) -> list[Path]
                     _draw_errors(panel, theme, chosen, quantity)
                     panel.set_title(f"{quantity.title}, clicks ± {sigma_px:g} px")
                     panel.set_ylabel(quantity.label)
-            # limits are shared: they are known when all panels are drawn
+            # shared limits are known only after all panels are drawn
             for column in panels.T:
                 _finish_axes(column, sorted({row.pairs for row in rows}))
             # errors fall with the number of correspondences: there is room
@@ -92,7 +96,7 @@ def _draw_errors(axes: Any, theme: Theme, rows: Sequence[LandmarkAccuracy], quan
     for solver in SOLVERS:
         errors = [quantity.of(row.all if solver.peer is None else row.peers[solver.peer]) for row in rows]
         median, most = (np.where(np.isfinite(each), each, np.nan) for each in np.array(errors).T)
-        # beside each other, or equal results would hide each other
+        # side by side, or equal results would hide each other
         x, colour = counts * 1.034**solver.shift, theme.series[solver.series]
         axes.vlines(x, median, most, color=colour, linewidth=2.2, alpha=0.6)
         axes.plot(x, median, color=colour, marker=solver.marker, markersize=6.5, linewidth=1, label=solver.label)
@@ -112,7 +116,7 @@ def _draw_errors(axes: Any, theme: Theme, rows: Sequence[LandmarkAccuracy], quan
 
 
 def _finish_axes(column: Sequence[Any], counts: Sequence[int]) -> None:
-    """Limits and ticks of panels that share their axes."""
+    """Set the limits and ticks of panels that share their axes."""
     low, high = column[0].get_ylim()
     # room for the numbers below the curves
     low /= 1.5

@@ -1,7 +1,7 @@
 """What all charts share: their colours on light and on dark pages, their files, and plain logarithmic axes.
 
-The same records give the same bytes with the same matplotlib. It is imported where it is used, since it is optional;
-hence its figures and axes are typed as ``Any``.
+The same data give the same bytes with the same matplotlib. Matplotlib is optional, hence imported on use, and its
+figures and axes are typed as ``Any``.
 """
 
 import io
@@ -21,7 +21,7 @@ DPI = 160
 
 @dataclass(frozen=True)
 class Theme:
-    """Colours for one kind of page; ``series`` (after Okabe and Ito 2008) differ for colour-blind readers too."""
+    """Colours for a light or a dark page; ``series`` suits colour-blind readers too (after Okabe and Ito 2008)."""
 
     suffix: str
     background: str
@@ -46,7 +46,7 @@ Draw = Callable[[Any, Theme], None]
 
 
 def require_matplotlib() -> None:
-    """Check that charts can be drawn, before measurements that take long.
+    """Check before long measurements that charts can be drawn.
 
     Raises
     ------
@@ -63,12 +63,12 @@ def require_matplotlib() -> None:
 
 
 def write_chart(data: Path, draw: Draw, size_inches: tuple[float, float], *, title: str) -> list[Path]:
-    """Write a chart beside its data file: ``NAME.svg``, ``NAME.png``, ``NAME-dark.svg`` and ``NAME-dark.png``.
+    """Write a chart next to its data file: ``NAME.svg``, ``NAME.png``, ``NAME-dark.svg`` and ``NAME-dark.png``.
 
     Parameters
     ----------
     data
-        The file that holds what the chart shows: gives folder and name.
+        The file with the chart's data: determines folder and name.
     draw
         Called with an empty figure and the theme.
     title
@@ -100,7 +100,7 @@ def write_chart(data: Path, draw: Draw, size_inches: tuple[float, float], *, tit
 
 @contextmanager
 def _style(theme: Theme) -> Iterator[None]:
-    """matplotlib's defaults, whatever the user's own settings, in the colours of a theme."""
+    """Use matplotlib's defaults instead of the user's settings, with the colours of a theme."""
     import matplotlib
 
     with matplotlib.rc_context():
@@ -133,12 +133,12 @@ def _style(theme: Theme) -> Iterator[None]:
 
 
 def note(figure: Any, theme: Theme, text: str) -> None:
-    """One line below the chart, in small print."""
+    """Write one line in small print below the chart."""
     figure.supxlabel(text, x=0.012, ha="left", fontsize=9.5, color=theme.muted)
 
 
 def plain_log_axis(axis: Any, ticks: Sequence[float]) -> None:
-    """Plain numbers at chosen ticks of a logarithmic axis."""
+    """Label a logarithmic axis with plain numbers at these ticks only."""
     from matplotlib.ticker import NullFormatter
 
     axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
@@ -147,7 +147,7 @@ def plain_log_axis(axis: Any, ticks: Sequence[float]) -> None:
 
 
 def round_ticks(low: float, high: float) -> list[float]:
-    """Round numbers from ``low`` to ``high`` for a logarithmic axis, as many a decade as make nine at most."""
+    """Round numbers from ``low`` to ``high`` for a logarithmic axis, at most nine."""
     from matplotlib.ticker import MaxNLocator
 
     powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
@@ -158,5 +158,5 @@ def round_ticks(low: float, high: float) -> list[float]:
             break
     if len(ticks) >= 3:
         return ticks
-    # less than half a decade: as good as linear
+    # less than half a decade: nearly linear
     return [float(value) for value in MaxNLocator(5).tick_values(low, high) if low <= value <= high]

@@ -1,4 +1,4 @@
-"""The basin of the refinement: from how far off it still finds the pose, and what it accepts."""
+"""Chart of the refinement's basin of convergence, and of its verdicts."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +12,11 @@ from .page import OURS, WARNING, Theme, note, plain_log_axis, round_ticks, write
 
 
 def refinement_charts(trials: Sequence[RefinementTrial], data: Path) -> list[Path]:
-    """Success for each size of the start's error, and the error before against the error after every refinement.
+    """Draw the success for each size of the disturbance, and the errors before and after every refinement.
+
+    Returns
+    -------
+    The files written.
 
     Raises
     ------
@@ -22,21 +26,21 @@ def refinement_charts(trials: Sequence[RefinementTrial], data: Path) -> list[Pat
     grid, tally = [trial for trial in trials if trial.image == RIGHT_IMAGE], Tally.of(trials)
     if not grid:
         raise InputError(f"{data.name}: expected trials of the right image to draw, found none; measure with --trials")
-    sentences = [f"accepted though wrong: {tally.accepted - tally.right_and_accepted} of {tally.accepted} accepted"]
+    notes = [f"accepted though wrong: {tally.accepted - tally.right_and_accepted} of {tally.accepted} accepted"]
     if tally.wrong_images:
-        sentences.append(f"accepted on wrong images: {tally.wrong_images_accepted} of {tally.wrong_images}")
+        notes.append(f"accepted on wrong images: {tally.wrong_images_accepted} of {tally.wrong_images}")
 
     def draw(figure: Any, theme: Theme) -> None:
         left, right = figure.subplots(1, 2)
         _success_panel(left, theme, grid)
         _error_panel(right, theme, grid)
-        note(figure, theme, "; ".join(sentences))
+        note(figure, theme, "; ".join(notes))
 
     return write_chart(data, draw, (10.2, 4.9), title="Refinement of disturbed poses")
 
 
 def _success_panel(axes: Any, theme: Theme, grid: Sequence[RefinementTrial]) -> None:
-    """A cell for each size of rotation and translation: how many trials ended right and accepted."""
+    """Draw a cell for each size of rotation and translation: the number of trials that ended right and accepted."""
     from matplotlib.colors import LinearSegmentedColormap, to_rgb
 
     angles, percents = sorted({trial.angle_deg for trial in grid}), sorted({trial.percent for trial in grid})
@@ -58,7 +62,7 @@ def _success_panel(axes: Any, theme: Theme, grid: Sequence[RefinementTrial]) -> 
     axes.set_yticks(range(len(percents)), [f"{percent:g}" for percent in percents])
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
-    axes.set(xlabel="rotation of the start (°)", ylabel="translation of the start (% of the distance)")
+    axes.set(xlabel="rotation error of the initial pose (°)", ylabel="translation error (% of the distance)")
     axes.set_title("Right and accepted")
 
 
@@ -69,7 +73,7 @@ def _square(column: int, row: int, colour: Any) -> Any:
 
 
 def _error_panel(axes: Any, theme: Theme, grid: Sequence[RefinementTrial]) -> None:
-    """Displacement of the surface before and after each refinement, by verdict, on log axes."""
+    """Draw the displacement of the surface before and after each refinement, by verdict, on log axes."""
     kinds = (
         ("right and accepted", (True, True), {"marker": "o", "color": theme.series[OURS]}),
         ("wrong but accepted", (False, True), {"marker": "X", "color": theme.series[WARNING]}),
@@ -90,6 +94,6 @@ def _error_panel(axes: Any, theme: Theme, grid: Sequence[RefinementTrial]) -> No
     plain_log_axis(axes.xaxis, round_ticks(left, right))
     plain_log_axis(axes.yaxis, round_ticks(low, high))
     axes.grid(linewidth=0.8)
-    axes.set(xlabel="displacement at the start (px)", ylabel="displacement of the refined pose (px)")
+    axes.set(xlabel="displacement of the initial pose (px)", ylabel="displacement of the refined pose (px)")
     axes.set_title("Every refinement")
     axes.legend(loc="best", fontsize=10, handletextpad=0.4, framealpha=1, facecolor=theme.background, edgecolor="none")

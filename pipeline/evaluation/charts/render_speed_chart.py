@@ -1,4 +1,4 @@
-"""The speed of rendering relative to PyVista's."""
+"""Chart of the render time relative to PyVista's."""
 
 from pathlib import Path
 from typing import Any
@@ -8,7 +8,7 @@ from .page import OURS, WARNING, Theme, note, plain_log_axis, round_ticks, write
 
 
 def render_speed_charts(times: RenderTimes, data: Path) -> list[Path]:
-    """Time of a frame relative to PyVista's, median and range over the rounds."""
+    """Draw the time of a view relative to PyVista's, median and range over the rounds; returns the files written."""
     ours = times.ours
 
     def draw(figure: Any, theme: Theme) -> None:
@@ -44,11 +44,11 @@ def render_speed_charts(times: RenderTimes, data: Path) -> list[Path]:
         axes.set_yticks(range(len(ours)), ours)
         axes.tick_params(axis="y", length=0)
         axes.grid(axis="x", linewidth=0.8)
-        axes.set_xlabel("time of a frame, PyVista = 1 (less is faster)")
+        axes.set_xlabel("time of a view, PyVista = 1 (less is faster)")
         note(
             figure,
             theme,
-            "ours: complete frames on disk; PyVista: RGB in memory; "
+            "ours: complete views on disk; PyVista: RGB in memory; "
             f"median and range of {times.rounds} alternating rounds",
         )
 

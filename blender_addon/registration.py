@@ -1,7 +1,8 @@
 """Classes for Blender, with properties whose types a type checker can read.
 
 Blender takes a property from an annotation, ``width: IntProperty(min=1)``, which is no type. The add-on's classes write
-``width: Annotated[int, IntProperty(min=1)]`` instead: the type of the value first, Blender's definition of it second.
+``width: Annotated[int, {IntProperty(min=1)}]`` instead: the type of the value, then Blender's definition in
+a set: that has no hash, or ``typing`` would remember it and keep the add-on in memory after it has been removed.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,4 +29,8 @@ def class_registration(classes: Sequence[type]) -> tuple[Callable[[], None], Cal
 
 
 def _definition(annotation: object) -> object:
-    return get_args(annotation)[1] if get_origin(annotation) is Annotated else annotation
+    """Blender's definition of a property; any other annotation as it is."""
+    if get_origin(annotation) is not Annotated:
+        return annotation
+    (definition,) = get_args(annotation)[1]
+    return definition

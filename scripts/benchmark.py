@@ -32,6 +32,7 @@ from pipeline.blender.dataset.job import Job, OpenJob, available_cores, open_job
 from pipeline.blender.render.engines import keep_freed_memory, render_view
 from pipeline.blender.render.surface_scene import SurfaceScene
 from pipeline.camera.pinhole import PinholeCamera
+from pipeline.colour.vertex_colours import colour_vertices
 from pipeline.dataset.folder import Shard
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.options import DatasetOptions
@@ -151,7 +152,7 @@ def measure_speed(folder: Path, report: Callable[[str], None], *, rounds: int) -
     opened = open_case(case, folder / "unused")
     with opened.renderer(threads=available_cores()) as renderer:
         poses = np.stack([renderer.plan(index).cam_from_model for index in range(block)])
-        colours, _ = colour_of(renderer.source, "vertex")
+        colours = colour_vertices(renderer.source.mesh, renderer.source.view)
     codes = to_uint8(colours.rgb)
     mesh = renderer.source.mesh
     peers = {

@@ -1,7 +1,7 @@
 """Operators that put the frame's colours on the surface, show them, and write the coloured surface to a file."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import bpy
 import numpy as np
@@ -11,7 +11,7 @@ from bpy_extras.io_utils import ExportHelper
 
 from ..pipeline.blender.colour.coverage import coverage_of
 from ..pipeline.blender.colour.export import export_coloured_surface
-from ..pipeline.blender.colour.reference_view import colour_of, reference_view_of
+from ..pipeline.blender.colour.reference_view import reference_view_of, stored_colour_of
 from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, put_colour, remove_colour
 from ..pipeline.errors import InputError
 from ..registration import class_registration
@@ -37,8 +37,8 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     mode: Annotated[
-        Literal["texture", "vertex"],
-        EnumProperty(name="As", description="How the surface holds the colours", items=MODES, default="vertex"),
+        str,
+        {EnumProperty(name="As", description="How the surface holds the colours", items=MODES, default="vertex")},
     ]
 
     def run(self, context: bpy.types.Context) -> Messages:
@@ -51,7 +51,7 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
             loaded = from_scene.loaded_case(scene)
             source = reference_view_of(loaded)
             context.window_manager.progress_update(1)
-            colour, messages = colour_of(source, self.mode)
+            colour, messages = stored_colour_of(source, self.mode)
             context.window_manager.progress_update(2)
             coverage = coverage_of(source, colour)
         finally:
@@ -119,11 +119,11 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operat
     bl_label = "Export Coloured Surface"
     bl_options = {"REGISTER"}
 
-    filter_glob: Annotated[str, StringProperty(default="*.glb;*.obj;*.ply", options={"HIDDEN"})]
-    file_format: Annotated[str, EnumProperty(name="Format", description="Kind of file", items=FORMATS, default="glb")]
+    filter_glob: Annotated[str, {StringProperty(default="*.glb;*.obj;*.ply", options={"HIDDEN"})}]
+    file_format: Annotated[str, {EnumProperty(name="Format", description="Kind of file", items=FORMATS, default="glb")}]
     mode: Annotated[
-        Literal["texture", "vertex"],
-        EnumProperty(name="Colours", description="How the file holds the colours", items=MODES, default="texture"),
+        str,
+        {EnumProperty(name="Colours", description="How the file holds the colours", items=MODES, default="texture")},
     ]
 
     @property

@@ -180,7 +180,7 @@ class ONEFRAME_OT_open_result(Reporting, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     contact_sheet: Annotated[
-        bool, BoolProperty(name="Contact sheet", description="Open the picture of many views", default=False)
+        bool, {BoolProperty(name="Contact sheet", description="Open the picture of many views", default=False)}
     ]
 
     @classmethod

@@ -103,15 +103,17 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
 
     kind: Annotated[
         str,
-        EnumProperty(
-            name="Kind",
-            items=[
-                ("IMAGE", "Image point", "Place or move a point in the frame"),
-                ("SURFACE", "Surface point", "Place or move a point on the surface"),
-                ("PIN", "Pin", "Pull the surface by the point under the pointer"),
-            ],
-            options={"SKIP_SAVE"},
-        ),
+        {
+            EnumProperty(
+                name="Kind",
+                items=[
+                    ("IMAGE", "Image point", "Place or move a point in the frame"),
+                    ("SURFACE", "Surface point", "Place or move a point on the surface"),
+                    ("PIN", "Pin", "Pull the surface by the point under the pointer"),
+                ],
+                options={"SKIP_SAVE"},
+            )
+        },
     ]
 
     @classmethod

@@ -43,23 +43,27 @@ class _Halves(bpy.types.Operator):
 
     point: Annotated[
         Sequence[float],
-        FloatVectorProperty(
-            name="Surface point",
-            description="Point on the surface, in its own frame (model), mm",
-            size=3,
-            precision=4,
-            options=FRESH,
-        ),
+        {
+            FloatVectorProperty(
+                name="Surface point",
+                description="Point on the surface, in its own frame (model), mm",
+                size=3,
+                precision=4,
+                options=FRESH,
+            )
+        },
     ]
     pixel: Annotated[
         Sequence[float],
-        FloatVectorProperty(
-            name="Image point",
-            description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
-            size=2,
-            precision=3,
-            options=FRESH,
-        ),
+        {
+            FloatVectorProperty(
+                name="Image point",
+                description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
+                size=2,
+                precision=3,
+                options=FRESH,
+            )
+        },
     ]
 
     def given_point(self) -> np.ndarray | None:
@@ -80,15 +84,17 @@ class ONEFRAME_OT_landmark_set(NeedsAlignment, _Halves, Reporting, bpy.types.Ope
 
     index: Annotated[
         int,
-        IntProperty(
-            name="Number",
-            description="Number in the list, counted from 0; -1 for the one that waits for this half, or a new one",
-            default=-1,
-            min=-1,
-            options=FRESH,
-        ),
+        {
+            IntProperty(
+                name="Number",
+                description="Number in the list, counted from 0; -1 for the one that waits for this half, or a new one",
+                default=-1,
+                min=-1,
+                options=FRESH,
+            )
+        },
     ]
-    name: Annotated[str, StringProperty(name="Name", description="Its name; empty to keep it", options=FRESH)]
+    name: Annotated[str, {StringProperty(name="Name", description="Its name; empty to keep it", options=FRESH)}]
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
@@ -113,13 +119,15 @@ class ONEFRAME_OT_landmark_pin(NeedsAlignment, _Halves, Reporting, bpy.types.Ope
 
     index: Annotated[
         int,
-        IntProperty(
-            name="Number",
-            description="Number in the list, counted from 0; -1 for a new one",
-            default=-1,
-            min=-1,
-            options=FRESH,
-        ),
+        {
+            IntProperty(
+                name="Number",
+                description="Number in the list, counted from 0; -1 for a new one",
+                default=-1,
+                min=-1,
+                options=FRESH,
+            )
+        },
     ]
 
     def run(self, context: bpy.types.Context) -> None:
@@ -173,8 +181,8 @@ class ONEFRAME_OT_landmark_remove(_One, _HasLandmarks, Reporting, bpy.types.Oper
     bl_label = "Delete Landmark"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: Annotated[int, IntProperty(name="Number", description=INDEX, default=-1, min=-1, options=FRESH)]
-    at_pointer: Annotated[bool, BoolProperty(options={"HIDDEN", "SKIP_SAVE"})]
+    index: Annotated[int, {IntProperty(name="Number", description=INDEX, default=-1, min=-1, options=FRESH)}]
+    at_pointer: Annotated[bool, {BoolProperty(options={"HIDDEN", "SKIP_SAVE"})}]
     # with this tool in hand the key must not delete the surface because a mark was missed by a pixel
     elsewhere = {"CANCELLED"}
 
@@ -189,8 +197,8 @@ class ONEFRAME_OT_landmark_toggle(_One, _HasLandmarks, Reporting, bpy.types.Oper
     bl_label = "Use Landmark or Not"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: Annotated[int, IntProperty(name="Number", description=INDEX, default=-1, min=-1, options=FRESH)]
-    at_pointer: Annotated[bool, BoolProperty(options={"HIDDEN", "SKIP_SAVE"})]
+    index: Annotated[int, {IntProperty(name="Number", description=INDEX, default=-1, min=-1, options=FRESH)}]
+    at_pointer: Annotated[bool, {BoolProperty(options={"HIDDEN", "SKIP_SAVE"})}]
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
@@ -239,12 +247,14 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Oper
     bl_label = "Import Landmarks"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default="*.csv;*.json", options={"HIDDEN"})]
+    filter_glob: Annotated[str, {StringProperty(default="*.csv;*.json", options={"HIDDEN"})}]
     keep: Annotated[
         bool,
-        BoolProperty(
-            name="Keep present ones", description="Add to the landmarks that are there, instead of replacing them"
-        ),
+        {
+            BoolProperty(
+                name="Keep present ones", description="Add to the landmarks that are there, instead of replacing them"
+            )
+        },
     ]
 
     def run(self, context: bpy.types.Context) -> Messages:
@@ -266,7 +276,7 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Opera
 
     filename_ext = ".csv"
     check_extension = None
-    filter_glob: Annotated[str, StringProperty(default="*.csv;*.json", options={"HIDDEN"})]
+    filter_glob: Annotated[str, {StringProperty(default="*.csv;*.json", options={"HIDDEN"})}]
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene

@@ -77,12 +77,19 @@ class ONEFRAME_OT_nudge(_Mover, Reporting, bpy.types.Operator):
     bl_label = "Nudge Surface"
     bl_options = {"REGISTER", "UNDO"}
 
-    axis: Annotated[Axis, EnumProperty(name="Axis", items=AXES, description="Along or about which axis of the camera")]
+    axis: Annotated[
+        Axis, {EnumProperty(name="Axis", items=AXES, description="Along or about which axis of the camera")}
+    ]
     step_px: Annotated[
         float,
-        FloatProperty(
-            name="Step", description="Step in pixels of the frame; negative for the other way", default=1.0, precision=2
-        ),
+        {
+            FloatProperty(
+                name="Step",
+                description="Step in pixels of the frame; negative for the other way",
+                default=1.0,
+                precision=2,
+            )
+        },
     ]
 
     def run(self, context: bpy.types.Context) -> None:
@@ -122,15 +129,17 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
 
     mode: Annotated[
         str,
-        EnumProperty(
-            name="Mode",
-            items=[
-                ("shift", "Shift", "Shift in the image plane"),
-                ("tilt", "Tilt", "Tilt and turn about the image's axes"),
-                ("roll", "Roll", "Roll about the view ray"),
-                ("depth", "Depth", "Up: farther, down: nearer"),
-            ],
-        ),
+        {
+            EnumProperty(
+                name="Mode",
+                items=[
+                    ("shift", "Shift", "Shift in the image plane"),
+                    ("tilt", "Tilt", "Tilt and turn about the image's axes"),
+                    ("roll", "Roll", "Roll about the view ray"),
+                    ("depth", "Depth", "Up: farther, down: nearer"),
+                ],
+            )
+        },
     ]
 
     @classmethod
@@ -197,7 +206,7 @@ class ONEFRAME_OT_copy_pose(Reporting, bpy.types.Operator):
     bl_label = "Copy Pose"
 
     inverse: Annotated[
-        bool, BoolProperty(name="Inverse", description="Copy mesh_from_cam instead of cam_from_mesh", default=False)
+        bool, {BoolProperty(name="Inverse", description="Copy mesh_from_cam instead of cam_from_mesh", default=False)}
     ]
 
     def run(self, context: bpy.types.Context) -> Messages:

@@ -39,7 +39,7 @@ class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Open Case"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default="*.toml", options={"HIDDEN"})]
+    filter_glob: Annotated[str, {StringProperty(default="*.toml", options={"HIDDEN"})}]
 
     def run(self, context: bpy.types.Context) -> Messages:
         loaded = load_case(read_case(self.chosen_file()), aligned=False)
@@ -58,16 +58,18 @@ class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):
     bl_options = {"REGISTER"}
 
     filename_ext = ".toml"
-    filter_glob: Annotated[str, StringProperty(default="*.toml", options={"HIDDEN"})]
+    filter_glob: Annotated[str, {StringProperty(default="*.toml", options={"HIDDEN"})}]
 
     save_as: Annotated[
         bool,
-        BoolProperty(
-            name="Save As",
-            description="Ask for the file, also if there is one already",
-            default=False,
-            options={"SKIP_SAVE"},
-        ),
+        {
+            BoolProperty(
+                name="Save As",
+                description="Ask for the file, also if there is one already",
+                default=False,
+                options={"SKIP_SAVE"},
+            )
+        },
     ]
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
@@ -90,7 +92,7 @@ class ONEFRAME_OT_load_frame(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Load Frame"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default=IMAGES, options={"HIDDEN"})]
+    filter_glob: Annotated[str, {StringProperty(default=IMAGES, options={"HIDDEN"})}]
 
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
@@ -105,9 +107,9 @@ class ONEFRAME_OT_load_video_frame(ReportingFile, bpy.types.Operator, ImportHelp
     bl_label = "Load Video Frame"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default=VIDEOS, options={"HIDDEN"})]
+    filter_glob: Annotated[str, {StringProperty(default=VIDEOS, options={"HIDDEN"})}]
     frame_index: Annotated[
-        int, IntProperty(name="Frame", description="Number of the frame, counted from 0", min=0, default=0)
+        int, {IntProperty(name="Frame", description="Number of the frame, counted from 0", min=0, default=0)}
     ]
 
     def run(self, context: bpy.types.Context) -> Messages:
@@ -126,7 +128,7 @@ class ONEFRAME_OT_load_camera(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Load K"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default=CAMERAS, options={"HIDDEN"})]
+    filter_glob: Annotated[str, {StringProperty(default=CAMERAS, options={"HIDDEN"})}]
 
     def run(self, context: bpy.types.Context) -> Messages:
         found = read_camera(self.chosen_file())
@@ -173,9 +175,9 @@ class ONEFRAME_OT_load_surface(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Load Surface"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default=MESHES, options={"HIDDEN"})]
+    filter_glob: Annotated[str, {StringProperty(default=MESHES, options={"HIDDEN"})}]
     units: Annotated[
-        str, EnumProperty(name="Units", description="Unit of the numbers in the file", items=UNITS, default="mm")
+        str, {EnumProperty(name="Units", description="Unit of the numbers in the file", items=UNITS, default="mm")}
     ]
 
     def run(self, context: bpy.types.Context) -> Messages:
@@ -192,18 +194,20 @@ class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper)
     bl_label = "Add Structure"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default=MESHES, options={"HIDDEN"})]
+    filter_glob: Annotated[str, {StringProperty(default=MESHES, options={"HIDDEN"})}]
     color: Annotated[
         Sequence[float],
-        FloatVectorProperty(
-            name="Colour",
-            subtype="COLOR_GAMMA",
-            size=3,
-            min=0,
-            max=1,
-            default=(1.0, 0.0, 1.0),
-            description="Its colour",
-        ),
+        {
+            FloatVectorProperty(
+                name="Colour",
+                subtype="COLOR_GAMMA",
+                size=3,
+                min=0,
+                max=1,
+                default=(1.0, 0.0, 1.0),
+                description="Its colour",
+            )
+        },
     ]
 
     def run(self, context: bpy.types.Context) -> Messages:
@@ -225,7 +229,7 @@ class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Load Pose"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default=POSES, options={"HIDDEN"})]
+    filter_glob: Annotated[str, {StringProperty(default=POSES, options={"HIDDEN"})}]
 
     def run(self, context: bpy.types.Context) -> Messages:
         cam_from_mesh, message = read_pose(self.chosen_file())
@@ -252,7 +256,7 @@ class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportH
     bl_options = {"REGISTER", "UNDO"}
 
     filename_ext = ".ply"
-    filter_glob: Annotated[str, StringProperty(default="*.ply", options={"HIDDEN"})]
+    filter_glob: Annotated[str, {StringProperty(default="*.ply", options={"HIDDEN"})}]
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene, path = context.scene, self.chosen_file()

@@ -44,29 +44,38 @@ def _keep_name_unique(landmark: "ONEFRAME_PG_landmark", _context: bpy.types.Cont
 class ONEFRAME_PG_landmark(bpy.types.PropertyGroup):
     """A pair of a surface point and an image point; either half may be missing yet."""
 
-    name: Annotated[str, StringProperty(name="Name", description="Name of the landmark", update=_keep_name_unique)]
+    name: Annotated[str, {StringProperty(name="Name", description="Name of the landmark", update=_keep_name_unique)}]
     enabled: Annotated[
         bool,
-        BoolProperty(
-            name="Use", description="Use this pair for the pose", default=True, update=events.landmarks_changed
-        ),
+        {
+            BoolProperty(
+                name="Use", description="Use this pair for the pose", default=True, update=events.landmarks_changed
+            )
+        },
     ]
-    has_point: Annotated[bool, BoolProperty(description="The point on the surface has been picked")]
+    has_point: Annotated[bool, {BoolProperty(description="The point on the surface has been picked")}]
     point: Annotated[
         Sequence[float],
-        FloatVectorProperty(
-            name="Surface point", description="Point on the surface, in its own frame (model), mm", size=3, precision=4
-        ),
+        {
+            FloatVectorProperty(
+                name="Surface point",
+                description="Point on the surface, in its own frame (model), mm",
+                size=3,
+                precision=4,
+            )
+        },
     ]
-    has_pixel: Annotated[bool, BoolProperty(description="The point in the frame has been picked")]
+    has_pixel: Annotated[bool, {BoolProperty(description="The point in the frame has been picked")}]
     pixel: Annotated[
         Sequence[float],
-        FloatVectorProperty(
-            name="Image point",
-            description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
-            size=2,
-            precision=3,
-        ),
+        {
+            FloatVectorProperty(
+                name="Image point",
+                description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
+                size=2,
+                precision=3,
+            )
+        },
     ]
 
 
@@ -74,34 +83,38 @@ class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
     """K as typed in the panel; takes effect with Set Camera."""
 
     width: Annotated[
-        int, IntProperty(name="Width", description="Width of the frame in pixels", min=1, max=65536, default=1920)
+        int, {IntProperty(name="Width", description="Width of the frame in pixels", min=1, max=65536, default=1920)}
     ]
     height: Annotated[
-        int, IntProperty(name="Height", description="Height of the frame in pixels", min=1, max=65536, default=1080)
+        int, {IntProperty(name="Height", description="Height of the frame in pixels", min=1, max=65536, default=1080)}
     ]
     fx: Annotated[
-        float, FloatProperty(name="fx", description="Focal length in pixels, along x", default=12800.0, precision=4)
+        float, {FloatProperty(name="fx", description="Focal length in pixels, along x", default=12800.0, precision=4)}
     ]
     fy: Annotated[
-        float, FloatProperty(name="fy", description="Focal length in pixels, along y", default=12800.0, precision=4)
+        float, {FloatProperty(name="fy", description="Focal length in pixels, along y", default=12800.0, precision=4)}
     ]
     cx: Annotated[
-        float, FloatProperty(name="cx", description="Principal point in pixels, x", default=959.5, precision=4)
+        float, {FloatProperty(name="cx", description="Principal point in pixels, x", default=959.5, precision=4)}
     ]
     cy: Annotated[
-        float, FloatProperty(name="cy", description="Principal point in pixels, y", default=539.5, precision=4)
+        float, {FloatProperty(name="cy", description="Principal point in pixels, y", default=539.5, precision=4)}
     ]
     pixel_origin: Annotated[
         PixelOrigin,
-        EnumProperty(
-            name="Pixel origin", description="What the principal point counts from", items=ORIGINS, default="center"
-        ),
+        {
+            EnumProperty(
+                name="Pixel origin", description="What the principal point counts from", items=ORIGINS, default="center"
+            )
+        },
     ]
     distortion: Annotated[
         str,
-        StringProperty(
-            name="Distortion", description="OpenCV's k1, k2, p1, p2, k3, separated by commas; empty for none"
-        ),
+        {
+            StringProperty(
+                name="Distortion", description="OpenCV's k1, k2, p1, p2, k3, separated by commas; empty for none"
+            )
+        },
     ]
 
 
@@ -136,89 +149,108 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     """All that the add-on keeps in a scene."""
 
     case_path: Annotated[
-        str, StringProperty(name="Case", description="The case file that was opened or saved", subtype="FILE_PATH")
+        str, {StringProperty(name="Case", description="The case file that was opened or saved", subtype="FILE_PATH")}
     ]
-    frame_path: Annotated[str, StringProperty(name="Frame", description="The frame's image file", subtype="FILE_PATH")]
+    frame_path: Annotated[
+        str, {StringProperty(name="Frame", description="The frame's image file", subtype="FILE_PATH")}
+    ]
     frame_size: Annotated[
         Sequence[int],
-        IntVectorProperty(name="Frame size", description="Width and height of the frame in pixels", size=2),
+        {IntVectorProperty(name="Frame size", description="Width and height of the frame in pixels", size=2)},
     ]
-    units: Annotated[str, EnumProperty(name="Units", description="Unit of the mesh files", items=UNITS, default="mm")]
-    camera: Annotated[ONEFRAME_PG_camera, PointerProperty(type=ONEFRAME_PG_camera)]
-    distortion_text: Annotated[str, StringProperty(description="Distortion in use (JSON), exact", options={"HIDDEN"})]
+    units: Annotated[str, {EnumProperty(name="Units", description="Unit of the mesh files", items=UNITS, default="mm")}]
+    camera: Annotated[ONEFRAME_PG_camera, {PointerProperty(type=ONEFRAME_PG_camera)}]
+    distortion_text: Annotated[str, {StringProperty(description="Distortion in use (JSON), exact", options={"HIDDEN"})}]
     case_dataset_text: Annotated[
-        str, StringProperty(description="The case's [dataset] table as read (JSON)", options={"HIDDEN"})
+        str, {StringProperty(description="The case's [dataset] table as read (JSON)", options={"HIDDEN"})}
     ]
     case_alignment_text: Annotated[
-        str, StringProperty(description="The case's [alignment] table as read (JSON)", options={"HIDDEN"})
+        str, {StringProperty(description="The case's [alignment] table as read (JSON)", options={"HIDDEN"})}
     ]
     camera_object: Annotated[
-        bpy.types.Object | None, PointerProperty(type=bpy.types.Object, name="Camera", description="The frame's camera")
+        bpy.types.Object | None,
+        {PointerProperty(type=bpy.types.Object, name="Camera", description="The frame's camera")},
     ]
     surface: Annotated[
         bpy.types.Object | None,
-        PointerProperty(type=bpy.types.Object, name="Surface", description="The surface that is aligned"),
+        {PointerProperty(type=bpy.types.Object, name="Surface", description="The surface that is aligned")},
     ]
     landmarks: Annotated[
-        "bpy.types.bpy_prop_collection_idprop[ONEFRAME_PG_landmark]", CollectionProperty(type=ONEFRAME_PG_landmark)
+        "bpy.types.bpy_prop_collection_idprop[ONEFRAME_PG_landmark]", {CollectionProperty(type=ONEFRAME_PG_landmark)}
     ]
-    landmark_index: Annotated[int, IntProperty(name="Active landmark", description="The landmark that is being edited")]
+    landmark_index: Annotated[
+        int, {IntProperty(name="Active landmark", description="The landmark that is being edited")}
+    ]
     click_sigma_px: Annotated[
         float,
-        FloatProperty(
-            name="Click accuracy",
-            description="Standard deviation of a click in pixels: what you can place by eye",
-            default=2.0,
-            min=0.05,
-            max=50.0,
-        ),
+        {
+            FloatProperty(
+                name="Click accuracy",
+                description="Standard deviation of a click in pixels: what you can place by eye",
+                default=2.0,
+                min=0.05,
+                max=50.0,
+            )
+        },
     ]
     live_solve: Annotated[
         bool,
-        BoolProperty(
-            name="Live",
-            description="Solve the pose at every change of the landmarks",
-            default=True,
-            update=events.landmarks_changed,
-        ),
+        {
+            BoolProperty(
+                name="Live",
+                description="Solve the pose at every change of the landmarks",
+                default=True,
+                update=events.landmarks_changed,
+            )
+        },
     ]
     show_landmarks: Annotated[
         bool,
-        BoolProperty(
-            name="Show landmarks", description="Draw landmarks, residuals and the pose's uncertainty", default=True
-        ),
+        {
+            BoolProperty(
+                name="Show landmarks", description="Draw landmarks, residuals and the pose's uncertainty", default=True
+            )
+        },
     ]
     step: Annotated[
         str,
-        EnumProperty(
-            name="Step",
-            description="Step of the buttons, in pixels of the frame",
-            items=[
-                ("coarse", "10 px", "Ten pixels (with keys: hold Ctrl)"),
-                ("normal", "1 px", "One pixel"),
-                ("fine", "0.1 px", "A tenth of a pixel (with keys: hold Shift)"),
-            ],
-            default="normal",
-        ),
+        {
+            EnumProperty(
+                name="Step",
+                description="Step of the buttons, in pixels of the frame",
+                items=[
+                    ("coarse", "10 px", "Ten pixels (with keys: hold Ctrl)"),
+                    ("normal", "1 px", "One pixel"),
+                    ("fine", "0.1 px", "A tenth of a pixel (with keys: hold Shift)"),
+                ],
+                default="normal",
+            )
+        },
     ]
     show_gizmo: Annotated[
-        bool, BoolProperty(name="Gizmo", description="Show handles at the pivot of the surface in view", default=True)
+        bool, {BoolProperty(name="Gizmo", description="Show handles at the pivot of the surface in view", default=True)}
     ]
-    dataset: Annotated[ONEFRAME_PG_dataset, PointerProperty(type=ONEFRAME_PG_dataset)]
+    dataset: Annotated[ONEFRAME_PG_dataset, {PointerProperty(type=ONEFRAME_PG_dataset)}]
     dataset_out: Annotated[
         str,
-        StringProperty(
-            name="Folder", description="Folder of the dataset; a run that was stopped goes on there", subtype="DIR_PATH"
-        ),
+        {
+            StringProperty(
+                name="Folder",
+                description="Folder of the dataset; a run that was stopped goes on there",
+                subtype="DIR_PATH",
+            )
+        },
     ]
     preview_poses: Annotated[
         int,
-        IntProperty(
-            name="Poses", description="Number of poses that are shown, from the first", default=50, min=1, max=2000
-        ),
+        {
+            IntProperty(
+                name="Poses", description="Number of poses that are shown, from the first", default=50, min=1, max=2000
+            )
+        },
     ]
     preview_view: Annotated[
-        int, IntProperty(name="View", description="Number of the view to preview, from 0", default=0, min=0)
+        int, {IntProperty(name="View", description="Number of the view to preview, from 0", default=0, min=0)}
     ]
 
 
@@ -227,11 +259,15 @@ class ONEFRAME_PG_object(bpy.types.PropertyGroup):
 
     role: Annotated[
         str,
-        EnumProperty(
-            name="Role", items=[("NONE", "None", ""), ("SURFACE", "Surface", ""), ("STRUCTURE", "Structure", "")]
-        ),
+        {
+            EnumProperty(
+                name="Role", items=[("NONE", "None", ""), ("SURFACE", "Surface", ""), ("STRUCTURE", "Structure", "")]
+            )
+        },
     ]
-    mesh_path: Annotated[str, StringProperty(name="Mesh", description="The file it was read from", subtype="FILE_PATH")]
+    mesh_path: Annotated[
+        str, {StringProperty(name="Mesh", description="The file it was read from", subtype="FILE_PATH")}
+    ]
 
 
 _CLASSES = (

@@ -1,13 +1,16 @@
 """Solids as implicit functions on a grid, and their surfaces as meshes: the sculptor's tools of the sample case.
 
 Shapes are signed distances in mm, negative inside; a grid holds the signed distance to the surface of the material,
-positive in it (distances are about right near surfaces, which is where they count). Beside numpy this module uses
+positive in it (distances are about right near surfaces, which is where they count). This module uses scipy and
 ``skimage.measure.marching_cubes`` (Lewiner et al. 2003, topologically consistent).
 """
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy.ndimage import map_coordinates
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from skimage.measure import marching_cubes
 
 from ..surface.mesh import TriangleMesh, checked_mesh
@@ -67,12 +70,7 @@ class ImplicitGrid:
     def at(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Values given on the grid, interpolated trilinearly at ``(N, 3)`` points inside it."""
         place = (points - self.lower) / self.spacing
-        corner = np.minimum(place.astype(int), np.array(values.shape) - 2)
-        weight = place - corner
-        total = np.zeros(len(points))
-        for step in np.ndindex(2, 2, 2):
-            total += np.where(step, weight, 1 - weight).prod(axis=1) * values[tuple((corner + step).T)]
-        return total
+        return map_coordinates(values, place.T, output=np.float64, order=1, mode="nearest")
 
     def surface(self) -> tuple[np.ndarray, np.ndarray]:
         """Vertices ``(V, 3)`` and faces ``(F, 3)`` of the zero level, fronts toward the air, open at the grid's end."""
@@ -114,16 +112,10 @@ def polyline(
 
 
 def largest_component(vertices: np.ndarray, faces: np.ndarray) -> TriangleMesh:
-    """The connected part with the most vertices, by spreading the smallest vertex index over faces."""
-    label = np.arange(len(vertices))
-    while True:
-        smallest = label[faces].min(axis=1)
-        spread = label.copy()
-        np.minimum.at(spread, faces.ravel(), np.repeat(smallest, 3))
-        spread = np.minimum(spread, spread[spread])
-        if np.array_equal(spread, label):
-            break
-        label = spread[spread]
+    """The connected part with the most vertices."""
+    edges = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    graph = coo_array((np.ones(len(edges), bool), tuple(edges.T)), shape=(len(vertices), len(vertices)))
+    _, label = connected_components(graph, directed=False)
     largest = np.argmax(np.bincount(label))
     mesh, _ = checked_mesh(vertices, faces[label[faces[:, 0]] == largest], "sample surface")
     return mesh

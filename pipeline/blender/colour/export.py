@@ -5,7 +5,6 @@ PLY and OBJ keep the frame and units of the mesh that the user gave; GLB is in m
 
 import tempfile
 from pathlib import Path
-from typing import Literal
 
 import bpy
 import numpy as np
@@ -21,12 +20,12 @@ from ...surface.mesh import TriangleMesh
 from ...surface.mesh_writer import write_obj, write_ply
 from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colors, temporary_data
 from ..bridge.versions import new_node_material
-from .reference_view import colour_of, reference_view_of
+from .reference_view import reference_view_of, stored_colour_of
 
 FORMATS = (".glb", ".obj", ".ply")
 
 
-def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["texture", "vertex"]) -> list[str]:
+def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: str) -> list[str]:
     """Write the surface with the frame's colours; an OBJ or a textured PLY gets its picture beside it.
 
     Parameters
@@ -53,7 +52,7 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["
     if colour not in ("texture", "vertex") or (suffix == ".obj" and colour == "vertex"):
         raise InputError(f"{path}: a {suffix} file cannot hold {colour} colours; use texture")
     source = reference_view_of(loaded)
-    surface_colour, messages = colour_of(source, colour)
+    surface_colour, messages = stored_colour_of(source, colour)
     given = source.mesh.moved(loaded.mesh_from_model[:3, 3])
     path.parent.mkdir(parents=True, exist_ok=True)
     if suffix == ".glb":

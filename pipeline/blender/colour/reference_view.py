@@ -1,7 +1,6 @@
 """The aligned frame as a source of colour: what it saw of the surface, by a render of its own pose."""
 
 from dataclasses import dataclass
-from typing import Literal, overload
 
 import numpy as np
 
@@ -68,21 +67,16 @@ def reference_view_of(loaded: LoadedCase) -> ReferenceView:
     return ReferenceView(mesh, view, pivot_model, tuple(messages))
 
 
-@overload
-def colour_of(source: ReferenceView, mode: Literal["vertex"]) -> tuple[VertexColours, list[str]]: ...
-@overload
-def colour_of(source: ReferenceView, mode: Literal["texture"]) -> tuple[TextureAtlas, list[str]]: ...
-@overload
-def colour_of(
-    source: ReferenceView, mode: Literal["texture", "vertex"]
-) -> tuple[TextureAtlas | VertexColours, list[str]]: ...
-@overload
-def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str]]: ...
 def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str]]:
     """The surface's colour in a mode (``projective``, ``texture``, ``vertex``), and sentences to tell."""
-    view, mesh = source.view, source.mesh
     if mode == "projective":
-        return view, []
+        return source.view, []
+    return stored_colour_of(source, mode)
+
+
+def stored_colour_of(source: ReferenceView, mode: str) -> tuple[VertexColours | TextureAtlas, list[str]]:
+    """The surface's colour in a mode that a mesh can hold (``texture``, ``vertex``), and sentences to tell."""
+    view, mesh = source.view, source.mesh
     if mode == "texture":
         faces_seen = classify_faces(mesh, view.camera, view.cam_from_model, view.observed)
         atlas = bake_atlas(mesh, view.camera, view.cam_from_model, view.image, view.observed, faces_seen)

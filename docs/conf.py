@@ -49,7 +49,7 @@ NAPOLEON = Config(napoleon_use_ivar=True, napoleon_use_rtype=False)
 LITERAL = re.compile(r"(``.*?``|`.*?`)", re.DOTALL)
 RESULT = re.compile(r"^(?P<kind>Returns|Yields)\n-+\n(?P<text>.+?)(?=\n\n\w+\n---|\Z)", re.MULTILINE | re.DOTALL)
 BARE_ROLE = re.compile(r"(?!:meth:`\w+`)(:\w+:`)(?=[A-Za-z_])(?!pipeline\b)")
-"""A role whose name stands without its module: with a leading dot, Sphinx looks for it here first, then anywhere. Not so
+"""A role with a name alone: with a leading dot, Sphinx looks for it here first, then anywhere. Not so
 a method without its class: many have the same name."""
 TWO_NAMES = re.compile(r"^(?P<names>\w+(?:, \w+)+)\n(?P<text>(?: +\S.*(?:\n|\Z))+)", re.MULTILINE)
 """The field of two or more attributes or parameters in a numpydoc section, with the text that they share."""

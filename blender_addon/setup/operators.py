@@ -237,7 +237,7 @@ class ONEFRAME_OT_remove_scale(Reporting, bpy.types.Operator):
     bl_label = "Remove Scale"
     bl_options = {"REGISTER", "UNDO"}
 
-    def run(self, context):
+    def run(self, context: bpy.types.Context) -> None:
         surface_object.make_rigid(from_scene.camera_object_of(context.scene), from_scene.surface_of(context.scene))
 
 

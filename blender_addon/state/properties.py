@@ -96,9 +96,9 @@ class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
     )
 
 
-def _dataset_annotations() -> dict:
+def _dataset_annotations() -> dict[str, Any]:
     """One property for every option of the dataset run, with the same names, limits and texts."""
-    annotations = {}
+    annotations: dict[str, Any] = {}
     for field in dataclasses.fields(DatasetOptions):
         if field.name == "poses":
             continue

@@ -36,9 +36,9 @@ OURS: dict[str, dict[str, object]] = {
 """Options of ``render_dataset.py`` by what they are called in the figures."""
 
 
-def benchmark_job(case: Path, out: Path, **options: object) -> OpenJob:
+def benchmark_job(case: Path, out: Path, *, samples: int = 1) -> OpenJob:
     """The job of a benchmark case at 640x480."""
-    return open_job(Job(read_case(case), out, DatasetOptions(scale=SCALE, **options), Shard()))
+    return open_job(Job(read_case(case), out, DatasetOptions(scale=SCALE, samples=samples), Shard()))
 
 
 def measure_speed(folder: Path, render_script: Path, report: Callable[[str], None], *, rounds: int) -> RenderTimes:

@@ -133,7 +133,7 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operat
         record = colour_record(from_scene.surface_of(context.scene))
         if record is not None:
             self.mode = record["mode"]
-        self.filepath = self.filepath or "surface.glb"
+        self.filepath: str = self.filepath or "surface.glb"
         return super().invoke(context, event)
 
     def check(self, context: bpy.types.Context) -> bool:

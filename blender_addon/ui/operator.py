@@ -43,9 +43,6 @@ class Reporting(bpy.types.Operator):
 class ReportingFile(Reporting):
     """Mixin of operators with a file dialog."""
 
-    filepath: str
-    """The property of ImportHelper or ExportHelper."""
-
     def chosen_file(self) -> Path:
         """The file that was chosen.
 
@@ -54,9 +51,10 @@ class ReportingFile(Reporting):
         InputError
             None, or a folder.
         """
-        path = Path(bpy.path.abspath(self.filepath))
+        filepath: str = self.filepath  # type: ignore[attr-defined]  # from ImportHelper or ExportHelper
+        path = Path(bpy.path.abspath(filepath))
         if not path.name or path.is_dir():
-            raise InputError(f"expected a file, found {self.filepath or 'none'}; choose one, or give it a name")
+            raise InputError(f"expected a file, found {filepath or 'none'}; choose one, or give it a name")
         return path
 
 

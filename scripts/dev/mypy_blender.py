@@ -44,7 +44,6 @@ NEVER_NONE = frozenset(
         "Material.node_tree",
         "NodeSocket.node",
         "NodeTree.interface",
-        "Preferences.system",
         "RenderSettings.ffmpeg",
         "Scene.display",
         "Scene.display_settings",
@@ -52,12 +51,9 @@ NEVER_NONE = frozenset(
         "Scene.sequencer_colorspace_settings",
         "Scene.view_settings",
         "SceneDisplay.shading",
-        "SpaceView3D.overlay",
         "SpaceView3D.region_3d",
-        "SpaceView3D.shading",
         "ViewLayer.depsgraph",
         "UIPopupMenu.layout",
-        "Window.screen",
         "World.node_tree",
     )
 )

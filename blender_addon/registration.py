@@ -1,8 +1,8 @@
 """Classes for Blender, with properties whose types a type checker can read.
 
 Blender takes a property from an annotation, ``width: IntProperty(min=1)``, which is no type. The add-on's classes write
-``width: Annotated[int, {IntProperty(min=1)}]`` instead: the type of the value, then Blender's definition in
-a set: that has no hash, or ``typing`` would remember it and keep the add-on in memory after it has been removed.
+``width: Annotated[int, {IntProperty(min=1)}]`` instead: the type of the value, then Blender's definition in a
+set: that has no hash, or ``typing`` would remember it and keep the add-on in memory after it has been removed.
 """
 
 from collections.abc import Callable, Sequence

@@ -69,7 +69,7 @@ def snapshot(scene):
         settings.frame_path,
         settings.case_path,
         [(entry.name, list(entry.point), list(entry.pixel)) for entry in settings.landmarks],
-        None if camera is None else list(camera["oneframe_intrinsics"]),
+        None if camera is None else list(camera["oneframe_intrinsics"]["values"]),
     )
 
 

@@ -23,19 +23,17 @@ import numpy as np
 from .errors import InputError
 
 ORTHONORMAL_TOLERANCE = 5e-3
-"""Largest entry of |R Rt - 1| that is taken as rounding: published ground truth reaches 2e-3 (LM-O)."""
-
+"""Largest entry of |R Rt - 1| that counts as rounding: published ground truth reaches 2e-3 (LM-O)."""
 
 ORTHONORMAL_TO_ROUNDING = 1e-14
-"""What the last bits of a rotation leave of |R Rt - 1|; a pose that is no worse is kept to the last bit."""
-
+"""Largest entry of |R Rt - 1| of a rotation rounded to float64; such a pose is kept to the last bit."""
 
 CAM_FROM_OPENGL_CAM = np.diag([1.0, -1.0, -1.0, 1.0])
 """The one axis flip: Blender's cameras and NeRF files have OpenGL axes, y up and looking along -z. Its own inverse."""
 
 
 def turned_about(pivot: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """``(4, 4)`` that turns by ``rotation`` (3, 3) and leaves ``pivot`` (3,) where it is."""
+    """``(4, 4)`` rigid transform that rotates by ``rotation`` (3, 3) and keeps ``pivot`` (3,) fixed."""
     return rigid(rotation, pivot - rotation @ pivot)
 
 
@@ -71,7 +69,7 @@ def nearest_rotation(matrix: np.ndarray) -> np.ndarray:
 
 
 def checked_matrix(values: object, size: int, where: str) -> np.ndarray:
-    """A ``(size, size)`` float64 matrix of finite numbers, a copy of what the user gave; ``where`` begins the message.
+    """Copy the user's values into a ``(size, size)`` float64 matrix of finite numbers; ``where`` begins the message.
 
     Raises
     ------
@@ -97,7 +95,7 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
     Parameters
     ----------
     matrix
-        What the user gave: anything that should be a ``(4, 4)`` rigid transform.
+        The user's values: they should be a ``(4, 4)`` rigid transform.
     where
         Names the place in messages, e.g. ``"case.toml: [pose] cam_from_mesh"``.
 
@@ -115,7 +113,7 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
     if not np.allclose(b_from_a[3], [0, 0, 0, 1], atol=1e-9):
         raise InputError(
             f"{where}: expected the last row 0 0 0 1, found {b_from_a[3].tolist()}; "
-            "translations stand in the last column (transpose the matrix if they stand in the last row)"
+            "the translation belongs in the last column (transpose the matrix if it is in the last row)"
         )
     rotation = b_from_a[:3, :3]
     determinant = np.linalg.det(rotation)
@@ -128,7 +126,7 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
     if deviation > ORTHONORMAL_TOLERANCE:
         raise InputError(
             f"{where}: expected a rotation, found a matrix that deviates from orthonormal by {deviation:.2g} "
-            f"(allowed {ORTHONORMAL_TOLERANCE:g}); take scale or shear out of the pose"
+            f"(allowed {ORTHONORMAL_TOLERANCE:g}); remove scale or shear from the pose"
         )
     if deviation > ORTHONORMAL_TO_ROUNDING:
         b_from_a[:3, :3] = nearest_rotation(rotation)
@@ -149,7 +147,7 @@ def cross_matrices(vectors: np.ndarray) -> np.ndarray:
 def rotation_from_vector(rotation_vector: np.ndarray) -> np.ndarray:
     """Rodrigues' formula: ``(..., 3)`` axis times angle in radians -> ``(..., 3, 3)`` rotations."""
     vector = np.ascontiguousarray(rotation_vector, dtype=np.float64)
-    # as a product of matrices: the same to the last bit for one vector and for each of many
+    # as a matrix product: equal to the last bit for a single vector and for each of many
     angle = np.sqrt(vector[..., None, :] @ vector[..., :, None])
     cross = cross_matrices(vector)
     # sinc forms stay exact as the angle goes to zero; float_power rounds alike for scalars and arrays, ** does not
@@ -189,7 +187,7 @@ def rotation_vector(rotation: np.ndarray) -> np.ndarray:
     angle = float(np.arctan2(sine, cosine))
     if cosine > -0.9:
         return skew * (angle / sine if sine > 1e-12 else 1.0)
-    # near a half turn the skew part vanishes; the axis stands in the symmetric one, its sign in the skew part
+    # near 180 degrees the skew part vanishes: take the axis from the symmetric part, its sign from the skew part
     outer = 0.5 * (rotation + rotation.T) - cosine * np.eye(3)
     column = outer[:, int(np.argmax(np.diag(outer)))]
     axis = column / np.linalg.norm(column)

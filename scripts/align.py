@@ -1,4 +1,4 @@
-"""Find the pose of a frame from landmarks, and say how sure it is; or refine it against the image.
+"""Find the pose of a frame from landmarks and report its uncertainty, or refine the pose against the image.
 
 python scripts/align.py CASE.toml [--landmarks FILE] [--refine] [--out CASE] [--json JSON] [--picture PNG]
 blender -b -P scripts/align.py -- CASE.toml ...        (a Blender in which the OneFrame extension is enabled)

@@ -2,9 +2,9 @@
 
     python scripts/benchmark.py [--quick] [--only NAME ...] [--out FILE.json]
 
-All figures are of the same surface (200 000 triangles), poses, K and 640x480 size. Times are medians; ratios are made
-of runs that alternate, since machines are noisy. PyVista is measured as a user meets it: off screen, RGB, in memory.
-With --out the chart of the speed is written beside the file; --redraw draws it again from the file.
+All figures use the same surface (200 000 triangles), poses, K and 640x480 px. Times are medians; ratios compare
+alternating runs, since machines are noisy. PyVista runs as users run it: off screen, RGB, in memory. --out also writes
+a chart of the speed next to the file; --redraw draws it again from the file.
 """
 
 import os
@@ -43,8 +43,10 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES, metavar="NAME", help=" ".join(NAMES))
     parser.add_argument("--quick", action="store_true", help="fewer rounds, 300 instead of 2000 views for memory")
-    parser.add_argument("--out", type=Path, help="also write the figures to this JSON file, and the chart beside it")
-    parser.add_argument("--redraw", action="store_true", help="measure nothing, draw the chart from --out again")
+    parser.add_argument("--out", type=Path, help="also write the figures to this JSON file, and a chart next to it")
+    parser.add_argument(
+        "--redraw", action="store_true", help="measure nothing; draw the chart again from the file --out"
+    )
     arguments = parser.parse_args(argv)
     if arguments.redraw and arguments.out is None:
         parser.error("expected --out FILE with --redraw, found none")
@@ -68,7 +70,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def measure(names: Sequence[str], report: Callable[[str], None], *, quick: bool) -> Figures:
-    """Measure what was asked for, in that order; the speed comes in medians and in rounds."""
+    """Run the named measurements in this order; the results by name."""
     keep_freed_memory()
     report(f"{available_cores()} cores, {VIEW_CAMERA.width}x{VIEW_CAMERA.height} px, 200 000 triangles")
     figures: Figures = {}

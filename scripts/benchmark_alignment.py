@@ -3,17 +3,17 @@
     python scripts/benchmark_alignment.py [--trials 2000] [--noise-px 2] [--case CASE.toml] [--out FILE.json]
 
 Trials: a microscope (f = 12 800 px, 300 mm), points in 30x20x12 mm, rotations uniform over SO(3); with --case also
-the surface that the case's frame shows, at its pose. Errors: the angle of the rotation, and the mean displacement of
-the whole surface in the image. Refused trials count in "all" with their best guess. The solver always assumes clicks
-of 2 px. Times are of one processor core. With --out the charts are written beside the file; --redraw draws them again
-from the file.
+points on the surface that the case's frame shows, at its pose. Errors: the angle of the rotation error, and the mean
+displacement of the whole surface in the image. Refused trials count in "all" with their best candidate. The solver
+always assumes a click noise of 2 px. Times are for one processor core. --out also writes charts next to the file;
+--redraw draws them again from the file.
 """
 
 import os
 import sys
 from pathlib import Path
 
-# one thread: the figures are of the solver, not of the machine
+# one thread: the times must not depend on the number of cores
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # the repository's root: scripts are run from a checkout
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -40,10 +40,12 @@ from pipeline.files.content import write_bytes_atomically
 def main(argv: Sequence[str]) -> int:
     parser = ArgumentParser(prog="benchmark_alignment.py", description=__doc__.splitlines()[0])
     parser.add_argument("--trials", metavar="N", type=int, default=2000)
-    parser.add_argument("--noise-px", metavar="X", type=float, nargs="+", default=[1.0, 2.0, 4.0], help="of the clicks")
+    parser.add_argument(
+        "--noise-px", metavar="X", type=float, nargs="+", default=[1.0, 2.0, 4.0], help="true click noise"
+    )
     parser.add_argument("--case", metavar="CASE.toml", type=Path)
-    parser.add_argument("--out", metavar="FILE", type=Path, help="all figures as JSON, and charts beside it")
-    parser.add_argument("--redraw", action="store_true", help="measure nothing, draw the charts from --out again")
+    parser.add_argument("--out", metavar="FILE", type=Path, help="write all figures as JSON, and charts next to it")
+    parser.add_argument("--redraw", action="store_true", help="measure nothing; draw the charts again from --out")
     arguments = parser.parse(argv)
     if arguments.redraw and arguments.out is None:
         parser.error("expected --out FILE with --redraw, found none")
@@ -69,7 +71,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def visible_surface(case: Path) -> VisibleSurface:
-    """The vertices that the frame of a case shows."""
+    """The vertices of a case's surface that its frame shows."""
     source = reference_view_of(load_case(read_case(case)))
     seen = source.view.observed(source.mesh.vertices, source.mesh.vertex_normals)
     description = f"{case.name}: {seen.sum()} of {len(seen)} vertices seen"

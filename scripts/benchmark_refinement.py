@@ -1,21 +1,21 @@
-"""Measure how far off a pose may be and still be refined, and how often a wrong result is taken for a right one.
+"""Measure the refinement's basin of convergence, and how often it accepts a wrong pose.
 
     python scripts/benchmark_refinement.py CASE.toml --out FOLDER
     python scripts/benchmark_refinement.py --lmo FOLDER_OF_LMO --out FOLDER
     python scripts/benchmark_refinement.py --redraw --out FOLDER
 
-The true pose is turned about the middle of the visible surface and moved by a part of its distance, both in random
-directions, on a grid of sizes. Success on a case: within 1 degree and 2 px (mean over the visible surface); on LM-O,
-whose true poses are 2-6 px off themselves: within 5 px ("2D projection", Brachmann et al. 2016). Wrong images are the
-frame mirrored, upside down and turned by a quarter: all must be refused. Writes refinement.csv and its chart,
-refinement.svg and refinement.png; --redraw draws the chart again from refinement.csv.
+The initial pose is the true one, rotated about the middle of the visible surface and translated by a percentage of its
+distance, both in random directions, on a grid of sizes. Success on a case: within 1 degree and 2 px (mean over the
+visible surface); on LM-O, whose true poses are 2-6 px off themselves: within 5 px ("2D projection", Brachmann et al.
+2016). Wrong images are the frame mirrored, upside down and rotated by 90 degrees: all must be refused. Writes
+refinement.csv and its chart, refinement.svg and refinement.png; --redraw draws the chart again from refinement.csv.
 """
 
 import os
 import sys
 from pathlib import Path
 
-# before numpy is imported: waiting threads cost more than they bring
+# before numpy is imported: the matrices are small, so BLAS threads cost more than they save
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # the repository's root: scripts are run from a checkout
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -43,15 +43,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("case", metavar="CASE.toml", type=Path, nargs="?")
     parser.add_argument("--lmo", metavar="FOLDER", type=Path, help="LINEMOD-Occluded, instead of a case")
     parser.add_argument("--out", metavar="FOLDER", type=Path, required=True)
-    parser.add_argument("--degrees", type=float, nargs="+", default=[1, 2, 5, 10, 15])
-    parser.add_argument("--percent", type=float, nargs="+", default=[1, 2, 5, 8])
-    parser.add_argument("--trials", type=int, default=10, help="per cell of the grid")
+    parser.add_argument("--degrees", type=float, nargs="+", default=[1, 2, 5, 10, 15], help="sizes of the rotation")
+    parser.add_argument("--percent", type=float, nargs="+", default=[1, 2, 5, 8], help="sizes of the translation")
+    parser.add_argument("--trials", type=int, default=10, help="trials per cell of the grid")
     parser.add_argument("--wrong", type=int, default=5, help="trials with each wrong image")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--redraw", action="store_true", help="measure nothing, draw the chart from --out again")
+    parser.add_argument("--redraw", action="store_true", help="measure nothing; draw the chart again from --out")
     arguments = parser.parse_args(argv)
     if sum((arguments.case is not None, arguments.lmo is not None, arguments.redraw)) != 1:
-        parser.error("give either a case file, --lmo or --redraw")
+        parser.error("expected exactly one of a case file, --lmo and --redraw")
     table = arguments.out / "refinement.csv"
     try:
         require_matplotlib()
@@ -70,7 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def measure(arguments: argparse.Namespace, table: Path) -> None:
-    """Run all trials; the table holds those that are finished."""
+    """Run all trials; write the table of the finished ones after each."""
     scenes = [case_scene(arguments.case)] if arguments.case else lmo_scenes(arguments.lmo)
     planned = disturbances(arguments.degrees, arguments.percent, arguments.trials, arguments.wrong)
     table.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Check whether a dataset is whole and consistent: files, hashes, tables, images, and poses against pixels.
+"""Check whether a dataset is complete and consistent: files, hashes, tables, images, and poses against pixels.
 
 python scripts/check_dataset.py DIR [--views N] [--fast]
 """

@@ -1,4 +1,4 @@
-"""Put synthetic views of one frame beside real photographs of the same poses, and measure their likeness.
+"""Compare synthetic views with real photographs of the same poses, and measure their similarity.
 
 python scripts/compare_views.py CASE.toml PHOTOGRAPHS.json --out DIR [--colour projective|texture|vertex]
 """

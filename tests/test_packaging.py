@@ -142,7 +142,7 @@ def test_the_installed_program_renders_with_workers_and_checks(run_installed, wr
     assert (ended.returncode, ended.stderr) == (0, "")
     ended = run_installed("oneframe", "check", "out", "--views", "0")
     assert (ended.returncode, ended.stderr) == (0, "")
-    assert "dataset of 4 views: whole and consistent" in ended.stdout
+    assert "dataset of 4 views: complete and consistent" in ended.stdout
     (tmp_path / "out" / "poses.csv").unlink()
     ended = run_installed("oneframe", "check", "out", "--fast")
     assert ended.returncode == 1

@@ -1,6 +1,6 @@
-"""Arguments, output and exit code of commands, under any Python: Blender's program, its module, or neither.
+"""Arguments, output and exit code of commands, in a Blender program or in a Python with or without the bpy module.
 
-Nothing here imports Blender: a mistake in the arguments is reported before it is loaded.
+Nothing here imports Blender, so a mistake in the arguments is reported before Blender loads.
 """
 
 import _thread
@@ -22,17 +22,17 @@ from ..files.tables import nearest_name
 
 EXIT_INPUT, EXIT_RUN, EXIT_STOPPED = 2, 3, 130
 STOPPING_SECONDS = 5.0
-"""A process that is asked to stop gets this long to finish what it is writing."""
+"""Time that a stopped process has to finish the file that it is writing."""
 
 
 class ArgumentParser(argparse.ArgumentParser):
-    """Reports mistakes in the arguments as all others are reported; options cannot be abbreviated."""
+    """Raises :class:`.InputError` for mistakes in the arguments; does not accept abbreviated options."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(allow_abbrev=False, **settings)
 
     def error(self, message: str) -> NoReturn:
-        """Called by argparse with what is wrong."""
+        """Raise argparse's message as an :class:`.InputError`."""
         raise InputError(f"command line: {message}; --help shows all options")
 
     def parse(self, argv: Sequence[str]) -> argparse.Namespace:
@@ -41,9 +41,9 @@ class ArgumentParser(argparse.ArgumentParser):
         Raises
         ------
         InputError
-            An unknown option, a missing or an unusable value.
+            An unknown option, or a missing or unusable value.
         """
-        # before argparse, which would only say that the option that was meant is missing
+        # before argparse, which would only report the option that the user misspelt as missing
         self._check_names(itertools.takewhile(lambda argument: argument != "--", argv))
         arguments, unknown = self.parse_known_args(argv)
         self._check_names(unknown)
@@ -60,21 +60,21 @@ class ArgumentParser(argparse.ArgumentParser):
 
 
 def blender_program() -> str | None:
-    """Path of the Blender program that runs this code; ``None`` under a Python, with or without the bpy module."""
-    # the program has loaded it before any script starts; a Python may never do so
+    """Path of the Blender program that runs this code; ``None`` in a Python, with or without the bpy module."""
+    # a Blender program imports bpy before any script starts
     bpy = sys.modules.get("bpy")
     return None if bpy is None or bpy.app.module else bpy.app.binary_path
 
 
 def script_arguments() -> list[str]:
-    """What the user gave to the script: everything after its name; in a Blender program, everything after ``--``."""
+    """The script's own arguments: those after its name; in a Blender program, those after ``--``."""
     if blender_program() is None:
         return sys.argv[1:]
     return sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
 
 
 def script_command(script: str) -> list[str]:
-    """The command that runs a script once more under the same kind of Python; its arguments follow."""
+    """The command that runs a script again in the same Python or Blender program; append the script's arguments."""
     program = blender_program()
     if program is None:
         return [sys.executable, script]
@@ -82,9 +82,9 @@ def script_command(script: str) -> list[str]:
 
 
 def own_output() -> TextIO:
-    """A stream to the standard output that Blender's own messages no longer reach: those go nowhere from now on."""
+    """Discard Blender's own messages from now on; return a stream that still reaches the standard output."""
     sys.stdout.flush()
-    # without a buffer, which would complain once more at the end if nobody listens any longer
+    # unbuffered: a buffer would fail once more at exit if the reader has gone
     raw = os.fdopen(os.dup(1), "wb", buffering=0)
     stream = io.TextIOWrapper(raw, encoding="utf-8", errors="replace", write_through=True)
     nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -94,9 +94,9 @@ def own_output() -> TextIO:
 
 
 def end_with_input() -> None:
-    """Stop this process as Ctrl-C does when its standard input ends: the program that started it says so, or has died.
+    """Stop this process, as Ctrl-C does, when its standard input ends: the parent closes it to stop the run, or dies.
 
-    Started in a thread; whoever stands still by then is ended a little later.
+    A thread watches the input. It kills a process that has not ended within :data:`STOPPING_SECONDS`.
     """
 
     def watch() -> None:
@@ -115,7 +115,7 @@ def end_with_input() -> None:
 
 def run_script(main: Callable[[Sequence[str]], int]) -> None:
     """Run the main function of a script or command and end the process with its :func:`exit_code`."""
-    # Blender's program has a handler of its own, which breaks off renders only
+    # the handler of a Blender program only cancels renders
     signal.signal(signal.SIGINT, signal.default_int_handler)
     code = 1
     try:
@@ -125,20 +125,20 @@ def run_script(main: Callable[[Sequence[str]], int]) -> None:
     except OSError:
         pass  # nobody reads the output any more
     finally:
-        # Blender turns sys.exit inside -P into its own clean-up, which takes long after many renders; the module's own
-        # may wait for its threads for ever
+        # sys.exit inside -P runs Blender's clean-up, which takes long after many renders; that of the bpy module may
+        # wait for its threads forever
         os._exit(code)
 
 
 def exit_code(main: Callable[[Sequence[str]], int], argv: Sequence[str]) -> int:
-    """Call a main function with its arguments and report how it ended.
+    """Call a main function with its arguments; turn its exceptions into messages and exit codes.
 
-    What the user can fix is one line on the standard error; a defect shows its traceback.
+    An error that the user can fix prints one line on standard error; a defect prints its traceback. For an
+    interruption the line is the message of the ``KeyboardInterrupt``, or "stopped".
 
     Returns
     -------
-    What ``main`` returned; 2 for :class:`InputError`, 3 for :class:`RunError`, 130 for an interruption, whose message
-    is that of the ``KeyboardInterrupt`` if it has one, and 1 for a defect.
+    The value of ``main``; 2 for :class:`InputError`, 3 for :class:`RunError`, 130 for an interruption, 1 for a defect.
     """
     try:
         return main(argv)

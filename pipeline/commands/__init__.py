@@ -1,5 +1,5 @@
-"""What users call: ``oneframe COMMAND``, and the scripts of the same names.
+"""The commands that users run: ``oneframe COMMAND``, and the scripts that run the same code.
 
-In: a command line. Out: files, sentences on the standard output, an exit code. A command gathers its inputs, calls one
-function of the pipeline and reports; Blender and OpenCV are imported once its arguments are right.
+In: a command line. Out: files, messages on standard output, an exit code. A command reads its inputs, calls one
+function of the pipeline and reports the result. It checks its arguments before it imports Blender and OpenCV.
 """

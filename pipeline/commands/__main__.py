@@ -1,4 +1,4 @@
-"""The program ``oneframe``: dispatches to a command and imports no other one. Also ``python -m pipeline.commands``."""
+"""The program ``oneframe``: runs one command and imports no other. Also ``python -m pipeline.commands``."""
 
 import argparse
 import sys
@@ -15,7 +15,7 @@ from ..files.tables import nearest_name
 from .parser import explained_imports, fill_parser
 
 COMMANDS = ("sample", "align", "render", "check", "compare", "colour")
-"""In the order in which data flows; each is a module of this package."""
+"""The modules of this package that are commands, in the order of the data flow."""
 
 SHELLS = ("bash", "zsh", "tcsh")
 EPILOG = """examples:
@@ -48,13 +48,13 @@ def dispatch(argv: Sequence[str]) -> int:
     Raises
     ------
     InputError
-        No command, an unknown one, or whatever the command raises.
+        No command or an unknown one; the command raises its own errors.
     """
     if argv and argv[0] in COMMANDS:
         return _command(argv[0]).main(argv[1:])
     if argv and not argv[0].startswith("-"):
         raise InputError(f"command line: unknown command {argv[0]!r}; {nearest_name(argv[0], COMMANDS)}")
-    # ends the process, or refuses
+    # prints help, the version or a completion script and exits, or raises
     program_parser(with_options=False).parse(argv)
     raise InputError("command line: expected a command; --help lists them")
 
@@ -63,14 +63,14 @@ def program_parser(*, with_options: bool) -> ArgumentParser:
     """The parser of the program: its own options and the names of all commands, ``with_options`` also theirs."""
     parser = ArgumentParser(
         prog="oneframe",
-        description="From one real microscope frame and a CT-derived surface to many novel views with exact truth.",
+        description="Make many novel views with exact ground truth from one microscope frame and a CT-derived surface.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     parser.add_argument(
         "--print-completion", metavar="|".join(SHELLS), choices=SHELLS, action=_PrintCompletion,
-        help="print the completion script of a shell",
+        help="print the completion script for a shell",
     )  # fmt: skip
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
     for name in COMMANDS:
@@ -83,7 +83,7 @@ def program_parser(*, with_options: bool) -> ArgumentParser:
 
 
 class _PrintCompletion(argparse.Action):
-    """Prints a completion script and ends, as ``--version`` does."""
+    """Prints a completion script and exits, as ``--version`` does."""
 
     def __call__(self, parser: argparse.ArgumentParser, _namespace: object, shell: Any, _option: object = None) -> None:
         with explained_imports():

@@ -1,4 +1,4 @@
-"""Find the pose of a frame from landmarks, and say how sure it is; or refine it against the image."""
+"""Find the pose of a frame from landmarks and report its uncertainty, or refine the pose against the image."""
 
 import argparse
 import datetime
@@ -17,9 +17,10 @@ EPILOG = """examples:
   %(prog)s case.toml --json pose.json           (the landmarks of the case file)
   %(prog)s rough.toml --refine --out refined.toml
 
-Landmarks are those of --landmarks (CSV or JSON: name, point of the mesh file, pixel of the undistorted frame), or else
-the case file's own. Prints the pose in both directions, the residual of every pair and the uncertainty. The case's
-pose may be rough: it only decides where two poses fit equally well. Exit code 2: the pairs do not determine a pose.
+Landmarks are 2D-3D correspondences: a name, a point in the frame of the mesh file and a pixel of the undistorted
+frame. They come from --landmarks (CSV or JSON) or else from the case file. The command prints the pose in both
+directions, the residual of every pair and the uncertainty. The pose in the case file may be rough: it only decides
+between poses that fit equally well. Exit code 2: the pairs do not determine a pose.
 """
 
 
@@ -28,18 +29,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface and a rough pose")
     method = parser.add_argument_group("method")
     method.add_argument(
-        "--landmarks", "--pairs", metavar="FILE", type=Path, help="landmarks as CSV or JSON (default: the case's own)"
+        "--landmarks",
+        "--pairs",
+        metavar="FILE",
+        type=Path,
+        help="landmarks as CSV or JSON (default: those of the case)",
     )
     method.add_argument(
         "--click-sigma-px", metavar="X", type=float, default=2.0,
-        help="standard deviation of a click in each image direction (default %(default)g)",
+        help="standard deviation of the click noise along each image axis, in px (default %(default)g)",
     )  # fmt: skip
     method.add_argument(
         "--refine", action="store_true",
-        help="fit the surface to the image, from the landmarks' pose or, without landmarks, the case's",
+        help="refine the pose against the image, from the pose of the landmarks or, without any, of the case",
     )  # fmt: skip
     output = parser.add_argument_group("output")
-    output.add_argument("--out", metavar="FILE", type=Path, help="write the case with its new pose and these landmarks")
+    output.add_argument("--out", metavar="FILE", type=Path, help="write the case with the new pose and the landmarks")
     output.add_argument("--json", metavar="FILE", type=Path, help="write pose, residuals and covariance")
     output.add_argument("--picture", metavar="FILE", type=Path, help="write the frame with overlay and residuals (PNG)")
 
@@ -51,7 +56,7 @@ def main(argv: Sequence[str], prog: str = "oneframe align") -> int:
 
 
 def run(arguments: argparse.Namespace, *, tool: str) -> int:
-    """Align the case, report how, and write what was asked for; ``tool`` is named in the record of the case."""
+    """Align the case, print the report and write the requested files; the case file records ``tool``."""
     with explained_imports():
         from ..alignment.landmarks.report import pose_lines, pose_table, report_lines, report_table
         from ..blender.alignment.align_case import align_case, alignment_picture
@@ -74,7 +79,7 @@ def run(arguments: argparse.Namespace, *, tool: str) -> int:
     )
     alignment, refinement, found = aligned.alignment, aligned.refinement, aligned.loaded.case
     lines = report_lines(alignment) if alignment else []
-    lines += [f"note: {sentence}" for sentence in aligned.messages]
+    lines += [f"note: {message}" for message in aligned.messages]
     if refinement and refinement.accepted:
         lines += [refinement.message, *pose_lines(found.cam_from_mesh)]
     elif refinement:
@@ -83,21 +88,21 @@ def run(arguments: argparse.Namespace, *, tool: str) -> int:
     if arguments.json:
         table = report_table(alignment) if alignment else {}
         text = json.dumps({**table, **pose_table(found.cam_from_mesh)}, indent=2, allow_nan=False) + "\n"
-        _written(arguments.json, lambda path: write_bytes_atomically(path, text.encode()))
+        _write_file(arguments.json, lambda path: write_bytes_atomically(path, text.encode()))
     if arguments.picture:
         picture = encode_png(to_uint8(alignment_picture(aligned)))
-        _written(arguments.picture, lambda path: write_bytes_atomically(path, picture))
+        _write_file(arguments.picture, lambda path: write_bytes_atomically(path, picture))
         drawn = "frame, overlay, residuals (10 times their length), 95 % ellipses" if alignment else "frame, overlay"
         output.write(f"{drawn}: {arguments.picture}\n")
     if arguments.out:
-        _written(arguments.out, lambda path: write_case(path, found))
+        _write_file(arguments.out, lambda path: write_case(path, found))
         output.write(f"aligned case: {arguments.out}\n")
     return 0
 
 
-def _written(path: Path, write: Callable[[Path], None]) -> None:
-    """Write a file that the user named."""
+def _write_file(path: Path, write: Callable[[Path], None]) -> None:
+    """Call ``write`` with a path from the command line; raise a :class:`RunError` if that fails."""
     try:
         write(path)
     except OSError as error:
-        raise RunError(f"{path}: cannot write it ({error.strerror}); name another place") from None
+        raise RunError(f"{path}: cannot write the file ({error.strerror}); choose another place") from None

@@ -1,4 +1,4 @@
-"""Check whether a dataset is whole and consistent: files, hashes, tables, images, and poses against pixels."""
+"""Check whether a dataset is complete and consistent: files, hashes, tables, images, and poses against pixels."""
 
 import argparse
 import sys
@@ -15,10 +15,10 @@ EPILOG = """examples:
   %(prog)s dataset --views 0            (the pixels of every view)
   %(prog)s dataset --views 20 --fast    (a quick look)
 
-Exit code: 0 whole and consistent; 1 not; 2 not a dataset at all, or wrong arguments.
+Exit code: 0 complete and consistent; 1 something is wrong; 2 not a dataset, or wrong arguments.
 
-To repair a dataset, delete the records frame/NNNNNN.json of the views concerned and run the command that rendered it
-once more: it renders these views anew and writes all tables again.
+To repair a dataset, delete the records frame/NNNNNN.json of the affected views and run the command that rendered it
+again: it renders these views and writes all tables again.
 """
 
 
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--views", metavar="N", type=int, default=DEFAULT_VIEWS,
         help="compare the pixels of N evenly spaced views, 0 for all (default %(default)s)",
     )  # fmt: skip
-    effort.add_argument("--fast", action="store_true", help="do not compare the hashes of the files")
+    effort.add_argument("--fast", action="store_true", help="skip the hashes of the files")
 
 
 def main(argv: Sequence[str], prog: str = "oneframe check") -> int:

@@ -11,7 +11,7 @@ EPILOG = """examples:
   %(prog)s case.toml --out surface.glb
   %(prog)s case.toml --out surface.ply --colour vertex
 
-PLY and OBJ keep the frame and units of the case's mesh; GLB is in metres with y up, as glTF demands.
+PLY and OBJ keep the coordinates and units of the case's mesh; GLB is in metres with y up, as glTF requires.
 """
 
 
@@ -19,10 +19,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
     parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface and pose")
     output = parser.add_argument_group("output")
-    output.add_argument("--out", metavar="FILE", type=Path, required=True, help="ends in .glb, .obj or .ply")
+    output.add_argument("--out", metavar="FILE", type=Path, required=True, help="file to write: .glb, .obj or .ply")
     output.add_argument(
         "--colour", choices=("texture", "vertex"), default="texture",
-        help="a picture on the surface, or a colour at each vertex (default %(default)s)",
+        help="an image mapped on the surface, or one colour per vertex (default %(default)s)",
     )  # fmt: skip
 
 
@@ -32,14 +32,14 @@ def main(argv: Sequence[str], prog: str = "oneframe colour") -> int:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the coloured surface, and report how much of it the frame saw."""
+    """Write the coloured surface and report how much of it the frame saw."""
     with explained_imports():
         from ..blender.case.load_case import load_case
         from ..blender.colour.export import export_coloured_surface
         from ..case.case_file import read_case
     output = own_output()
     loaded = load_case(read_case(arguments.case))
-    for sentence in (*loaded.messages, *export_coloured_surface(loaded, arguments.out, colour=arguments.colour)):
-        output.write(sentence + "\n")
+    for message in (*loaded.messages, *export_coloured_surface(loaded, arguments.out, colour=arguments.colour)):
+        output.write(message + "\n")
     output.write(f"coloured surface: {arguments.out}\n")
     return 0

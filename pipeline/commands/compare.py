@@ -1,4 +1,4 @@
-"""Put synthetic views of one frame beside real photographs of the same poses, and measure their likeness."""
+"""Compare synthetic views with real photographs of the same poses, and measure their similarity."""
 
 import argparse
 from collections.abc import Sequence
@@ -12,8 +12,8 @@ EPILOG = """examples:
   %(prog)s case.toml held_out.json --out comparison
   %(prog)s case.toml held_out.json --out comparison --colour vertex
 
-PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}. The folder then holds likeness.csv, a picture of
-each pair (photograph, view, difference) and sheet.png with all of them.
+PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}. The command writes likeness.csv with the
+similarities, a picture for each photograph (photograph, view, difference) and sheet.png with all of them.
 """
 
 
@@ -21,13 +21,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
     parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface and pose")
     parser.add_argument(
-        "photographs", metavar="PHOTOGRAPHS.json", type=Path, help="photographs by the same camera, and their poses"
+        "photographs",
+        metavar="PHOTOGRAPHS.json",
+        type=Path,
+        help="photographs taken with the same camera, and their poses",
     )
     output = parser.add_argument_group("output")
     output.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
     output.add_argument(
         "--colour", choices=COLOURS, default=COLOURS[0],
-        help="how the frame gets on the surface (default %(default)s)",
+        help="how the frame colours the surface (default %(default)s)",
     )  # fmt: skip
 
 
@@ -37,7 +40,7 @@ def main(argv: Sequence[str], prog: str = "oneframe compare") -> int:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the comparison, and report each likeness."""
+    """Write the comparison and report the similarity for each photograph."""
     with explained_imports():
         from ..blender.case.load_case import load_case
         from ..blender.evaluation.comparison_files import SHEET, write_comparisons
@@ -47,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     loaded = load_case(read_case(arguments.case))
     photographs = read_photographs(arguments.photographs, loaded)
     for comparison in write_comparisons(loaded, photographs, arguments.out, colour=arguments.colour):
-        found = comparison.likeness
+        found = comparison.similarity
         output.write(
             f"{comparison.photograph.path.name}: SSIM {found.ssim:.3f}, mean error {found.mean_error:.1f}/255, "
             f"correlation {found.correlation:.3f} over {found.pixels} px\n"

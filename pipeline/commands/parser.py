@@ -1,4 +1,4 @@
-"""What all commands share: how a parser is filled, and what is said of a missing package."""
+"""What all commands share: filling their parsers, and the error for a missing package."""
 
 import argparse
 from collections.abc import Callable, Iterator
@@ -13,7 +13,7 @@ PACKAGES = {
     "skimage": "scikit-image",
     "shtab": "shtab",
 }
-"""Modules that the package index provides, and what they are called."""
+"""Modules that pip installs -> their names in messages."""
 
 
 def command_parser(
@@ -28,7 +28,7 @@ def command_parser(
     about
         The docstring of the command's module; its first line is the description.
     epilog
-        Examples and what else ``--help`` ends with; ``%(prog)s`` stands for ``prog``.
+        Examples and notes at the end of ``--help``; ``%(prog)s`` stands for ``prog``.
     add_arguments
         Adds the arguments of the command.
     """
@@ -43,7 +43,7 @@ def fill_parser(
     epilog: str,
     add_arguments: Callable[[argparse.ArgumentParser], None],
 ) -> None:
-    """Describe a parser and give it its arguments; see :func:`command_parser`."""
+    """Set the description and the epilog of a parser and add its arguments; see :func:`command_parser`."""
     parser.description = (about or "").partition("\n")[0]
     parser.epilog = epilog
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
@@ -52,12 +52,12 @@ def fill_parser(
 
 @contextmanager
 def explained_imports() -> Iterator[None]:
-    """Around imports of what only the pip install brings, all of it or a part.
+    """Wrap imports of packages that a stock Blender lacks, so that a missing one is a clear error.
 
     Raises
     ------
     RunError
-        A package is missing, as OpenCV is in a Blender program without the extension.
+        A package is missing, e.g. OpenCV in a Blender program without the extension.
     """
     try:
         yield
@@ -65,6 +65,6 @@ def explained_imports() -> Iterator[None]:
         if error.name not in PACKAGES:
             raise
         raise RunError(
-            f"expected {PACKAGES[error.name]}, this Python has none; install OneFrame with pip in a Python of its own, "
+            f"expected {PACKAGES[error.name]}, this Python has none; install OneFrame with pip in a separate Python, "
             "or, for OpenCV, use a Blender in which the OneFrame extension is enabled"
         ) from None

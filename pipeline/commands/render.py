@@ -23,17 +23,17 @@ GROUPS = {
     "constraints on poses": ("min_observed", "min_surface", "min_clearance_mm"),
     "video": ("video", "video_frames"),
 }  # fmt: skip
-"""Headings of ``--help`` and the options of a dataset under them; what is not named here comes last."""
+"""Headings of ``--help`` -> the dataset options under each; all other options come last."""
 
 EPILOG = """examples:
   %(prog)s case.toml --out dataset --count 1000
   %(prog)s case.toml --out dataset --cone-deg 30 --distance-min 0.8 --distance-max 1.3 --video
   %(prog)s case.toml --out dataset --poses poses.npy --samples 8
-  %(prog)s case.toml --out dataset --count 100000 --shard 3/50      (part 3 of 0..49, on any machine)
+  %(prog)s case.toml --out dataset --count 100000 --shard 3/50      (shard 3 of 0..49, on any machine)
 
-The same command goes on where a stopped run ended. Shards that rendered into folders of their own are merged by
-copying these into one; the same command without --shard then writes the tables. All options that concern the
-content may also stand in the case file, in a table [dataset] (count = 1000, cone_deg = 30, ...).
+Run the same command again to continue a stopped run. To merge shards from separate folders, copy the folders into
+one and run the same command without --shard: it writes the tables. The case file may hold all options that affect
+the content, in a table [dataset] (count = 1000, cone_deg = 30, ...).
 """
 
 
@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
     parser.add_argument("case", metavar="CASE.toml", type=Path, help="frame, camera, surface and pose")
     parser.add_argument(
-        "--out", metavar="DIR", type=Path, required=True, help="folder of the dataset; resumed if there"
+        "--out", metavar="DIR", type=Path, required=True, help="folder of the dataset; an unfinished one is resumed"
     )
     grouped = {name for names in GROUPS.values() for name in names}
     others = tuple(name for name in option_names() if name not in grouped)
@@ -49,28 +49,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         if names:
             add_option_arguments(parser.add_argument_group(title), names)
     machines = parser.add_argument_group("processes and machines")
-    machines.add_argument("--workers", metavar="N", type=int, default=0, help="processes (default: one a core)")
-    machines.add_argument("--shard", metavar="I/N", default="0/1", help="render part I (from 0) of N parts only")
+    machines.add_argument(
+        "--workers", metavar="N", type=int, default=0, help="number of processes (default: one per core)"
+    )
+    machines.add_argument("--shard", metavar="I/N", default="0/1", help="render only shard I of N, counted from 0")
     machines.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
-    # for a program that runs this command and shows how far it is
+    # for a program that runs this command and shows its progress
     machines.add_argument("--progress-seconds", type=float, default=LINE_SECONDS, help=argparse.SUPPRESS)
     machines.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
 
 
 def main(argv: Sequence[str], prog: str = "oneframe render", *, own_command: Sequence[str] = OWN_COMMAND) -> int:
-    """Parse the arguments and run; ``own_command`` starts this command once more, in a process of its own."""
+    """Parse the arguments and run; ``own_command`` starts this command again, for the worker processes."""
     arguments = command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv)
     if arguments.workers < 0:
-        raise InputError(f"command line: --workers: expected 0 (one a core) or more, found {arguments.workers}")
+        raise InputError(f"command line: --workers: expected 0 (one per core) or more, found {arguments.workers}")
     try:
         return run(arguments, worker_command=[*own_command, *argv, "--worker"])
     except KeyboardInterrupt:
-        raise KeyboardInterrupt("stopped; the same command goes on from here") from None
+        raise KeyboardInterrupt("stopped; run the same command again to continue") from None
 
 
 def run(arguments: argparse.Namespace, *, worker_command: Sequence[str]) -> int:
-    """Render the dataset, or be one of the processes that do."""
-    # the matrices are small: threads of numpy's BLAS only wait, and busily, on the cores that render
+    """Render the dataset, or act as one of its worker processes."""
+    # the matrices are small: numpy's BLAS threads would only busy-wait on the cores that render
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with explained_imports():
         from ..blender.dataset.job import Job

@@ -12,7 +12,7 @@ EPILOG = """examples:
   %(prog)s
   %(prog)s --out demo/case
 
-The folder then holds case.toml, frame.png, surface.ply, structures/, and held_out/ with held_out.json.
+The command writes case.toml, frame.png, surface.ply, structures/, held_out/ and held_out.json into the folder.
 """
 
 
@@ -24,12 +24,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(argv: Sequence[str], prog: str = "oneframe sample", *, render: str = "oneframe render") -> int:
-    """Parse the arguments and run; ``render`` is what the command that comes next is called."""
+    """Parse the arguments and run; the last message suggests the command ``render`` as the next step."""
     return run(command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv), render)
 
 
 def run(arguments: argparse.Namespace, render: str) -> int:
-    """Write the sample case, and report each file."""
+    """Write the sample case and report each file."""
     with explained_imports():
         from ..blender.sample.sample_case import write_sample_case
         from ..sample.temporal_bone import sample_surface

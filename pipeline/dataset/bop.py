@@ -22,7 +22,7 @@ from .view_record import Box, read_record
 
 
 def bounding_box(mask: np.ndarray) -> Box:
-    """The box of a ``(H, W)`` bool mask as BOP has it: (x, y, x_max - x, y_max - y); -1 four times for an empty one."""
+    """The box of an ``(H, W)`` bool mask as in BOP: (x, y, x_max - x, y_max - y); all -1 for an empty mask."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
         return -1, -1, -1, -1
@@ -31,7 +31,7 @@ def bounding_box(mask: np.ndarray) -> Box:
 
 
 def write_models(root: Path, mesh: TriangleMesh, colours: np.ndarray) -> None:
-    """``models/``: the surface in the model frame with ``(V, 3)`` uint8 colours, and ``models_info.json``."""
+    """Write ``models/``: the surface in the model frame with ``(V, 3)`` uint8 colours, and ``models_info.json``."""
     folder = root / "models"
     folder.mkdir(exist_ok=True)
     write_ply(folder / f"obj_{OBJECT_ID:06d}.ply", mesh, colours=colours, normals=mesh.vertex_normals)
@@ -43,7 +43,7 @@ def write_models(root: Path, mesh: TriangleMesh, colours: np.ndarray) -> None:
 
 
 def write_camera(root: Path, camera: PinholeCamera, depth_scale: float) -> None:
-    """``camera.json``; the pixel origin is the centre of the top-left pixel."""
+    """Write ``camera.json``; the pixel origin is the centre of the top-left pixel."""
     write_json(
         root / "camera.json",
         {
@@ -59,7 +59,7 @@ def write_camera(root: Path, camera: PinholeCamera, depth_scale: float) -> None:
 
 
 def write_scene(root: Path, views: range, camera: PinholeCamera) -> None:
-    """The four JSON tables of one scene from the records of its views.
+    """Write the four JSON tables of one scene from the records of its views.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def write_scene(root: Path, views: range, camera: PinholeCamera) -> None:
         scene_camera[key] = {
             "cam_K": camera.k.ravel().tolist(),
             "depth_scale": record.depth_scale,
-            # the model frame is the world: one object, never moved
+            # the model frame is the world: one object that never moves
             "cam_R_w2c": record.cam_r_m2c,
             "cam_t_w2c": record.cam_t_m2c,
         }
@@ -88,6 +88,6 @@ def write_scene(root: Path, views: range, camera: PinholeCamera) -> None:
 
 
 def _write_rows(path: Path, content: Mapping[str, object]) -> None:
-    """A dictionary with one entry a line, as BOP's own files are written."""
+    """Write a dictionary with one entry per line, as BOP's own files have it."""
     rows = ",\n".join(f"  {json.dumps(key)}: {json.dumps(value)}" for key, value in content.items())
     write_bytes_atomically(path, f"{{\n{rows}\n}}\n".encode())

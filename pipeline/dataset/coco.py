@@ -16,7 +16,7 @@ HIDDEN_BELOW = 0.1
 
 
 def run_lengths(mask: np.ndarray) -> tuple[int, ...]:
-    """The uncompressed run-length encoding of a ``(H, W)`` bool mask: column by column, zeros first."""
+    """The uncompressed run-length encoding of an ``(H, W)`` bool mask: column by column, zeros first."""
     flat = np.concatenate([[False], mask.T.ravel(), [False]])
     edges = np.flatnonzero(flat[1:] != flat[:-1])
     counts = np.diff(np.concatenate([[0], edges, [mask.size]]))
@@ -26,7 +26,7 @@ def run_lengths(mask: np.ndarray) -> tuple[int, ...]:
 
 
 def coco_table(paths: Sequence[ViewPaths], records: Sequence[ViewRecord], camera: PinholeCamera) -> dict[str, object]:
-    """The images, annotations and the one category of a scene's views; numbers of annotations count from 1."""
+    """The images, annotations and single category of a scene's views; ids of annotations count from 1."""
     images, annotations = [], []
     for number, (path, record) in enumerate(zip(paths, records, strict=True), start=1):
         images.append(

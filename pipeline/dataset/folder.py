@@ -1,7 +1,8 @@
-"""The folder of a dataset run: one writer at a time, one identity for ever, nothing half-written.
+"""The folder of a dataset run: one writer at a time, one identity that never changes, no partial files.
 
-``dataset.json`` holds everything that the content depends on. It is written first and never changed; a run that finds
-another one stops. Locks and temporary files live in ``.work`` and are gone when the dataset is complete.
+``dataset.json``, the dataset's identity, holds everything that the content depends on. A run writes it first; a run
+that finds another identity stops. Locks and temporary files are in ``.work``, which is removed when the dataset is
+complete.
 """
 
 import json
@@ -20,26 +21,26 @@ from .layout import SPLIT
 
 @dataclass(frozen=True)
 class Shard:
-    """Part ``index`` (counted from 0) of ``count`` parts of the views."""
+    """Shard ``index`` (counted from 0) of ``count`` shards of the views."""
 
     index: int = 0
     count: int = 1
 
     def views(self, total: int, views_per_scene: int) -> range:
-        """The views of this part: contiguous, and whole scenes where there are enough of them."""
+        """The views of this shard: contiguous, and whole scenes if there are enough of them."""
         unit = views_per_scene if total >= views_per_scene * self.count else 1
         units = -(-total // unit)
-        first, last = (units * part // self.count for part in (self.index, self.index + 1))
+        first, last = (units * shard // self.count for shard in (self.index, self.index + 1))
         return range(min(first * unit, total), min(last * unit, total))
 
 
 def parse_shard(text: str) -> Shard:
-    """``"I/N"``, I from 0 to N - 1.
+    """Parse ``"I/N"``, I from 0 to N - 1.
 
     Raises
     ------
     InputError
-        Anything else.
+        The text is something else.
     """
     try:
         index, count = (int(part) for part in text.split("/"))
@@ -51,17 +52,13 @@ def parse_shard(text: str) -> Shard:
 
 
 RECORD = "dataset.json"
-
-
 WORK = ".work"
-
-
 LAST_SHARDS_SECONDS = 10.0
-"""Shards that end together wait at most this long for each other before the last one tidies up."""
+"""Shards that end together wait at most this long for each other; then the last one cleans up."""
 
 
 class RunFolder:
-    """Exclusive use of a dataset folder (or of one shard's part of it); use as a context manager."""
+    """Exclusive access to a dataset folder, or to one shard of it; use as a context manager."""
 
     def __init__(self, path: Path, identity: dict, shard: Shard) -> None:
         """Create or enter the folder.
@@ -71,7 +68,7 @@ class RunFolder:
         path
             The dataset's folder.
         identity
-            What determines the content; JSON types only.
+            Everything that the content depends on; JSON types only.
         shard
             Different shards of the same run may share the folder.
 
@@ -90,7 +87,10 @@ class RunFolder:
                 # before anything is touched
                 check_identity(record, identity)
             elif path.is_dir() and any(path.iterdir()) and not work.exists():
-                raise RunError(f"{path}: expected a new or empty folder or a dataset to resume, found other files")
+                raise RunError(
+                    f"{path}: expected a new or empty folder or a dataset to resume, found other files; "
+                    "choose another folder (--out)"
+                )
             work.mkdir(parents=True, exist_ok=True)
             self._common_lock = self._take(work / "lock", shared=shard.count > 1)
             if shard.count > 1:
@@ -101,7 +101,9 @@ class RunFolder:
             self._remove_leftovers(shared=shard.count > 1)
         except OSError as error:
             self._locks.close()
-            raise RunError(f"{path}: cannot write to the folder ({error.strerror})") from None
+            raise RunError(
+                f"{path}: cannot write to the folder ({error.strerror}); choose another folder (--out)"
+            ) from None
         except RunError:
             self._locks.close()
             raise
@@ -118,7 +120,7 @@ class RunFolder:
 
     def finish(self) -> None:
         """Remove locks and temporary files of a complete dataset, unless another process still works in the folder."""
-        # other shards of a complete dataset are about to end as well, and one of them has to be the last
+        # other shards of a complete dataset are about to end as well; the last one cleans up
         if self._alone(wait_seconds=LAST_SHARDS_SECONDS):
             self._remove_leftovers(shared=False)
             if os.name == "nt":
@@ -126,7 +128,7 @@ class RunFolder:
             shutil.rmtree(self.path / WORK, ignore_errors=True)
 
     def _discard(self) -> None:
-        """Take back what this run made, if unusable input stopped it before its first view was finished."""
+        """Remove this run's files if unusable input stopped it before its first view was finished."""
         if any((self.path / SPLIT).glob("*/frame/*.json")) or not self._alone():
             return
         for name in (SPLIT, "models", WORK):
@@ -134,11 +136,14 @@ class RunFolder:
         for name in ("camera.json", RECORD):
             (self.path / name).unlink(missing_ok=True)
         for folder in self._new_folders:
-            with suppress(OSError):  # somebody else has put something there
+            with suppress(OSError):  # it holds files of somebody else
                 folder.rmdir()
 
     def _alone(self, *, wait_seconds: float = 0.0) -> bool:
-        """Get the lock that shards share for this process alone; a failed attempt gives it up to the others."""
+        """Try to turn the lock shared with other shards into an exclusive one; whether that succeeded.
+
+        A failed attempt may lose the shared lock.
+        """
         give_up = time.monotonic() + wait_seconds
         while True:
             try:
@@ -154,33 +159,43 @@ class RunFolder:
         try:
             _lock(stream.fileno(), shared=shared)
             if not os.path.samestat(os.fstat(stream.fileno()), path.stat()):
-                raise FileNotFoundError  # whoever held it has just finished the dataset and removed the file
+                raise FileNotFoundError  # another process has just finished the dataset and removed the file
         except OSError:
             raise RunError(
-                f"{self.path}: another process renders into this folder; wait for it, stop it, or take another (--out)"
+                f"{self.path}: another process renders into this folder; wait for it, stop it, or choose another "
+                "folder (--out)"
             ) from None
         return stream.fileno()
 
     def _remove_leftovers(self, *, shared: bool) -> None:
-        """Remove temporary files of a killed run; another shard's live ones are not ours to touch."""
+        """Remove the temporary files of a killed run, unless other shards may be writing theirs."""
         if not shared:
             for leftover in self.path.rglob(".partial-*"):
                 leftover.unlink(missing_ok=True)
 
 
 def check_identity(record: Path, identity: dict) -> None:
-    """Check that a dataset's record (its file) and what determines a run's content (JSON types) are the same.
+    """Check that a dataset belongs to this run.
+
+    Parameters
+    ----------
+    record
+        The dataset's ``dataset.json``.
+    identity
+        Everything that the run's content depends on; JSON types only.
 
     Raises
     ------
     RunError
-        They differ, or the file is no record.
+        The two differ, or the file is not JSON.
     """
     try:
         existing = json.loads(record.read_bytes())
     except ValueError:
-        raise RunError(f"{record}: expected the record of a dataset, found no JSON; take another (--out)") from None
-    # the files first: what differs besides may follow from them
+        raise RunError(
+            f"{record}: expected the record of a dataset, found no JSON; choose another folder (--out)"
+        ) from None
+    # changed files first: other differences may follow from them
     different = sorted(
         _differences(existing, json.loads(_json(identity))), key=lambda text: (not text.startswith("the file"), text)
     )
@@ -188,7 +203,7 @@ def check_identity(record: Path, identity: dict) -> None:
         shown = "; ".join(different[:4]) + (f" and {len(different) - 4} more" if len(different) > 4 else "")
         raise RunError(
             f"{record.parent}: the folder holds the dataset of another run ({shown}); "
-            "undo the change to resume it, or take another (--out)"
+            "undo the change to resume it, or choose another folder (--out)"
         )
 
 
@@ -215,12 +230,12 @@ def _short(value: object) -> str:
 
 
 def _lock(descriptor: int, *, shared: bool) -> None:
-    """Take an advisory lock or raise OSError at once; it ends with the process, however that ends."""
+    """Take an advisory lock or raise OSError at once; the system releases it when the process ends in any way."""
     if os.name == "nt":
         import msvcrt
 
         os.lseek(descriptor, 0, os.SEEK_SET)
-        # Windows has no shared locks here: shards are kept apart by their own lock files
+        # msvcrt has no shared locks: the lock files of the shards keep them apart
         if not shared:
             msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
         return

@@ -1,8 +1,8 @@
-"""A dataset's views on disk, in the BOP layout: where each file lies.
+"""A dataset's views on disk, in the BOP layout: the path of each file.
 
-A view is finished when its record ``frame/NNNNNN.json`` is there, which is written last and holds the hashes of the
-others; all tables of the dataset (:mod:`pipeline.dataset.bop`, :mod:`pipeline.dataset.coco`,
-:mod:`pipeline.dataset.pose_tables`) are made from these records alone.
+A view is finished when its record ``frame/NNNNNN.json`` exists. The record is written last and holds the hashes of the
+view's other files. All tables of the dataset (:mod:`pipeline.dataset.bop`, :mod:`pipeline.dataset.coco`,
+:mod:`pipeline.dataset.pose_tables`) are made from the records alone.
 """
 
 from dataclasses import dataclass
@@ -11,26 +11,21 @@ from pathlib import Path
 FORMAT = "oneframe dataset 1"
 """Name and version of the layout, in ``dataset.json``."""
 
-
 SPLIT = "train_pbr"
-
-
 VIEWS_PER_SCENE = 1000
-
-
 OBJECT_ID = 1
 
 
 @dataclass(frozen=True)
 class ViewPaths:
-    """The files of view ``index`` of a dataset in ``root``; one object (ground truth 0) a view."""
+    """The files of view ``index`` of a dataset in ``root``; each view has one object (ground truth 0)."""
 
     root: Path
     index: int
 
     @property
     def scene_id(self) -> int:
-        """BOP scene: :data:`VIEWS_PER_SCENE` views each."""
+        """Number of the BOP scene; a scene has :data:`VIEWS_PER_SCENE` views."""
         return self.index // VIEWS_PER_SCENE
 
     @property
@@ -50,12 +45,12 @@ class ViewPaths:
         return self.scene / kind / f"{self.image_id:06d}{gt}{suffix}"
 
     def relative(self, kind: str) -> str:
-        """The same, relative to the dataset's folder, with forward slashes."""
+        """Path of one of the view's files relative to the dataset's folder, with forward slashes."""
         return self.file(kind).relative_to(self.root).as_posix()
 
 
 def finished_views(root: Path, views: range) -> set[int]:
-    """Which of these views have a record (an empty one, as a loss of power leaves it, is none)."""
+    """Which of these views have a record; an empty file, which a loss of power may leave, does not count."""
     return {index for index in views if _has_content(ViewPaths(root, index).file("frame"))}
 
 

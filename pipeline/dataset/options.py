@@ -12,16 +12,10 @@ from ..errors import InputError
 from ..files.tables import nearest_name
 
 ENGINES = ("cycles", "eevee", "workbench")
-
-
 COLOURS = ("projective", "texture", "vertex")
-
-
+SAMPLERS = ("cone", "gaussian", "shell", "trajectory")
 LARGEST_NUMBER = 2**53
 """Whole numbers beyond this have no exact float, and no option needs them."""
-
-
-SAMPLERS = ("cone", "gaussian", "shell", "trajectory")
 
 
 def _option(default: Any, text: str, **limits: Any) -> Any:
@@ -30,51 +24,55 @@ def _option(default: Any, text: str, **limits: Any) -> Any:
 
 @dataclass(frozen=True)
 class DatasetOptions:
-    """What determines the content of a dataset, beside the case itself."""
+    """Everything that determines the content of a dataset in addition to the case."""
 
     count: int = _option(100, "number of views", least=1, most=10_000_000)
     seed: int = _option(0, "seed of the poses; view i depends only on the seed and i", least=0)
     poses: str | None = _option(
-        None, "explicit cam_from_model poses, for the frame of the mesh file: .npy (N x 4 x 4) or a JSON list; "
+        None, "explicit cam_from_mesh poses, for the coordinates of the mesh file: .npy (N x 4 x 4) or a JSON list; "
         "they replace the sampler and --count"
     )  # fmt: skip
     scale: float = _option(1.0, "size of the views relative to the frame's", least=1 / 64, most=8)
     engine: str = _option("cycles", "renderer; cycles is exact and needs no GPU or display", choices=ENGINES)
     samples: int = _option(
-        1, "1: one exact ray through every pixel's centre; more: anti-aliased, that many rays in every pixel that an "
+        1, "1: one exact ray through each pixel centre; more: anti-aliased, with this many rays in each pixel that an "
         "edge crosses. Depth and masks are exact either way", least=1, most=256,
     )  # fmt: skip
     colour: str = _option(
-        "projective", "how the frame gets on the surface: projective (exact at every shaded point), texture (baked), "
-        "vertex (the paper's)", choices=COLOURS,
+        "projective", "how the frame colours the surface: projective (exact at every shaded point), texture (baked), "
+        "vertex (the paper's method)", choices=COLOURS,
     )  # fmt: skip
     float_depth: bool = _option(False, "also write depth as float32 millimetres (.npy)")
     video: bool = _option(False, "also render a smooth trajectory as MP4 with its poses")
-    video_frames: int = _option(120, "length of the video in frames (24 a second)", least=2)
+    video_frames: int = _option(120, "length of the video in frames (24 per second)", least=2)
     sampler: str = _option(
-        "cone", "poses around the frame's: cone of viewing directions; gaussian in se(3); shell: uniform in the volume "
-        "of a spherical shell; trajectory: a smooth closed curve", choices=SAMPLERS,
+        "cone", "distribution of poses around the frame's: cone of viewing directions; gaussian in se(3); shell: "
+        "uniform in the volume of a spherical shell; trajectory: a smooth closed curve", choices=SAMPLERS,
     )  # fmt: skip
-    cone_deg: float = _option(20.0, "cone, trajectory: largest tilt of the viewing direction", least=0, most=180)
-    roll_deg: float = _option(15.0, "cone, shell, trajectory: largest in-plane roll, either way", least=0, most=180)
-    distance_min: float = _option(0.9, "cone, shell, trajectory: nearest, relative to the frame's", least=0.01)
-    distance_max: float = _option(1.1, "cone, shell, trajectory: farthest, relative to the frame's", least=0.01)
+    cone_deg: float = _option(
+        20.0, "cone, trajectory: largest tilt of the viewing direction, degrees", least=0, most=180
+    )
+    roll_deg: float = _option(15.0, "cone, shell, trajectory: largest in-plane roll, degrees", least=0, most=180)
+    distance_min: float = _option(
+        0.9, "cone, shell, trajectory: smallest distance, relative to the frame's", least=0.01
+    )
+    distance_max: float = _option(1.1, "cone, shell, trajectory: largest distance, relative to the frame's", least=0.01)
     shift_mm: float = _option(2.0, "cone: largest lateral shift in the image plane", least=0)
     sigma_deg: float = _option(5.0, "gaussian: standard deviation of the rotation about each axis", least=0, most=60)
     sigma_mm: float = _option(3.0, "gaussian: standard deviation of the translation along each axis", least=0)
     polar_deg: float = _option(60.0, "shell: largest angle from the frame's viewing direction", least=0, most=180)
-    min_observed: float = _option(0.5, "least part of the surface in a view that the frame observed", least=0, most=1)
-    min_surface: float = _option(0.3, "least part of a view that the surface covers", least=0, most=1)
-    min_clearance_mm: float = _option(5.0, "least distance of the camera from the surface", least=0)
+    min_observed: float = _option(0.5, "least observed fraction of the surface in a view", least=0, most=1)
+    min_surface: float = _option(0.3, "least fraction of a view that the surface covers", least=0, most=1)
+    min_clearance_mm: float = _option(5.0, "least distance from camera to surface", least=0)
 
 
 def checked_options(values: Mapping[str, object], where: str) -> DatasetOptions:
-    """Options from a mapping such as the [dataset] table; what is not named keeps its default.
+    """Check options in a mapping such as the [dataset] table; those that are missing keep their defaults.
 
     Raises
     ------
     InputError
-        An unknown name, a value of the wrong kind, not finite or out of range, limits in the wrong order.
+        An unknown name; a value of the wrong kind, not finite or out of range; options that exclude each other.
     """
     return _checked_together(_checked_values(values, where), where)
 
@@ -99,12 +97,12 @@ def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptio
     if options.engine == "workbench" and options.colour != "vertex":
         raise InputError(
             f"{where}: expected colour vertex with engine workbench, which runs no shaders, found {options.colour}; "
-            "add --colour vertex, or take --engine cycles"
+            "add --colour vertex, or use --engine cycles"
         )
     if options.engine == "workbench" and options.samples > 1:
         raise InputError(
             f"{where}: expected samples 1 with engine workbench, found {options.samples}; "
-            "take --engine cycles for anti-aliased views"
+            "use --engine cycles for anti-aliased views"
         )
     return options
 
@@ -139,7 +137,7 @@ def option_names() -> tuple[str, ...]:
 
 
 def add_option_arguments(parser: argparse._ActionsContainer, names: Collection[str] | None = None) -> None:
-    """One command line option for every field, or for those named; what is not given is left out of the namespace."""
+    """Add one command line option per field, or per name; the namespace holds only those that the user sets."""
     for entry in dataclasses.fields(DatasetOptions):
         if names is not None and entry.name not in names:
             continue
@@ -169,15 +167,21 @@ def _number(text: str) -> int | float:
         return float(text)
 
 
-_number.__name__ = "number"  # argparse names it in its message
+_number.__name__ = "number"  # argparse uses the name in its message
 
 
 def merged_options(table: Mapping[str, object], arguments: argparse.Namespace, case_path: Path) -> DatasetOptions:
-    """Options of a run: the command line over the case file's [dataset] table over the defaults."""
+    """Options of a run: the command line takes precedence over the case file's [dataset] table.
+
+    Raises
+    ------
+    InputError
+        As :func:`checked_options`.
+    """
     names = option_names()
     from_table = _checked_values(table, f"{case_path.name}: [dataset]")
     if "poses" in from_table:
         from_table["poses"] = str(case_path.parent / str(from_table["poses"]))
     given = {name: getattr(arguments, name) for name in names if hasattr(arguments, name)}
-    # together only now: the command line may correct what does not fit together in the table
+    # combinations only now: the command line may resolve a conflict in the table
     return _checked_together({**from_table, **_checked_values(given, "command line")}, "options")

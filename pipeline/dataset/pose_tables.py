@@ -1,4 +1,4 @@
-"""The poses of all views in one table each: ``poses.csv``, and NeRF's ``transforms.json``.
+"""The tables with the poses of all views: ``poses.csv``, and ``transforms.json`` for NeRF.
 
 Source of the latter: Instant NGP, docs/nerf_dataset_tips.md, and Nerfstudio's data conventions.
 """
@@ -15,7 +15,7 @@ from .layout import ViewPaths
 from .view_record import read_record
 
 POSE_COLUMNS = (*(f"r{row}{column}" for row in range(3) for column in range(3)), "tx_mm", "ty_mm", "tz_mm")
-"""Of the CSV tables that hold poses."""
+"""Columns of a pose in CSV tables."""
 
 
 def pose_cells(cam_from_model: np.ndarray) -> list[str]:
@@ -24,7 +24,7 @@ def pose_cells(cam_from_model: np.ndarray) -> list[str]:
 
 
 def write_poses(root: Path, views: Iterable[int], camera: PinholeCamera, mesh_from_model: np.ndarray) -> None:
-    """``poses.csv`` and ``transforms.json`` for all views.
+    """Write ``poses.csv`` and ``transforms.json`` for all views.
 
     Raises
     ------

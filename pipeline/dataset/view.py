@@ -1,4 +1,4 @@
-"""One view of a dataset: what was rendered, and how it becomes the bytes of its files and its record."""
+"""One view of a dataset: the rendered arrays, and their encoding as the view's files and record."""
 
 import hashlib
 import io
@@ -29,12 +29,12 @@ class RenderedView:
     rgb
         ``(H, W, 3)`` float32 code values 0..1; black where there is no surface.
     depth_mm
-        ``(H, W)`` float32 distance along the optical axis of the surface at the pixel's centre; 0 for none.
+        ``(H, W)`` float32 depth of the surface along the optical axis at the pixel's centre; 0 for none.
     observed
         ``(H, W)`` bool: the source frame saw the surface at the pixel's centre.
     beside_unseen
-        ``(H, W)`` bool: observed, but about a frame pixel away from where the frame's view of the surface breaks off;
-        only scenes for anti-aliasing have it.
+        ``(H, W)`` bool: observed, but within about one frame pixel of the border of the observed surface; only scenes
+        for anti-aliasing have it.
     """
 
     rgb: np.ndarray
@@ -61,7 +61,7 @@ DEPTH_LEVELS = 65535
 
 
 def depth_scale_for(farthest_mm: float) -> float:
-    """Millimetres per unit of the 16-bit depth images: the finest of 1, 2, 5 times a power of ten that holds all.
+    """Millimetres per unit of the 16-bit depth images: the finest of 1, 2, 5 times a power of ten that is enough.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def depth_scale_for(farthest_mm: float) -> float:
     if not (np.isfinite(farthest_mm) and farthest_mm > 0):
         raise InputError(f"depth: expected a positive distance, found {farthest_mm!r} mm")
     exponent = np.floor(np.log10(farthest_mm / DEPTH_LEVELS))
-    # written as decimal text, so that 0.01 is stored as 0.01
+    # parsed from decimal text, so that 0.01 is exactly the float 0.01
     for digit, power in ((1, 0), (2, 0), (5, 0), (1, 1), (2, 1)):
         scale = float(f"{digit}e{int(exponent) + power}")
         if farthest_mm <= scale * DEPTH_LEVELS:
@@ -88,7 +88,7 @@ def quantised_depth(depth_mm: np.ndarray, depth_scale: float) -> np.ndarray:
 def view_files(
     rgb: np.ndarray, depth_mm: np.ndarray, observed: np.ndarray, *, depth_scale: float, float_depth: bool
 ) -> dict[str, bytes]:
-    """One view as the bytes of its files, by kind.
+    """Encode one view as the bytes of its files, by kind.
 
     Parameters
     ----------
@@ -99,14 +99,14 @@ def view_files(
     observed
         ``(H, W)`` bool: surface that the source frame saw.
     """
-    # rounded by adding a half and cutting: values are not negative
+    # adding a half and truncating rounds, as no value is negative
     codes = (np.clip(rgb, 0, 1) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
     mask = encode_png(np.where(depth_mm > 0, np.uint8(255), np.uint8(0)))
     files = {
         "rgb": encode_png(codes),
         "depth": encode_png(quantised_depth(depth_mm, depth_scale)),
         "mask": mask,
-        # nothing stands before the surface: all of it that is in the image is visible
+        # nothing occludes the surface: all of it in the image is visible
         "mask_visib": mask,
         "mask_observed": encode_png(np.where(observed, np.uint8(255), np.uint8(0))),
     }
@@ -126,22 +126,22 @@ def encode_view(
     depth_scale: float,
     float_depth: bool,
 ) -> tuple[dict[str, bytes], ViewRecord]:
-    """One view as the bytes of its files, by kind, and its record.
+    """Encode one view as the bytes of its files, by kind, and its record.
 
     Parameters
     ----------
     paths
-        Where it will lie.
+        The view's files in the dataset.
     sample
         The view and its pose.
     edges
-        Of the surface, for what of the silhouette lies outside the image.
+        Edges of the surface, for the part of the silhouette outside the image.
     camera
         Intrinsics of the view.
     depth_scale
-        Millimetres per unit of the depth image; a view with surface too far away for it gets its own.
+        Millimetres per unit of the depth image; a view whose surface is too far away for it gets its own scale.
     float_depth
-        Also depth as float32.
+        Also write depth as float32.
     """
     view, planned = sample.rendered, sample.planned
     farthest = float(view.depth_mm.max())
@@ -150,7 +150,7 @@ def encode_view(
     files = view_files(view.rgb, view.depth_mm, view.observed, depth_scale=depth_scale, float_depth=float_depth)
     silhouette = silhouette_statistics(edges, camera, planned.cam_from_model)
     inside = int(np.count_nonzero(view.mask))
-    # rays and scan lines may disagree on a pixel whose centre an edge crosses: the image is what counts inside
+    # ray casting and scan conversion may disagree on a pixel whose centre lies on an edge: inside, the image counts
     whole = silhouette.px_count_all - silhouette.px_count_inside + inside
     record = ViewRecord(
         index=paths.index,
@@ -179,7 +179,7 @@ def file_hashes(paths: ViewPaths, files: dict[str, bytes]) -> dict[str, str]:
 
 
 def write_view(paths: ViewPaths, files: dict[str, bytes], record: ViewRecord) -> None:
-    """Write a view's files, then its record: a view with a record is finished."""
+    """Write a view's files and then its record: a view with a record is finished."""
     for kind, data in files.items():
         _write(paths.file(kind), data)
     _write(paths.file("frame"), (json.dumps(record.to_json(), separators=(",", ":")) + "\n").encode())

@@ -1,6 +1,6 @@
 """The record of a finished view, ``frame/NNNNNN.json``: its pose, ground truth and counts, and hashes of its files.
 
-It is written last, so that a view with a record is whole, and read by everything that is made of finished views.
+It is written last, so a view with a record is complete. All tables are made from the records.
 """
 
 from dataclasses import asdict, dataclass
@@ -16,7 +16,7 @@ from ..transforms import rigid
 from .layout import ViewPaths
 
 Box = tuple[int, int, int, int]
-"""(x, y, width, height) in px with width = x_max - x_min, as in BOP; (-1, -1, -1, -1) for nothing."""
+"""(x, y, width, height) in px with width = x_max - x_min, as in BOP; (-1, -1, -1, -1) if empty."""
 
 
 @dataclass(frozen=True)
@@ -26,11 +26,11 @@ class GroundTruthInfo:
     Attributes
     ----------
     bbox_obj, bbox_visib
-        Box of the whole silhouette, also outside the image, and of what is in the image.
+        Box of the whole silhouette, including what is outside the image; box of the part in the image.
     px_count_all
         Pixels of the whole silhouette.
     px_count_valid, px_count_visib
-        Pixels of it in the image with depth; those that are visible.
+        Its pixels in the image with depth; those that are visible.
     visib_fract
         Visible share of the silhouette, 0..1.
     """
@@ -56,11 +56,11 @@ class ViewRecord:
     depth_scale
         Millimetres per unit of the 16-bit depth image.
     gt_info
-        Boxes and counts, as BOP has them.
+        Boxes and counts, as in BOP.
     px_count_observed
         Pixels of surface that the source frame saw.
     attempts, rejections
-        Poses tried until this one, and the constraints that they broke.
+        Number of poses tried, including this one, and the constraints that they broke.
     rle_counts
         Run lengths of the mask: see :func:`pipeline.dataset.coco.run_lengths`.
     sha256
@@ -79,16 +79,16 @@ class ViewRecord:
 
     @property
     def cam_r_m2c(self) -> list[float]:
-        """The rotation row by row, as BOP's tables have it."""
+        """The rotation row by row, as in BOP's tables."""
         return self.cam_from_model[:3, :3].ravel().tolist()
 
     @property
     def cam_t_m2c(self) -> list[float]:
-        """The translation in mm, as BOP's tables have it."""
+        """The translation in mm, as in BOP's tables."""
         return self.cam_from_model[:3, 3].tolist()
 
     def to_json(self) -> dict[str, object]:
-        """The object that the file holds."""
+        """The JSON object of the file."""
         return {
             "index": self.index,
             "cam_R_m2c": self.cam_r_m2c,
@@ -104,7 +104,7 @@ class ViewRecord:
 
     @classmethod
     def from_json(cls, content: object, where: str) -> "ViewRecord":
-        """The record that a file's object holds; ``where`` names the file in messages.
+        """Read the record from a file's JSON object; ``where`` names the file in messages.
 
         Raises
         ------
@@ -136,7 +136,7 @@ class ViewRecord:
 
 
 def read_record(paths: ViewPaths) -> ViewRecord:
-    """The record of a finished view.
+    """Read the record of a finished view.
 
     Raises
     ------
@@ -151,11 +151,11 @@ def read_record(paths: ViewPaths) -> ViewRecord:
     return ViewRecord.from_json(content, str(path))
 
 
-_AGAIN = "run the same command again: the view is rendered anew"
+_AGAIN = "run the same command again: it renders the view again"
 
 
 class _Fields:
-    """The values of an object of JSON, each checked for its kind."""
+    """Typed access to the values of a JSON object."""
 
     def __init__(self, content: object, where: str) -> None:
         if not isinstance(content, dict):
@@ -193,7 +193,7 @@ class _Fields:
     def texts(self, key: str) -> dict[str, str]:
         values = self._content.get(key)
         fits = isinstance(values, dict) and all(isinstance(text, str) for text in values.values())
-        return self._checked(key, fits, "texts by name")
+        return self._checked(key, fits, "strings by name")
 
 
 def _is_whole(value: object) -> bool:

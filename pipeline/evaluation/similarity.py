@@ -1,4 +1,4 @@
-"""How alike two views are, over the surface that both show. Needs scikit-image."""
+"""Similarity of two views over the surface that both show. Needs scikit-image."""
 
 from dataclasses import dataclass
 
@@ -10,8 +10,8 @@ WINDOW_PX = 7
 
 
 @dataclass(frozen=True)
-class Likeness:
-    """Agreement of two images over a mask.
+class Similarity:
+    """Similarity of two images over a mask.
 
     Attributes
     ----------
@@ -20,7 +20,7 @@ class Likeness:
     mean_error
         Mean absolute difference of code values, 0..255.
     correlation
-        Pearson correlation of grey values: unlike the others, blind to a change of brightness and contrast.
+        Pearson correlation of grey values: unlike the others, invariant to brightness and contrast.
     pixels
         Pixels of the mask.
     """
@@ -31,10 +31,10 @@ class Likeness:
     pixels: int
 
 
-def likeness(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> Likeness:
+def similarity(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> Similarity:
     """Compare ``(H, W, 3)`` images (code values 0..1) over an ``(H, W)`` bool mask.
 
-    Outside of the mask both are taken as equal, so that what is compared is the surface alone.
+    Outside the mask both count as equal, so that only the surface is compared.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def likeness(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> Liken
     shown = np.where(mask[..., None], synthetic, real)
     _, ssim = structural_similarity(real, shown, win_size=WINDOW_PX, channel_axis=2, data_range=1.0, full=True)
     grey_real, grey_synthetic = real[mask].mean(axis=1), synthetic[mask].mean(axis=1)
-    return Likeness(
+    return Similarity(
         ssim=float(ssim[mask].mean()),
         mean_error=float(np.abs(real - synthetic)[mask].mean() * 255),
         correlation=float(np.corrcoef(grey_real, grey_synthetic)[0, 1]),

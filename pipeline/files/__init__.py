@@ -1,5 +1,5 @@
-"""What every reader and writer of files obeys.
+"""The rules that every reader and writer of files follows.
 
-In: a path, or the bytes of a file. Out: its content, checked, or one error that says what was expected; and files that
-are written whole or not at all.
+In: a path, or the bytes of a file. Out: its checked content, or one error that says what was expected; and files
+written whole or not at all.
 """

@@ -1,4 +1,4 @@
-"""Whole files: read with one error for all that can go wrong, written so that no reader finds a part of one."""
+"""Whole files: reading reports every failure as one kind of error, and writing never leaves a partial file."""
 
 import errno
 import os
@@ -10,7 +10,7 @@ from pathlib import Path
 from ..errors import InputError
 
 LARGEST_FILE = 64 << 20
-"""Bytes: what is longer is no file of numbers or settings, but another one, chosen by mistake."""
+"""Bytes; a longer file cannot be one of numbers or settings, so the user chose it by mistake."""
 
 
 @contextmanager
@@ -34,7 +34,7 @@ def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
     place, it = (str(path), "it") if where is None else (where, str(path))
     try:
         if path.is_dir():
-            # Windows would call it a lack of permission
+            # Windows would report a lack of permission
             raise InputError(f"{place}: expected {what}, cannot read {it} (a folder); give the path of a file in it")
         yield
     except FileNotFoundError:
@@ -46,14 +46,14 @@ def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
 
 
 def read_content(path: Path, what: str, where: str | None = None, most: int | None = None) -> bytes:
-    """The bytes of a file that a user gave.
+    """Read the bytes of a file that the user named.
 
     Parameters
     ----------
     path, what, where
         As for :func:`reading`.
     most
-        Largest number of bytes that such a file has; any if left out.
+        Largest number of bytes that is accepted; any if left out.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def read_content(path: Path, what: str, where: str | None = None, most: int | No
 
 
 def decoded(data: bytes) -> str | None:
-    """The text of a text file in Unicode, or ``None``."""
+    """The text of a UTF-8 or UTF-16 file, or ``None`` if the bytes are no such text."""
     encoding = "utf-16" if data.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"
     try:
         text = data.decode(encoding)
@@ -81,10 +81,10 @@ def decoded(data: bytes) -> str | None:
 
 
 def write_bytes_atomically(path: Path, data: bytes) -> None:
-    """Write a file by way of a temporary one named ``.partial-*`` in the same folder, which is removed on failure.
+    """Write a file through a temporary one named ``.partial-*`` in the same folder, which is removed on failure.
 
-    Safe against a crash of the program, not against a loss of power (nothing waits for the disk). The file gets the
-    permissions that any new file gets, unlike with :mod:`tempfile`.
+    Safe against a crash of the program, not against a loss of power (the data is not flushed to the disk). The file
+    gets the permissions of any new file, unlike with :mod:`tempfile`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Numbers in text files: parsed at the speed of C, and strict about what stands between them."""
+"""Numbers in text files: parsed at the speed of C, and strict about separators."""
 
 import io
 import math
@@ -25,7 +25,7 @@ class WrittenFloat(float):
 
 
 def millimetres(value: float, mm_per_unit: float) -> float:
-    """A length of a file in mm: the float next to what its digits say, where they are known."""
+    """Convert a length from a file's unit to mm; rounded once from the decimal digits where these are known."""
     if mm_per_unit == 1:
         return float(value)
     try:
@@ -46,14 +46,14 @@ def length_text(value_mm: float, mm_per_unit: float) -> str:
 
 
 def parsed_numbers(text: bytes, dtype: type[np.float64] | type[np.int64]) -> np.ndarray | None:
-    """``(N,)`` numbers separated by white space; ``None`` if anything else stands in the text."""
+    """``(N,)`` numbers separated by white space; ``None`` if the text holds anything else."""
     text = text.strip()
     if not text:
         return np.empty(0, dtype)
     if dtype is np.int64 and re.search(rb"[+-](?![0-9])", text):
-        return None  # C's strtol takes "- 3" as one number
+        return None  # C's strtol reads "- 3" as one number
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # what numpy 2 raises, numpy 1.26 only warns of
+        warnings.simplefilter("error", DeprecationWarning)  # numpy 1.26 only warns where numpy 2 raises
         try:
             return np.fromstring(text, dtype, sep=" ")
         except (ValueError, DeprecationWarning):
@@ -61,7 +61,7 @@ def parsed_numbers(text: bytes, dtype: type[np.float64] | type[np.int64]) -> np.
 
 
 def first_wrong_word(text: bytes, dtype: type[np.float64] | type[np.int64]) -> tuple[int, str]:
-    """Where :func:`parsed_numbers` failed: index of the line (from 0), and the word; slow, for messages only."""
+    """Where :func:`parsed_numbers` failed: index of the line (from 0) and the word. Slow, for messages only."""
     for index, line in enumerate(text.splitlines()):
         for word in line.split():
             if parsed_numbers(word, dtype) is None:
@@ -70,9 +70,10 @@ def first_wrong_word(text: bytes, dtype: type[np.float64] | type[np.int64]) -> t
 
 
 def unfinished_warnings(data: bytes, where: str) -> list[str]:
-    """A sentence for the user if a text file does not end with a line break.
+    """A warning if a text file does not end with a line break, else nothing.
 
-    Many writers leave it out. But a file that was cut inside its last number is still valid, and this is its only mark.
+    Many writers leave it out. But a file that was cut off inside its last number still parses, and the missing line
+    break is the only sign of it.
     """
     if data.endswith((b"\n", b"\r")):
         return []
@@ -89,7 +90,7 @@ def npy_array(data: bytes, where: str) -> np.ndarray:
     """
     stream = io.BytesIO(data)
     try:
-        # version 3.0 is for names of fields in Unicode, which numbers do not have
+        # version 3.0 only adds Unicode field names, which plain numbers do not have
         read_header = _NPY_HEADERS[np.lib.format.read_magic(stream)]
         shape, columns_first, dtype = read_header(stream)
         if dtype.hasobject:
@@ -97,7 +98,7 @@ def npy_array(data: bytes, where: str) -> np.ndarray:
         count = math.prod(shape) if min(shape, default=0) >= 0 else len(data)
         # a view of the bytes takes no memory, whatever size a damaged header claims
         array = np.frombuffer(data, dtype, count, stream.tell()).reshape(shape, order="F" if columns_first else "C")
-    except Exception as error:  # the header is Python, so that a damaged one raises anything
+    except Exception as error:  # the header is a Python literal: a damaged one may raise anything
         raise InputError(
             f"{where}: expected an array of numbers, cannot read it ({error}); "
             "pickled objects are never loaded: save floats with numpy.save"
@@ -111,7 +112,7 @@ _NPY_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.form
 
 
 def number_rows(text: str) -> np.ndarray | None:
-    """``(N,)`` numbers of a text of numbers, with commas and brackets or without; ``None`` if it is another text."""
+    """``(N,)`` numbers of a text, ignoring comments, commas and brackets; ``None`` if it holds anything else."""
     text = re.sub(r"(#|//|%).*", "", text)
     return parsed_numbers(re.sub(r"[\[\](){},;]", " ", text).encode(), np.float64)
 

@@ -1,4 +1,4 @@
-"""Tables as JSON or TOML: parsed, their keys checked with a hint for a misspelt one, and JSON and CSV written."""
+"""Tables: parse JSON and TOML, check keys with a hint for a misspelt one, write JSON and CSV."""
 
 import csv
 import difflib
@@ -15,19 +15,19 @@ from .numbers import WrittenFloat
 
 
 def parsed_json(content: str | bytes, where: str, *, parse_int: Callable[[str], Any] = int) -> Any:
-    """What JSON text says; numbers with a point or an exponent remember their digits (:class:`.WrittenFloat`).
+    """Parse JSON; numbers with a decimal point or an exponent keep their digits (:class:`.WrittenFloat`).
 
     Parameters
     ----------
     content, where
         The text; the beginning of messages.
     parse_int
-        Makes a number of the digits of a whole one.
+        Converts the digits of a whole number.
 
     Raises
     ------
     InputError
-        No JSON, or brackets nested too deeply.
+        Not JSON, or brackets nested too deeply.
     """
     try:
         return json.loads(_text(content), parse_float=WrittenFloat, parse_int=parse_int)
@@ -36,12 +36,12 @@ def parsed_json(content: str | bytes, where: str, *, parse_int: Callable[[str], 
 
 
 def parsed_toml(content: str | bytes, where: str) -> dict[str, Any]:
-    """What TOML text says; numbers with a point or an exponent remember their digits (:class:`.WrittenFloat`).
+    """Parse TOML; numbers with a decimal point or an exponent keep their digits (:class:`.WrittenFloat`).
 
     Raises
     ------
     InputError
-        No TOML, or an integer that is too long; ``where`` begins the message.
+        Not TOML, or an integer that is too long; ``where`` begins the message.
     """
     try:
         table = tomllib.loads(_text(content), parse_float=WrittenFloat)
@@ -70,7 +70,7 @@ def _text(content: str | bytes) -> str:
 
 
 def _check_integers(value: object) -> None:
-    """TOML's integers have 64 bits; Python reads longer ones, which no float can hold."""
+    """Refuse integers beyond TOML's 64 bits: Python reads them, but no float can hold them."""
     if isinstance(value, int) and abs(value) >= 2**63:
         raise ValueError("an integer of more than 64 bits")
     if isinstance(value, dict | list):
@@ -100,4 +100,4 @@ def nearest_name(name: str, known: tuple[str, ...]) -> str:
     near = difflib.get_close_matches(name.lower(), [key.lower() for key in known], n=1, cutoff=0.5)
     if near:
         return f"did you mean {next(key for key in known if key.lower() == near[0])!r}?"
-    return "known are " + ", ".join(repr(key) for key in known)
+    return "expected one of " + ", ".join(repr(key) for key in known)

@@ -1,4 +1,4 @@
-"""A contact sheet: many views small, in one picture that a person looks at first."""
+"""A contact sheet: many small views in one picture, for a first look at a dataset."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Whether an image file is whole, and upright to every program, before anything decodes it."""
+"""Check before decoding that an image file is complete and that every program shows it the same way up."""
 
 import struct
 import zlib
@@ -9,28 +9,29 @@ from ..errors import InputError
 from ..files.content import read_content
 from .png import PNG_SIGNATURE
 
-_TURNED = {
+_REORIENTED = {
     2: "mirrored left to right",
-    3: "turned by 180 degrees",
+    3: "rotated by 180°",
     4: "mirrored top to bottom",
-    5: "mirrored and turned by 90 degrees",
-    6: "turned by 90 degrees clockwise",
-    7: "mirrored and turned by 90 degrees",
-    8: "turned by 90 degrees counter-clockwise",
+    5: "mirrored and rotated by 90°",
+    6: "rotated by 90° clockwise",
+    7: "mirrored and rotated by 90°",
+    8: "rotated by 90° counter-clockwise",
 }
 """EXIF orientation (tag 0x0112, as in TIFF 6.0) -> how to show the image."""
 
 
 def check_image_file(path: Path, where: str) -> None:
-    """Check that an image file is there, not cut off, and the same image to every program, as far as its format says.
+    """Check that an image file exists, is complete and shows the same image in every program.
 
-    Decoders, Blender's among them, fill what is missing with black without a word. And some turn an image as its EXIF
-    orientation says, such as OpenCV's, while Blender does not: pixels of the one are not those of the other.
+    Decoders, Blender's among them, silently fill missing pixels with black. Some, such as OpenCV's, apply the EXIF
+    orientation and others, such as Blender's, do not: the same pixel coordinates then mean different pixels.
 
     Raises
     ------
     InputError
-        Missing, a folder, empty, not PNG, JPEG, TIFF, BMP or EXR, (PNG, JPEG) damaged or cut off, or to be turned.
+        Missing, a folder, empty, not PNG, JPEG, TIFF, BMP or EXR, (PNG, JPEG) damaged or cut off, or with an EXIF
+        orientation other than upright.
     """
     data = read_content(path, "an image file", where)
     exif = b""
@@ -46,11 +47,11 @@ def check_image_file(path: Path, where: str) -> None:
         raise InputError(
             f"{where}: expected an image (PNG, JPEG, TIFF, BMP or EXR), found a file that starts with {data[:8]!r}"
         )
-    turned = _TURNED.get(_orientation(exif))
-    if turned:
+    reoriented = _REORIENTED.get(_orientation(exif))
+    if reoriented:
         raise InputError(
-            f"{where}: expected an image as it is to be shown, found one that is to be {turned} (EXIF orientation), "
-            "which some programs do and others do not; open it, save it anew as PNG, and give the K of that image"
+            f"{where}: expected an upright image, found an EXIF orientation: some programs show it {reoriented}, "
+            "others do not; open it, save it as PNG, and give the K of the saved image"
         )
 
 
@@ -61,7 +62,7 @@ def _jpeg_exif(data: bytes) -> bytes:
         marker, size = data[position + 1], int.from_bytes(data[position + 2 : position + 4], "big")
         if marker == 0xE1 and data[position + 4 : position + 10] == b"Exif\0\0":
             return data[position + 10 : position + 2 + size]
-        if marker == 0xDA:  # the picture begins
+        if marker == 0xDA:  # the image data begin
             break
         position += 1 if marker == 0xFF else 2 + size
     return b""
@@ -82,7 +83,7 @@ def _orientation(exif: bytes) -> int:
 
 
 def _checked_png(data: bytes, where: str) -> bytes:
-    """Check a PNG's chunks; gives its EXIF block, or nothing."""
+    """Check a PNG's chunks; returns its EXIF block, or nothing."""
     position, kind, exif = len(PNG_SIGNATURE), b"", b""
     while kind != b"IEND":
         if position + 12 > len(data):

@@ -16,7 +16,7 @@ class Layer:
     Attributes
     ----------
     depth_mm
-        ``(H, W)``, 0 where the structure is not.
+        ``(H, W)``, 0 where there is no structure.
     colour
         sRGB code values 0..1.
     """
@@ -28,8 +28,8 @@ class Layer:
 def draw_overlay(image: np.ndarray, surface_depth_mm: np.ndarray, layers: Sequence[Layer]) -> np.ndarray:
     """Draw structures and the surface's outline over an ``(H, W, 3)`` image (values 0..1).
 
-    A structure is opaque where it lies before the surface or beside it, and shines through where the surface hides it.
-    Nearer structures cover farther ones.
+    A structure has :data:`VISIBLE_OPACITY`, and :data:`HIDDEN_OPACITY` where the surface hides it. Nearer structures
+    cover farther ones.
     """
     result = image.astype(np.float32, copy=True)
     mask = surface_depth_mm > 0
@@ -49,7 +49,7 @@ def draw_overlay(image: np.ndarray, surface_depth_mm: np.ndarray, layers: Sequen
 
 
 def _outline(mask: np.ndarray) -> np.ndarray:
-    """The pixels of a mask that have a neighbour (of four) outside of it; the image's border is no outside."""
+    """The pixels of a mask with at least one of four neighbours outside it; the image border does not count."""
     padded = np.pad(mask, 1, mode="edge")
     inner = padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
     return mask & ~inner

@@ -1,15 +1,15 @@
-"""Values of pixels: between the pixels' centres, as 8-bit codes, and as linear light (sRGB, IEC 61966-2-1)."""
+"""Pixel values: interpolated between pixel centres, as 8-bit codes, and as linear light (sRGB, IEC 61966-2-1)."""
 
 import numpy as np
 
 ROUNDING_PX = 1e-3
-"""How far a projected pixel may miss the centre that it came from."""
+"""Largest rounding error of a pixel centre that is unprojected and projected again."""
 
 
 def sample_bilinear(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """Sample ``(H, W)`` or ``(H, W, C)`` at ``(N, 2)`` pixels; 0 outside, also in the outer half pixel.
 
-    Inside is what :func:`among_centres` says: all pixels of non-zero weight exist.
+    A pixel is inside if :func:`among_centres` says so: all its neighbours of non-zero weight exist.
     """
     height, width = image.shape[:2]
     inside = among_centres(pixels, (width, height))
@@ -32,7 +32,7 @@ def among_centres(pixels: np.ndarray, size_wh: tuple[int, int]) -> np.ndarray:
 
 
 def to_uint8(values: np.ndarray) -> np.ndarray:
-    """Code values 0..1 of any shape -> the nearest uint8 codes; what lies outside is clipped."""
+    """Code values 0..1 of any shape -> the nearest uint8 codes; values outside 0..1 are clipped."""
     return np.clip(np.rint(values * 255), 0, 255).astype(np.uint8)
 
 

@@ -10,8 +10,6 @@ import zlib
 import numpy as np
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-
-
 _GREY, _RGB = 0, 2
 
 

@@ -1,4 +1,4 @@
-"""Open a real Blender with this checkout's add-on and the sample case, apart from the user's own configuration.
+"""Open a real Blender with this checkout's add-on and the sample case, without using the user's configuration.
 
 python scripts/dev/addon_dev.py --blender PROGRAM [--case CASE.toml] [-- Blender's own arguments]
 """
@@ -46,14 +46,14 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def install(blender: str, resources: Path) -> None:
-    """Build the extension for this computer, install and enable it."""
+    """Build the extension for this platform, install it and enable it."""
     (package,) = build_extension.build([build_extension.this_platform()], ROOT / "build")
     command = [blender, "--command", "extension", "install-file", "-r", "user_default", "--enable", str(package)]
     environment = os.environ | {"BLENDER_USER_RESOURCES": str(resources)}
     ended = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     if ended.returncode != 0:
         lines = (ended.stderr.strip() or ended.stdout.strip() or f"status {ended.returncode}").splitlines()
-        raise RunError(f"{blender} does not install the extension: {lines[-1]}")
+        raise RunError(f"{blender} cannot install the extension: {lines[-1]}")
 
 
 def main(argv: Sequence[str]) -> int:

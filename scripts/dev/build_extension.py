@@ -1,4 +1,4 @@
-"""Build the Blender extension: one zip a platform, for "Install from Disk".
+"""Build the Blender extension: one zip per platform, for "Install from Disk".
 
 python scripts/dev/build_extension.py [--platform all|current|NAME,NAME...] [--out dist] [--blender PROGRAM]
 """
@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-# the version and the exceptions are the package's, also where it is not installed
+# the version and the exceptions come from the package, also where it is not installed
 sys.path.insert(0, str(ROOT))
 
 import argparse
@@ -29,14 +29,14 @@ WHEEL_TAGS = {
     "macos-x64": "macosx_13_0_x86_64",
     "windows-x64": "win_amd64",
 }
-"""Blender's names of the platforms and pip's; not windows-arm64, for which OpenCV has no wheel."""
+"""Blender's platform names -> pip's; without windows-arm64, for which OpenCV has no wheel."""
 WHEEL_CACHE = ROOT / "build" / "wheels"
 OLDEST_PYTHON = "3.11"
-"""Of Blender 4.5; the wheel is for the stable interface (abi3), so that one serves all later Pythons as well."""
+"""Python of Blender 4.5; the wheel uses the stable ABI (abi3), so it serves all later Pythons as well."""
 SCRIPTS = ("render_dataset.py", "check_dataset.py")
-"""What the add-on runs in a background Blender; each finds the package in the folder above its own."""
+"""Scripts that the add-on runs in a background Blender; each finds the package in the folder above its own."""
 VERSION_LINE = 'version = "0.0.0"'
-"""The place in the manifest that the build fills in."""
+"""The line of the manifest that the build fills in."""
 
 
 def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
@@ -57,7 +57,7 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def platforms(text: str) -> list[str]:
-    """Blender's names of the platforms from what the user asked for.
+    """Blender's names of the platforms that ``--platform`` asks for.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def platforms(text: str) -> list[str]:
 
 
 def this_platform() -> str:
-    """This computer in Blender's words, e.g. ``linux-x64``."""
+    """Blender's name of this platform, e.g. ``linux-x64``."""
     system, machine = platform.system().lower(), platform.machine().lower()
     return f"{ {'darwin': 'macos'}.get(system, system) }-{ {'x86_64': 'x64', 'amd64': 'x64'}.get(machine, machine) }"
 
@@ -104,7 +104,7 @@ def build(names: Sequence[str], out: Path, *, blender: str | None = None) -> Ite
     InputError
         Blender refuses the extension, or there is no Blender to build with.
     RunError
-        A wheel cannot be had.
+        A wheel cannot be downloaded.
     """
     tool, tags = _extension_tool(blender)
     wheels = [wheel(name) for name in names]
@@ -123,7 +123,7 @@ def build(names: Sequence[str], out: Path, *, blender: str | None = None) -> Ite
 
 
 def stage(folder: Path, names: Sequence[str], wheels: Sequence[Path]) -> None:
-    """Lay the extension out as it will be installed: the add-on, the package inside it, scripts, wheels, licence."""
+    """Copy the extension's files to ``folder`` as installed: the add-on, the package inside it, scripts, wheels."""
     no_caches = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "blender_addon", folder, ignore=no_caches)
     shutil.copytree(ROOT / "pipeline", folder / "pipeline", ignore=no_caches)
@@ -159,7 +159,7 @@ def wheel(name: str) -> Path:
     Raises
     ------
     RunError
-        pip cannot get it.
+        pip cannot download it.
     """
     requirement = _opencv_requirement()
     package, _, version = requirement.partition("==")
@@ -189,13 +189,13 @@ def _download(requirement: str, name: str, folder: str) -> None:
         offline = any(words in ended.stderr for words in ("establish a new connection", "timed out", "name resolution"))
         cause = "no connection to the package index" if offline else _last_line(ended.stderr)
         raise RunError(
-            f"wheel of {requirement} for {name}: pip could not get it: {cause}; connect this computer to the network, "
-            f"or put the wheel into {WHEEL_CACHE / name}"
+            f"wheel of {requirement} for {name}: pip could not download it: {cause}; connect this computer to the "
+            f"network, or put the wheel into {WHEEL_CACHE / name}"
         )
 
 
 def _extension_tool(blender: str | None) -> tuple[list[str], list[str]]:
-    """The command that builds and validates extensions, and what tells its ``build`` the tags that Blender knows."""
+    """The command that builds and validates extensions, and the options that give ``build`` the tags Blender knows."""
     if blender:
         if not (program := shutil.which(blender)):
             raise InputError(f"--blender: expected a program, found {blender!r}")
@@ -205,7 +205,7 @@ def _extension_tool(blender: str | None) -> tuple[list[str], list[str]]:
         for path in Path(folder).glob("*/scripts/addons_core/*/cli/blender_ext.py"):
             tags = path.parents[3] / "modules" / "_bpy_internal" / "extensions" / "tags.py"
             return [sys.executable, str(path)], ["--valid-tags", str(tags)]
-    raise InputError("this Python has no bpy module to build with; name a Blender program: --blender PROGRAM")
+    raise InputError("expected a Blender to build with, this Python has no bpy module; name one with --blender PROGRAM")
 
 
 def _run(command: Sequence[str | Path]) -> None:
@@ -215,7 +215,7 @@ def _run(command: Sequence[str | Path]) -> None:
 
 
 def _last_line(text: str) -> str:
-    """The last line that is not empty; an error rather than a warning."""
+    """The last line that mentions an error, else the last that is not empty."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     return ([line for line in lines if "error" in line.lower()] or lines or [""])[-1]
 

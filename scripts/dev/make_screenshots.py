@@ -29,7 +29,7 @@ TIMEOUT_S = 900
 JPEG = {"quality": 86, "optimize": True, "subsampling": 0}
 VIEWS = 24
 SHOWN_VIEWS = (0, 8, 16)
-"""Of the dataset, beside the overlay on the first page."""
+"""Views of the dataset that the first page shows next to the overlay."""
 GAP_PX = 6
 
 
@@ -41,7 +41,7 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
 
 
 def sample_dataset(folder: Path) -> tuple[Path, Path]:
-    """Make the sample case and a small dataset of it, by the commands that users have: case file and dataset."""
+    """Make the sample case and a small dataset of it with the user's commands; returns case file and dataset folder."""
     case, dataset = folder / "case" / "case.toml", folder / "dataset"
     script(ROOT / "scripts" / "make_sample.py", "--out", case.parent)
     script(ROOT / "scripts" / "render_dataset.py", case, "--out", dataset, "--count", VIEWS)
@@ -62,7 +62,7 @@ def script(path: Path, *arguments: object) -> None:
 
 
 def first_page(case: Path, dataset: Path) -> Image.Image:
-    """The frame, and beside it the overlay and three views of the dataset at half its size."""
+    """The frame and, next to it, the overlay and three views of the dataset at half its size."""
     views = [dataset / "train_pbr" / "000000" / "rgb" / f"{number:06d}.png" for number in SHOWN_VIEWS]
     frame, *small = (
         Image.open(path).convert("RGB") for path in (case.parent / "frame.png", dataset / "overlay.png", *views)
@@ -78,7 +78,7 @@ def first_page(case: Path, dataset: Path) -> Image.Image:
 
 
 def window_pictures(blender: str, case: Path, folder: Path) -> dict[str, Image.Image]:
-    """Play the scenario in Blender's window: pictures by name."""
+    """Play the scenario in Blender's window; returns the pictures by name."""
     (package,) = build_extension.build([build_extension.this_platform()], folder / "extension")
     resources, pictures = folder / "resources", folder / "pictures"
     resources.mkdir()
@@ -110,7 +110,7 @@ def main(argv: Sequence[str]) -> int:
                 "name one: make screenshots BLENDER=/path/to/blender"
             )
         if not shutil.which("Xvfb"):
-            raise InputError("expected Xvfb, which gives Blender a window without a screen, found none; install it")
+            raise InputError("expected Xvfb, a virtual display for Blender's window, found none; install it")
         with tempfile.TemporaryDirectory(prefix="oneframe-screenshots-") as name:
             folder = Path(name)
             case, dataset = sample_dataset(folder)

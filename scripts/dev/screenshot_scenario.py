@@ -1,7 +1,7 @@
-"""What a user does while the pictures of the documentation are taken; played by ``make_screenshots.py``.
+"""The user's actions for the pictures of the documentation; ``make_screenshots.py`` plays them.
 
-Runs inside Blender's window: see ``tests/window/user.py``. Each picture is kept whole; ``facts["crops"]`` says which
-part of the window the documentation shows: left, top, width, height, pixels.
+Runs inside Blender's window: see ``tests/window/user.py``. Each picture shows the whole window; ``facts["crops"]``
+holds the part that the documentation shows: left, top, width, height in px.
 """
 
 from typing import Any
@@ -25,12 +25,12 @@ operators: Any = bpy.ops
 
 TIMEOUT_S = 600
 FEATURES = [(170, 250), (330, 190), (150, 600), (460, 540), (860, 560), (640, 330), (800, 190), (560, 120)]
-"""Pixels of the frame at which the user finds what can be told apart."""
+"""Pixels of the frame where the user clicks, at recognisable features."""
 CLICK_SIGMA_PX = 2.0
 WRONG = 6, (20.0, -14.0)
-"""This click goes wrong, by so many pixels."""
+"""Index of the wrong click, and its error in px."""
 DISTURBED = rigid(rotation_from_vector(np.radians([0.3, 0.2, 3.0])), [-0.5, -0.6, 6.0])
-"""What is wrong with the rough pose that the comparisons show."""
+"""Error of the rough pose that the comparisons show."""
 VIEWS = 100
 TOOLBAR_PX, SIDEBAR_PX = 60, 270
 
@@ -47,7 +47,7 @@ def scenario(user: User) -> Action:
         operators.oneframe.open_case("EXEC_DEFAULT", True, filepath=str(user.case))
     yield from user.open_sidebar("OneFrame")
     bpy.context.scene.oneframe.show_gizmo = False
-    # the handles of the view lie where labels are
+    # the navigation gizmo would cover labels
     user.area.spaces.active.show_gizmo_navigate = False
     yield from look_at_frame(user, beside_panels=True)
     yield from window_picture(user, "sidebar")
@@ -58,7 +58,7 @@ def scenario(user: User) -> Action:
 
 
 def landmarks(user: User) -> Action:
-    """Eight pairs with clicks two pixels off, one of them wrong."""
+    """Eight correspondences with 2 px of click noise, one of them wrong."""
     scene = bpy.context.scene
     rng = np.random.default_rng(4)
     with user.context():
@@ -121,12 +121,12 @@ def colour_and_poses(user: User) -> Action:
 
 
 def tilted(view: bpy.types.RegionView3D, camera: bpy.types.Object, angle_deg: float) -> None:
-    """Look as the frame's camera does, turned about its x axis: at 90 degrees from the side, the camera on top."""
+    """Look as the frame's camera does, rotated about its x axis; at 90 degrees from the side, the camera on top."""
     view.view_rotation = camera.matrix_world.to_quaternion() @ Quaternion((1, 0, 0), np.radians(angle_deg))
 
 
 def dataset(user: User) -> Action:
-    """The run in the background, from the panel."""
+    """A dataset run in the background, started from the panel."""
     scene, space = bpy.context.scene, user.area.spaces.active
     space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = True
     space.overlay.show_text = True
@@ -156,7 +156,7 @@ def dataset(user: User) -> Action:
 
 
 def look_at_frame(user: User, beside_panels: bool) -> Action:
-    """The whole frame, as large as it can be; on request between toolbar and sidebar."""
+    """Show the whole frame as large as possible, or as large as fits between toolbar and sidebar."""
     region, view = user.region(), user.view
     left, right = (TOOLBAR_PX, region.width - SIDEBAR_PX) if beside_panels else (0, region.width)
     view.view_camera_offset = 0, 0

@@ -134,7 +134,10 @@ BAD = {
     "units of another kind": ({"units": "units = [1]"}, 'expected units = "mm" or "m", found \\[1\\]'),
     "units missing": ({"units": ""}, "expected a key 'units', it is missing"),
     "unknown key": ({"image": 'imaeg = "frame.png"'}, "\\[frame\\] unknown key 'imaeg'; did you mean 'image'\\?"),
-    "unknown key, nothing near": ({"size": "size = [64, 48]\nq = 1"}, "\\[camera\\] unknown key 'q'; known are 'size'"),
+    "unknown key, nothing near": (
+        {"size": "size = [64, 48]\nq = 1"},
+        "\\[camera\\] unknown key 'q'; expected one of 'size'",
+    ),
     "key missing": ({"mesh": ""}, "\\[surface\\] expected a key 'mesh', it is missing"),
     "no file name": ({"image": "image = 3"}, "\\[frame\\] image: expected a file name, found 3"),
     "file name with a zero": ({"image": 'image = "a\\u0000b"'}, "expected a file name"),
@@ -164,7 +167,7 @@ BAD = {
     ),
     "scaled rotation": (
         pose("[[1.01, 0, 0, 0], [0, -1.01, 0, 0], [0, 0, -1.01, 300], [0, 0, 0, 1]]"),
-        "deviates from orthonormal by 0.02 \\(allowed 0.005\\); take scale or shear out",
+        "deviates from orthonormal by 0.02 \\(allowed 0.005\\); remove scale or shear",
     ),
     "transposed pose": (
         pose("[[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0], [2, 3, 300, 1]]"),
@@ -307,7 +310,8 @@ def test_a_missing_case_and_a_folder_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "hint"), [("Image", "did you mean 'image'?"), ("meshes", "did you mean 'mesh'?"), ("zz", "known are")]
+    ("name", "hint"),
+    [("Image", "did you mean 'image'?"), ("meshes", "did you mean 'mesh'?"), ("zz", "expected one of")],
 )
 def test_nearest_name(name, hint):
     assert nearest_name(name, ("image", "mesh")).startswith(hint)

@@ -107,7 +107,7 @@ def nudge(values: list, place: int = 0, by: float = 1e-6) -> None:
 def test_a_sound_dataset_passes(sound, run, capsys):
     assert run(sound) == 0
     messages = capsys.readouterr().out
-    assert f"dataset of {COUNT} views: whole and consistent (checked: hashes of {6 * COUNT} files" in messages
+    assert f"dataset of {COUNT} views: complete and consistent (checked: hashes of {6 * COUNT} files" in messages
     agreeing, shift = re.search(r"at ([\d.]+)% of .* largest shift of a view (\S+) px", messages).groups()
     assert float(agreeing) == 100
     assert float(shift) < 0.01
@@ -168,7 +168,7 @@ MUTATIONS = {
     ),
     "scene_gt entry too many": (
         lambda root: edit(root / S1 / "scene_gt.json", lambda c: c.update({"1": c["0"]})),
-        r"000001/scene_gt\.json: expected an entry for each of 1 images, 1 too many \(1\)",
+        r"000001/scene_gt\.json: expected an entry for each of 1 images, 1 unexpected \(1\)",
     ),
     "scene_gt not lists": (
         lambda root: edit(root / S0 / "scene_gt.json", lambda c: c.update({"1": 3})),
@@ -279,7 +279,7 @@ MUTATIONS = {
     ),
     "record without a hash": (
         lambda root: change_record(root, 1, lambda c: c["sha256"].popitem()),
-        r"frame/000001\.json: expected sha256 of the view's 6 files, too many or too few: \S+/depth_mm/000001\.npy",
+        r"frame/000001\.json: expected sha256 of the view's 6 files, missing or unexpected: \S+/depth_mm/000001\.npy",
     ),
     "record without depth scale": (
         lambda root: change_record(root, 1, lambda c: c.pop("depth_scale"), tables=False),
@@ -351,7 +351,7 @@ MUTATIONS = {
     ),
     "visible fraction": (
         lambda root: change_record(root, 1, lambda c: c["gt_info"].update(visib_fract=0.5)),
-        r"frame/000001\.json: visib_fract is 0\.5, the counts make 1\.0",
+        r"frame/000001\.json: visib_fract is 0\.5, the counts give 1\.0",
     ),
     "runs": (
         lambda root: change_record(root, 1, lambda c: nudge(c["rle_counts"], 1, 1) or nudge(c["rle_counts"], 2, -1)),
@@ -377,7 +377,7 @@ def test_damage_is_found_and_named(copied, run, capsys, name):
     assert run(copied) == 1
     messages = capsys.readouterr().out
     assert re.search(expected, messages, re.MULTILINE), messages
-    assert "NOT whole and consistent" in messages.splitlines()[-1]
+    assert "NOT complete and consistent" in messages.splitlines()[-1]
 
 
 def test_without_hashes_swapped_images_are_still_seen(copied, run, capsys):
@@ -452,7 +452,7 @@ def test_a_stopped_run_is_unfinished_and_nothing_else(copied, run, capsys):
     (copied / S1 / "rgb" / ".partial-0123").touch()
     assert run(copied) == 1
     messages = capsys.readouterr().out
-    assert "unfinished (3 of 4 views are there): run the same command" in messages
+    assert "unfinished (3 of 4 views exist): run the same command" in messages
     assert "1 finding\n" in messages
 
 

@@ -77,7 +77,7 @@ def pyramid() -> TriangleMesh:
 @pytest.mark.parametrize(
     ("mesh", "turn", "depth_scale", "shift_px", "expected"),
     [
-        (plate(30), [0, 0, 0.2], 0.01, 0.5, r"^\d+ px are in one of the two masks only \(outline \d+ px\)$"),
+        (plate(30), [0, 0, 0.2], 0.01, 0.5, r"^\d+ px are in only one of the two masks \(outline \d+ px\)$"),
         (pyramid(), [0, 0, 0.2], 0.25, 0.2, r"the depths fit best with a shift of \(-0\.2\d, [+-]0\.0\d\) px$"),
         (plate(400), [0, 0.3, 0], 0.01, 0.06, r"^only \d+\.\d% of the depths agree$"),
     ],

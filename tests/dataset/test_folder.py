@@ -58,7 +58,7 @@ def test_a_stopped_run_is_resumed_and_its_leftovers_removed(tmp_path):
 def test_two_runs_of_the_same_views_are_kept_apart(tmp_path, one, other):
     with RunFolder(tmp_path, IDENTITY, one):
         before = tree(tmp_path)
-        with pytest.raises(RunError, match="another process renders into this folder; wait for it, stop it, or take"):
+        with pytest.raises(RunError, match="another process renders into this folder; wait for it, stop it, or choose"):
             RunFolder(tmp_path, IDENTITY, other)
         if other != one:
             with pytest.raises(RunError, match="another process"):

@@ -71,7 +71,7 @@ def test_the_command_line_may_mend_what_does_not_fit_together_in_the_table():
         ({"video": 1}, "video: expected true or false, found 1"),
         ({"poses": 3}, "poses: expected a file name, found 3"),
         ({"conut": 7}, "unknown option 'conut'; did you mean 'count'\\?"),
-        ({"xyz": 7}, "unknown option 'xyz'; known are 'count', "),
+        ({"xyz": 7}, "unknown option 'xyz'; expected one of 'count', "),
         ({"engine": "blender"}, "engine: expected cycles or eevee or workbench, found 'blender'"),
         ({"engine": "cycle"}, "found 'cycle'; did you mean 'cycles'\\?"),
         ({"colour": "project"}, "found 'project'; did you mean 'projective'\\?"),

@@ -21,7 +21,7 @@ TURNED = {
     3: "180",
     4: "top to bottom",
     5: "mirrored",
-    6: "90 degrees cl",
+    6: "90° cl",
     7: "90",
     8: "counter-clockwise",
 }
@@ -46,8 +46,8 @@ def check(folder: Path, data: bytes) -> None:
 
 @pytest.mark.parametrize("kind", FORMATS)
 @pytest.mark.parametrize("orientation", TURNED)
-def test_an_image_that_is_to_be_turned_is_refused(tmp_path, kind, orientation):
-    with pytest.raises(InputError, match=rf"^case.toml: image: .* to be .*{TURNED[orientation]}.*save it anew as PNG"):
+def test_an_image_with_an_exif_orientation_is_refused(tmp_path, kind, orientation):
+    with pytest.raises(InputError, match=rf"^case.toml: image: .* show it .*{TURNED[orientation]}.*save it as PNG"):
         check(tmp_path, encoded(kind, orientation))
 
 
@@ -59,7 +59,7 @@ def test_an_upright_image_is_taken(tmp_path, kind, orientation):
 
 def test_the_other_byte_order_is_read(tmp_path):
     big = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
-    with pytest.raises(InputError, match="turned by 90 degrees clockwise"):
+    with pytest.raises(InputError, match="rotated by 90° clockwise"):
         check(tmp_path, big)
 
 

@@ -181,7 +181,7 @@ def test_metres_are_millimetres_inside(case_path, tmp_path, align):
         ("none", 2, "at least 4 enabled correspondences, found 0"),
         ("shuffled", 2, "no pose fits these 7 correspondences"),
         ("no file", 2, "it does not exist"),
-        ("no folder", 3, "cannot write it"),
+        ("no folder", 3, "cannot write the file"),
         ("sigma", 2, "click noise: expected a positive number"),
         ("option", 2, "did you mean '--pairs'"),
     ],

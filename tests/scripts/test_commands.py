@@ -211,7 +211,7 @@ def test_the_program_renders_what_the_script_renders(write_tiny_case, tmp_path, 
     assert files_of(tmp_path / "program") == files_of(tmp_path / "script")
     checked = oneframe("check", tmp_path / "program")
     assert (checked.returncode, checked.stderr) == (0, "")
-    assert "dataset of 8 views: whole and consistent" in checked.stdout
+    assert "dataset of 8 views: complete and consistent" in checked.stdout
 
 
 @pytest.mark.render

@@ -1,4 +1,4 @@
-"""A comparison with photographs as files: a table of likeness, a picture of each pair, a sheet of all of them."""
+"""A comparison with photographs as files: a table of similarities, a picture of each pair, a sheet of all pairs."""
 
 import csv
 import io
@@ -16,24 +16,24 @@ from .comparison import Comparison, compare
 TABLE, SHEET = "likeness.csv", "sheet.png"
 COLUMNS = ("image", "ssim", "mean_error_of_255", "correlation", "pixels")
 TILE_WIDTH = 900
-"""Of a picture in the sheet, px."""
+"""Width of a picture in the sheet, px."""
 
 
 def write_comparisons(
     loaded: LoadedCase, photographs: Sequence[PosedPhotograph], out: Path, *, colour: str
 ) -> Iterator[Comparison]:
-    """Compare (see :func:`.compare`) and write what was found.
+    """Compare (see :func:`.compare`) and write the results.
 
     Parameters
     ----------
     loaded
         The case.
     photographs
-        What its views are compared with.
+        The photographs to compare views with.
     out
-        Folder, made if it does not exist; files of the same names are replaced.
+        Folder, created if it does not exist; files of the same names are replaced.
     colour
-        How the frame gets on the surface.
+        How the frame colours the surface: one of :data:`.COLOURS`.
 
     Yields
     ------
@@ -62,6 +62,6 @@ def _table(comparisons: Sequence[Comparison]) -> str:
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow(COLUMNS)
     for comparison in comparisons:
-        found, name = comparison.likeness, comparison.photograph.path.name
+        found, name = comparison.similarity, comparison.photograph.path.name
         rows.writerow([name, f"{found.ssim:.4f}", f"{found.mean_error:.2f}", f"{found.correlation:.4f}", found.pixels])
     return text.getvalue()

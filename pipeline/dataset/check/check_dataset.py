@@ -1,8 +1,8 @@
-"""Is a dataset whole and consistent? Files, hashes, tables, images, and poses against pixels.
+"""Check whether a dataset is complete and consistent: files, hashes, tables, images, and poses against pixels.
 
-The check reads the files with other tools than those that wrote them: images with OpenCV, poses and intrinsics from
-every table by their own conversion, depths by projecting the model anew (:mod:`pipeline.dataset.check.depth`). Needs
-cv2 and OpenCV's video reader.
+The check does not read the files with the code that wrote them: it decodes images with OpenCV, converts the poses and
+intrinsics of every table itself, and computes depths by projecting the model (:mod:`pipeline.dataset.check.depth`).
+Needs cv2 and OpenCV's video reader.
 """
 
 import hashlib
@@ -45,18 +45,18 @@ AGAIN = "run the same command of render_dataset.py again"
 
 @dataclass(frozen=True)
 class CheckReport:
-    """What the check of a dataset found.
+    """The result of checking a dataset.
 
     Attributes
     ----------
     count
-        Views of the dataset; 0 if not even that could be read.
+        Number of views of the dataset; 0 if it could not be read.
     findings
-        What is wrong; none if the dataset is whole and consistent.
+        What is wrong; empty if the dataset is complete and consistent.
     hashed
-        Files whose hash was compared.
+        Number of files whose hash was compared.
     compared
-        Agreement of depth images and surface, one for each view whose pixels were checked and fit.
+        Agreement of depth image and surface, for each view whose pixels were checked and fit.
     """
 
     count: int
@@ -65,11 +65,11 @@ class CheckReport:
     compared: tuple[DepthAgreement, ...]
 
     def summary(self) -> str:
-        """One sentence."""
+        """The result as one line."""
         if self.findings:
             wrong = len(self.findings)
             name = f"dataset of {self.count} views" if self.count else "dataset"
-            return f"{name}: NOT whole and consistent, {wrong} finding{'s' * (wrong > 1)}"
+            return f"{name}: NOT complete and consistent, {wrong} finding{'s' * (wrong > 1)}"
         hashed = f"hashes of {self.hashed} files" if self.hashed else "no hashes"
         checked = f"checked: {hashed}, all tables, images and poses of {len(self.compared)} views"
         pixels = sum(view.compared for view in self.compared)
@@ -81,7 +81,7 @@ class CheckReport:
                 f"; the reprojected surface agrees with the depth images at {agreeing:.2%} of {pixels} px, "
                 f"median |dz| = {dz:.2g} mm, largest shift of a view {shift:.2g} px"
             )
-        return f"dataset of {self.count} views: whole and consistent ({checked})"
+        return f"dataset of {self.count} views: complete and consistent ({checked})"
 
 
 def check_dataset(
@@ -98,7 +98,7 @@ def check_dataset(
     hashes
         Compare the hashes of all files.
     stream
-        Where progress goes.
+        Stream for the progress.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def check_dataset(
     """
     if not (root / RECORD).is_file() and not (root / SPLIT).is_dir():
         raise InputError(
-            f"{root}: expected the folder of a dataset, found no {RECORD} in it; give the folder --out made"
+            f"{root}: expected the folder of a dataset, found no {RECORD} in it; give the folder that --out named"
         )
     findings = Findings()
     try:
@@ -117,7 +117,7 @@ def check_dataset(
         return CheckReport(0, findings, 0, ())
     missing = _check_files(root, identity, findings)
     surface = _read_model(root, missing, findings)
-    chosen = _chosen(identity.count, views)
+    chosen = _evenly_spaced(identity.count, views)
     records: dict[int, ViewRecord] = {}
     hashed, compared = 0, []
     progress = Progress(identity.count, "views checked", stream=stream)
@@ -143,15 +143,15 @@ def check_dataset(
     return CheckReport(identity.count, findings, hashed, tuple(view for view in compared if view is not None))
 
 
-def _chosen(count: int, views: int) -> set[int]:
-    """Numbers of ``views`` evenly spaced views, or of all."""
+def _evenly_spaced(count: int, views: int) -> set[int]:
+    """Numbers of ``views`` evenly spaced ones of ``count`` views; all if ``views`` is 0 or too large."""
     if not views or views >= count:
         return set(range(count))
     return set(np.linspace(0, count - 1, views).round().astype(int).tolist())
 
 
 def _check_files(root: Path, identity: Identity, findings: Findings) -> set[str]:
-    """Compare what is in the folder with what should be; the files that are missing, relative to the folder."""
+    """Compare the files in the folder with those expected; return the missing ones, relative to the folder."""
     present, views, tables = set(_files(root)), set(), set(_tables_beside_scenes(root))
     for index in range(identity.count):
         paths = ViewPaths(root, index)
@@ -164,8 +164,8 @@ def _check_files(root: Path, identity: Identity, findings: Findings) -> set[str]
         done = identity.count - sum("/frame/" in name for name in missing)
         findings.add(
             "unfinished parts",
-            f"{WORK}: left by a run that still goes on or was stopped: the dataset is unfinished ({done} of "
-            f"{identity.count} views are there): {AGAIN}",
+            f"{WORK}: a run is still going on or was stopped: the dataset is unfinished ({done} of "
+            f"{identity.count} views exist): {AGAIN}",
         )
     else:
         for name in sorted(missing):
@@ -187,7 +187,7 @@ def _tables_beside_scenes(root: Path) -> Iterator[str]:
 
 
 def _files(root: Path) -> Iterator[str]:
-    """Every file below a folder, relative to it, with forward slashes; not those of a run at work."""
+    """Every file below a folder, relative to it, with forward slashes; without the work files of a run."""
     for folder, folders, names in os.walk(root):
         relative = Path(folder).relative_to(root)
         if relative == Path():
@@ -207,7 +207,7 @@ def _read_record(paths: ViewPaths, identity: Identity, missing: set[str], findin
 
 
 def _check_hashes(root: Path, record: ViewRecord, missing: set[str], findings: Findings) -> int:
-    """Compare the hashes of a view's files; how many differ."""
+    """Compare the hashes of a view's files; return how many differ."""
     wrong = 0
     for name, expected in record.sha256.items():
         if name in missing:
@@ -233,8 +233,8 @@ def _read_model(root: Path, missing: set[str], findings: Findings) -> Silhouette
     except InputError as error:
         findings.add("damaged files", f"{MODEL}: {error}")
         return None
-    for sentence in messages:
-        findings.add("damaged files", f"{MODEL}: {sentence}")
+    for message in messages:
+        findings.add("damaged files", f"{MODEL}: {message}")
     # coordinates are stored in single precision
     rounding = 2e-6 * mesh.radius
     off = float(np.abs(mesh.vertices.mean(axis=0)).max())
@@ -262,7 +262,7 @@ def _read_model(root: Path, missing: set[str], findings: Findings) -> Silhouette
 def _check_whole(
     root: Path, identity: Identity, records: dict[int, ViewRecord], missing: set[str], findings: Findings
 ) -> None:
-    """The files beside the scenes."""
+    """Check the files outside the scenes."""
     if "camera.json" not in missing:
         finest = min((record.depth_scale for record in records.values()), default=np.inf)
         check_camera_file(root, identity.camera, finest, findings)

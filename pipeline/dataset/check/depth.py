@@ -1,15 +1,15 @@
-"""Poses against pixels: a view's depth image compared with the surface, projected once more on another way.
+"""Poses against pixels: a view's depth image compared with an independent projection of the surface.
 
-The model's triangles are projected with OpenCV (``cv2.projectPoints``), scan-converted and depth-tested here, so
-nothing of Blender takes part; what remains to agree is exactly what the dataset promises: mesh, pose, K, pixel origin,
-depth scale and depth image. Needs cv2.
+The model's triangles are projected with OpenCV (``cv2.projectPoints``), scan-converted and depth-tested here, without
+Blender. So the comparison tests exactly what the dataset promises: mesh, pose, K, pixel origin, depth scale and depth
+image. Needs cv2.
 
 Notes
 -----
-A wrong pose or K shows in two ways, both measured in pixels of the image. Outlines: pixels that belong to one of the
-two masks only, divided by the length of the outline. Depths: the least-squares shift d of dz = -grad(z) . d + c z over
-all pixels, where dz is the depth image minus the surface. A surface of one slope tells only d's component along it
-(the solution of least norm is taken), and one parallel to the image plane nothing.
+A wrong pose or K shows in two ways, both measured in pixels of the image. Outlines: pixels that belong to only one of
+the two masks, divided by the length of the outline. Depths: the least-squares shift d of dz = -grad(z) . d + c z over
+all pixels, where dz is the depth image minus the surface. A surface of uniform slope determines only d's component
+along the slope (the solution of least norm is taken), and one parallel to the image plane determines nothing.
 """
 
 from dataclasses import dataclass
@@ -23,13 +23,13 @@ from ...surface.mesh import TriangleMesh
 from ...transforms import transform_points
 
 GUARD_PX = 64.0
-"""Triangles that reach farther out of the image are clipped: bounds what is scan-converted in vain."""
+"""Triangles that reach farther out of the image are clipped, so that little is scan-converted in vain."""
 
 RAY_PX = 0.03
-"""How far a renderer's ray may pass from the pixel's centre, px: slopes turn it into depth."""
+"""Largest distance of a renderer's ray from the pixel's centre, px: on a slope it causes a depth error."""
 
 RELATIVE = 1e-5
-"""Relative error allowed to a renderer that computes in single precision."""
+"""Allowed relative error of a renderer that computes in single precision."""
 
 LEAST_AGREEING = 0.99
 LARGEST_SHIFT_PX = 0.1
@@ -52,15 +52,15 @@ class DepthAgreement:
     Attributes
     ----------
     compared, agreeing
-        Pixels where both have surface, and those of them whose depths agree within rounding, slopes considered.
+        Number of pixels where both have surface; number of those whose depths agree within rounding, given the slope.
     median_dz_mm
         Median absolute difference there; 0 if nothing is compared.
     shift_px
-        (u, v) shift of the depth image that explains the differences best, as far as the slopes can tell.
+        (u, v) shift of the depth image that explains the differences best, as far as the slopes determine it.
     shift_error_px
         Standard error of its length.
     only_one, outline
-        Pixels with surface in one of the two only; pixels of the outline.
+        Number of pixels with surface in only one of the two; number of pixels of the outline.
     """
 
     compared: int
@@ -73,10 +73,10 @@ class DepthAgreement:
 
     @property
     def misfit(self) -> str:
-        """What is more than rounding, as clauses; empty if the view fits."""
+        """Disagreements beyond rounding, separated by commas; empty if the view fits."""
         parts = []
         if self.only_one > LARGEST_SHIFT_PX * self.outline + PIXELS_OF_ROUNDING:
-            parts.append(f"{self.only_one} px are in one of the two masks only (outline {self.outline} px)")
+            parts.append(f"{self.only_one} px are in only one of the two masks (outline {self.outline} px)")
         if self.agreeing < LEAST_AGREEING * self.compared:
             parts.append(f"only {self.agreeing / self.compared:.1%} of the depths agree")
         if np.hypot(*self.shift_px) > LARGEST_SHIFT_PX + 5 * self.shift_error_px:
@@ -85,7 +85,7 @@ class DepthAgreement:
 
 
 def surface_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> SurfaceDepth:
-    """Depth of a mesh (model frame) at every pixel's centre, front and back faces alike."""
+    """Depth of a mesh (model frame) at every pixel's centre, of front and back faces."""
     triangles_px, inverse_z = _projected(mesh, camera, cam_from_model)
     gradients = _affine_gradients(triangles_px, inverse_z)
     nearest = np.zeros(camera.height * camera.width)
@@ -93,7 +93,7 @@ def surface_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.
     for triangle, x, y, weights in rasterise(triangles_px):
         inside = (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
         triangle, pixel = triangle[inside], (y * camera.width + x)[inside]
-        # inverse depth is affine in the image of a plane
+        # inverse depth is affine over the image of a plane
         value = (weights[inside] * inverse_z[triangle]).sum(axis=1)
         np.maximum.at(nearest, pixel, value)
         won = value >= nearest[pixel]
@@ -130,7 +130,7 @@ _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
 def _best_shift(
     dz: np.ndarray, slope: np.ndarray, tolerance: np.ndarray, footprint_mm: np.ndarray, *, near: np.ndarray
 ) -> tuple[tuple[float, float], float]:
-    """Weighted least squares of dz = -slope . shift + c footprints, without pixels at steps of the depth."""
+    """Weighted least squares of dz = -slope . shift + c * footprint over the pixels ``near``; shift and its error."""
     if near.sum() < 10:
         return (0.0, 0.0), 0.0
     weight = 1 / tolerance[near]
@@ -147,7 +147,7 @@ def _best_shift(
 
 
 def _projected(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """``(T, 3, 2)`` px and ``(T, 3)`` inverse depths of what is in front of the camera and in or near the image."""
+    """``(T, 3, 2)`` px and ``(T, 3)`` inverse depths of the triangles in front of the camera and near the image."""
     points_cam = transform_points(cam_from_model, mesh.vertices)
     planes = _frustum(camera)
     offsets = np.array([1e-6 * np.abs(points_cam[:, 2]).max(), 0, 0, 0, 0])

@@ -1,7 +1,7 @@
-"""The images of one view: do they decode, agree with each other and with the record, and show the surface as posed?
+"""The images of one view: do they decode, agree with each other and the record, and show the surface at its pose?
 
-Decoding and boxes are OpenCV's (``cv2.imdecode``, ``cv2.boundingRect``), an independent reader of the files that
-:mod:`pipeline.images.png` writes. Needs cv2.
+OpenCV decodes the images and computes the boxes (``cv2.imdecode``, ``cv2.boundingRect``): a reader independent of
+:mod:`pipeline.images.png`, which writes them. Needs cv2.
 """
 
 import io
@@ -23,26 +23,29 @@ IMAGES = "images that disagree"
 POSES = "views whose pose does not fit the pixels"
 
 SOFT_EDGE_OUTLIERS = 0.005
-"""Part of the surface's pixels that may be coloured farther than 1 px outside of it: parts thinner than a pixel."""
+"""Allowed number of coloured pixels more than 1 px outside the surface, as a fraction of the surface's pixels.
+
+Parts of the surface that are thinner than a pixel cause them.
+"""
 
 
 def check_view(
     paths: ViewPaths, record: ViewRecord, identity: Identity, surface: SilhouetteEdges | None, findings: Findings
 ) -> DepthAgreement | None:
-    """Check one view; its files are there.
+    """Check one view, whose files exist.
 
     Parameters
     ----------
     paths, record, identity
-        The view and what is said about it.
+        The view, its record and the dataset's identity.
     surface
-        The model with its edges; ``None`` if it cannot be read, then poses are not checked.
+        The model with its edges; ``None`` if it cannot be read: poses are not checked then.
     findings
-        Takes what is wrong.
+        Receives what is wrong.
 
     Returns
     -------
-    How depth image and surface agree; ``None`` if that is not known.
+    Agreement of depth image and surface; ``None`` if something is wrong or poses are not checked.
     """
     try:
         images = {kind: _decoded(paths, kind, identity) for kind in identity.kinds}
@@ -77,7 +80,7 @@ def _decoded(paths: ViewPaths, kind: str, identity: Identity) -> np.ndarray:
     if kind == "depth_mm":
         return _float_depth(path, where, (height, width))
     try:
-        # cv2 fills what is missing in a damaged file
+        # cv2 silently fills what is missing in a damaged file
         check_image_file(path, where)
     except InputError as error:
         raise DamagedFile(str(error)) from None
@@ -109,7 +112,7 @@ def _float_depth(path: Path, where: str, shape: tuple[int, int]) -> np.ndarray:
 
 
 def _check_images(images: dict[str, np.ndarray], paths: ViewPaths, record: ViewRecord, identity: Identity) -> None:
-    """The images against each other."""
+    """Check the images against each other."""
     mask, depth = images["mask"] > 0, images["depth"]
     _nothing(mask != (depth > 0), paths, "mask", "differ from where the depth image has surface")
     for kind in ("mask_visib", "mask_observed"):
@@ -124,7 +127,7 @@ def _check_images(images: dict[str, np.ndarray], paths: ViewPaths, record: ViewR
             _nothing(outside, paths, "rgb", "more than 1 px outside the mask are not black")
     if "depth_mm" in images:
         exact = images["depth_mm"].astype(np.float64)
-        # surface nearer than half a unit is 1, not 0
+        # depths below half a unit are stored as 1, not 0
         rounding = np.where(depth == 1, 1.0, 0.5) * record.depth_scale + 1e-6 * exact
         wrong = ((exact > 0) != mask) | ~(np.abs(exact - depth * record.depth_scale) <= rounding)
         _nothing(wrong, paths, "depth_mm", "are not those of the depth image before rounding")
@@ -137,7 +140,7 @@ def _nothing(wrong: np.ndarray, paths: ViewPaths, kind: str, clause: str) -> Non
 
 
 def _check_record(images: dict[str, np.ndarray], paths: ViewPaths, record: ViewRecord) -> None:
-    """The images against the numbers in the record."""
+    """Check the images against the numbers in the record."""
     visible, info = images["mask_visib"] > 0, record.gt_info
     counts = {
         "px_count_visib": int(visible.sum()),
@@ -154,7 +157,7 @@ def _check_record(images: dict[str, np.ndarray], paths: ViewPaths, record: ViewR
     whole = info["px_count_all"]
     fraction = info["px_count_visib"] / whole if whole else 0.0
     if abs(info["visib_fract"] - fraction) > 1e-12:
-        raise DamagedFile(f"{record.where}: visib_fract is {info['visib_fract']}, the counts make {fraction}")
+        raise DamagedFile(f"{record.where}: visib_fract is {info['visib_fract']}, the counts give {fraction}")
     runs = record.run_lengths
     if (runs < 0).any() or runs.sum() != visible.size:
         raise DamagedFile(f"{record.where}: expected rle_counts of {visible.size} px, found {int(runs.sum())}")
@@ -168,7 +171,7 @@ def _box(mask: np.ndarray) -> list[int]:
 
 
 def _check_silhouette(surface: SilhouetteEdges, record: ViewRecord, identity: Identity) -> None:
-    """The numbers about what lies outside the image, which no image shows."""
+    """Check the numbers about the silhouette outside the image, which no image shows."""
     info, silhouette = record.gt_info, silhouette_statistics(surface, identity.camera, record.cam_from_model)
     visible = info["px_count_visib"]
     whole = silhouette.px_count_all - silhouette.px_count_inside + visible

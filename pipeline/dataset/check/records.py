@@ -1,6 +1,6 @@
-"""A dataset's identity and the records of its views, read strictly: every number that the check relies on is there.
+"""A dataset's identity and the records of its views, read strictly: every number that the check needs must be there.
 
-Written against the format's description, not with the code that writes it, apart from the names of the files.
+Written from the description of the format and, except for file names, independent of the code that writes it.
 """
 
 import json
@@ -22,12 +22,12 @@ GT_INFO_COUNTS = ("px_count_all", "px_count_valid", "px_count_visib")
 
 
 class DamagedFile(ValueError):
-    """A file of a dataset is missing or does not hold what it should; the message is a sentence that names it."""
+    """A file of a dataset is missing or does not hold what it should; the message names the file."""
 
 
 @dataclass(frozen=True)
 class Identity:
-    """What ``dataset.json`` says about the dataset.
+    """The content of ``dataset.json``.
 
     Attributes
     ----------
@@ -38,9 +38,9 @@ class Identity:
     mesh_from_model
         4x4, mm.
     kinds
-        Kinds of the files of a view, without its record.
+        Kinds of a view's files, without its record.
     anti_aliased
-        The colour image has soft edges.
+        Whether the colour images have soft edges.
     """
 
     count: int
@@ -59,9 +59,9 @@ class ViewRecord:
     where
         Its file, relative to the dataset, for messages.
     rotation, translation
-        The record's own lists of 9 and 3 numbers: ``cam_from_model``, row-major, mm.
+        The record's lists of 9 and 3 numbers: ``cam_from_model``, row-major, mm.
     cam_from_model
-        The same as 4x4.
+        The same as a 4x4 matrix.
     depth_scale
         mm per unit of the depth image.
     gt_info
@@ -91,9 +91,9 @@ def read_identity(root: Path) -> Identity:
     Raises
     ------
     DamagedFile
-        Missing, or something in it is not what it should be.
+        The file is missing, or a value in it is missing or wrong.
     InputError
-        It is whole, but of another format.
+        The file is intact, but of another format.
     """
     content = read_object(root / RECORD, RECORD)
     if content.get("format") != FORMAT:
@@ -132,7 +132,7 @@ def read_view_record(paths: ViewPaths, kinds: tuple[str, ...]) -> ViewRecord:
     Raises
     ------
     DamagedFile
-        Missing, or something in it is not what it should be.
+        The file is missing, or a value in it is missing or wrong.
     """
     where = paths.relative("frame")
     content = read_object(paths.file("frame"), where)
@@ -154,8 +154,10 @@ def read_view_record(paths: ViewPaths, kinds: tuple[str, ...]) -> ViewRecord:
     sha256 = mapping(content, "sha256", where)
     expected = {paths.relative(kind) for kind in kinds}
     if sha256.keys() != expected:
-        odd = ", ".join(sorted(sha256.keys() ^ expected)[:3])
-        raise DamagedFile(f"{where}: expected sha256 of the view's {len(expected)} files, too many or too few: {odd}")
+        different = ", ".join(sorted(sha256.keys() ^ expected)[:3])
+        raise DamagedFile(
+            f"{where}: expected sha256 of the view's {len(expected)} files, missing or unexpected: {different}"
+        )
     return ViewRecord(
         where=where,
         rotation=content["cam_R_m2c"],
@@ -170,7 +172,7 @@ def read_view_record(paths: ViewPaths, kinds: tuple[str, ...]) -> ViewRecord:
 
 
 def read_object(path: Path, where: str) -> dict:
-    """The object in a JSON file.
+    """Read the object in a JSON file.
 
     Raises
     ------
@@ -187,7 +189,7 @@ def read_object(path: Path, where: str) -> dict:
 
 
 def mapping(content: Mapping, key: str, where: str) -> dict:
-    """An object in an object; :class:`DamagedFile` if there is none."""
+    """The object at a key of an object; :class:`DamagedFile` if there is none."""
     value = content.get(key)
     if not isinstance(value, dict):
         raise DamagedFile(f"{where}: expected {key} with entries, found {shortened(value)}")
@@ -195,7 +197,7 @@ def mapping(content: Mapping, key: str, where: str) -> dict:
 
 
 def numbers(content: Mapping, key: str, shape: tuple[int, ...] | None, where: str) -> np.ndarray:
-    """Finite numbers of a shape (``None``: a list) in an object; :class:`DamagedFile` if there are none."""
+    """The finite numbers of a shape (``None``: any list) at a key of an object; :class:`DamagedFile` if not there."""
     try:
         values = np.array(content[key], dtype=np.float64)
     except (KeyError, TypeError, ValueError):
@@ -210,7 +212,7 @@ def numbers(content: Mapping, key: str, shape: tuple[int, ...] | None, where: st
 
 
 def whole_number(content: Mapping, key: str, where: str, *, least: int = 0) -> int:
-    """A whole number in an object; :class:`DamagedFile` if there is none."""
+    """The whole number at a key of an object; :class:`DamagedFile` if there is none."""
     value = content.get(key)
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
         raise DamagedFile(f"{where}: expected {key} to be a whole number from {least}, found {shortened(value)}")
@@ -228,6 +230,6 @@ def check_rotation(rotation: np.ndarray, where: str) -> None:
 
 
 def shortened(value: object) -> str:
-    """A value as a message shows it."""
+    """A value as JSON of at most 60 characters, for messages."""
     text = json.dumps(value, default=str)
     return text if len(text) <= 60 else text[:57] + "..."

@@ -1,7 +1,7 @@
-"""The tables of a dataset against the records of its views: BOP, COCO, NeRF and CSV must all say the same.
+"""The tables of a dataset against the records of its views: BOP, COCO, NeRF and CSV must agree.
 
-Conversions go their own way here (inverse matrices by elimination, axes and pixel origin as plain numbers), so that a
-mistake in the code that writes the tables does not hide itself.
+The conversions here are independent (inverse matrices by elimination, axes and pixel origin as plain numbers), so that
+they reveal a mistake in the code that writes the tables.
 """
 
 import csv
@@ -31,18 +31,18 @@ Records = Mapping[int, ViewRecord]
 def check_scene_tables(
     root: Path, views: range, records: Records, identity: Identity, missing: set[str], findings: Findings
 ) -> None:
-    """Compare the four tables of the scene of ``views`` with the records that could be read.
+    """Compare the four tables of the scene of ``views`` with the readable records.
 
     Parameters
     ----------
     root, views, identity
-        The dataset, the scene's views.
+        The dataset's folder, the scene's views, the dataset's identity.
     records
-        By number of the view.
+        Records by number of the view.
     missing
-        Files that are not there, relative to ``root``.
+        Missing files, relative to ``root``.
     findings
-        Takes what is wrong.
+        Receives what is wrong.
     """
     paths = {index: ViewPaths(root, index) for index in views}
     expected: dict[str, dict] = {name: {} for name in SCENE_TABLES[:3]}
@@ -77,7 +77,7 @@ def check_scene_tables(
 
 
 def check_camera_file(root: Path, camera: PinholeCamera, finest_scale: float, findings: Findings) -> None:
-    """Compare ``camera.json`` with ``dataset.json``; no view has finer depths than it says."""
+    """Compare ``camera.json`` with ``dataset.json``; its depth scale is at most the finest scale of a view."""
     where = "camera.json"
     try:
         content = read_object(root / where, where)
@@ -91,7 +91,7 @@ def check_camera_file(root: Path, camera: PinholeCamera, finest_scale: float, fi
 
 
 def check_pose_table(root: Path, records: Records, identity: Identity, findings: Findings) -> None:
-    """Compare ``poses.csv`` with the records: poses for the model and for the user's mesh file."""
+    """Compare ``poses.csv`` with the records: poses from the model frame and from that of the mesh file."""
     where = "poses.csv"
     try:
         rows = _read_csv(root / where, where)
@@ -109,7 +109,7 @@ def check_pose_table(root: Path, records: Records, identity: Identity, findings:
             given = _row_numbers(rows[index], [f"given_t{axis}_mm" for axis in "xyz"], here)
             expected = (record.cam_from_model @ model_from_mesh)[:3, 3]
             if not _close(given, expected, np.abs(model_from_mesh[:3, 3]).max()):
-                raise DamagedFile(f"{here}: given_t is {given.tolist()}, {record.where} makes {expected.tolist()}")
+                raise DamagedFile(f"{here}: given_t is {given.tolist()}, {record.where} gives {expected.tolist()}")
     except DamagedFile as damage:
         findings.add(KIND, damage)
 
@@ -148,7 +148,7 @@ def check_nerf_file(root: Path, records: Records, identity: Identity, findings: 
 
 
 def check_video_poses(root: Path, findings: Findings) -> int:
-    """Check that all poses of ``video/poses.csv`` are rigid; returns how many there are."""
+    """Check that all poses of ``video/poses.csv`` are rigid; return their number."""
     where = "video/poses.csv"
     try:
         rows = _read_csv(root / where, where)
@@ -212,7 +212,7 @@ def _check_keys(found: Iterable[str], expected: set[str], where: str) -> None:
     if missing or surplus:
         problems = [
             f"{len(some)} {what} ({', '.join(sorted(some)[:3])})"
-            for some, what in ((missing, "missing"), (surplus, "too many"))
+            for some, what in ((missing, "missing"), (surplus, "unexpected"))
             if some
         ]
         raise DamagedFile(f"{where}: expected an entry for each of {len(expected)} images, {' and '.join(problems)}")
@@ -225,7 +225,7 @@ def _check_values(found: Mapping, expected: Mapping, where: str) -> None:
 
 
 def _difference(found: object, expected: object, name: str = "the entry") -> str:
-    """Where two JSON values differ first, as a clause."""
+    """The first difference of two JSON values, as a clause."""
     if isinstance(found, dict) and isinstance(expected, dict):
         for key in (*expected, *found):
             if found.get(key) != expected.get(key):

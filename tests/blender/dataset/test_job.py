@@ -238,7 +238,8 @@ def test_one_writer_at_a_time_and_no_need_of_workers(case, reference, tmp_path, 
         ended = run_command(second)
         assert ended.returncode == 3
         assert ended.stderr == (
-            f"error: {out}: another process renders into this folder; wait for it, stop it, or take another (--out)\n"
+            f"error: {out}: another process renders into this folder; wait for it, stop it, or choose another folder "
+            "(--out)\n"
         )
     # what a worker finishes in the meantime may be new
     assert before.items() <= tree(out).items()
@@ -259,7 +260,7 @@ def test_ctrl_c_stops_between_views(case, reference, tmp_path, render_command, s
     os.killpg(process.pid, signal.SIGINT)
     _, errors = process.communicate()
     assert process.returncode == 130
-    assert errors == "error: stopped; the same command goes on from here\n"
+    assert errors == "error: stopped; run the same command again to continue\n"
     finished = tree(out)
     views = {name: data for name, data in tree(reference).items() if "/rgb/" in name and name in finished}
     assert 0 < len(views) < VIEWS
@@ -344,7 +345,7 @@ def test_a_run_ends_with_its_input_and_goes_on_later(case, tmp_path, render_comm
     # what the system does when the program that started it dies
     running.stdin.close()
     assert running.wait(timeout=20) == 130
-    assert "the same command goes on from here" in running.stderr.read()
+    assert "run the same command again to continue" in running.stderr.read()
     assert counts == sorted(counts)
     assert 0 < finished_views(out) < views
     assert run_command(command).returncode == 0

@@ -31,7 +31,7 @@ def loaded_case(folder: Path, *, image: Path, size: tuple, k: list, mesh: Path, 
 
 def correlation(loaded: LoadedCase, image: Path, cam_from_mesh: np.ndarray) -> float:
     photograph = PosedPhotograph(image, cam_from_mesh @ loaded.mesh_from_model)
-    return next(compare(loaded, [photograph])).likeness.correlation
+    return next(compare(loaded, [photograph])).similarity.correlation
 
 
 def assert_pose_matters(loaded: LoadedCase, image: Path, cam_from_mesh: np.ndarray, shift_mm: float) -> float:

@@ -11,6 +11,7 @@ RUN = $(VENV)/bin/python
 .PHONY: setup demo extension dist addon-dev test lint bench bench-alignment docs screenshots clean
 .DEFAULT_GOAL := demo
 
+# the environment: Blender as a module, the commands, what tests and checks need; again when pyproject.toml has changed
 setup: $(VENV)/.ready
 
 $(VENV)/.ready: pyproject.toml
@@ -22,6 +23,7 @@ $(VENV)/.ready: pyproject.toml
 	@$(RUN) -c 'import bpy; print("Blender", bpy.app.version_string, "is ready; the commands are in $(VENV)/bin/oneframe")'
 	@touch $@
 
+# the sample case and a small dataset of it, with a video
 demo: setup
 	@$(RUN) scripts/make_sample.py --out demo/case
 	@$(RUN) scripts/render_dataset.py demo/case/case.toml --out demo/dataset --count 24 --video --video-frames 72
@@ -39,19 +41,23 @@ dist: setup
 addon-dev: setup
 	@$(RUN) scripts/dev/addon_dev.py --blender "$(BLENDER)" -- $(BLENDER_FLAGS)
 
+# all tests, those in a Blender program if BLENDER is set; PYTEST_FLAGS=... for pytest itself
 test: setup
 	$(RUN) -m pytest $(PYTEST_FLAGS)
 
+# format, rules, the contracts between the rooms, and types against the API of the environment's Blender
 lint: setup
 	$(RUN) -m ruff format --check .
 	$(RUN) -m ruff check .
 	$(VENV)/bin/lint-imports --no-logo
 	$(RUN) -m mypy
 
+# speed against PyVista, with scaling, memory and start, in demo/bench
 bench: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	$(RUN) scripts/benchmark.py --out demo/bench/render_speed.json
 
+# accuracy of landmarks and of the refinement, in demo/bench
 bench-alignment: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
 	@test -f demo/case/case.toml || $(RUN) scripts/make_sample.py --out demo/case
@@ -68,5 +74,6 @@ docs: setup
 screenshots: setup
 	$(RUN) scripts/dev/make_screenshots.py --blender "$(BLENDER)"
 
+# removes everything that the other targets have made
 clean:
 	rm -rf $(VENV) demo build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -1,13 +1,21 @@
 """Classes for Blender, with properties whose types a type checker can read.
 
 Blender takes a property from an annotation, ``width: IntProperty(min=1)``, which is no type. The add-on's classes write
-``width: Annotated[int, IntProperty(min=1)]`` instead: the type of the value first, Blender's definition of it second.
+``width: int = prop(IntProperty(min=1))`` instead; registration makes the annotations that Blender expects of it.
 """
 
+import inspect
 from collections.abc import Callable, Sequence
-from typing import Annotated, get_args, get_origin
+from typing import Any
 
 import bpy
+
+_Definition = type(bpy.props.BoolProperty())
+
+
+def prop(definition: object) -> Any:
+    """A property of Blender (``bpy.props``) as the value of a class attribute, which is annotated with its type."""
+    return definition
 
 
 def class_registration(classes: Sequence[type]) -> tuple[Callable[[], None], Callable[[], None]]:
@@ -17,15 +25,14 @@ def class_registration(classes: Sequence[type]) -> tuple[Callable[[], None], Cal
     ----------
     classes
         Operators, panels, property groups and so on, each after those that it refers to. Their properties, and those
-        of the mixins that they inherit from, may be annotated as above.
+        of the mixins that they inherit from, are written as above.
     """
     for kind in classes:
         for base in kind.__mro__:
-            annotations = vars(base).get("__annotations__", {})
-            annotations.update({name: _definition(annotation) for name, annotation in annotations.items()})
+            definitions = {name: value for name, value in vars(base).items() if isinstance(value, _Definition)}
+            for name in definitions:
+                delattr(base, name)
+            if definitions:
+                base.__annotations__ = {**inspect.get_annotations(base), **definitions}
     register, unregister = bpy.utils.register_classes_factory(classes)
     return register, unregister
-
-
-def _definition(annotation: object) -> object:
-    return get_args(annotation)[1] if get_origin(annotation) is Annotated else annotation

@@ -35,18 +35,22 @@ autoapi_keep_files = False
 # it finds them all the same, once the module that they stand in has been read
 suppress_warnings = ["autoapi.python_import_resolution"]
 
-# every role in a docstring leads to something of the pipeline; nothing else is linked, nor are names that autoapi does
-# not list: constants of one assignment to two names, and methods in summaries
+# every role in a docstring leads to something of the pipeline, but for what autoapi does not list: other packages,
+# constants of one assignment to two names, and types in signatures under the name of another module that imports them
 nitpicky = True
 nitpick_ignore_regex = [
-    ("py:.*", r"(argparse|bpy|collections|json|mathutils|numpy|pathlib|tempfile|tomllib)(\..*)?"),
-    ("py:data", "[A-Z_]+"),
-    ("py:meth", "[a-z_]+"),
+    ("py:.*", r"\.?(argparse|bpy|collections|json|mathutils|numpy|pathlib|tempfile|tomllib)(\..*)?"),
+    ("py:data", r"\.?[A-Z_]+"),
+    ("py:meth", r"\w+"),
+    ("py:class", r"pipeline\..*"),
 ]
 
 NAPOLEON = Config(napoleon_use_ivar=True, napoleon_use_rtype=False)
 LITERAL = re.compile(r"(``.*?``|`.*?`)", re.DOTALL)
 RESULT = re.compile(r"^(?P<kind>Returns|Yields)\n-+\n(?P<text>.+?)(?=\n\n\w+\n---|\Z)", re.MULTILINE | re.DOTALL)
+BARE_ROLE = re.compile(r"(?!:meth:`\w+`)(:\w+:`)(?=[A-Za-z_])(?!pipeline\b)")
+"""A role with a name alone: with a leading dot, Sphinx looks for it here first, then anywhere. Not so
+a method without its class: many have the same name."""
 TWO_NAMES = re.compile(r"^(?P<names>\w+(?:, \w+)+)\n(?P<text>(?: +\S.*(?:\n|\Z))+)", re.MULTILINE)
 """The field of two or more attributes or parameters in a numpydoc section, with the text that they share."""
 
@@ -60,6 +64,7 @@ def rst_from_numpydoc(_app: Sphinx, what: str, _name: str, _object: object, _opt
     text = "".join(
         part if part.startswith("`") else part.replace("|", r"\|") for part in LITERAL.split("\n".join(lines))
     )
+    text = BARE_ROLE.sub(r"\1.", text)
     if what in ("module", "package", "class", "exception", "function", "method"):
         results = [_field(section) for section in RESULT.finditer(text)]
         text = TWO_NAMES.sub(_one_name_each, RESULT.sub("", text))

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import argparse
 import json
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from pipeline.blender.command_line import own_output, run_script
 from pipeline.blender.dataset.job import available_cores
@@ -29,11 +29,14 @@ from pipeline.blender.render.engines import keep_freed_memory
 from pipeline.evaluation.benchmark_case import VIEW_CAMERA
 from pipeline.evaluation.charts.page import require_matplotlib
 from pipeline.evaluation.charts.render_speed_chart import render_speed_charts
-from pipeline.evaluation.render_times import RenderTimes, read_render_times
+from pipeline.evaluation.render_times import read_render_times
 from pipeline.files.content import write_bytes_atomically
 
 NAMES = ("speed", "antialiasing", "scaling", "workers", "start", "memory")
 RENDER_SCRIPT = Path(__file__).with_name("render_dataset.py")
+
+Figures = dict[str, Mapping[str, float] | Mapping[str, list[float]]]
+"""What was measured, by the names on the command line; the times of all rounds as ``"speed rounds"``."""
 
 
 def main(argv: Sequence[str]) -> int:
@@ -58,10 +61,6 @@ def main(argv: Sequence[str]) -> int:
 
     if not arguments.redraw:
         figures = measure(arguments.only, report, quick=arguments.quick)
-        if "speed" in figures:
-            speed = figures["speed"]
-            report("\n" + "\n".join(speed.table()))
-            figures |= {"speed": speed.medians_ms(), "speed rounds": speed.rounds_ms()}
         if arguments.out:
             write_bytes_atomically(arguments.out, (json.dumps(figures, indent=2) + "\n").encode())
     if arguments.out and (arguments.redraw or "speed" in figures):
@@ -70,15 +69,15 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def measure(names: Sequence[str], report: Callable[[str], None], *, quick: bool) -> dict[str, dict | RenderTimes]:
+def measure(names: Sequence[str], report: Callable[[str], None], *, quick: bool) -> Figures:
     """Run the named measurements in this order; the results by name."""
     keep_freed_memory()
     report(f"{available_cores()} cores, {VIEW_CAMERA.width}x{VIEW_CAMERA.height} px, 200 000 triangles")
-    figures = {}
+    figures: Figures = {}
+    speed = None
     with tempfile.TemporaryDirectory(prefix="oneframe-benchmark-") as name:
         folder = Path(name)
-        measures = {
-            "speed": lambda: measure_speed(folder, RENDER_SCRIPT, report, rounds=2 if quick else 5),
+        measures: dict[str, Callable[[], dict[str, float]]] = {
             "antialiasing": lambda: measure_anti_aliasing(folder, report),
             "scaling": lambda: measure_triangles(folder, report),
             "workers": lambda: measure_workers(folder, RENDER_SCRIPT, report),
@@ -87,7 +86,14 @@ def measure(names: Sequence[str], report: Callable[[str], None], *, quick: bool)
         }
         for key in names:
             report(f"{key}:")
-            figures[key] = measures[key]()
+            if key == "speed":
+                speed = measure_speed(folder, RENDER_SCRIPT, report, rounds=2 if quick else 5)
+                figures[key] = speed.medians_ms()
+            else:
+                figures[key] = measures[key]()
+    if speed is not None:
+        report("\n" + "\n".join(speed.table()))
+        figures["speed rounds"] = speed.rounds_ms()
     return figures
 
 

@@ -1,7 +1,6 @@
 """Operators on landmarks that need no pointer, and those that work on the one under it."""
 
 from collections.abc import Sequence
-from typing import Annotated
 
 import bpy
 import numpy as np
@@ -11,15 +10,14 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.landmark_file import read_landmarks, write_landmarks
 from ..pipeline.errors import InputError
-from ..registration import class_registration
+from ..registration import class_registration, prop
 from ..state import events, from_scene, to_scene
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
 from . import edit, solve
 from .gestures import is_alignment_view, landmark_under
 
 INDEX = "Number in the list, counted from 0; -1 for the active one"
-FRESH = {"SKIP_SAVE"}
-"""Options of properties that must not be those of the last call: a button would work on another landmark."""
+"""Properties are not saved between calls: a button would work on the landmark of the last one."""
 
 
 class _HasLandmarks(NeedsAlignment):
@@ -38,26 +36,24 @@ class _HasLandmarks(NeedsAlignment):
 class _Halves(bpy.types.Operator):
     """Mixin: a surface point and an image point as properties, each taken only if it is given."""
 
-    point: Annotated[
-        Sequence[float],
+    point: Sequence[float] = prop(
         FloatVectorProperty(
             name="Surface point",
             description="Point on the surface, in its own frame (model), mm",
             size=3,
             precision=4,
-            options=FRESH,
-        ),
-    ]
-    pixel: Annotated[
-        Sequence[float],
+            options={"SKIP_SAVE"},
+        )
+    )
+    pixel: Sequence[float] = prop(
         FloatVectorProperty(
             name="Image point",
             description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
             size=2,
             precision=3,
-            options=FRESH,
-        ),
-    ]
+            options={"SKIP_SAVE"},
+        )
+    )
 
     def given_point(self) -> np.ndarray | None:
         return np.array(self.point, float) if self.properties.is_property_set("point") else None
@@ -75,17 +71,16 @@ class ONEFRAME_OT_landmark_set(NeedsAlignment, _Halves, Reporting, bpy.types.Ope
     bl_label = "Set Landmark"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: Annotated[
-        int,
+    index: int = prop(
         IntProperty(
             name="Number",
             description="Number in the list, counted from 0; -1 for the one that waits for this half, or a new one",
             default=-1,
             min=-1,
-            options=FRESH,
-        ),
-    ]
-    name: Annotated[str, StringProperty(name="Name", description="Its name; empty to keep it", options=FRESH)]
+            options={"SKIP_SAVE"},
+        )
+    )
+    name: str = prop(StringProperty(name="Name", description="Its name; empty to keep it", options={"SKIP_SAVE"}))
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
@@ -108,16 +103,15 @@ class ONEFRAME_OT_landmark_pin(NeedsAlignment, _Halves, Reporting, bpy.types.Ope
     bl_label = "Pull Pin"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: Annotated[
-        int,
+    index: int = prop(
         IntProperty(
             name="Number",
             description="Number in the list, counted from 0; -1 for a new one",
             default=-1,
             min=-1,
-            options=FRESH,
-        ),
-    ]
+            options={"SKIP_SAVE"},
+        )
+    )
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
@@ -170,8 +164,8 @@ class ONEFRAME_OT_landmark_remove(_One, _HasLandmarks, Reporting, bpy.types.Oper
     bl_label = "Delete Landmark"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: Annotated[int, IntProperty(name="Number", description=INDEX, default=-1, min=-1, options=FRESH)]
-    at_pointer: Annotated[bool, BoolProperty(options={"HIDDEN", "SKIP_SAVE"})]
+    index: int = prop(IntProperty(name="Number", description=INDEX, default=-1, min=-1, options={"SKIP_SAVE"}))
+    at_pointer: bool = prop(BoolProperty(options={"HIDDEN", "SKIP_SAVE"}))
     # with this tool in hand the key must not delete the surface because a mark was missed by a pixel
     elsewhere = {"CANCELLED"}
 
@@ -186,8 +180,8 @@ class ONEFRAME_OT_landmark_toggle(_One, _HasLandmarks, Reporting, bpy.types.Oper
     bl_label = "Use Landmark or Not"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: Annotated[int, IntProperty(name="Number", description=INDEX, default=-1, min=-1, options=FRESH)]
-    at_pointer: Annotated[bool, BoolProperty(options={"HIDDEN", "SKIP_SAVE"})]
+    index: int = prop(IntProperty(name="Number", description=INDEX, default=-1, min=-1, options={"SKIP_SAVE"}))
+    at_pointer: bool = prop(BoolProperty(options={"HIDDEN", "SKIP_SAVE"}))
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
@@ -236,13 +230,12 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Oper
     bl_label = "Import Landmarks"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default="*.csv;*.json", options={"HIDDEN"})]
-    keep: Annotated[
-        bool,
+    filter_glob: str = prop(StringProperty(default="*.csv;*.json", options={"HIDDEN"}))
+    keep: bool = prop(
         BoolProperty(
             name="Keep present ones", description="Add to the landmarks that are there, instead of replacing them"
-        ),
-    ]
+        )
+    )
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
@@ -263,7 +256,7 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Opera
 
     filename_ext = ".csv"
     check_extension = None
-    filter_glob: Annotated[str, StringProperty(default="*.csv;*.json", options={"HIDDEN"})]
+    filter_glob: str = prop(StringProperty(default="*.csv;*.json", options={"HIDDEN"}))
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene

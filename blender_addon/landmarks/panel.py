@@ -112,10 +112,10 @@ class ONEFRAME_PT_landmark_keys(bpy.types.Panel):
 
 
 def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: Solution) -> None:
-    if solved.estimate is None:
+    if solved.alignment is None:
         draw_sentence(layout, solved.refusal, icon="INFO")
         return
-    found, away = solved.estimate, solve.departure(scene, solved)
+    found, away = solved.alignment.estimate, solve.departure(scene, solved)
     layout.label(
         text=f"RMS {found.rms_px:.2f} px, {int(found.inliers.sum())} of {len(solved.alignment.landmarks)} pairs"
     )

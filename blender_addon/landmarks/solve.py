@@ -89,8 +89,8 @@ def landmarks_model(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
     return tuple(
         Landmark(
             entry.name,
-            tuple(entry.point[:]) if entry.has_point else None,
-            tuple(entry.pixel[:]) if entry.has_pixel else None,
+            (entry.point[0], entry.point[1], entry.point[2]) if entry.has_point else None,
+            (entry.pixel[0], entry.pixel[1]) if entry.has_pixel else None,
             entry.enabled,
         )
         for entry in scene.oneframe.landmarks

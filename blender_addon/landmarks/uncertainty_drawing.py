@@ -29,9 +29,9 @@ LEGEND, LINE = (70.0, 34.0), 20.0
 
 def add_uncertainty(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkView, solved: Solution) -> None:
     """Add ellipses (in the view of the frame) and arrows to what is drawn into a view."""
-    if solved.estimate is None:
+    if solved.alignment is None:
         return
-    uncertainty = solved.estimate.uncertainty
+    uncertainty = solved.alignment.estimate.uncertainty
     samples = _samples(scene, view.cam_from_model)
     factor = _add_weakest(strokes, scene, view, uncertainty, np.vstack([samples, uncertainty.pivot_model]))
     times = f", arrows {factor} x" if factor > 1 else ", arrows" if factor == 1 else ""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 from bpy_extras import view3d_utils
-from mathutils import Vector
+from mathutils import Matrix, Vector
 from numpy.typing import ArrayLike
 
 from ..pipeline.blender.alignment.visible_surface import first_hit
@@ -89,7 +89,7 @@ def surface_point(scene: bpy.types.Scene, origin_world: Vector, direction_world:
         No surface, or it cannot be hit in its present mode.
     """
     surface = from_scene.surface_of(scene)
-    model_from_world = surface.matrix_world.inverted()
+    model_from_world: Matrix = surface.matrix_world.inverted()
     if surface.mode == "EDIT":
         raise InputError("expected Object mode; press Tab to leave Edit mode, then pick")
     start = model_from_world @ origin_world

@@ -5,13 +5,12 @@ here touches the pose: zoom and pan are the view's.
 """
 
 from collections.abc import Sequence
-from typing import Annotated
 
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty
 
-from ..registration import class_registration
+from ..registration import class_registration, prop
 from ..state import from_scene
 from ..ui.frame_view import FrameView, shows_frame, window_region
 from ..ui.keymap import OBJECT_MODE, Key, Keys
@@ -63,47 +62,44 @@ def _set_wireframe(self: bpy.types.PropertyGroup, value: bool) -> None:
 class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     """What is drawn over the camera view."""
 
-    opacity: Annotated[float, FloatProperty(
+    opacity: float = prop(FloatProperty(
         name="Opacity", description="Opacity of the surface over the frame", min=0, max=1, get=_opacity,
         set=_set_opacity, subtype="FACTOR",
-    )]  # fmt: skip
-    wireframe: Annotated[
-        bool,
-        BoolProperty(name="Wireframe", description="Show the surface as wires", get=_wireframe, set=_set_wireframe),
-    ]
-    contour: Annotated[
-        bool, BoolProperty(name="Contour", description="Outlines and creases of the surface, over the frame")
-    ]
-    crease_deg: Annotated[float, FloatProperty(
+    ))  # fmt: skip
+    wireframe: bool = prop(
+        BoolProperty(name="Wireframe", description="Show the surface as wires", get=_wireframe, set=_set_wireframe)
+    )
+    contour: bool = prop(
+        BoolProperty(name="Contour", description="Outlines and creases of the surface, over the frame")
+    )
+    crease_deg: float = prop(FloatProperty(
         name="Crease",
         description="How far the surface must turn within 6 px of the frame to be drawn as a crease, degrees",
         min=5, max=120, default=60, precision=0, step=500,
-    )]  # fmt: skip
-    contour_color: Annotated[Sequence[float], FloatVectorProperty(
+    ))  # fmt: skip
+    contour_color: Sequence[float] = prop(FloatVectorProperty(
         name="Contour", description="Colour of the contour", subtype="COLOR_GAMMA", size=3, min=0, max=1,
         default=(0.1, 1.0, 0.95),
-    )]  # fmt: skip
-    comparison: Annotated[str, EnumProperty(name="Compare", description="Compare surface and frame", items=COMPARISONS)]
-    split: Annotated[float, FloatProperty(
+    ))  # fmt: skip
+    comparison: str = prop(EnumProperty(name="Compare", description="Compare surface and frame", items=COMPARISONS))
+    split: float = prop(FloatProperty(
         name="Line", description="Where the line between frame and surface stands, in parts of the frame's width",
         min=0, max=1, default=0.5, subtype="FACTOR",
-    )]  # fmt: skip
-    gain: Annotated[
-        float,
+    ))  # fmt: skip
+    gain: float = prop(
         FloatProperty(
             name="Gain",
             description="How much brighter the difference of a coloured surface is drawn",
             min=0.5,
             max=20,
             default=3.0,
-        ),
-    ]
-    loupe: Annotated[
-        bool,
+        )
+    )
+    loupe: bool = prop(
         BoolProperty(
             name="Loupe", description="Magnify what lies under the pointer while landmarks are picked", default=True
-        ),
-    ]
+        )
+    )
 
 
 class _FrameTool(NeedsAlignment):
@@ -228,12 +224,12 @@ class ONEFRAME_OT_zoom_frame(_FrameTool, bpy.types.Operator):
     bl_label = "Zoom Frame"
     bl_options = {"REGISTER"}
 
-    factor: Annotated[float, FloatProperty(name="Factor", description="Times larger", default=1.25, min=0.01, max=100)]
-    magnification: Annotated[float, FloatProperty(
+    factor: float = prop(FloatProperty(name="Factor", description="Times larger", default=1.25, min=0.01, max=100))
+    magnification: float = prop(FloatProperty(
         name="Magnification",
         description="Pixels of the screen per pixel of the frame; 0: as the factor says",
         default=0, min=0, max=MAGNIFICATIONS[1],
-    )]  # fmt: skip
+    ))  # fmt: skip
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         region = window_region(context.area)

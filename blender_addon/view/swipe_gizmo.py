@@ -1,6 +1,6 @@
 """The grip on the line between frame and surface of the swipe: a gizmo, so that dragging it reaches no tool."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Literal
 
 import bpy
@@ -33,9 +33,10 @@ class ONEFRAME_GT_split(bpy.types.Gizmo):
         gpu.state.line_width_set(1.0)
         gpu.state.blend_set("NONE")
 
-    def test_select(self, context: bpy.types.Context, location: Sequence[int]) -> int:
-        x, y = _grip(context)
-        near = (location[0] - x) ** 2 + (location[1] - y) ** 2 < (1.5 * _radius(context)) ** 2
+    def test_select(self, context: bpy.types.Context, location: Iterable[int]) -> int:
+        grip_x, grip_y = _grip(context)
+        x, y = location
+        near = (x - grip_x) ** 2 + (y - grip_y) ** 2 < (1.5 * _radius(context)) ** 2
         return 0 if near else -1
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:

@@ -100,8 +100,8 @@ def npy_array(data: bytes, where: str) -> np.ndarray:
         array = np.frombuffer(data, dtype, count, stream.tell()).reshape(shape, order="F" if columns_first else "C")
     except Exception as error:  # the header is a Python literal: a damaged one may raise anything
         raise InputError(
-            f"{where}: expected an array of numbers, cannot read it ({error}); pickles are never loaded: "
-            "save floats with numpy.save"
+            f"{where}: expected an array of numbers, cannot read it ({error}); "
+            "pickled objects are never loaded: save floats with numpy.save"
         ) from None
     if array.dtype.kind not in "fiu":
         raise InputError(f"{where}: expected an array of real numbers, found type {array.dtype}; save it as floats")

@@ -1,6 +1,6 @@
 """The part of a surface that a camera sees, sampled by a coarse grid of rays: its extent and its pivot."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..transforms import camera_centre, inverse_rigid
 
-FirstHit = Callable[[Sequence[float], Sequence[float]], tuple[Sequence[float], Sequence[float]] | None]
+FirstHit = Callable[[Sequence[float], Sequence[float]], tuple[Iterable[float], Iterable[float]] | None]
 """Origin and direction of a ray (model frame) -> point and unit normal of the surface there; ``None`` if it misses."""
 
 

@@ -143,7 +143,7 @@ def held_out_poses() -> list[np.ndarray]:
 # --- anatomy in the frame local --------------------------------------------------------------------------------------
 
 
-def _cortex_height(x, y):
+def _cortex_height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """z of the lateral skull: a flat dome with the zygomatic root, temporal line, mastoid tip and suprameatal spine."""
 
     def bump(height: float, at_x: float, at_y: float | np.ndarray, width_x: float, width_y: float) -> np.ndarray:
@@ -155,7 +155,7 @@ def _cortex_height(x, y):
     return z + 0.22 * np.sin(0.45 * x + 0.8) * np.sin(0.38 * y + 0.3) + 0.12 * np.sin(0.9 * x - 0.7 * y)
 
 
-def _cavity(x, y, z):
+def _cavity(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     """The drilled cavity without individual burr strokes, negative in air.
 
     Its section is star-shaped about an axis that leans towards the antrum, and wider below the rim towards the
@@ -175,7 +175,7 @@ def _cavity(x, y, z):
     return -smooth_minimum(-wall, -floor, 2.5)
 
 
-def _kept(x, y, z):
+def _kept(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
     """What the surgeon preserves, positive inside: canal wall, sinus plate, facial ridge, semicircular canal."""
     canal_wall = 5.5 - polyline(x, y, z, CANAL)
     sinus = 5.2 - polyline(x, y, z, SIGMOID_SINUS)

@@ -1,13 +1,16 @@
 """Solids as signed distance fields on a grid, and their surfaces as meshes: the modelling tools of the sample case.
 
 Shapes are signed distances in mm, negative inside. A grid holds the signed distance to the surface of the material,
-positive inside it; carving and filling keep distances accurate near the surface only. Needs ``skimage``, for marching
-cubes (Lewiner et al. 2003, topologically consistent).
+positive inside it; carving and filling keep distances accurate near the surface only. Needs
+``scipy``, and ``skimage`` for marching cubes (Lewiner et al. 2003, topologically consistent).
 """
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy.ndimage import map_coordinates
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from skimage.measure import marching_cubes
 
 from ..surface.mesh import TriangleMesh, checked_mesh
@@ -59,12 +62,7 @@ class ImplicitGrid:
     def at(self, values: np.ndarray, points: np.ndarray) -> np.ndarray:
         """``(X, Y, Z)`` values at the grid points -> ``(N,)`` at ``(N, 3)`` points inside the grid, trilinearly."""
         place = (points - self.lower) / self.spacing
-        corner = np.minimum(place.astype(int), np.array(values.shape) - 2)
-        weight = place - corner
-        total = np.zeros(len(points))
-        for step in np.ndindex(2, 2, 2):
-            total += np.where(step, weight, 1 - weight).prod(axis=1) * values[tuple((corner + step).T)]
-        return total
+        return map_coordinates(values, place.T, output=np.float64, order=1, mode="nearest")
 
     def surface(self) -> tuple[np.ndarray, np.ndarray]:
         """``(V, 3)`` vertices, mm, and ``(F, 3)`` faces of the zero level; fronts towards air, open at the ends."""
@@ -106,16 +104,10 @@ def polyline(
 
 
 def largest_component(vertices: np.ndarray, faces: np.ndarray) -> TriangleMesh:
-    """The connected component with the most vertices, found by propagating the smallest vertex index over faces."""
-    label = np.arange(len(vertices))
-    while True:
-        smallest = label[faces].min(axis=1)
-        spread = label.copy()
-        np.minimum.at(spread, faces.ravel(), np.repeat(smallest, 3))
-        spread = np.minimum(spread, spread[spread])
-        if np.array_equal(spread, label):
-            break
-        label = spread[spread]
+    """The connected component with the most vertices."""
+    edges = faces[:, [0, 1, 1, 2]].reshape(-1, 2)
+    graph = coo_array((np.ones(len(edges), bool), tuple(edges.T)), shape=(len(vertices), len(vertices)))
+    _, label = connected_components(graph, directed=False)
     largest = np.argmax(np.bincount(label))
     mesh, _ = checked_mesh(vertices, faces[label[faces[:, 0]] == largest], "sample surface")
     return mesh

@@ -44,7 +44,6 @@ NEVER_NONE = frozenset(
         "Material.node_tree",
         "NodeSocket.node",
         "NodeTree.interface",
-        "Preferences.system",
         "RenderSettings.ffmpeg",
         "Scene.display",
         "Scene.display_settings",
@@ -52,12 +51,9 @@ NEVER_NONE = frozenset(
         "Scene.sequencer_colorspace_settings",
         "Scene.view_settings",
         "SceneDisplay.shading",
-        "SpaceView3D.overlay",
         "SpaceView3D.region_3d",
-        "SpaceView3D.shading",
         "ViewLayer.depsgraph",
         "UIPopupMenu.layout",
-        "Window.screen",
         "World.node_tree",
     )
 )
@@ -69,7 +65,10 @@ ANY = frozenset(
         # which type follows from the object's, the area's, or the owner's
         "AreaSpaces.active",
         "Context.space_data",
+        "Image.pixels",
+        "ImagePreview.image_pixels_float",
         "Object.data",
+        "RenderPass.rect",
         "bpy_struct.id_data",
         # from Cycles, an add-on of Blender
         "Light.cycles",
@@ -98,34 +97,13 @@ CALLBACKS = frozenset(
 MISSING = {
     "bpy.types.bpy_struct": ("__contains__",),
     "bpy.types.ContextTempOverride": ("__enter__", "__exit__"),
-    "bpy_extras.io_utils.ExportHelper": ("filepath",),
-    "bpy_extras.io_utils.ImportHelper": ("filepath",),
-    "gpu.types.MatrixStackContext": ("__enter__", "__exit__"),
-    "idprop.types.IDPropertyArray": ("__len__",),
     "mathutils.Matrix": ("__iter__",),
     "mathutils.Vector": ("__iter__",),
 }
 """What is missing in the stubs."""
 
-RETURNS_ANY = frozenset(
-    {
-        # a context manager
-        "gpu.types.GPUFrameBuffer.bind",
-        # narrower than what bpy.types.Operator declares
-        "bpy_extras.io_utils.ExportHelper.invoke",
-        "bpy_extras.io_utils.ImportHelper.invoke",
-    }
-)
-"""Functions whose declared result is wrong."""
-
-ARRAY_FUNCTIONS = (
-    "bpy.types.bpy_prop_array.",
-    "bpy_extras.view3d_utils.",
-    "gpu.types.",
-    "gpu_extras.batch.",
-    "mathutils.",
-)
-"""Functions that take a numpy array wherever their stubs want a sequence."""
+LOOSE_FUNCTIONS = ("bpy.props.", "bpy.types.bpy_prop_array.", "bpy.utils.", "mathutils.")
+"""Functions that take a numpy array where their stubs want a sequence, and whose results the stubs of 4.5 leave out."""
 
 ADDED = {
     "bpy.types.Object": {"oneframe": "blender_addon.state.properties.ONEFRAME_PG_object"},
@@ -153,19 +131,16 @@ class BlenderPlugin(Plugin):
 
     def get_function_signature_hook(self, fullname: str) -> Callable[[FunctionSigContext], FunctionLike] | None:
         """Called by mypy for every call of a function or a class."""
-        return _with_arrays if fullname.startswith(ARRAY_FUNCTIONS) else None
+        return _loosened if fullname.startswith(LOOSE_FUNCTIONS) else None
 
     def get_method_signature_hook(self, fullname: str) -> Callable[[MethodSigContext], FunctionLike] | None:
         """Called by mypy for every call of a method."""
-        return _with_arrays if fullname.startswith(ARRAY_FUNCTIONS) else None
+        # operators are overloaded by what they take: Matrix @ Vector
+        return _loosened if fullname.startswith(LOOSE_FUNCTIONS) and not fullname.endswith("__") else None
 
     def get_customize_class_mro_hook(self, fullname: str) -> Callable[[ClassDefContext], None] | None:
         """Called by mypy for every class."""
-        return (
-            _correct
-            if fullname.startswith(("bpy.types.", "bpy_extras.", "gpu.types.", "idprop.types.", "mathutils."))
-            else None
-        )
+        return _correct if fullname.startswith(("bpy.types.", "mathutils.")) else None
 
     def get_additional_deps(self, file: MypyFile) -> list[tuple[int, str, int]]:
         """Called by mypy for every module: the add-on's see the classes in ``ADDED``."""
@@ -198,10 +173,11 @@ def _of_class(target: str, context: AttributeContext) -> Type:
     return Instance(node, []) if isinstance(node, TypeInfo) else context.default_attr_type
 
 
-def _with_arrays(context: FunctionSigContext | MethodSigContext) -> FunctionLike:
+def _loosened(context: FunctionSigContext | MethodSigContext) -> FunctionLike:
     signature = context.default_signature
     kinds = [_ANYTHING if "Sequence[" in str(kind) else kind for kind in signature.arg_types]
-    return signature.copy_modified(arg_types=kinds)
+    unknown = isinstance(get_proper_type(signature.ret_type), NoneType)
+    return signature.copy_modified(arg_types=kinds, ret_type=_ANYTHING if unknown else signature.ret_type)
 
 
 def _correct(context: ClassDefContext) -> None:
@@ -233,8 +209,6 @@ def _correct_signature(fullname: str, signature: CallableType) -> None:
         else:
             kinds.append(kind)
     signature.arg_types = kinds
-    if fullname in RETURNS_ANY:
-        signature.ret_type = _ANYTHING
 
 
 def plugin(_version: str) -> type[Plugin]:

@@ -4,17 +4,24 @@ Runs inside Blender's window: see ``tests/window/user.py``. Each picture shows t
 holds the part that the documentation shows: left, top, width, height in px.
 """
 
+from typing import Any
+
 import bpy
 import numpy as np
+from hands import Action
 from mathutils import Quaternion
+from user import User
 
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
 from bl_ext.user_default.oneframe.dataset import background_job
-from bl_ext.user_default.oneframe.pipeline.blender.alignment import alignment_scene
+from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_object
 from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_from_vector
 from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_at
+
+operators: Any = bpy.ops
+"""With the add-on's own, which Blender's type stubs do not know."""
 
 TIMEOUT_S = 600
 FEATURES = [(170, 250), (330, 190), (150, 600), (460, 540), (860, 560), (640, 330), (800, 190), (560, 120)]
@@ -28,7 +35,7 @@ VIEWS = 100
 TOOLBAR_PX, SIDEBAR_PX = 60, 270
 
 
-def scenario(user):
+def scenario(user: User) -> Action:
     user.facts["crops"] = {}
     with user.context():
         # the cube, lamp and camera of a new file
@@ -37,7 +44,7 @@ def scenario(user):
     yield 0.5
     yield from user.redraw()
     with user.context():
-        bpy.ops.oneframe.open_case("EXEC_DEFAULT", True, filepath=str(user.case))
+        operators.oneframe.open_case("EXEC_DEFAULT", True, filepath=str(user.case))
     yield from user.open_sidebar("OneFrame")
     bpy.context.scene.oneframe.show_gizmo = False
     # the navigation gizmo would cover labels
@@ -50,7 +57,7 @@ def scenario(user):
     yield from dataset(user)
 
 
-def landmarks(user):
+def landmarks(user: User) -> Action:
     """Eight correspondences with 2 px of click noise, one of them wrong."""
     scene = bpy.context.scene
     rng = np.random.default_rng(4)
@@ -59,23 +66,23 @@ def landmarks(user):
         for number, pixel in enumerate(FEATURES):
             point = surface_point_at(scene, pixel)
             off = WRONG[1] if number == WRONG[0] else rng.normal(0, CLICK_SIGMA_PX, 2)
-            bpy.ops.oneframe.landmark_set(point=point, pixel=np.add(pixel, off))
+            operators.oneframe.landmark_set(point=point, pixel=np.add(pixel, off))
     yield from user.redraw()
     yield from user.find("oneframe.landmarks_clear")
     with user.context("UI"):
         bpy.ops.view2d.pan(deltax=0, deltay=-260)
     yield from window_picture(user, "landmarks")
     with user.context():
-        bpy.ops.oneframe.landmarks_clear()
+        operators.oneframe.landmarks_clear()
         bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
 
 
-def comparisons(user):
+def comparisons(user: User) -> Action:
     """A rough pose by contour, swipe and difference, without the sidebar."""
     scene, space = bpy.context.scene, user.area.spaces.active
     view, true = scene.oneframe_view, from_scene.cam_from_model(scene)
-    alignment_scene.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, DISTURBED @ true)
-    for structure in scene.oneframe.surface.children:
+    surface_object.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, DISTURBED @ true)
+    for structure in from_scene.surface_of(scene).children:
         structure.hide_viewport = True
     space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = False
     space.overlay.show_text = space.overlay.show_axis_x = space.overlay.show_axis_y = False
@@ -88,52 +95,54 @@ def comparisons(user):
     view.comparison = "DIFFERENCE"
     yield from frame_picture(user, "difference")
     view.comparison = "NONE"
-    alignment_scene.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, true)
+    surface_object.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, true)
 
 
-def colour_and_poses(user):
+def colour_and_poses(user: User) -> Action:
     """The frame's colours seen from the side, blue where the frame saw nothing; the poses as cameras."""
     scene, view = bpy.context.scene, user.view
-    surface, camera = scene.oneframe.surface, scene.oneframe.camera_object
+    surface, camera = from_scene.surface_of(scene), from_scene.camera_object_of(scene)
     with user.context():
-        assert bpy.ops.oneframe.project_colour(mode="texture") == {"FINISHED"}
-        bpy.ops.oneframe.orbit_surface()
+        assert operators.oneframe.project_colour(mode="texture") == {"FINISHED"}
+        operators.oneframe.orbit_surface()
     tilted(view, camera, 35)
     view.view_distance *= 1.15
     yield from view_picture(user, "colour", width=1100)
     for structure in surface.children:
         structure.hide_viewport = False
     with user.context():
-        bpy.ops.oneframe.preview_poses()
+        operators.oneframe.preview_poses()
     here, there = surface.matrix_world.translation, camera.matrix_world.translation
     view.view_location, view.view_distance = here.lerp(there, 0.52), 1.55 * (there - here).length
     tilted(view, camera, 62)
     yield from view_picture(user, "poses", width=800)
     with user.context():
-        bpy.ops.oneframe.hide_poses()
+        operators.oneframe.hide_poses()
 
 
-def tilted(view, camera, angle_deg):
+def tilted(view: bpy.types.RegionView3D, camera: bpy.types.Object, angle_deg: float) -> None:
     """Look as the frame's camera does, rotated about its x axis; at 90 degrees from the side, the camera on top."""
     view.view_rotation = camera.matrix_world.to_quaternion() @ Quaternion((1, 0, 0), np.radians(angle_deg))
 
 
-def dataset(user):
+def dataset(user: User) -> Action:
     """A dataset run in the background, started from the panel."""
     scene, space = bpy.context.scene, user.area.spaces.active
     space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = True
     space.overlay.show_text = True
     with user.context():
-        bpy.ops.oneframe.show_frame()
-        bpy.ops.oneframe.mark_unseen()
+        operators.oneframe.show_frame()
+        operators.oneframe.mark_unseen()
     yield from user.open_sidebar("OneFrame")
     yield from look_at_frame(user, beside_panels=True)
     yield from user.open_panels()
     scene.oneframe.dataset_out = str(user.folder / "dataset")
-    scene.oneframe.dataset.count, scene.oneframe.dataset.scale = VIEWS, 0.5
+    # its properties are made from the options of a dataset
+    options: Any = scene.oneframe.dataset
+    options.count, options.scale = VIEWS, 0.5
     with user.context():
-        bpy.ops.oneframe.preview_view()
-        bpy.ops.oneframe.render_dataset()
+        operators.oneframe.preview_view()
+        operators.oneframe.render_dataset()
     job = background_job.current()
     yield from user.until(
         lambda: job.progress and job.progress.count > 0.3 * VIEWS, "a third of the views", timeout_s=240
@@ -142,11 +151,11 @@ def dataset(user):
         bpy.ops.view2d.pan(deltax=0, deltay=-100_000)
     yield from window_picture(user, "dataset")
     with user.context():
-        bpy.ops.oneframe.cancel_dataset()
+        operators.oneframe.cancel_dataset()
     yield from user.until(lambda: not job.running, "the run to end", timeout_s=60)
 
 
-def look_at_frame(user, beside_panels):
+def look_at_frame(user: User, beside_panels: bool) -> Action:
     """Show the whole frame as large as possible, or as large as fits between toolbar and sidebar."""
     region, view = user.region(), user.view
     left, right = (TOOLBAR_PX, region.width - SIDEBAR_PX) if beside_panels else (0, region.width)
@@ -155,7 +164,7 @@ def look_at_frame(user, beside_panels):
     width, height = seen.camera.size_wh
     with user.context():
         wanted = min((right - left) / width, region.height / height)
-        bpy.ops.oneframe.zoom_frame("EXEC_DEFAULT", magnification=wanted)
+        operators.oneframe.zoom_frame("EXEC_DEFAULT", magnification=wanted)
     yield from user.redraw()
     places = []
     for offset in (0.0, 0.01):
@@ -166,7 +175,7 @@ def look_at_frame(user, beside_panels):
     yield from user.redraw()
 
 
-def window_picture(user, name):
+def window_picture(user: User, name: str) -> Action:
     """Keep the 3D view with its header, toolbar and sidebar."""
     area = user.area
     # off the sidebar, so that nothing is highlighted there
@@ -174,14 +183,14 @@ def window_picture(user, name):
     yield from picture(user, name, area.x, area.y, area.width, area.height)
 
 
-def view_picture(user, name, width):
+def view_picture(user: User, name: str, width: int) -> Action:
     """Keep the middle of the view without its header."""
     region, header = user.region(), user.region("HEADER").height
     left = region.x + (region.width - width) // 2
     yield from picture(user, name, left, region.y, width, region.height - header)
 
 
-def frame_picture(user, name):
+def frame_picture(user: User, name: str) -> Action:
     """Keep the part of the view in which the frame is."""
     seen, region = FrameView.of(bpy.context.scene, user.region(), user.view), user.region()
     width, height = seen.camera.size_wh
@@ -192,6 +201,6 @@ def frame_picture(user, name):
     yield from picture(user, name, region.x + left, region.y + low, right - left, high - low)
 
 
-def picture(user, name, left, below, width, height):
+def picture(user: User, name: str, left: int, below: int, width: int, height: int) -> Action:
     yield from user.picture(name)
     user.facts["crops"][name] = [left, user.window.height - below - height, width, height]

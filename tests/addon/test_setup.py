@@ -10,6 +10,7 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Matrix, Vector
 
+from pipeline.camera.distortion import Distortion
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.case.case_file import read_case
 from pipeline.images.png import encode_png
@@ -68,7 +69,7 @@ def snapshot(scene):
         settings.frame_path,
         settings.case_path,
         [(entry.name, list(entry.point), list(entry.pixel)) for entry in settings.landmarks],
-        None if camera is None else camera.get("oneframe_intrinsics"),
+        None if camera is None else list(camera["oneframe_intrinsics"]["values"]),
     )
 
 
@@ -387,3 +388,21 @@ def _tiny_surface():
     from pipeline.surface.mesh import TriangleMesh
 
     return TriangleMesh(vertices, np.array([[0, 1, 2]], np.int32))
+
+
+def test_a_distortion_from_a_file_is_the_scenes(opened, tmp_path):
+    """The frame is undistorted by it; a file that folds the frame over is refused."""
+    from blender_addon.state import from_scene
+
+    camera = from_scene.camera(opened)
+    k = [[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]]
+    entry = {"K": k, "width": camera.width, "height": camera.height}
+    coefficients = [-0.1, 0.01, 0.001, -0.002, 0.0]
+    path = tmp_path / "lens.json"
+    path.write_text(json.dumps({**entry, "dist": coefficients}))
+    assert bpy.ops.oneframe.load_camera(filepath=str(path)) == {"FINISHED"}
+    assert from_scene.distortion(opened) == Distortion(*coefficients)
+    path.write_text(json.dumps({**entry, "dist": [-900.0, 0, 0, 0, 0]}))
+    with pytest.raises(RuntimeError, match="folds it over"):
+        bpy.ops.oneframe.load_camera(filepath=str(path))
+    assert from_scene.distortion(opened) == Distortion(*coefficients)

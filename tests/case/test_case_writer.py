@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.camera.distortion import Distortion
@@ -117,6 +117,7 @@ def assert_equal(one: Case, other: Case) -> None:
             assert ours == theirs, field.name
 
 
+@settings(deadline=None)
 @given(data=st.data())
 def test_what_is_written_is_read_back(tmp_path_factory, data):
     case = data.draw(cases(tmp_path_factory.getbasetemp()))

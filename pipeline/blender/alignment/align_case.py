@@ -63,7 +63,8 @@ def align_case(case: Case, *, click_sigma_px: float, refine: bool, tool: str, da
         refinement without landmarks.
     """
     loaded = load_case(case, aligned=False)
-    alignment, refinement, sentences = None, None, ()
+    alignment, refinement = None, None
+    sentences: tuple[str, ...] = ()
     if complete_landmarks(case.landmarks) or not refine:
         alignment = align_landmarks(
             case.landmarks, case.camera, click_sigma_px=click_sigma_px, start=case.cam_from_mesh

@@ -15,7 +15,7 @@ GRID = 12
 
 
 def first_hit(
-    surface: bpy.types.Object, origin: Sequence[float], direction: Sequence[float]
+    surface: bpy.types.Object, origin: Sequence[float] | Vector, direction: Sequence[float] | Vector
 ) -> tuple[Vector, Vector] | None:
     """Point and normal where a ray (model frame) first meets the surface object, ``None`` if it misses.
 

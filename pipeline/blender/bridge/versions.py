@@ -24,7 +24,7 @@ def new_node_material(name: str) -> bpy.types.Material:
 def set_multilayer_exr(scene: bpy.types.Scene) -> None:
     """Write renders as uncompressed 32-bit multilayer EXR."""
     settings = scene.render.image_settings
-    if IS_5:
+    if hasattr(settings, "media_type"):  # 5.x
         settings.media_type = "MULTI_LAYER_IMAGE"
     settings.file_format = "OPEN_EXR_MULTILAYER"
     settings.color_depth = "32"
@@ -34,7 +34,7 @@ def set_multilayer_exr(scene: bpy.types.Scene) -> None:
 def set_mp4(scene: bpy.types.Scene) -> None:
     """Write animations as H.264 in an MP4, visually lossless, every frame seekable within half a second."""
     settings = scene.render.image_settings
-    if IS_5:
+    if hasattr(settings, "media_type"):  # 5.x
         settings.media_type = "VIDEO"
     settings.file_format = "FFMPEG"
     settings.color_mode = "RGB"

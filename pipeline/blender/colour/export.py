@@ -21,7 +21,7 @@ from ...surface.mesh import TriangleMesh
 from ...surface.mesh_writer import write_obj, write_ply
 from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colors, temporary_data
 from ..bridge.versions import new_node_material
-from .reference_view import colour_of, reference_view_of
+from .reference_view import baked_colour_of, reference_view_of
 
 FORMATS = (".glb", ".obj", ".ply")
 
@@ -53,7 +53,7 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["
     if colour not in ("texture", "vertex") or (suffix == ".obj" and colour == "vertex"):
         raise InputError(f"{path}: a {suffix} file cannot hold {colour} colours; use texture")
     source = reference_view_of(loaded)
-    surface_colour, messages = colour_of(source, colour)
+    surface_colour, messages = baked_colour_of(source, colour)
     given = source.mesh.moved(loaded.mesh_from_model[:3, 3])
     path.parent.mkdir(parents=True, exist_ok=True)
     if suffix == ".glb":

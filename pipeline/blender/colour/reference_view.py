@@ -1,7 +1,6 @@
 """The aligned frame as a source of colour: what it saw of the surface, by a render of its own pose."""
 
 from dataclasses import dataclass
-from typing import Literal, overload
 
 import numpy as np
 
@@ -69,25 +68,24 @@ def reference_view_of(loaded: LoadedCase) -> ReferenceView:
     return ReferenceView(mesh, view, pivot_model, tuple(messages))
 
 
-@overload
-def colour_of(source: ReferenceView, mode: Literal["vertex"]) -> tuple[VertexColours, list[str]]: ...
-@overload
-def colour_of(source: ReferenceView, mode: Literal["texture"]) -> tuple[TextureAtlas, list[str]]: ...
-@overload
-def colour_of(
-    source: ReferenceView, mode: Literal["texture", "vertex"]
-) -> tuple[TextureAtlas | VertexColours, list[str]]: ...
-@overload
-def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str]]: ...
 def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str]]:
     """The surface's colour in a mode (``projective``, ``texture``, ``vertex``), and messages for the user."""
-    view, mesh = source.view, source.mesh
-    if mode == "projective":
-        return view, []
+    return (source.view, []) if mode == "projective" else baked_colour_of(source, mode)
+
+
+def baked_colour_of(source: ReferenceView, mode: str) -> tuple[TextureAtlas | VertexColours, list[str]]:
+    """The same for the modes that other programs know: ``texture`` and ``vertex``."""
     if mode == "texture":
+        view, mesh = source.view, source.mesh
         faces_seen = classify_faces(mesh, view.camera, view.cam_from_model, view.observed)
         atlas = bake_atlas(mesh, view.camera, view.cam_from_model, view.image, view.observed, faces_seen)
         return atlas, atlas.messages()
+    return vertex_colours_of(source)
+
+
+def vertex_colours_of(source: ReferenceView) -> tuple[VertexColours, list[str]]:
+    """The colours of the vertices, and a message with how far apart these are."""
+    view, mesh = source.view, source.mesh
     colours = colour_vertices(mesh, view)
     spacing_px = (
         mesh.median_edge

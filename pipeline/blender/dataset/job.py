@@ -114,7 +114,8 @@ def open_job(job: Job) -> OpenJob:
         Anything that the user gave and that cannot be used.
     """
     loaded = load_case(job.case)
-    given_poses, messages = None, []
+    given_poses: np.ndarray | None = None
+    messages: list[str] = []
     if job.options.poses is not None:
         given_poses, messages = read_poses(
             job.options.poses, mesh_from_model=loaded.mesh_from_model, mm_per_unit=job.case.mm_per_unit

@@ -94,8 +94,7 @@ def _render_missing(
     missing = [index for index in opened.views if index not in done]
     workers = min(workers or available_cores(), max(1, len(missing)))
     lock = threading.Lock()
-    settings = {"stream": stream, "line_seconds": progress_seconds}
-    progress = Progress(len(opened.views), "views", finished=len(done), **settings)
+    progress = Progress(len(opened.views), "views", finished=len(done), stream=stream, line_seconds=progress_seconds)
 
     def finished(_index: int) -> None:
         with lock:
@@ -118,7 +117,9 @@ def _render_missing(
                     finish.write_dataset_tables(opened, renderer)
                     report(f"contact sheet: {out / 'contact_sheet.png'}")
             if complete and finish.lacks_video(opened):
-                shown = Progress(opened.job.options.video_frames, "video frames", **settings)
+                shown = Progress(
+                    opened.job.options.video_frames, "video frames", stream=stream, line_seconds=progress_seconds
+                )
                 report(f"video: {_video(opened, renderer, shown)}")
     finally:
         pool.stop()

@@ -40,4 +40,4 @@ class ViewProbe:
 
     def _first_hit(self, origin: Sequence[float], direction: Sequence[float]) -> tuple[Vector, Vector] | None:
         point, normal, _, _ = self._tree.ray_cast(origin, direction)
-        return None if point is None else (point, normal)
+        return None if point is None or normal is None else (point, normal)

@@ -13,6 +13,7 @@ from ...evaluation.benchmark_case import TRIANGLES, VIEW_CAMERA, write_benchmark
 from ...images.pixel_values import to_uint8
 from ..colour.reference_view import colour_of
 from ..dataset.job import available_cores, render_views
+from ..dataset.view_renderer import ViewRenderer
 from ..render.engines import render_view
 from ..render.surface_scene import SurfaceScene
 from .render_speed import benchmark_job
@@ -32,18 +33,19 @@ def measure_triangles(folder: Path, report: Callable[[str], None]) -> dict[str, 
     for triangles in TRIANGLE_COUNTS:
         job = benchmark_job(write_benchmark_case(folder / f"t{triangles}", triangles), folder / "scaling")
         with job.renderer(threads=available_cores()) as renderer:
-            ends: list[float] = []
-            render_views(
-                renderer,
-                folder / "scaling",
-                range(TIMED_VIEWS),
-                lambda _, ends=ends: ends.append(time.perf_counter()),
-            )
+            ends = _finishing_times(renderer, folder / "scaling")
         milliseconds = float(np.median(np.diff(ends[WARM_UP_VIEWS:])) * 1e3)
         figures[f"{triangles} triangles"] = milliseconds
         shutil.rmtree(folder / "scaling")
         report(f"  {triangles} triangles: {milliseconds:.0f} ms a view")
     return figures
+
+
+def _finishing_times(renderer: ViewRenderer, out: Path) -> list[float]:
+    """When each view is on disk, s."""
+    times: list[float] = []
+    render_views(renderer, out, range(TIMED_VIEWS), lambda _: times.append(time.perf_counter()))
+    return times
 
 
 def measure_anti_aliasing(folder: Path, report: Callable[[str], None]) -> dict[str, float]:

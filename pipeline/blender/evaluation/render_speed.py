@@ -17,7 +17,7 @@ from ...evaluation.benchmark_case import VIEW_CAMERA, write_benchmark_case
 from ...evaluation.pyvista_baseline import pyvista_renderer
 from ...evaluation.render_times import LIT_PEER, PLAIN_PEER, UNLIT_PEER, RenderTimes
 from ...images.pixel_values import to_uint8
-from ..colour.reference_view import colour_of
+from ..colour.reference_view import vertex_colours_of
 from ..dataset.job import Job, OpenJob, available_cores, open_job
 
 SCALE = 0.5
@@ -36,9 +36,9 @@ OURS: dict[str, dict[str, object]] = {
 """Options of ``render_dataset.py`` by what they are called in the figures."""
 
 
-def benchmark_job(case: Path, out: Path, **options: object) -> OpenJob:
+def benchmark_job(case: Path, out: Path, *, samples: int = 1) -> OpenJob:
     """The job of a benchmark case at 640x480."""
-    return open_job(Job(read_case(case), out, DatasetOptions(scale=SCALE, **options), Shard()))
+    return open_job(Job(read_case(case), out, DatasetOptions(scale=SCALE, samples=samples), Shard()))
 
 
 def measure_speed(folder: Path, render_script: Path, report: Callable[[str], None], *, rounds: int) -> RenderTimes:
@@ -61,7 +61,7 @@ def measure_speed(folder: Path, render_script: Path, report: Callable[[str], Non
     case = write_benchmark_case(folder / "speed")
     with benchmark_job(case, folder / "unused").renderer(threads=available_cores()) as renderer:
         poses = [renderer.plan(index).cam_from_model for index in range(BLOCK)]
-        colours, _ = colour_of(renderer.source, "vertex")
+        colours, _ = vertex_colours_of(renderer.source)
     mesh, codes = renderer.source.mesh, to_uint8(colours.rgb)
     peers = {
         name: pyvista_renderer(mesh, codes, VIEW_CAMERA, samples=samples, lit=lit, depth_range_mm=DEPTH_RANGE_MM)

@@ -5,6 +5,8 @@ when it ends. Objects and scene are of its own, so that a render of the surface 
 of them. A ray costs about as much as two of Cycles' samples, but it can be any ray.
 """
 
+from typing import Any
+
 import bpy
 import numpy as np
 
@@ -59,8 +61,9 @@ class SurfaceRays:
 def _ray_nodes(surface: bpy.types.Object, colour: SurfaceColour) -> tuple[bpy.types.NodeTree, bpy.types.Node]:
     """The modifier's node group, and the node that holds the rays' origin."""
     group = bpy.data.node_groups.new("rays", "GeometryNodeTree")
+    kind: Any = "NodeSocketGeometry"  # an enumeration that is made at runtime
     for direction in ("INPUT", "OUTPUT"):
-        group.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")  # type: ignore[arg-type]
+        group.interface.new_socket("Geometry", in_out=direction, socket_type=kind)
     nodes = Nodes(group)
     rays, target = nodes.add("NodeGroupInput"), nodes.add("GeometryNodeObjectInfo", Object=surface)
     origin, direction = nodes.add("FunctionNodeInputVector"), nodes.add("GeometryNodeInputPosition")

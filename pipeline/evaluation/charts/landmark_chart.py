@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -60,33 +61,37 @@ def landmark_accuracy_charts(figures: LandmarkFigures, data: Path) -> list[Path]
             f"{figures.trials} trials each on {where}; dot: median, bar: up to the 95 % quantile; "
             "refused trials count with their best candidate"
         )
-
-        def draw(figure: Any, theme: Theme, rows=rows, noises=noises, caption=caption) -> None:
-            panels = figure.subplots(len(noises), 2, squeeze=False, sharex=True, sharey="col")
-            for line, sigma_px in zip(panels, noises, strict=True):
-                chosen = sorted((row for row in rows if row.sigma_px == sigma_px), key=lambda row: row.pairs)
-                for panel, quantity in zip(line, QUANTITIES, strict=True):
-                    _draw_errors(panel, theme, chosen, quantity)
-                    panel.set_title(f"{quantity.title}, clicks ± {sigma_px:g} px")
-                    panel.set_ylabel(quantity.label)
-            # shared limits are known only after all panels are drawn
-            for column in panels.T:
-                _finish_axes(column, sorted({row.pairs for row in rows}))
-            # errors fall with the number of correspondences: there is room
-            panels[0, 0].legend(
-                loc="upper right",
-                labelcolor="linecolor",
-                borderpad=0,
-                framealpha=1,
-                facecolor=theme.background,
-                edgecolor="none",
-            )
-            note(figure, theme, caption)
-
+        draw = partial(_draw_panels, rows=rows, noises=noises, caption=caption)
         path = data.with_name(f"{data.stem}{suffix}{data.suffix}")
         height = 1.4 + 3.4 * len(noises)
         written += write_chart(path, draw, (10.2, height), title="Pose from landmarks: error by solver")
     return written
+
+
+def _draw_panels(
+    figure: Any, theme: Theme, *, rows: Sequence[LandmarkAccuracy], noises: Sequence[float], caption: str
+) -> None:
+    """A row of panels for each noise, a column for each quantity."""
+    panels = figure.subplots(len(noises), 2, squeeze=False, sharex=True, sharey="col")
+    for line, sigma_px in zip(panels, noises, strict=True):
+        chosen = sorted((row for row in rows if row.sigma_px == sigma_px), key=lambda row: row.pairs)
+        for panel, quantity in zip(line, QUANTITIES, strict=True):
+            _draw_errors(panel, theme, chosen, quantity)
+            panel.set_title(f"{quantity.title}, clicks ± {sigma_px:g} px")
+            panel.set_ylabel(quantity.label)
+    # shared limits are known only after all panels are drawn
+    for column in panels.T:
+        _finish_axes(column, sorted({row.pairs for row in rows}))
+    # errors fall with the number of correspondences: there is room
+    panels[0, 0].legend(
+        loc="upper right",
+        labelcolor="linecolor",
+        borderpad=0,
+        framealpha=1,
+        facecolor=theme.background,
+        edgecolor="none",
+    )
+    note(figure, theme, caption)
 
 
 def _draw_errors(axes: Any, theme: Theme, rows: Sequence[LandmarkAccuracy], quantity: Quantity) -> None:

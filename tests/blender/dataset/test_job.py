@@ -490,6 +490,15 @@ def test_videos_of_odd_size_get_even_sides(tmp_path):
 # --- options --------------------------------------------------------------------------------------------------------
 
 
+def test_a_job_reads_its_case_file_no_more(tmp_path, write_tiny_case):
+    path = write_tiny_case(tmp_path / "case")
+    job = Job(read_case(path), tmp_path / "out", OPTIONS, WHOLE)
+    path.unlink()
+    opened = open_job(job)
+    assert opened.loaded.case is job.case
+    assert set(opened.identity()["inputs_sha256"]) == {"frame", "surface"}
+
+
 def test_explicit_poses_are_for_the_mesh_files_frame_and_replace_the_count(case, tmp_path):
     cam_from_mesh = read_case(case).cam_from_mesh
     poses = np.stack([rigid(rotation_from_vector(np.array([0, 0, angle]))) @ cam_from_mesh for angle in (0, 0.2, 3)])

@@ -1,4 +1,4 @@
-"""The frame and the surface in a scene, as the add-on and scripts align them.
+"""The frame and the surface in a scene, for the alignment in the add-on and in scripts.
 
-In: a case. Out: a scene whose camera is the microscope, and what it sees of the surface.
+In: a case. Out: a scene whose camera is the microscope, and the part of the surface that it sees.
 """

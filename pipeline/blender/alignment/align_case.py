@@ -1,4 +1,4 @@
-"""A case with a rough pose -> the case with its pose from landmarks, from the image, or from one after the other."""
+"""Align a case with a rough pose: from its landmarks, against its image, or both in this order."""
 
 from dataclasses import dataclass, replace
 
@@ -19,18 +19,18 @@ from .frame_overlay import frame_overlay
 
 @dataclass(frozen=True)
 class AlignedCase:
-    """A case and how its pose was found.
+    """An aligned case and how its pose was found.
 
     Attributes
     ----------
     loaded
-        The case in memory, with the new pose; ``loaded.case`` also has the record of it.
+        The case in memory, with the new pose; ``loaded.case`` also records how it was found.
     alignment
-        The pose from the landmarks, in the frame ``mesh``; ``None`` if there were no landmarks.
+        The pose from the landmarks, in the frame ``mesh``; ``None`` without landmarks.
     refinement
-        The refinement against the image; ``None`` if it was not asked for.
+        The refinement against the image; ``None`` if not requested.
     messages
-        Sentences about the files and the landmarks.
+        Messages about the files and the landmarks.
     """
 
     loaded: LoadedCase
@@ -45,34 +45,34 @@ def align_case(case: Case, *, click_sigma_px: float, refine: bool, tool: str, da
     Parameters
     ----------
     case
-        Its landmarks are used if any is complete. Its pose may be rough: it decides where several poses fit the
-        landmarks, and is where the refinement starts without landmarks.
+        Its landmarks are used if any is complete. Its pose may be rough: it decides between several poses that fit the
+        landmarks, and is the initial pose of the refinement if there are no landmarks.
     click_sigma_px
-        Standard deviation of a click, in each image direction.
+        Standard deviation of the click noise, along each image axis.
     refine
-        Fit the surface to the image as well.
+        Also refine the pose against the image.
     tool, date
-        Of the record in the case.
+        For the record in the case.
 
     Raises
     ------
     UndeterminedPose
         The landmarks do not determine a pose.
     InputError
-        A file that cannot be used, landmarks of another surface, a pose that does not show the surface, or a refused
-        refinement without landmarks.
+        A file cannot be used, the landmarks belong to another surface, the pose does not show the surface, or, without
+        landmarks, the refinement is refused.
     """
     loaded = load_case(case, aligned=False)
     alignment, refinement = None, None
-    sentences: tuple[str, ...] = ()
+    messages: tuple[str, ...] = ()
     if complete_landmarks(case.landmarks) or not refine:
         alignment = align_landmarks(
             case.landmarks, case.camera, click_sigma_px=click_sigma_px, start=case.cam_from_mesh
         )
         mesh = loaded.mesh.moved(loaded.mesh_from_model[:3, 3])
-        # before the pose, which would be blamed for landmarks of another mesh
+        # before the check of the pose, which would report landmarks of another mesh as a wrong pose
         check_landmarks_belong(case.landmarks, mesh, case.mesh.name)
-        sentences = (*off_surface(case.landmarks, mesh), *alignment.estimate.messages)
+        messages = (*off_surface(case.landmarks, mesh), *alignment.estimate.messages)
         # the landmarks are in the frame of the mesh file, and so is the pose
         cam_from_mesh = alignment.estimate.cam_from_model
         loaded = _with_pose(loaded, cam_from_mesh, alignment_record(alignment, tool, date))
@@ -84,11 +84,11 @@ def align_case(case: Case, *, click_sigma_px: float, refine: bool, tool: str, da
             loaded = _with_pose(loaded, cam_from_mesh, {"method": "refined", "tool": tool, "date": date})
         elif alignment is None:
             raise InputError(f"{case.path.name}: {refinement.message}")
-    return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *sentences))
+    return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages))
 
 
 def alignment_picture(aligned: AlignedCase) -> np.ndarray:
-    """``(H, W, 3)`` float32 values 0..1: the frame with its overlay and, if there are any, landmarks and residuals."""
+    """``(H, W, 3)`` float32 values 0..1: the frame with its overlay and, if it has any, landmarks and residuals."""
     overlay = frame_overlay(aligned.loaded)
     return marked(overlay, aligned.alignment) if aligned.alignment else overlay
 

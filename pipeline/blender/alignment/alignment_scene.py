@@ -1,8 +1,8 @@
-"""The scene in which a frame is aligned: the frame's camera at the world's origin and the surface before it.
+"""The scene in which a frame is aligned: the frame's camera at the world's origin and the surface in front of it.
 
-The world is the camera's frame with Blender's axes (x right, y up, looking along -z), one unit is a millimetre. The
-camera stays where it is; aligning moves the surface (:mod:`pipeline.blender.alignment.surface_object`). Structures are
-its children.
+The world is the camera's frame with Blender's axes (x right, y up, looking along -z); one unit is a millimetre. The
+camera never moves; aligning moves the surface (:mod:`pipeline.blender.alignment.surface_object`). Structures are
+children of the surface.
 """
 
 from collections.abc import Iterable
@@ -33,7 +33,7 @@ INTRINSICS = "oneframe_intrinsics"
 
 BONE_RGBA = (0.75, 0.72, 0.62, 1.0)
 FIRST_OPACITY = 0.6
-"""Of a new surface: the frame is seen through it from the start."""
+"""Opacity of a new surface: the frame shows through."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class AlignmentObjects:
 
 
 def set_up(scene: bpy.types.Scene, loaded: LoadedCase) -> AlignmentObjects:
-    """Put a case into a scene in place of the alignment that is there."""
+    """Set up the alignment of a case in a scene; replaces an existing one."""
     clear(scene)
     set_alignment_units(scene)
     camera_object = put_camera(scene, None, loaded.case.camera)
@@ -58,7 +58,7 @@ def set_up(scene: bpy.types.Scene, loaded: LoadedCase) -> AlignmentObjects:
 
 
 def clear(scene: bpy.types.Scene) -> None:
-    """Remove all that an alignment brought to a scene; what else lies in the scene stays."""
+    """Remove the alignment from a scene; keep all other objects."""
     for collection in list(scene.collection.children):
         if collection.name.split(".")[0] == COLLECTION:
             remove_objects(collection.objects)
@@ -66,14 +66,14 @@ def clear(scene: bpy.types.Scene) -> None:
 
 
 def remove_objects(objects: Iterable[bpy.types.Object]) -> None:
-    """Remove objects and their meshes or cameras, where nothing else uses these."""
+    """Remove objects, and their meshes or cameras unless something else uses them."""
     data = [found.data for found in objects if found.data is not None]
     bpy.data.batch_remove(list(objects))
     bpy.data.batch_remove([block for block in data if block.users == 0])
 
 
 def alignment_collection(scene: bpy.types.Scene) -> bpy.types.Collection:
-    """The collection of all that the alignment brings, made and linked to the scene if it is not there."""
+    """The collection of the alignment's objects; created and linked to the scene if it does not exist."""
     for collection in scene.collection.children:
         if collection.name.split(".")[0] == COLLECTION:
             return collection
@@ -83,7 +83,7 @@ def alignment_collection(scene: bpy.types.Scene) -> bpy.types.Collection:
 
 
 def set_alignment_units(scene: bpy.types.Scene) -> None:
-    """Millimetres as units and colours shown as recorded."""
+    """Set millimetres as the scene's unit, and a view transform that shows colours as recorded."""
     scene.unit_settings.system = "METRIC"
     scene.unit_settings.scale_length = 0.001
     scene.unit_settings.length_unit = "MILLIMETERS"
@@ -94,7 +94,7 @@ def set_alignment_units(scene: bpy.types.Scene) -> None:
 def put_camera(
     scene: bpy.types.Scene, camera_object: bpy.types.Object | None, camera: PinholeCamera
 ) -> bpy.types.Object:
-    """Give the scene a camera with these intrinsics at the world's origin, or change the one that is given."""
+    """Put a camera with these intrinsics at the world's origin: ``camera_object``, or a new one if it is ``None``."""
     if camera_object is None:
         camera_object = new_camera(scene, camera, clip_mm=(1.0, 10_000.0), name=CAMERA)
         scene.collection.objects.unlink(camera_object)
@@ -103,7 +103,7 @@ def put_camera(
         scene.camera = camera_object
         set_intrinsics(scene, camera_object, camera)
     camera_object.matrix_world = Matrix.Identity(4)
-    # the view is navigated, never the camera moved by accident
+    # locked, so that navigating the view never moves the camera
     camera_object.lock_location = camera_object.lock_rotation = camera_object.lock_scale = (True,) * 3
     camera_object.hide_select = True
     camera_object.data.show_passepartout = True
@@ -119,7 +119,7 @@ def camera_of(camera_object: bpy.types.Object) -> PinholeCamera:
     Raises
     ------
     InputError
-        The object has none.
+        The object has no such intrinsics.
     """
     values = exact(camera_object, INTRINSICS)
     if values is None or values.shape != (6,):
@@ -131,7 +131,7 @@ def camera_of(camera_object: bpy.types.Object) -> PinholeCamera:
 
 
 def frame_image(path: Path, undistorted: np.ndarray | None) -> bpy.types.Image:
-    """The frame for display: the file itself, or the undistorted ``(H, W, 3)`` values packed into the .blend file."""
+    """The frame as a Blender image: the file, or the undistorted ``(H, W, 3)`` values packed into the .blend file."""
     if undistorted is None:
         return bpy.data.images.load(str(path.resolve()), check_existing=True)
     name = f"{path.name} (undistorted)"
@@ -143,7 +143,7 @@ def frame_image(path: Path, undistorted: np.ndarray | None) -> bpy.types.Image:
 
 
 def show_frame(camera_object: bpy.types.Object, image: bpy.types.Image) -> None:
-    """Make an image the camera's background: it fills the camera's frame, pixel by pixel, behind everything."""
+    """Make an image the camera's background: it fills the camera view pixel by pixel, behind everything."""
     data = camera_object.data
     data.show_background_images = True
     background = data.background_images[0] if data.background_images else data.background_images.new()
@@ -154,7 +154,7 @@ def show_frame(camera_object: bpy.types.Object, image: bpy.types.Image) -> None:
 
 
 def fit_clip(camera_object: bpy.types.Object, mesh_radius_mm: float, cam_from_model: np.ndarray) -> None:
-    """Clip planes that enclose the surface with room to move it."""
+    """Set clip planes that enclose the surface with room to move it."""
     depth = max(float(cam_from_model[2, 3]), 1.0)
     set_clip(camera_object, (max(0.01 * depth, 0.1), 10 * (depth + mesh_radius_mm)))
 
@@ -162,16 +162,16 @@ def fit_clip(camera_object: bpy.types.Object, mesh_radius_mm: float, cam_from_mo
 def put_surface(
     scene: bpy.types.Scene, mesh: TriangleMesh, mesh_from_model: np.ndarray, cam_from_model: np.ndarray
 ) -> bpy.types.Object:
-    """A new surface object in the scene.
+    """Add a new surface object to the scene.
 
     Parameters
     ----------
     scene
         Gets the object, in the alignment's collection.
     mesh
-        In the model frame.
+        The surface in the model frame.
     mesh_from_model, cam_from_model
-        4x4, mm; kept with the object.
+        4x4, mm; stored with the object.
     """
     surface = new_surface_object(mesh, mesh_from_model, cam_from_model)
     alignment_collection(scene).objects.link(surface)
@@ -183,13 +183,13 @@ def put_surface(
 def put_structure(
     surface: bpy.types.Object, mesh: TriangleMesh, name: str, colour: tuple[float, float, float]
 ) -> bpy.types.Object:
-    """A structure (model frame) that moves with the surface, in its colour (sRGB 0..1)."""
+    """Add a structure (model frame) that moves with the surface, in its colour (sRGB 0..1)."""
     structure = new_mesh_object(name, mesh)
     surface.users_collection[0].objects.link(structure)
     structure.parent = surface
     structure.color = (*colour, 1.0)
     structure.data.materials.append(_plain_material(f"OneFrame {name}", (*colour, 1.0)))
-    # anatomy in the bone: an annotator wants to see it whatever lies before it
+    # anatomy inside the bone must be visible through the surface
     structure.show_in_front = True
     structure.hide_select = True
     return structure

@@ -1,4 +1,4 @@
-"""The frame with what its pose says lies in it: the surface's outline and the structures, to judge an alignment by."""
+"""The frame with the surface's outline and the structures at its pose, to judge the alignment."""
 
 import numpy as np
 
@@ -9,14 +9,14 @@ from ..render.surface_scene import SurfaceScene
 
 
 def frame_overlay(loaded: LoadedCase, surface_depth_mm: np.ndarray | None = None) -> np.ndarray:
-    """``(H, W, 3)`` float32 values 0..1.
+    """The frame with its overlay, ``(H, W, 3)`` float32 values 0..1.
 
     Parameters
     ----------
     loaded
         The case, at its pose.
     surface_depth_mm
-        ``(H, W)`` depth of the surface in the frame, 0 where it is not; rendered if left out.
+        ``(H, W)`` depth of the surface in the frame, 0 where there is none; rendered if left out.
     """
     camera = loaded.case.camera
     if surface_depth_mm is None:

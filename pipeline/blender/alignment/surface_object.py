@@ -1,8 +1,8 @@
-"""The surface as an object in the scene: its pose before the frame's camera, and its mesh.
+"""The surface as an object in the scene: its pose in front of the frame's camera, and its mesh.
 
-The object has the ``model`` frame. The pose is what the matrices of camera and surface say, whoever moved them. Blender
-holds these in single precision, so the pose that was set is kept beside them exactly and holds for as long as the
-objects stand where it put them.
+The object's coordinates are the ``model`` frame. The matrices of camera and surface define the pose, however they were
+moved. Blender stores them in single precision, so the exact pose that was set is stored as well and is valid until one
+of the objects moves.
 """
 
 import bpy
@@ -18,14 +18,16 @@ from ..bridge.exact_values import exact, set_exact
 SURFACE = "OneFrame surface"
 
 POSE, OFFSET = "oneframe_cam_from_model", "oneframe_given_from_model"
-"""Custom properties of the surface object: its pose, and where its model frame lies in the frame of the mesh file."""
+"""Custom properties of the surface object: its pose ``cam_from_model``, and ``mesh_from_model``."""
 
 SCALE_TOLERANCE = 1e-4
-"""Largest departure of an object's axes from unit length, or from right angles, that is rounding (single precision
-leaves 1e-6; the smallest change a user can type in Blender's panel is 1e-3)."""
+"""Largest deviation of an object's axes from unit length and right angles that counts as rounding.
+
+Single precision causes 1e-6; the smallest change that a user can type in Blender's panel is 1e-3.
+"""
 
 POSE_TOLERANCE = 2e-6
-"""How far a matrix may be from the stored pose, relative to its size, to be the same in single precision."""
+"""Largest difference between a matrix and the stored pose, relative to its size, that counts as rounding."""
 
 
 def new_surface_object(mesh: TriangleMesh, mesh_from_model: np.ndarray, cam_from_model: np.ndarray) -> bpy.types.Object:
@@ -38,7 +40,7 @@ def new_surface_object(mesh: TriangleMesh, mesh_from_model: np.ndarray, cam_from
 
 
 def set_pose(camera_object: bpy.types.Object | None, surface: bpy.types.Object, cam_from_model: np.ndarray) -> None:
-    """Put the surface where ``cam_from_model`` (4x4, mm) says, as seen from the camera object."""
+    """Move the surface so that its pose relative to the camera object is ``cam_from_model`` (4x4, mm)."""
     world_from_opengl_cam = np.eye(4) if camera_object is None else _placed(camera_object)
     surface.parent = None
     surface.matrix_world = Matrix(world_from_opengl_cam @ CAM_FROM_OPENGL_CAM @ cam_from_model)
@@ -46,12 +48,12 @@ def set_pose(camera_object: bpy.types.Object | None, surface: bpy.types.Object, 
 
 
 def pose_of(camera_object: bpy.types.Object | None, surface: bpy.types.Object) -> np.ndarray:
-    """``cam_from_model`` (4x4, mm), as the objects stand now; the exact one that was set if they have not moved.
+    """``cam_from_model`` (4x4, mm) of the objects; the exact pose that was set if they have not moved since.
 
     Raises
     ------
     InputError
-        The surface or the camera is scaled, sheared or mirrored: no rigid pose describes that.
+        The surface or the camera is scaled, sheared or mirrored: that is not a rigid pose.
     """
     opengl_cam_from_world = np.eye(4) if camera_object is None else inverse_rigid(_placed(camera_object))
     world_from_model = np.array(surface.matrix_world, dtype=np.float64)
@@ -66,7 +68,7 @@ def pose_of(camera_object: bpy.types.Object | None, surface: bpy.types.Object) -
 
 
 def make_rigid(camera_object: bpy.types.Object | None, surface: bpy.types.Object) -> None:
-    """Take scale, shear and mirroring out of the surface object; its origin stays where it is in the image."""
+    """Remove scale, shear and mirroring from the surface object; its origin keeps its place in the image."""
     world_from_model = np.array(surface.matrix_world, dtype=np.float64)
     rotation = nearest_rotation(world_from_model[:3, :3])
     opengl_cam_from_world = np.eye(4) if camera_object is None else inverse_rigid(_placed(camera_object))
@@ -77,18 +79,18 @@ def make_rigid(camera_object: bpy.types.Object | None, surface: bpy.types.Object
 
 
 def mesh_from_model_of(surface: bpy.types.Object) -> np.ndarray:
-    """4x4, mm: leads from the surface's model frame to that of its mesh file; the identity for a foreign object."""
+    """``mesh_from_model`` (4x4, mm) of the surface object; the identity for an object without one."""
     stored = exact(surface, OFFSET)
     return np.eye(4) if stored is None or stored.shape != (4, 4) else stored
 
 
 def edited_mesh(surface: bpy.types.Object) -> TriangleMesh:
-    """The surface object's mesh as it is in Blender now (model frame, mm), polygons cut into triangles.
+    """The surface object's current mesh (model frame, mm), with polygons split into triangles.
 
     Raises
     ------
     InputError
-        It has no faces any more.
+        It has no faces left.
     """
     if surface.mode == "EDIT":
         surface.update_from_editmode()
@@ -102,7 +104,7 @@ def edited_mesh(surface: bpy.types.Object) -> TriangleMesh:
 
 
 def replace_mesh(surface: bpy.types.Object, mesh: TriangleMesh, mesh_from_model: np.ndarray) -> None:
-    """Give the surface object another mesh (model frame) in place of its own."""
+    """Replace the mesh of the surface object by another one (model frame)."""
     old = surface.data
     fresh = new_mesh_object(SURFACE, mesh)
     surface.data = fresh.data
@@ -115,7 +117,7 @@ def replace_mesh(surface: bpy.types.Object, mesh: TriangleMesh, mesh_from_model:
 
 
 def radius_of(surface: bpy.types.Object) -> float:
-    """Largest distance of a vertex from the surface object's origin, mm; of a large mesh far quicker than its faces."""
+    """Largest distance of a vertex from the surface object's origin, mm; reads no faces, so large meshes are fast."""
     vertices = np.empty(3 * len(surface.data.vertices), np.float32)
     surface.data.vertices.foreach_get("co", vertices)
     return float(np.sqrt((vertices.reshape(-1, 3).astype(float) ** 2).sum(axis=1).max(initial=0.0)))
@@ -130,16 +132,16 @@ def _placed(camera_object: bpy.types.Object) -> np.ndarray:
 def _check_unscaled(world_from_object: np.ndarray, name: str) -> None:
     axes = world_from_object[:3, :3]
     if not np.isfinite(world_from_object).all():
-        raise InputError(f"{name}: expected a placed object, its transform holds NaN or infinity; undo the last step")
+        raise InputError(f"{name}: expected a finite transform, found NaN or infinity; undo the last step")
     lengths = np.linalg.norm(axes, axis=0)
-    departure = float(np.abs(axes.T @ axes - np.eye(3)).max())
-    if departure <= SCALE_TOLERANCE and np.linalg.det(axes) > 0:
+    deviation = float(np.abs(axes.T @ axes - np.eye(3)).max())
+    if deviation <= SCALE_TOLERANCE and np.linalg.det(axes) > 0:
         return
     scales = " x ".join(f"{length:.4g}" for length in lengths)
     kind = "mirrored" if np.linalg.det(axes) < 0 else "scaled"
     if kind == "scaled" and np.abs(lengths - 1).max() <= SCALE_TOLERANCE:
         kind = "sheared"
     raise InputError(
-        f"{name}: expected an object that is only moved and turned, it is {kind} ({scales}); "
-        "a pose cannot hold that: press Remove Scale, or undo"
+        f"{name}: expected an object that is only moved and rotated, it is {kind} ({scales}); "
+        "press Remove Scale, or undo"
     )

@@ -1,4 +1,4 @@
-"""What of the surface object the camera sees: the pivot of edits, and how far they reach."""
+"""The part of the surface object that the camera sees, for the pivot and the step sizes of edits."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from ...errors import InputError
 from ...projection.visible_surface import VisibleSurface, cast_grid
 
 GRID = 12
-"""Rays along the longer side of the frame."""
+"""Number of rays along the longer side of the frame."""
 
 
 def first_hit(
@@ -22,13 +22,13 @@ def first_hit(
     Raises
     ------
     InputError
-        Blender does not keep the mesh ready, because the object is not in the view layer.
+        The object is not in the view layer, so Blender has no evaluated mesh.
     """
     try:
         hit, point, normal, _ = surface.ray_cast(origin, direction)
-    except RuntimeError:  # Blender's only way to say so
+    except RuntimeError:  # Blender raises nothing more specific
         raise InputError(
-            f"{surface.name}: expected a surface that is in the view layer, its collection is excluded or disabled; "
+            f"{surface.name}: expected a surface in the view layer, its collection is excluded or disabled; "
             "enable the collection in the Outliner"
         ) from None
     return (point, normal) if hit else None

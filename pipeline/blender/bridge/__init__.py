@@ -1,4 +1,4 @@
 """From numpy to bpy and back.
 
-In: arrays, cameras, meshes. Out: data-blocks that hold exactly these.
+In: arrays, cameras, meshes. Out: data-blocks with exactly these values.
 """

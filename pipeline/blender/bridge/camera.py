@@ -7,8 +7,8 @@ with aspects ax, ay >= 1 and S = max(W ax, H ay)::
     shift_x = ((W - 1) / 2 - cx) ax / S
     shift_y = (cy - (H - 1) / 2) ay / S
 
-where -1 is the half pixel between "origin at the centre of the top-left pixel" and the image's corner. All of it is
-stored in single precision: a relative error of 1e-7, below 1e-3 px everywhere in a 1920 px frame.
+where the -1 accounts for the half pixel between the origin (the centre of the top-left pixel) and the image's corner.
+Blender stores all of it in single precision: a relative error of 1e-7, below 1e-3 px everywhere in a 1920 px frame.
 """
 
 import bpy
@@ -27,16 +27,16 @@ MAX_PIXEL_ASPECT = 200.0
 def new_camera(
     scene: bpy.types.Scene, camera: PinholeCamera, *, clip_mm: tuple[float, float], name: str = "camera"
 ) -> bpy.types.Object:
-    """A camera object with these intrinsics, linked to the scene, made its active camera.
+    """A camera object with these intrinsics, linked to the scene as its active camera.
 
     Parameters
     ----------
     scene
-        Resolution and pixel aspect are set on it, since Blender keeps them there.
+        Gets the resolution and pixel aspect, which Blender stores in scenes.
     camera
-        Intrinsics, pixels.
+        Intrinsics, px.
     clip_mm
-        Nearest and farthest distance that is rendered, along the optical axis.
+        Nearest and farthest rendered distance along the optical axis.
     """
     camera_object = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     scene.collection.objects.link(camera_object)
@@ -52,7 +52,7 @@ def set_intrinsics(scene: bpy.types.Scene, camera_object: bpy.types.Object, came
     Raises
     ------
     InputError
-        fx and fy so different, or a focal length so short, that Blender's camera cannot hold them.
+        fx and fy differ by more than :data:`MAX_PIXEL_ASPECT`, which Blender's camera cannot represent.
     """
     aspect_x, aspect_y = max(1.0, camera.fy / camera.fx), max(1.0, camera.fx / camera.fy)
     if max(aspect_x, aspect_y) > MAX_PIXEL_ASPECT:
@@ -66,7 +66,7 @@ def set_intrinsics(scene: bpy.types.Scene, camera_object: bpy.types.Object, came
     data.sensor_fit = "AUTO"
     # a very short lens would fall below Blender's 1 mm: a larger sensor gives the same field of view
     data.sensor_width = max(SENSOR_MM, 1.01 * MIN_LENS_MM * span / (camera.fx * aspect_x))
-    # read back: what Blender stores in single precision is what the lens must be computed from
+    # read the sensor width back: the lens must match the value that Blender rounds to single precision
     data.lens = camera.fx * aspect_x * data.sensor_width / span
     data.shift_x = ((camera.width - 1) / 2 - camera.cx) * aspect_x / span
     data.shift_y = (camera.cy - (camera.height - 1) / 2) * aspect_y / span
@@ -77,7 +77,7 @@ def set_intrinsics(scene: bpy.types.Scene, camera_object: bpy.types.Object, came
 
 
 def camera_from_blender(scene: bpy.types.Scene, camera_object: bpy.types.Object) -> PinholeCamera:
-    """The intrinsics that Blender's settings amount to: the inverse of :func:`set_intrinsics`."""
+    """The intrinsics of a Blender camera: the inverse of :func:`set_intrinsics`."""
     render, data = scene.render, camera_object.data
     width, height = render.resolution_x, render.resolution_y
     aspect_x, aspect_y = render.pixel_aspect_x, render.pixel_aspect_y
@@ -98,7 +98,7 @@ def set_clip(camera_object: bpy.types.Object, clip_mm: tuple[float, float]) -> N
 
 
 def place_camera(camera_object: bpy.types.Object, cam_from_model: np.ndarray) -> None:
-    """Put a camera object where ``cam_from_model`` (4x4, mm) says."""
+    """Set the pose of a camera object to ``cam_from_model`` (4x4, mm)."""
     camera_object.matrix_world = Matrix(inverse_rigid(cam_from_model) @ CAM_FROM_OPENGL_CAM)
 
 

@@ -1,4 +1,4 @@
-"""Data-blocks that a piece of work brings into the open file, their removal, and the paths that they hold."""
+"""Data-blocks in the open file: creating meshes, removing everything temporary, resolving paths."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -10,14 +10,12 @@ import numpy as np
 from ...surface.mesh import TriangleMesh
 
 _KINDS = ("scenes", "worlds", "objects", "meshes", "cameras", "lights", "materials", "images", "node_groups")
-
-
 _OF_BLENDER = ("RENDER_RESULT", "COMPOSITING")
-"""Images that Blender makes and keeps for itself."""
+"""Types of the images that Blender itself creates and keeps."""
 
 
 def data_blocks() -> list[bpy.types.ID]:
-    """All data-blocks of the kinds that the pipeline makes."""
+    """All data-blocks of the kinds that the pipeline creates."""
     return [
         block
         for kind in _KINDS
@@ -27,13 +25,13 @@ def data_blocks() -> list[bpy.types.ID]:
 
 
 def remove_data(blocks: Iterable[bpy.types.ID]) -> None:
-    """Remove data-blocks, scenes with all that a render engine has kept of them."""
+    """Remove data-blocks; for scenes, also free the render engine's data."""
     others = []
     for block in blocks:
         if isinstance(block, bpy.types.Scene):
-            # else the engine's dependency graph outlives its scene: the next removal of anything reads freed memory
+            # else the engine's dependency graph outlives its scene: the next removal of any data reads freed memory
             block.render.use_persistent_data = False
-            # unlike batch_remove, gives a window that shows the scene another one
+            # unlike batch_remove, it switches a window that shows the scene to another one
             bpy.data.scenes.remove(block)
         else:
             others.append(block)
@@ -42,7 +40,7 @@ def remove_data(blocks: Iterable[bpy.types.ID]) -> None:
 
 @contextmanager
 def temporary_data() -> Iterator[None]:
-    """What is made inside the block is removed at its end."""
+    """Remove at the end of the block all data-blocks created inside it."""
     existing = set(data_blocks())
     try:
         yield
@@ -51,7 +49,7 @@ def temporary_data() -> Iterator[None]:
 
 
 def new_mesh_object(name: str, mesh: TriangleMesh) -> bpy.types.Object:
-    """A mesh object at the world's origin, not linked to any collection; vertex and face order are kept."""
+    """A mesh object at the world's origin, not linked to any collection, with the vertices and faces in order."""
     data = bpy.data.meshes.new(name)
     data.vertices.add(len(mesh.vertices))
     data.vertices.foreach_set("co", mesh.vertices.astype(np.float32).ravel())
@@ -64,7 +62,7 @@ def new_mesh_object(name: str, mesh: TriangleMesh) -> bpy.types.Object:
 
 
 def set_vertex_colors(mesh_object: bpy.types.Object, name: str, rgba: np.ndarray) -> None:
-    """Store ``(V, 4)`` float values as a point colour attribute, as they are (32 bit, no colour space)."""
+    """Store ``(V, 4)`` float values unchanged as a point colour attribute (32 bit, no colour space)."""
     attribute = mesh_object.data.color_attributes.new(name, "FLOAT_COLOR", "POINT")
     attribute.data.foreach_set("color", np.ascontiguousarray(rgba, dtype=np.float32).ravel())
 
@@ -82,5 +80,5 @@ def set_corner_vectors(mesh_object: bpy.types.Object, name: str, vectors: np.nda
 
 
 def absolute_path(path: str) -> Path:
-    """An absolute path from one that Blender may hold relative to the .blend file (``//...``)."""
+    """The absolute path for one that Blender may store relative to the .blend file (``//...``)."""
     return Path(bpy.path.abspath(path)).resolve()

@@ -1,8 +1,8 @@
 """Double precision on Blender data: float64 arrays in custom properties.
 
-Blender's own numbers are single precision. What a file gave is kept here beside them, so that a case that is opened and
-saved comes back bit by bit, and a pose does not drift however often it is read back. Custom properties hold Python's
-floats as they are, in 64 bits, in memory, in undo steps and in .blend files.
+Blender's own numbers have single precision. This module stores the exact values in addition, so that a case is saved
+bit by bit as it was opened, and a pose does not drift when it is read back often. Custom properties hold Python's
+floats in 64 bits: in memory, in undo steps and in .blend files.
 """
 
 import json
@@ -20,7 +20,7 @@ def set_exact(data: bpy.types.ID, name: str, values: ArrayLike) -> None:
 
 
 def exact(data: bpy.types.ID, name: str) -> np.ndarray | None:
-    """The array that :func:`set_exact` stored, or ``None`` if there is none (or someone has overwritten it)."""
+    """The array that :func:`set_exact` stored, or ``None`` if the property is missing or holds something else."""
     stored = data.get(name)
     if isinstance(stored, str):
         return _from_text(stored)
@@ -36,12 +36,12 @@ def exact(data: bpy.types.ID, name: str) -> np.ndarray | None:
 
 
 def _is_array(stored: object, typecode: str) -> bool:
-    # an empty one has any type
+    # an empty array may have any type
     return isinstance(stored, IDPropertyArray) and (stored.typecode == typecode or len(stored) == 0)
 
 
 def _from_text(text: str) -> np.ndarray | None:
-    """Of .blend files from before 64-bit properties were used: JSON."""
+    """Read the JSON of old .blend files, from before 64-bit properties."""
     try:
         return np.array(json.loads(text), dtype=np.float64)
     except (ValueError, TypeError):

@@ -1,4 +1,4 @@
-"""Images through Blender's own readers, and arrays to Blender images: code values, never colour managed."""
+"""Image files read by Blender, and arrays as Blender images: code values without colour management."""
 
 from pathlib import Path
 
@@ -15,12 +15,12 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     ``(H, W, 3)`` float32 RGB, 8-bit values divided by 255 and 16-bit ones by 65535 (grey is repeated), top row first;
-    ``(H, W)`` bool, False where the file's alpha is 0: pixels that show nothing, such as the rim of a circular field.
+    ``(H, W)`` bool, False where the file's alpha is 0: pixels without image, such as outside a circular field of view.
 
     Raises
     ------
     InputError
-        The file is missing, cut off, or no image that Blender can read.
+        The file is missing, cut off, or not an image that Blender can read.
     """
     where = where or str(path)
     check_image_file(path, where)
@@ -30,7 +30,7 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
         raise InputError(f"{where}: expected an image, Blender cannot read it ({_one_line(error)})") from None
     try:
         image.colorspace_settings.name = "Non-Color"
-        # straight alpha, or 16-bit colours would be multiplied by it
+        # straight alpha: else Blender multiplies 16-bit colours by alpha
         image.alpha_mode = "CHANNEL_PACKED"
         width, height = image.size
         channels = image.channels
@@ -47,7 +47,7 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
 
 
 def new_float_image(name: str, rgba: np.ndarray) -> bpy.types.Image:
-    """A Blender image that holds ``(H, W, 4)`` float values as they are, top row first, for lookups in shaders."""
+    """A Blender image with ``(H, W, 4)`` float values unchanged, top row first, for lookups in shaders."""
     height, width = rgba.shape[:2]
     image = bpy.data.images.new(name, width, height, alpha=True, float_buffer=True, is_data=True)
     image.colorspace_settings.name = "Non-Color"
@@ -59,7 +59,7 @@ def new_float_image(name: str, rgba: np.ndarray) -> bpy.types.Image:
 
 
 def new_packed_image(name: str, png: bytes, *, width: int, height: int) -> bpy.types.Image:
-    """A Blender image that is saved inside the .blend file, from a PNG in memory; its codes are sRGB."""
+    """A Blender image packed into the .blend file, from a PNG in memory; its code values are sRGB."""
     image = bpy.data.images.new(name, width, height)
     image.source = "FILE"
     image.pack(data=png, data_len=len(png))

@@ -1,4 +1,4 @@
-"""Node trees written down tersely: shaders and Geometry Nodes share most of their nodes."""
+"""Short calls to build node trees; shaders and Geometry Nodes share most of their nodes."""
 
 import bpy
 
@@ -10,7 +10,7 @@ class Nodes:
         self._tree = tree
 
     def add(self, kind: str, **settings: object) -> bpy.types.Node:
-        """A new node; settings are default values of its inputs, or else its properties."""
+        """Add a node; ``settings`` are default values of its inputs or, for other names, its properties."""
         node = self._tree.nodes.new(kind)
         for name, value in settings.items():
             if name in node.inputs:
@@ -24,7 +24,7 @@ class Nodes:
         self._tree.links.new(output, to)
 
     def math(self, operation: str, *values: float | bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """A calculation with numbers and sockets."""
+        """The result of a math operation on numbers and sockets."""
         node = self.add("ShaderNodeMath", operation=operation)
         for socket, value in zip(node.inputs, values, strict=False):
             if isinstance(value, int | float):

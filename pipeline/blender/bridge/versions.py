@@ -1,4 +1,4 @@
-"""Where Blender 4.5 LTS and 5.2 LTS differ: nothing else in the project asks for the version."""
+"""All differences between Blender 4.5 LTS and 5.2 LTS that the project handles."""
 
 import bpy
 
@@ -9,11 +9,11 @@ ENGINE_IDS = {
     "eevee": "BLENDER_EEVEE" if IS_5 else "BLENDER_EEVEE_NEXT",
     "workbench": "BLENDER_WORKBENCH",
 }
-"""Our name of an engine -> Blender's."""
+"""The project's name of an engine -> Blender's."""
 
 
 def new_node_material(name: str) -> bpy.types.Material:
-    """A material with an empty node tree (5.x gives every material one, and warns when asked to)."""
+    """A material with an empty node tree (5.x gives every material one, and warns if ``use_nodes`` is set)."""
     material = bpy.data.materials.new(name)
     if not IS_5:
         material.use_nodes = True
@@ -22,7 +22,7 @@ def new_node_material(name: str) -> bpy.types.Material:
 
 
 def set_multilayer_exr(scene: bpy.types.Scene) -> None:
-    """Write renders as uncompressed 32-bit multilayer EXR."""
+    """Make a scene write renders as uncompressed 32-bit multilayer EXR."""
     settings = scene.render.image_settings
     if hasattr(settings, "media_type"):  # 5.x
         settings.media_type = "MULTI_LAYER_IMAGE"
@@ -32,7 +32,7 @@ def set_multilayer_exr(scene: bpy.types.Scene) -> None:
 
 
 def set_mp4(scene: bpy.types.Scene) -> None:
-    """Write animations as H.264 in an MP4, visually lossless, every frame seekable within half a second."""
+    """Make a scene write animations as H.264 in MP4: visually lossless, with a keyframe every half second."""
     settings = scene.render.image_settings
     if hasattr(settings, "media_type"):  # 5.x
         settings.media_type = "VIDEO"
@@ -45,7 +45,7 @@ def set_mp4(scene: bpy.types.Scene) -> None:
 
 
 def new_image_strip(scene: bpy.types.Scene, path: str, *, channel: int, frame_start: int) -> bpy.types.Strip:
-    """An image strip in the scene's sequencer; further files are added to its ``elements``."""
+    """Add an image strip to the scene's sequencer; append further files to its ``elements``."""
     editor = scene.sequence_editor_create()
     strips = editor.strips if hasattr(editor, "strips") else editor.sequences  # type: ignore[attr-defined]  # 4.5
     return strips.new_image("frames", path, channel, frame_start)

@@ -1,4 +1,4 @@
-"""A case file -> everything in memory, checked, in the model frame."""
+"""Load everything that a case file names into memory, checked, in the model frame."""
 
 from pathlib import Path
 
@@ -21,13 +21,13 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
     case
         The case.
     aligned
-        False for a rough pose, before it is aligned: it may be anything.
+        False accepts any pose: use it before the alignment.
 
     Raises
     ------
     InputError
-        A file that cannot be used, an image of another size than the camera's, and, for an aligned case, a surface that
-        lies behind the camera, outside the frame or at a distance that no microscope has.
+        A file cannot be used; the image's size differs from the camera's; or, for an aligned case, the surface is
+        behind the camera, outside the frame or at an implausible distance.
     """
     image, valid = load_frame(case.image, case.camera, case.distortion, name=case.path.name)
     mesh, mesh_from_model, messages = load_surface(case.mesh, case.mm_per_unit)
@@ -48,20 +48,22 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
 def load_frame(
     path: Path, camera: PinholeCamera, distortion: Distortion | None, *, name: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The undistorted frame of a case called ``name``, as an array and where it is valid.
+    """Read and undistort the frame of a case; ``name`` is the case's name in messages.
 
-    ``(H, W, 3)`` float32 code values 0..1, and ``(H, W)`` bool, False where it shows nothing.
+    Returns
+    -------
+    ``(H, W, 3)`` float32 code values 0..1, and ``(H, W)`` bool, False where it has no image.
 
     Raises
     ------
     InputError
-        No image, or one of another size than the camera's.
+        The image cannot be read, or its size differs from the camera's.
     """
     image, valid = read_image(path, f"{name}: [frame] image {path.name}")
     height, width = image.shape[:2]
     if (width, height) != camera.size_wh:
         raise InputError(
-            f"{name}: expected a frame of {camera.width}x{camera.height} px as [camera] size says, "
+            f"{name}: expected a frame of {camera.width}x{camera.height} px as in [camera] size, "
             f"{path.name} has {width}x{height}; K belongs to one size: give the K of this image"
         )
     if distortion is not None:

@@ -1,14 +1,14 @@
-"""Anti-aliased views at about twice the price of exact ones, with exact depth and masks.
+"""Anti-aliased views at about twice the cost of exact ones, with exact depth and masks.
 
-Averaging N samples in every pixel costs N times as much as one, and nearly all of it is spent inside the surface, where
-neighbouring rays agree. Here the exact one-ray view is kept and its colour is refined in two ways:
+Averaging N samples per pixel costs N times as much as one sample, nearly all of it inside the surface, where
+neighbouring rays agree. This module keeps the exact one-ray view and refines its colour in two ways:
 
-* inside the surface a colour is one lookup of a filtered frame that stands for the mean over the pixel, or where
+* inside the surface, a colour is one lookup in a filtered frame, which approximates the mean over the pixel, or, where
   colours change slowly from pixel to pixel, a mean of neighbouring pixels (:mod:`pipeline.colour.footprint_filter`);
-* in pixels at an edge (:mod:`pipeline.projection.edge_pixels`), or where the frame itself has one, it is the mean of
-  N rays (:mod:`pipeline.blender.render.surface_rays`).
+* in pixels at an edge of the surface (:mod:`pipeline.projection.edge_pixels`) or of the observed region, it is the
+  mean of N rays (:mod:`pipeline.blender.render.surface_rays`).
 
-Every view is a function of its pose alone: nothing is drawn at random or depends on the views before.
+Every view is a function of its pose alone: nothing is random or depends on earlier views.
 """
 
 from dataclasses import replace
@@ -31,17 +31,19 @@ from .surface_rays import SurfaceRays
 from .surface_scene import SurfaceScene
 
 FOOTPRINT_STEP = 1.25
-"""Ratio of neighbouring distances for which the frame is filtered. A filter for a footprint wrong by half a step costs
-0.0002 of SSIM; Cycles takes half a frame's time to exchange the image, and at 0.9 to 1.1 of the frame's distance, where
-most views are taken, it need not."""
+"""Ratio of successive distances for which the frame is filtered.
+
+A filter for a footprint wrong by half a step costs 0.0002 of SSIM. Replacing the image takes Cycles half of a view's
+render time; at 0.9 to 1.1 of the frame's distance, where most views are, no replacement is needed.
+"""
 
 SHARP_FOOTPRINT, LARGEST_FOOTPRINT = 0.75, 32.0
-"""Texels a pixel. Below, views show single texels as they are, with means taken in the view as for vertex colours: a
-spline is too smooth there. Above, views show the frame at stamp size."""
+"""Texels per pixel. Below the first, a spline is too smooth: views show texels unfiltered, and neighbouring pixels are
+averaged as for vertex colours. Above the second, the frame covers only a few pixels of the view."""
 
 
 class EdgeSampler:
-    """Renders anti-aliased views of a scene; what it adds to Blender's data is removed with the scene."""
+    """Renders anti-aliased views of a scene; its data-blocks are removed with the scene."""
 
     def __init__(
         self,
@@ -59,9 +61,9 @@ class EdgeSampler:
         surface_scene
             A scene with this colour, one sample and ``filtered=True``.
         source, pivot_model
-            The frame, and the point ``(3,)`` mm to whose distance the filter is fitted.
+            The frame, and the point ``(3,)`` mm whose distance determines the filter.
         colour, camera
-            Those of the scene.
+            The scene's colour and intrinsics.
         samples
             Rays in each pixel at an edge.
         """
@@ -74,7 +76,7 @@ class EdgeSampler:
         self._images: dict[float, bpy.types.Image] = {}
 
     def render(self, cam_from_model: np.ndarray) -> RenderedView:
-        """Render a pose: colour anti-aliased, depth and observed surface those of the pixels' centres."""
+        """Render a pose (4x4, mm): anti-aliased colour; depth and observed surface at the pixel centres."""
         filtered = self._fit_filter(cam_from_model)
         exact = render_view(self._surface_scene, cam_from_model)
         edges = edge_pixels(exact.depth_mm, exact.observed, self._camera) | exact.beside_unseen
@@ -85,7 +87,7 @@ class EdgeSampler:
     def _mean_colours(self, pixels: np.ndarray, cam_from_model: np.ndarray) -> np.ndarray:
         """``(H, W)`` bool -> ``(P, 3)`` mean colour of the rays in each of these P pixels."""
         v, u = np.nonzero(pixels)
-        # in float32 from here on: rays are affine in the pixel
+        # float32 is enough from here on: rays are affine in the pixel
         model_from_cam = cam_from_model[:3, :3].T.astype(np.float32)
         centres = self._camera.rays_cam(np.stack([u, v], axis=1)).astype(np.float32) @ model_from_cam.T
         offsets = self._offsets_cam.astype(np.float32) @ model_from_cam[:, :2].T
@@ -94,7 +96,7 @@ class EdgeSampler:
         return colours.reshape(directions.shape).mean(axis=1)
 
     def _fit_filter(self, cam_from_model: np.ndarray) -> bool:
-        """Give the surface's material the frame as filtered for the view's distance; False if it needs no filter."""
+        """Set the filtered frame for the view's distance in the surface's material; False if no filter is needed."""
         colour = self._colour
         if isinstance(colour, VertexColours):
             return False
@@ -113,7 +115,7 @@ class EdgeSampler:
         return filtered
 
     def _new_image(self, colour: TextureAtlas | SourceView, footprint: float | None) -> bpy.types.Image:
-        """The frame or atlas, filtered if a footprint is given; alpha marks where what it saw breaks off."""
+        """The frame or atlas, filtered if a footprint is given; alpha marks the border of the observed region."""
         if isinstance(colour, TextureAtlas):
             known = colour.observed
             beside = edge_pixels(known.astype(np.float32), known, self._source.camera)

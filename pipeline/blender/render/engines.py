@@ -1,7 +1,7 @@
 """Render one view of a surface to arrays: colour, depth and observed surface from the same rays.
 
-Cycles' passes are taken from memory while its own render call is still open. Eevee and Workbench are built into
-Blender and give their passes only to a file, so theirs go through an uncompressed EXR in a temporary folder.
+Cycles' passes are read from memory before its render call returns. Eevee and Workbench are built into Blender and
+write their passes only to files, so theirs are read from an uncompressed EXR in a temporary folder.
 """
 
 import ctypes
@@ -26,9 +26,7 @@ from .material import COLOUR_ATTRIBUTE, OBSERVED_COLOUR_ATTRIBUTE, OBSERVED_PASS
 from .surface_scene import SurfaceScene
 
 _TRIAL_ENDED = "trial render ended"
-
-
-_BACKGROUND_MM = 1e9  # Blender's depth of "nothing" is 1e10
+_BACKGROUND_MM = 1e9  # Blender's background has depth 1e10
 
 
 def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> RenderedView:
@@ -43,7 +41,7 @@ def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> Rend
     combined, depth = passes["Combined"], passes["Depth"][..., 0]
     # Eevee 4.5 gives the background the depth of the far clip plane
     depth = np.where((depth < _BACKGROUND_MM) & (combined[..., 3] > 0), depth, np.float32(0))
-    # with several samples the flag is their mean, also of those beside the pixel's centre
+    # with several samples the flag is the mean over the pixel
     flag = np.where(depth > 0, passes[OBSERVED_PASS][..., 0], np.float32(0))
     return RenderedView(combined[..., :3], depth, flag > 0.5, flag > 1.5)
 
@@ -60,8 +58,8 @@ def _render_cycles(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
 def _open_result() -> Iterator[list[dict[str, np.ndarray]]]:
     """Collect the passes of Cycles renders inside the block.
 
-    Cycles is a render engine written in Python around a library; Blender looks its ``render`` up at every call, and a
-    render result can be read by its engine alone. So for the length of the block that method reads the result as well.
+    Only the engine itself can read a render result. Cycles is an engine written in Python around a library, and Blender
+    looks up its ``render`` at every call. So this block replaces that method by one that also reads the result.
     """
     import cycles
 
@@ -87,9 +85,9 @@ def _pass_array(render_pass: bpy.types.RenderPass, height: int) -> np.ndarray:
 
 
 def _render_workbench(surface_scene: SurfaceScene) -> dict[str, np.ndarray]:
-    """Workbench runs no shaders and has no pass for the observed flag: a second render draws it as the colour.
+    """Workbench runs no shaders and has no pass for the observed flag, so a second render draws the flag as colour.
 
-    That one leaves back sides out, so where its depth differs from the first one's, the first shows a back side.
+    The second render culls back sides: where its depth differs from the first one's, the first shows a back side.
     """
     scene = surface_scene.scene
     attributes, shading = surface_scene.surface_object.data.color_attributes, scene.display.shading
@@ -106,7 +104,7 @@ def _render_workbench(surface_scene: SurfaceScene) -> dict[str, np.ndarray]:
             attributes.active_color_name = COLOUR_ATTRIBUTE
     observed = flags["Depth"] == passes["Depth"]
     if coloured:
-        # its buffers are half floats: 1 may come out as the value before
+        # half-float buffers: 1 may become the next smaller value
         observed &= flags["Combined"][..., :1] > 0.999
         unseen = np.float32(NEUTRAL) * passes["Combined"][..., 3:]
         passes["Combined"][..., :3] = np.where(observed, passes["Combined"][..., :3], unseen)
@@ -125,7 +123,7 @@ def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
         except (RuntimeError, OSError, ExrError) as error:
             reason = " ".join(str(error).split())
             raise RunError(
-                f"{folder}: cannot hold a render ({reason}); is the disk of temporary files full?"
+                f"{folder}: cannot write a render ({reason}); is the disk of temporary files full?"
             ) from error
     passes: dict[str, list[np.ndarray]] = {}
     for suffix in "RXVZGYBZA":
@@ -138,14 +136,14 @@ def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
 
 @contextmanager
 def interrupts_held_back() -> Iterator[None]:
-    """Hold Ctrl-C back until a render has ended, then raise KeyboardInterrupt.
+    """Delay Ctrl-C until a render has ended, then raise KeyboardInterrupt.
 
-    Otherwise Python would raise it inside of Cycles' own code, where Blender swallows it; and Blender's own handler
-    breaks the render off and hands over half a picture as if it were whole.
+    Otherwise Python would raise it inside Cycles' own code, where Blender swallows it, and Blender's own handler would
+    cancel the render and return a partial image as if it were complete.
     """
     in_main_thread = threading.current_thread() is threading.main_thread()
     if not in_main_thread or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield  # somebody else's handler, or none
+        yield  # another handler is installed, or none
         return
     received: list[int] = []
     previous = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
@@ -158,14 +156,14 @@ def interrupts_held_back() -> Iterator[None]:
 
 
 def check_engine(engine: str) -> None:
-    """Check that an engine can render here at all, by a trial in a process of its own.
+    """Check by a trial render in a separate process that an engine works on this machine.
 
     Without an OpenGL context Blender does not report an error: the process ends at once.
 
     Raises
     ------
     InputError
-        It cannot.
+        The engine cannot render.
     """
     if engine == "cycles":
         return
@@ -179,16 +177,16 @@ def check_engine(engine: str) -> None:
     ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
     if _TRIAL_ENDED not in ended.stdout:
         raise InputError(
-            f"--engine {engine}: expected an OpenGL context, this machine gives none to Blender; "
+            f"--engine {engine}: expected an OpenGL context, Blender gets none on this machine; "
             "install Mesa's software OpenGL (libegl1, libgl1-mesa-dri) or a graphics driver, or use --engine cycles"
         )
 
 
 def keep_freed_memory() -> None:
-    """Let the C library reuse large buffers from frame to frame instead of returning them to the system.
+    """Let the C library reuse large buffers from view to view instead of returning them to the system.
 
-    Otherwise every frame's buffers are mapped, zeroed page by page and unmapped again: a tenth of a 1-sample frame.
-    Only glibc has the switch; elsewhere nothing happens.
+    Otherwise every view's buffers are mapped, zeroed page by page and unmapped again, which takes a tenth of the time
+    of a 1-sample view. Only glibc has this option; elsewhere nothing happens.
     """
     if sys.platform != "linux":
         return

@@ -1,8 +1,8 @@
 """Surface colour as emission: the three colour modes as shader nodes, each with its observed flag.
 
-All modes end in the same two values, a colour and a flag that is 1 where the frame saw the shaded point. The surface
-shines with the colour, or with :data:`pipeline.colour.vertex_colours.NEUTRAL` where the flag is 0; the flag goes to
-the pass :data:`OBSERVED_PASS`. Nothing is lit, so colours pass through as code values. Back sides are never observed.
+All modes compute two values, a colour and a flag that is 1 where the frame saw the shaded point. The surface emits the
+colour, or :data:`pipeline.colour.vertex_colours.NEUTRAL` where the flag is 0; the flag goes to the pass
+:data:`OBSERVED_PASS`. There is no light, so renders show the code values unchanged. Back sides are never observed.
 """
 
 import bpy
@@ -26,7 +26,7 @@ PROJECTION_ATTRIBUTE = "frame_projection"
 FRAME_IMAGE, FILTERED_IMAGE = "frame image", "filtered image"
 """Names of the shader's image nodes, see :func:`assign_colour`."""
 OBSERVED_LEAST = 0.9999
-"""An interpolated flag of at least this much says that all it was interpolated from is observed."""
+"""If an interpolated flag is at least this large, all values that it was interpolated from are observed."""
 NEUTRAL_RGBA = (NEUTRAL, NEUTRAL, NEUTRAL, 1.0)
 _NOWHERE = (-1.0, -1.0, 1.0)  # projects outside the frame
 
@@ -41,13 +41,13 @@ def assign_colour(
     Parameters
     ----------
     mesh_object, mesh
-        The surface in Blender and as it came.
+        The surface as a Blender object and as a mesh (model frame).
     colour
-        ``None`` makes it plain neutral, for geometry alone; the observed flag then tells front sides from back sides.
+        ``None`` makes it plain neutral, for geometry alone; the observed flag is then 1 on front sides.
     filtered
-        Take colours (not the observed flag) by cubic B-spline from the image of the node :data:`FILTERED_IMAGE`, which
-        is for the caller to replace, see :mod:`pipeline.colour.footprint_filter`; its alpha is added to the flag of
-        observed points. Vertex colours have no image.
+        Interpolate colours (not the observed flag) by cubic B-splines from the image of the node
+        :data:`FILTERED_IMAGE`, which the caller replaces, see :mod:`pipeline.colour.footprint_filter`; its alpha is
+        added to the flag of observed points. Ignored for vertex colours, which have no image.
     """
     material = new_node_material("surface")
     nodes = Nodes(material.node_tree)
@@ -78,7 +78,7 @@ def assign_colour(
 
 def _vertex_colour(nodes: Nodes, mesh_object: bpy.types.Object, colour: VertexColours) -> tuple:
     rgba = np.concatenate([colour.rgb, colour.observed[:, None]], axis=1)
-    # Workbench draws attributes, not materials, and of these their colour only
+    # Workbench draws attributes instead of materials, and ignores their alpha
     set_vertex_colors(mesh_object, OBSERVED_COLOUR_ATTRIBUTE, np.repeat(rgba[:, 3:], 4, axis=1))
     set_vertex_colors(mesh_object, COLOUR_ATTRIBUTE, rgba)
     mesh_object.data.color_attributes.active_color_name = COLOUR_ATTRIBUTE
@@ -92,7 +92,7 @@ def _texture(nodes: Nodes, mesh_object: bpy.types.Object, atlas: TextureAtlas, f
     rgba = np.concatenate([atlas.image, atlas.observed[..., None]], axis=2)
     uv = nodes.add("ShaderNodeUVMap", uv_map=UV_MAP)
     rgb, flag, addition = _looked_up(nodes, new_float_image("frame_atlas", rgba), uv.outputs["UV"], filtered)
-    # a point is observed if all texels of non-zero weight are
+    # a point is observed if all texels with non-zero weight are
     return rgb, nodes.math("GREATER_THAN", flag, OBSERVED_LEAST), addition
 
 
@@ -125,7 +125,7 @@ def _projection(
 
 
 def _looked_up(nodes: Nodes, image: bpy.types.Image, coordinates: bpy.types.NodeSocket, filtered: bool) -> tuple:
-    """Colour and alpha of an image (outside of it alpha is 0), and the alpha of the filtered image or ``None``."""
+    """Colour and alpha of an image (alpha is 0 outside it), and the alpha of the filtered image or ``None``."""
     exact = nodes.add("ShaderNodeTexImage", name=FRAME_IMAGE, image=image, interpolation="Linear", extension="CLIP")
     nodes.link(coordinates, exact.inputs["Vector"])
     if not filtered:

@@ -1,8 +1,8 @@
-"""Colours of a surface along any rays, by the same rule as its material, without a render.
+"""Colours of a surface along arbitrary rays, by the same rule as its material, without a render.
 
-A Geometry Nodes modifier shoots the rays: the vertices of a point mesh are ray directions when it begins and colours
-when it ends. Objects and scene are of its own, so that a render of the surface never sees them nor is updated because
-of them. A ray costs about as much as two of Cycles' samples, but it can be any ray.
+A Geometry Nodes modifier casts the rays: its input are the vertices of a point mesh as ray directions, its output the
+same vertices as colours. The point mesh is in a separate scene, so renders of the surface neither show it nor are
+updated because of it. A ray costs about as much as two of Cycles' samples.
 """
 
 from typing import Any
@@ -29,7 +29,7 @@ _FARTHEST_MM = 1e9
 
 
 class SurfaceRays:
-    """Shoots rays at the surface of a scene, and is removed with it."""
+    """Casts rays at the surface of a scene; its data-blocks are removed with the scene."""
 
     def __init__(self, surface_scene: SurfaceScene, colour: SurfaceColour) -> None:
         with surface_scene.owning():
@@ -73,7 +73,7 @@ def _ray_nodes(surface: bpy.types.Object, colour: SurfaceColour) -> tuple[bpy.ty
     hit.inputs["Ray Length"].default_value = _FARTHEST_MM
     nodes.link(target.outputs["Geometry"], hit.inputs["Target Geometry"])
     nodes.link(attribute.outputs["Attribute"], hit.inputs["Attribute"])
-    # not linked, it would be the position of the point itself
+    # an unlinked socket would use the position of the point itself
     nodes.link(origin.outputs["Vector"], hit.inputs["Source Position"])
     nodes.link(direction.outputs["Position"], hit.inputs["Ray Direction"])
     image = None if isinstance(colour, VertexColours) else _image_of(surface)
@@ -104,7 +104,7 @@ def _image_of(surface: bpy.types.Object) -> bpy.types.Image:
 def _shaded(
     nodes: Nodes, attribute: bpy.types.NodeSocket, colour: SurfaceColour, image: bpy.types.Image | None
 ) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
-    """Colour and observed flag of a hit, as :mod:`pipeline.blender.render.material` has them."""
+    """Colour and observed flag of a hit, as in :mod:`pipeline.blender.render.material`."""
 
     def looked_up(coordinates: bpy.types.NodeSocket) -> bpy.types.Node:
         node = nodes.add("GeometryNodeImageTexture", Image=image, interpolation="Linear", extension="CLIP")

@@ -1,4 +1,4 @@
-"""A Blender scene from data: one surface, one camera, settings under which colours and geometry stay exact."""
+"""A Blender scene from data: one surface, one camera, and settings that keep colours and geometry exact."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,19 +16,19 @@ from ..bridge.versions import ENGINE_IDS
 from .material import OBSERVED_PASS, SurfaceColour, assign_colour
 
 POINT_FILTER_PX = 0.01
-"""Width of the pixel filter with one sample: a point at the pixel's centre (0 is not allowed)."""
+"""Width of the pixel filter with one sample: practically the pixel's centre (0 is not allowed)."""
 
 LARGEST_VIEW_PX = 8192**2
-"""Cycles renders larger images in tiles of at most 8192 x 8192 px, by way of files that its result is not read from."""
+"""Cycles renders larger images in tiles of at most 8192 x 8192 px through files, from which results cannot be read."""
 
 
 class SurfaceScene:
-    """A coloured surface before a pinhole camera, in a Blender scene of its own; use as a context manager.
+    """A coloured surface and a pinhole camera in a separate Blender scene; use as a context manager.
 
     Attributes
     ----------
     scene, camera_object, surface_object
-        The Blender objects; removed with all their data on exit, so that an open file is left as it was.
+        The Blender data; removed on exit, so that the open file is unchanged.
     """
 
     def __init__(
@@ -51,15 +51,15 @@ class SurfaceScene:
         camera
             Intrinsics of the views.
         colour
-            Where the surface's colour comes from; ``None`` for geometry alone.
+            Source of the surface's colour; ``None`` for geometry alone.
         engine
-            ``"cycles"`` is exact, the others are rasterisers that need OpenGL.
+            ``"cycles"`` is exact; the others are rasterisers that need OpenGL.
         samples
-            Samples a pixel: 1 is a point sample at the pixel's centre, more average over the pixel's square.
+            Samples per pixel: 1 is a point sample at the pixel's centre, more average over the pixel's square.
         filtered
-            Take colours from an image to be set, see :func:`pipeline.blender.render.material.assign_colour`.
+            Take colours from an image that the caller sets, see :func:`.assign_colour`.
         threads
-            Render threads, 0 for one a core.
+            Number of render threads, 0 for one per core.
 
         Raises
         ------
@@ -69,7 +69,7 @@ class SurfaceScene:
         if camera.width * camera.height > LARGEST_VIEW_PX:
             raise InputError(
                 f"view: expected at most {LARGEST_VIEW_PX / 1e6:.0f} million pixels, found {camera.width}x"
-                f"{camera.height}; take a smaller frame or --scale"
+                f"{camera.height}; use a smaller frame or --scale"
             )
         self._own: list[bpy.types.ID] = []
         with self.owning():
@@ -96,13 +96,13 @@ class SurfaceScene:
         self.close()
 
     def close(self) -> None:
-        """Remove the scene and all data that it brought."""
+        """Remove the scene and all its data."""
         own, self._own = self._own, []
         remove_data(own)
 
     @contextmanager
     def owning(self) -> Iterator[None]:
-        """Data made inside the block is removed with the scene."""
+        """Make the scene own all data-blocks created inside the block: they are removed with it."""
         existing = set(data_blocks())
         try:
             yield
@@ -110,17 +110,17 @@ class SurfaceScene:
             self._own += [block for block in data_blocks() if block not in existing]
 
     def look_from(self, cam_from_model: np.ndarray) -> None:
-        """Put the camera at a pose; clip planes enclose the surface's bounding sphere."""
+        """Put the camera at a pose (4x4, mm) and fit the clip planes to the surface's bounding sphere."""
         place_camera(self.camera_object, cam_from_model)
         depth, radius = float(cam_from_model[2, 3]), self._mesh.radius
         far = max(1.01 * (depth + radius), 1e-3 * radius)
-        # margins far above single precision; a rasteriser's depth buffer wants near as far away as it can be
+        # margins far above single precision; the near plane is far away for the sake of a rasteriser's depth buffer
         near = max(0.99 * (depth - radius), 1e-4 * far)
         set_clip(self.camera_object, (near, far))
 
 
 def _set_exact_colour(scene: bpy.types.Scene) -> None:
-    """No tone curve, no exposure, no dither, no post-processing, transparent background."""
+    """Set no tone curve, no exposure, no dither, no post-processing, and a transparent background."""
     scene.view_settings.view_transform = "Raw"
     scene.view_settings.look = "None"
     scene.view_settings.exposure, scene.view_settings.gamma = 0.0, 1.0
@@ -130,7 +130,7 @@ def _set_exact_colour(scene: bpy.types.Scene) -> None:
     render.use_compositing = render.use_sequencer = False
     render.use_motion_blur = render.use_stamp = False
     render.use_border = render.use_simplify = False
-    # keeps the ray tracing structure between frames: without it each frame costs several times more
+    # keeps the ray tracing structure between views: without it each view takes several times as long
     render.use_persistent_data = True
 
 

@@ -1,4 +1,4 @@
-"""Pictures -> MP4, by Blender's sequencer."""
+"""Write images as an MP4 video with Blender's sequencer."""
 
 import errno
 import struct
@@ -19,14 +19,14 @@ FRAMES_PER_SECOND = 24
 
 
 def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
-    """Encode ``(H, W, 3)`` float images (code values 0..1) as H.264; nothing is left behind if that fails.
+    """Encode ``(H, W, 3)`` float images (code values 0..1) as H.264; leaves no file behind if it fails.
 
-    H.264 needs even sides: an odd one gets its last row or column twice.
+    H.264 needs even sides: an odd number of rows or columns is made even by repeating the last one.
 
     Raises
     ------
     OSError
-        A file cannot be written.
+        A file cannot be written, or the video is damaged.
     """
     with tempfile.TemporaryDirectory(prefix="oneframe-video-") as folder:
         files, height, width = [], 0, 0
@@ -51,7 +51,7 @@ def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
 
 
 def _is_whole(mp4: bytes) -> bool:
-    """Whether the boxes of an MP4 end where the file ends, and the index is among them."""
+    """Whether the boxes of an MP4 end exactly at the end of the file and include the index (moov)."""
     position, kinds = 0, set()
     while position + 16 <= len(mp4):
         size, kind, long_size = struct.unpack_from(">I4sQ", mp4, position)

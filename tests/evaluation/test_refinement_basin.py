@@ -200,5 +200,5 @@ def test_an_incomplete_lmo_is_refused(tmp_path):
     with pytest.raises(InputError, match="expected frames with objects"):
         lmo_scenes(tmp_path)
     (tmp_path / "scene_gt.json").write_text("[1]")
-    with pytest.raises(InputError, match="as BOP has them"):
+    with pytest.raises(InputError, match="in BOP's format"):
         lmo_scenes(tmp_path)

@@ -66,7 +66,7 @@ def test_times_survive_their_file(tmp_path_factory, seconds):
 def test_another_file_is_refused(tmp_path, content):
     path = tmp_path / "speed.json"
     path.write_text(content)
-    with pytest.raises(InputError, match=r'speed.json: expected "speed rounds"'):
+    with pytest.raises(InputError, match=r'speed.json: expected (JSON,|"speed rounds" with)'):
         read_render_times(path)
 
 

@@ -362,6 +362,6 @@ def test_a_rasteriser_without_opengl_is_refused(case, tmp_path, render_command, 
     """Blender itself would end the process without a word."""
     command = render_command(case, "--out", tmp_path / "out", "--engine", "eevee")
     ended = run_command(command, __EGL_VENDOR_LIBRARY_FILENAMES="/nonexistent", DISPLAY="", WAYLAND_DISPLAY="")
-    assert_refused(ended, "--engine eevee: expected an OpenGL context, this machine gives none to Blender; install")
+    assert_refused(ended, "--engine eevee: expected an OpenGL context, Blender gets none on this machine; install")
     assert "--engine cycles" in ended.stderr
     assert not (tmp_path / "out").exists()

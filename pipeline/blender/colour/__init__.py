@@ -1,4 +1,4 @@
 """Colouring the surface by ray casting from the frame.
 
-In: a case at its pose. Out: a coloured surface, how much of it is covered, and files of it.
+In: a case at its pose. Out: a coloured surface, its coverage by the frame, and files of it.
 """

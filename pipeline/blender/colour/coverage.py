@@ -1,4 +1,4 @@
-"""How much of the surface the frame coloured, and how exactly: by rendering the frame's own pose again."""
+"""How much of the surface the frame colours, and how exactly: measured by rendering the frame's own pose."""
 
 from dataclasses import dataclass
 
@@ -17,14 +17,14 @@ class Coverage:
     Attributes
     ----------
     of_view
-        Share of the surface in the frame's view that has a colour from it, 0..1.
+        Fraction of the surface in the frame's view that has a colour from it, 0..1.
     of_surface
-        Share of the whole surface's area that the frame saw, 0..1.
+        Fraction of the whole surface's area that the frame saw, 0..1.
     mean_error, max_error
-        Absolute difference between the re-rendered pose and the frame where there is colour, code values 0..255: mean
-        over pixels and channels, and the largest one.
+        Absolute difference between the rendered view and the frame where there is colour, code values 0..255: mean over
+        pixels and channels, and maximum.
     pixels
-        Number of pixels compared.
+        Number of compared pixels.
     """
 
     of_view: float
@@ -34,16 +34,16 @@ class Coverage:
     pixels: int
 
     def summary(self) -> str:
-        """One sentence."""
+        """The figures as one line."""
         return (
             f"the frame colours {self.of_view:.1%} of the surface in its view, {self.of_surface:.1%} of the whole; "
-            f"rendered again it differs from the frame by {self.mean_error:.3f}/255 in the mean, "
-            f"at most {self.max_error:.1f}/255"
+            f"a view rendered at its pose differs from the frame by {self.mean_error:.3f}/255 on average, "
+            f"by at most {self.max_error:.1f}/255"
         )
 
 
 def coverage_of(source: ReferenceView, colour: SurfaceColour) -> Coverage:
-    """Render the frame's pose with a colour mode and compare."""
+    """Render the frame's pose with a colour mode and compare the view with the frame."""
     frame = source.view
     with SurfaceScene(source.mesh, frame.camera, colour) as scene:
         view = render_view(scene, frame.cam_from_model)

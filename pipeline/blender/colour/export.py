@@ -1,6 +1,6 @@
 """The coloured surface as a file for other programs: GLB, OBJ or PLY, with a texture or vertex colours.
 
-PLY and OBJ keep the frame and units of the mesh that the user gave; GLB is in metres with y up, as glTF demands.
+PLY and OBJ keep the coordinates and units of the user's mesh; GLB is in metres with y up, as glTF requires.
 """
 
 import tempfile
@@ -27,7 +27,7 @@ FORMATS = (".glb", ".obj", ".ply")
 
 
 def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["texture", "vertex"]) -> list[str]:
-    """Write the surface with the frame's colours; an OBJ or a textured PLY gets its picture beside it.
+    """Write the surface with the frame's colours; an OBJ or a textured PLY gets its image in the same folder.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["
     path
         ``.glb``, ``.obj`` or ``.ply``.
     colour
-        ``"texture"`` or ``"vertex"`` (not for OBJ, which has no colours at vertices).
+        ``"texture"`` or ``"vertex"`` (not for OBJ, which has no vertex colours).
 
     Returns
     -------
@@ -45,7 +45,7 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["
     Raises
     ------
     InputError
-        Another extension, or a colour that the format cannot hold.
+        Another extension, or a colour mode that the format does not support.
     """
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
@@ -71,7 +71,7 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["
 
 
 def _write_glb(path: Path, mesh: TriangleMesh, colour: VertexColours | TextureAtlas) -> None:
-    """By Blender's own glTF exporter, from a scene of its own; the material is unlit: colours as recorded."""
+    """Write with Blender's glTF exporter, from a temporary scene; the material is unlit: colours as recorded."""
     with temporary_data(), tempfile.TemporaryDirectory(prefix="oneframe-export-") as folder:
         scene = bpy.data.scenes.new("oneframe export")
         surface = new_mesh_object("surface", mesh)
@@ -105,12 +105,12 @@ def _unlit_material(
         node.image = bpy.data.images.load(str(file))
         node.image.pack()
     else:
-        # glTF holds vertex colours linear, the frame's code values are sRGB
+        # glTF stores linear vertex colours, the frame's code values are sRGB
         rgba = np.concatenate([linear_from_codes(colour.rgb), np.ones((len(colour.rgb), 1))], axis=1)
         set_vertex_colors(surface, "Color", rgba)
         node = nodes.new("ShaderNodeVertexColor")
         node.layer_name = "Color"
-    # the exporter takes a background shader for "unlit"
+    # the exporter writes a background shader as an unlit material
     unlit, output = nodes.new("ShaderNodeBackground"), nodes.new("ShaderNodeOutputMaterial")
     links.new(node.outputs["Color"], unlit.inputs["Color"])
     links.new(unlit.outputs["Background"], output.inputs["Surface"])

@@ -1,4 +1,4 @@
-"""The aligned frame as a source of colour: what it saw of the surface, by a render of its own pose."""
+"""The reference view: the aligned frame as a source of colour, and the surface that it saw, from a render."""
 
 from dataclasses import dataclass
 
@@ -27,13 +27,13 @@ class ReferenceView:
     Attributes
     ----------
     mesh
-        The surface, model frame, its front sides turned to the frame.
+        The surface, model frame, with front sides that face the frame.
     view
         Image, camera, pose and inverse depth.
     pivot_model
-        ``(3,)`` mm: the surface point at the centre of what the frame shows; poses are drawn around it.
+        ``(3,)`` mm: the surface point at the centre of the visible surface; pose distributions use it as pivot.
     messages
-        Sentences about what was found.
+        Messages for the user.
     """
 
     mesh: TriangleMesh
@@ -43,7 +43,7 @@ class ReferenceView:
 
 
 def reference_view_of(loaded: LoadedCase) -> ReferenceView:
-    """Render the frame's own pose to find what it saw.
+    """Render the frame's own pose to find the surface that it saw.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def reference_view_of(loaded: LoadedCase) -> ReferenceView:
     front = seen.observed[seen.mask].mean()
     if front < 0.5:
         mesh = mesh.flipped()
-        messages.append(f"{name}: the frame sees the back of {1 - front:.0%} of the surface; its faces were flipped")
+        messages.append(f"{name}: the frame sees the back of {1 - front:.0%} of the surface; flipped its faces")
     view = SourceView(camera, cam_from_model, loaded.image, inverse_depth_map(seen.depth_mm, loaded.valid))
     v, u = np.nonzero(seen.mask & loaded.valid)
     central = most_central(np.stack([u, v], axis=1))

@@ -1,10 +1,10 @@
-"""The frame's colours on the user's own surface object, as the viewport, the editors and other add-ons show them.
+"""The frame's colours on the user's surface object, for the viewport, the editors and other add-ons.
 
-Vertex colours become a point colour attribute, the texture a UV map and an image packed into the .blend file; a
-material shows either without light. Blender holds colours linear where it does not hold 8-bit files, so the frame's
-code values are converted: under the view transform Standard the screen shows the frame's own values.
+Vertex colours become a point colour attribute; a texture becomes a UV map and an image packed into the .blend file. A
+material shows either without light. Blender stores colours as linear values except in 8-bit images, so code values are
+converted: under the view transform Standard the screen shows the frame's own values.
 
-Everything is remembered on the object itself: what lies on it, from which pose, and the material that it had before.
+The object itself stores a record of its colours, including their pose, and the material that it had before.
 """
 
 import json
@@ -26,12 +26,12 @@ from ..render.material import COLOUR_ATTRIBUTE, OBSERVED_LEAST, UV_MAP
 from .reference_view import ReferenceView
 
 OBSERVED_ATTRIBUTE = "frame_observed"
-"""Boolean attribute of the vertices: the frame saw it."""
+"""Boolean attribute of the vertices: whether the frame saw them."""
 MATERIAL, TEXTURE, MARKED_TEXTURE = "OneFrame colour", "OneFrame texture", "OneFrame texture (unseen marked)"
 RECORD, PLAIN_MATERIAL = "oneframe_colour", "oneframe_plain_material"
-"""Custom properties of the object: what lies on it (JSON), and the material before."""
+"""Custom properties of the object: the record of its colours (JSON), and its material before."""
 UNSEEN = (0.10, 0.25, 1.0)
-"""Code values (0..1) that mark surface which the frame did not see: a blue that no bone, blood or mucosa has."""
+"""Code values (0..1) that mark unseen surface: a blue that does not occur in bone, blood or mucosa."""
 COLOUR_NODE = "frame"
 
 
@@ -44,25 +44,25 @@ def put_colour(
     mark_unseen: bool,
     record: Mapping[str, object],
 ) -> None:
-    """Colour an object in place of what this function put on it before.
+    """Colour an object; replaces colours that this function gave it before.
 
     Parameters
     ----------
     surface
         The object, in Object mode; its mesh has the vertices and faces of ``mesh``, in that order.
     mesh
-        The surface as loaded: the front sides that ``source.mesh`` has may be the other ones.
+        The surface as loaded; the faces of ``source.mesh`` may be flipped relative to it.
     source, colour
-        What the frame saw, and the colours made from it.
+        The reference view, and the colours made from it.
     mark_unseen
-        Show what the frame did not see in :data:`UNSEEN`, else in neutral grey.
+        Show unseen surface in :data:`UNSEEN`, else in neutral grey.
     record
-        What to remember with it, JSON types; ``mode`` and ``unseen_marked`` are added.
+        What to store with the colours, JSON types; ``mode`` and ``unseen_marked`` are added.
     """
     remove_colour(surface)
     flipped = source.mesh.faces is not mesh.faces and not np.array_equal(source.mesh.faces, mesh.faces)
     textured = isinstance(colour, TextureAtlas)
-    # beside a texture too: Solid's attribute colours, and whoever asks for the colour of a vertex
+    # in addition to a texture: for attribute colours in Solid mode and for lookups of a vertex's colour
     vertices = colour_vertices(source.mesh, source.view) if isinstance(colour, TextureAtlas) else colour
     _set_colour_attribute(surface, vertices, mark_unseen)
     if isinstance(colour, TextureAtlas):
@@ -83,7 +83,7 @@ def put_colour(
 
 
 def remove_colour(surface: bpy.types.Object) -> None:
-    """Take everything that :func:`put_colour` brought away again; the object is as plain as before."""
+    """Remove everything that :func:`put_colour` added; restores the object's material."""
     data = surface.data
     for name in (COLOUR_ATTRIBUTE, OBSERVED_ATTRIBUTE, UV_MAP):
         attribute = data.attributes.get(name)
@@ -94,7 +94,7 @@ def remove_colour(surface: bpy.types.Object) -> None:
     for number, material in enumerate(data.materials):
         if material in own:
             data.materials[number] = plain
-    # also what a surface that has been deleted has left
+    # also materials left over from deleted surfaces
     _remove_unused([material for material in bpy.data.materials if material.get(RECORD)])
     for name in (RECORD, PLAIN_MATERIAL):
         if name in surface:
@@ -103,7 +103,7 @@ def remove_colour(surface: bpy.types.Object) -> None:
 
 
 def colour_record(surface: bpy.types.Object) -> dict | None:
-    """What was remembered with the colours that lie on an object; ``None`` for a plain one."""
+    """The record stored with an object's colours; ``None`` for a plain object."""
     text = surface.get(RECORD)
     if not isinstance(text, str):
         return None
@@ -115,11 +115,11 @@ def colour_record(surface: bpy.types.Object) -> dict | None:
 
 
 def mark_unseen(surface: bpy.types.Object, mark: bool) -> None:
-    """Show what the frame did not see in :data:`UNSEEN` (``mark``) or in neutral grey; plain objects stay so."""
+    """Show unseen surface in :data:`UNSEEN` (``mark``) or in neutral grey; does nothing to plain objects."""
     record = colour_record(surface)
     if record is None:
         return
-    # none if the user has emptied the slot
+    # no material if the user has emptied the slot
     for material in _own_materials(surface):
         nodes = material.node_tree.nodes
         _set_unseen_input(nodes, mark)
@@ -138,7 +138,7 @@ def mark_unseen(surface: bpy.types.Object, mark: bool) -> None:
 
 
 def vertex_codes(surface: bpy.types.Object) -> np.ndarray | None:
-    """``(V, 3)`` float32 code values 0..1 of the colours on an object, NaN where unseen; ``None`` for a plain one."""
+    """``(V, 3)`` float32 code values 0..1 of an object's vertices, NaN where unseen; ``None`` for a plain object."""
     attribute = surface.data.color_attributes.get(COLOUR_ATTRIBUTE)
     if attribute is None or attribute.domain != "POINT" or len(attribute.data) != len(surface.data.vertices):
         return None
@@ -162,12 +162,12 @@ def _vertex_coloured(mark: bool, flipped: bool) -> bpy.types.Material:
     attribute = nodes.add("ShaderNodeAttribute", name=COLOUR_NODE, attribute_name=COLOUR_ATTRIBUTE)
     # a point is observed if all three vertices of its triangle are
     observed = nodes.math("GREATER_THAN", attribute.outputs["Alpha"], OBSERVED_LEAST)
-    _shine(material, nodes, attribute.outputs["Color"], observed, mark, flipped)
+    _emit(material, nodes, attribute.outputs["Color"], observed, mark, flipped)
     return material
 
 
 def _textured(surface: bpy.types.Object, atlas: TextureAtlas, mark: bool, flipped: bool) -> bpy.types.Material:
-    # the corners of a flipped face come in the opposite order
+    # flipped faces have their corners in the opposite order
     set_corner_uv(surface, UV_MAP, atlas.uv[:, ::-1] if flipped else atlas.uv)
     layer = surface.data.uv_layers[UV_MAP]
     layer.active = layer.active_render = True
@@ -179,12 +179,12 @@ def _textured(surface: bpy.types.Object, atlas: TextureAtlas, mark: bool, flippe
     material, nodes = _new_material()
     uv = nodes.add("ShaderNodeUVMap", uv_map=UV_MAP)
     shown = nodes.add("ShaderNodeTexImage", name=COLOUR_NODE, image=images[mark], extension="EXTEND")
-    # holds the other picture, so that it is saved with the file
+    # refers to the other image, so that it is saved with the file
     nodes.add("ShaderNodeTexImage", name=COLOUR_NODE + " other", image=images[not mark], extension="EXTEND")
     nodes.link(uv.outputs["UV"], shown.inputs["Vector"])
-    # what Solid's texture mode shows
+    # the node that Solid mode shows with texture colours
     material.node_tree.nodes.active = shown
-    _shine(material, nodes, shown.outputs["Color"], 1.0, mark, flipped)
+    _emit(material, nodes, shown.outputs["Color"], 1.0, mark, flipped)
     return material
 
 
@@ -194,7 +194,7 @@ def _new_material() -> tuple[bpy.types.Material, Nodes]:
     return material, Nodes(material.node_tree)
 
 
-def _shine(
+def _emit(
     material: bpy.types.Material,
     nodes: Nodes,
     colour: bpy.types.NodeSocket,
@@ -202,7 +202,7 @@ def _shine(
     mark: bool,
     flipped: bool,
 ) -> None:
-    """The material shines with the colour; back sides, which the frame never saw, with that of unseen surface."""
+    """Make the material emit the colour; back sides, which the frame never saw, emit that of unseen surface."""
     backfacing = nodes.add("ShaderNodeNewGeometry").outputs["Backfacing"]
     front = nodes.math("MULTIPLY", backfacing, 1.0) if flipped else nodes.math("SUBTRACT", 1.0, backfacing)
     flag = nodes.math("MULTIPLY", front, observed)
@@ -227,7 +227,7 @@ def _own_materials(surface: bpy.types.Object) -> list[bpy.types.Material]:
 
 
 def _remove_unused(materials: list[bpy.types.Material]) -> None:
-    """Remove materials that nothing uses any more, and their pictures."""
+    """Remove materials that nothing uses, and their images."""
     for material in {m for m in materials if m.users == 0}:
         images = [node.image for node in material.node_tree.nodes if node.bl_idname == "ShaderNodeTexImage"]
         bpy.data.materials.remove(material)

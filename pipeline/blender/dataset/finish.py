@@ -1,4 +1,4 @@
-"""The end of a dataset job: tables, contact sheet and video, once the views that they need are there."""
+"""The end of a dataset job: tables, contact sheet and video, once the views that they need exist."""
 
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -30,7 +30,7 @@ SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "sce
 
 
 def is_complete(job: OpenJob) -> bool:
-    """Whether all views of the whole dataset are there and all tables beside them."""
+    """Whether all views and all tables of the whole dataset exist."""
     out, views = job.job.out, range(job.count)
     scenes = [ViewPaths(out, first).scene for first in views[::VIEWS_PER_SCENE]]
     tables = [out / name for name in TABLES] + [scene / name for scene in scenes for name in SCENE_TABLES]
@@ -38,7 +38,7 @@ def is_complete(job: OpenJob) -> bool:
 
 
 def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
-    """``camera.json`` and ``models/``: what is known before the first view."""
+    """Write ``camera.json`` and ``models/``, which are known before the first view."""
     out, source = job.job.out, renderer.source
     write_camera(out, renderer.camera, renderer.depth_scale)
     colours = colour_vertices(source.mesh, source.view)
@@ -46,17 +46,17 @@ def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
 
 
 def write_overlay(job: OpenJob, renderer: ViewRenderer) -> None:
-    """``overlay.png``: the frame with the surface's outline and the structures, to judge the alignment by."""
+    """Write ``overlay.png``: the frame with the surface's outline and the structures, to judge the alignment."""
     picture = frame_overlay(job.loaded, renderer.source.view.depth_mm)
     write_bytes_atomically(job.job.out / "overlay.png", encode_png(to_uint8(picture)))
 
 
 def write_finished_scenes(job: OpenJob, renderer: ViewRenderer) -> bool:
-    """Write the tables of every scene of which this job's shard has a part and all views are there.
+    """Write the tables of every complete scene that has views of this job's shard.
 
     Returns
     -------
-    Whether all views of the whole dataset are there.
+    Whether all views of the whole dataset exist.
     """
     out, done = job.job.out, finished_views(job.job.out, range(job.count))
     touched = sorted({index // VIEWS_PER_SCENE for index in job.views})
@@ -68,7 +68,7 @@ def write_finished_scenes(job: OpenJob, renderer: ViewRenderer) -> bool:
 
 
 def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> None:
-    """The files of a complete dataset beside its scenes: scene tables, poses, contact sheet, information."""
+    """Write the tables of a complete dataset: missing scene tables, poses, overlay and contact sheet."""
     out = job.job.out
     for first in range(0, job.count, VIEWS_PER_SCENE):
         views = range(first, min(first + VIEWS_PER_SCENE, job.count))
@@ -84,7 +84,7 @@ def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> None:
 
 
 def lacks_video(job: OpenJob) -> bool:
-    """Whether the options ask for a video that is not there; its poses, one a frame, are written last."""
+    """Whether the options ask for a video that does not exist or is incomplete; its poses are written last."""
     folder, options = job.job.out / "video", job.job.options
     if not options.video:
         return False
@@ -94,7 +94,7 @@ def lacks_video(job: OpenJob) -> bool:
 
 
 def write_trajectory_video(job: OpenJob, renderer: ViewRenderer, progress: Progress) -> Path:
-    """``video/trajectory.mp4`` and its poses, frame by frame."""
+    """Write ``video/trajectory.mp4`` and ``video/poses.csv``, one pose per frame; returns the video's path."""
     folder = job.job.out / "video"
     (folder / "poses.csv").unlink(missing_ok=True)
     poses = renderer.video_poses()
@@ -111,7 +111,7 @@ def write_trajectory_video(job: OpenJob, renderer: ViewRenderer, progress: Progr
 
 
 def summary(job: OpenJob) -> list[str]:
-    """Sentences about a complete dataset: size, what the frame observed, which poses were rejected."""
+    """Messages about a complete dataset: the observed fraction of the surface, and the rejected poses."""
     visible = observed = attempts = 0
     rejections = Rejections()
     for index in range(job.count):
@@ -132,6 +132,6 @@ def summary(job: OpenJob) -> list[str]:
         messages.append(
             f"{attempts} poses drawn, {attempts - job.count} rejected ({reasons})"
             if drawn
-            else f"poses that break the constraints, kept as they were given: {reasons}"
+            else f"poses that break the constraints, kept because they were listed: {reasons}"
         )
     return messages

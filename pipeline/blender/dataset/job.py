@@ -1,4 +1,4 @@
-"""The dataset job: from a case and options to a whole dataset on disk, in any number of processes, resumable."""
+"""The dataset job: from a case and options to a complete dataset on disk, in any number of processes, resumable."""
 
 import errno
 import hashlib
@@ -27,14 +27,14 @@ from ..colour.reference_view import reference_view_of
 from .view_renderer import ViewRenderer, view_camera
 
 NO_CONTENT = ("count", "poses", "video", "video_frames")
-"""Options that no view depends on, or that the identity holds elsewhere; a video may be added later."""
+"""Options that affect no view (a video may be added later), or that the identity holds elsewhere."""
 IN_FLIGHT = 3
-"""Rendered views that may wait for their encoding: enough to keep both sides busy, and memory flat."""
+"""Number of rendered views that may wait for encoding: enough to keep both sides busy with constant memory."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """What to render and where to.
+    """What to render, and where to write it.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Job:
     options
         What determines the content.
     shard
-        The part of the views to render.
+        The views to render.
     """
 
     case: Case
@@ -74,14 +74,14 @@ class OpenJob:
         return self.job.shard.views(self.count, VIEWS_PER_SCENE)
 
     def renderer(self, *, threads: int) -> ViewRenderer:
-        """What makes this job's views."""
+        """Create the renderer of this job's views, with this number of render threads."""
         source = reference_view_of(self.loaded)
         return ViewRenderer(self.loaded, source, self.job.options, self.given_poses, threads=threads)
 
     def identity(self) -> dict:
-        """Everything that the dataset's content depends on, and what is needed to use it: ``dataset.json``."""
+        """The content of ``dataset.json``: everything that the dataset depends on, or that its users need."""
         case, options = self.loaded.case, self.job.options
-        # what the case file says is below; its text may be saved anew, with landmarks, comments or a video to add
+        # the case file's values are below; its text may change, e.g. by landmarks, comments or a video
         files = {name: path for name, path in case.input_files().items() if name != "case"}
         if options.poses is not None:
             files["poses"] = Path(options.poses)
@@ -106,12 +106,12 @@ class OpenJob:
 
 
 def open_job(job: Job) -> OpenJob:
-    """Read and check all inputs of a job beside its case file.
+    """Read and check all inputs of a job; its case file has been read before.
 
     Raises
     ------
     InputError
-        Anything that the user gave and that cannot be used.
+        An input cannot be used.
     """
     loaded = load_case(job.case)
     given_poses: np.ndarray | None = None
@@ -126,23 +126,23 @@ def open_job(job: Job) -> OpenJob:
 def render_views(
     renderer: ViewRenderer, out: Path, views: Iterable[int | None], finished: Callable[[int], None]
 ) -> None:
-    """Make views and write them; encoding and writing run beside the next render.
+    """Render views and write them; encoding and writing run in parallel with the next render.
 
     Parameters
     ----------
     renderer
-        Makes the views.
+        Renders the views.
     out
         The dataset's folder.
     views
-        Numbers of the views; ``None`` for "nothing to do just now".
+        Numbers of the views; ``None`` means "nothing to do now".
     finished
-        Called with a view's number when it is on disk, from another thread.
+        Called from another thread with the number of a view that is on disk.
 
     Raises
     ------
     RunError
-        A file cannot be written; all views reported as finished are safe.
+        A file cannot be written; all views reported as finished are on disk.
     """
 
     def write(index: int, made: RenderedSample) -> None:
@@ -165,7 +165,7 @@ def render_views(
 
 
 def write_error(error: OSError, out: Path) -> RunError:
-    """The error to report when a file of the dataset cannot be written."""
+    """The error to report if a file of the dataset cannot be written."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RunError(
             f"{out}: the disk is full; the views finished so far are safe: free space and run the same command again"
@@ -176,12 +176,12 @@ def write_error(error: OSError, out: Path) -> RunError:
         )
     return RunError(
         f"{out}: cannot write {error.filename or 'a file'} ({error.strerror}); "
-        "the views finished so far are safe: correct that and run the same command again"
+        "the views finished so far are safe: fix the cause and run the same command again"
     )
 
 
 def available_cores() -> int:
-    """Cores that this process may use."""
+    """Number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

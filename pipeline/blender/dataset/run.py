@@ -1,4 +1,4 @@
-"""A whole dataset run, start to end: what ``render_dataset.py`` and the add-on's background job call."""
+"""A whole dataset run from start to end, for ``render_dataset.py`` and the add-on's background job."""
 
 import signal
 import sys
@@ -28,31 +28,31 @@ def run(
     stream: TextIO,
     progress_seconds: float = LINE_SECONDS,
 ) -> None:
-    """Render what is missing of a job's views and, when all of the dataset is there, its tables.
+    """Render the missing views of a job and, when the dataset is complete, write its tables.
 
     Parameters
     ----------
     job
         What to render.
     workers
-        Processes, this one included; 0 for one a core.
+        Number of processes, including this one; 0 for one per core.
     worker_command
         Starts another process that calls :func:`work` with the same job.
     stream
-        Where progress and sentences about the run go.
+        Stream for progress and messages.
     progress_seconds
         Time between lines of progress where there is no terminal.
 
     Raises
     ------
     InputError
-        Anything that the user gave and that cannot be used.
+        An input cannot be used.
     RunError
-        The folder is in use or holds another dataset, or a file cannot be written. Finished views stay.
+        The folder is in use or holds another dataset, or a file cannot be written. Finished views are kept.
     """
 
-    def report(sentence: str) -> None:
-        stream.write(sentence + "\n")
+    def report(message: str) -> None:
+        stream.write(message + "\n")
         stream.flush()
 
     check_engine(job.options.engine)
@@ -67,16 +67,16 @@ def run(
         if complete:
             folder.finish()
     if complete:
-        for sentence in (*finish.summary(opened), f"dataset of {opened.count} views: {job.out}"):
-            report(sentence)
+        for message in (*finish.summary(opened), f"dataset of {opened.count} views: {job.out}"):
+            report(message)
     elif job.shard.count == 1:
         raise RunError(
-            f"{job.out}: finished views have vanished; leave the folder alone and run the same command again"
+            f"{job.out}: finished views have disappeared; do not change the folder, and run the same command again"
         )
     else:
         report(
-            f"part {job.shard.index}/{job.shard.count}: {len(opened.views)} views are finished; when all parts lie in "
-            "one folder, the same command without --shard writes the tables"
+            f"shard {job.shard.index}/{job.shard.count}: {len(opened.views)} views are finished; when all shards are "
+            "in one folder, run the same command without --shard to write the tables"
         )
 
 
@@ -88,7 +88,7 @@ def _render_missing(
     stream: TextIO,
     progress_seconds: float,
 ) -> bool:
-    """Render, then write the tables that can be written, and the video; whether the whole dataset is there."""
+    """Render the missing views, then write the tables and the video; whether the whole dataset is complete."""
     out = opened.job.out
     done = finished_views(out, opened.views)
     missing = [index for index in opened.views if index not in done]
@@ -105,8 +105,8 @@ def _render_missing(
     try:
         pool.start(worker_command, workers - 1)
         with opened.renderer(threads=_threads(workers)) as renderer:
-            for sentence in (*opened.messages, *renderer.messages):
-                report(sentence)
+            for message in (*opened.messages, *renderer.messages):
+                report(message)
             complete = finish.is_complete(opened)
             if not complete:
                 finish.write_model_files(opened, renderer)
@@ -123,8 +123,8 @@ def _render_missing(
                 report(f"video: {_video(opened, renderer, shown)}")
     finally:
         pool.stop()
-    for sentence in pool.messages:
-        sys.stderr.write(sentence + "\n")
+    for message in pool.messages:
+        sys.stderr.write(message + "\n")
     return complete
 
 
@@ -135,14 +135,14 @@ def _video(opened: OpenJob, renderer: ViewRenderer, progress: Progress) -> Path:
 
 
 def work(job: Job, *, workers: int, stream: TextIO) -> None:
-    """Be one of ``workers`` processes: render the views whose numbers come in through the standard input."""
-    # first of all, so that the input is watched while everything is loaded
+    """Act as one of ``workers`` processes: render the views whose numbers arrive on standard input."""
+    # first, so that the input is watched while everything loads
     views = assigned_views()
-    # Ctrl-C reaches all processes of a terminal: the parent decides
+    # Ctrl-C reaches all processes of a terminal: the parent handles it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     keep_freed_memory()
     opened = open_job(job)
-    # the files may have changed since the run began: what it says that it is made of is what it must be made of
+    # the files may have changed since the run began
     check_identity(job.out / RECORD, opened.identity())
     with opened.renderer(threads=_threads(workers)) as renderer:
         render_views(renderer, job.out, views, lambda index: report_finished(index, stream))

@@ -1,4 +1,4 @@
-"""What a pose would show, before it is rendered: a coarse grid of rays through the true K."""
+"""What a pose would show, measured before rendering with a coarse grid of rays through the exact K."""
 
 from collections.abc import Sequence
 
@@ -14,11 +14,11 @@ from ..colour.reference_view import ReferenceView
 from ..render.surface_scene import SurfaceScene
 
 GRID = 16
-"""Rays along the longer side of the image; fractions are known to about 1 / GRID^2."""
+"""Number of rays along the longer side of the image; fractions are accurate to about 1 / GRID^2."""
 
 
 class ViewProbe:
-    """Casts a grid of rays at the surface; call it with ``cam_from_model``."""
+    """Casts a grid of rays at the surface; call it with ``cam_from_model`` (4x4, mm)."""
 
     def __init__(self, surface_scene: SurfaceScene, source: ReferenceView, camera: PinholeCamera) -> None:
         depsgraph = surface_scene.scene.view_layers[0].depsgraph
@@ -28,7 +28,7 @@ class ViewProbe:
         self._camera = camera
 
     def __call__(self, cam_from_model: np.ndarray) -> ViewStatistics:
-        """Surface and observed fraction of the view, and the camera's distance to the surface."""
+        """Surface fraction and observed fraction of the view, and the camera's distance to the surface."""
         seen = cast_grid(self._first_hit, self._camera, cam_from_model, along=GRID)
         *_, distance = self._tree.find_nearest(Vector(camera_centre(cam_from_model)))
         clearance = np.inf if distance is None else float(distance)

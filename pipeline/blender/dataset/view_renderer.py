@@ -1,4 +1,4 @@
-"""One view of a dataset from its number: pose, render, ground truth. The same for any worker, shard or order."""
+"""One view of a dataset from its number: pose, render, ground truth. Independent of worker, shard and order."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from .view_probe import ViewProbe
 
 
 class ViewRenderer:
-    """Makes views of one dataset; building it prepares everything that they share. Use as a context manager."""
+    """Renders views of one dataset; creating it prepares everything that they share. Use as a context manager."""
 
     def __init__(
         self,
@@ -36,13 +36,13 @@ class ViewRenderer:
         Parameters
         ----------
         loaded, source
-            The case and what its frame saw.
+            The case and its reference view.
         options
             The run's options.
         given_poses
-            ``(N, 4, 4)`` explicit ``cam_from_model``, or ``None`` to draw them.
+            ``(N, 4, 4)`` explicit ``cam_from_model``, mm, or ``None`` to draw poses.
         threads
-            Render threads, 0 for one a core.
+            Number of render threads, 0 for one per core.
         """
         self._options = options
         self.camera = view_camera(loaded, options)
@@ -73,7 +73,7 @@ class ViewRenderer:
             reference=reference,
             cone_deg=options.cone_deg,
             roll_deg=options.roll_deg,
-            # the path starts at the frame's own distance
+            # the path starts at the reference pose, at factor 1
             distance_min=min(options.distance_min, 1.0),
             distance_max=max(options.distance_max, 1.0),
         )
@@ -92,7 +92,7 @@ class ViewRenderer:
         self._scene.close()
 
     def plan(self, index: int) -> PlannedPose:
-        """The pose of view ``index``; depends on the case, the options and (seed, index) only.
+        """Plan the pose of view ``index``; it depends only on the case, the options and (seed, index).
 
         Raises
         ------
@@ -112,7 +112,7 @@ class ViewRenderer:
         return RenderedSample(planned, self.render(planned.cam_from_model))
 
     def render(self, cam_from_model: np.ndarray) -> RenderedView:
-        """Render any pose."""
+        """Render any pose (4x4, mm)."""
         if self._sampler is not None:
             return self._sampler.render(cam_from_model)
         return render_view(self._scene, cam_from_model)
@@ -122,7 +122,7 @@ class ViewRenderer:
         return self._trajectory.poses(self._options.video_frames)
 
     def encode(self, paths: ViewPaths, made: RenderedSample) -> tuple[dict[str, bytes], ViewRecord]:
-        """The files of a view by kind, and its record; touches no Blender data, so any thread may call it."""
+        """Encode a view's files, by kind, and its record; uses no Blender data, so any thread may call it."""
         return encode_view(
             paths,
             made,
@@ -134,7 +134,7 @@ class ViewRenderer:
 
 
 def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:
-    """The intrinsics of the views: the frame's, at the size that the options ask for.
+    """The intrinsics of the views: the frame's, scaled as in the options.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:
         return camera
     width, height = (round(size * options.scale) for size in camera.size_wh)
     if min(width, height) < 1:
-        raise InputError(f"--scale: expected views of at least 1 px, {options.scale:g} makes {width}x{height}")
+        raise InputError(f"--scale: expected views of at least 1 px, {options.scale:g} gives {width}x{height}")
     return camera.resized(width, height)
 
 
@@ -178,7 +178,7 @@ def _distribution(options: DatasetOptions, reference: ReferencePose, camera: Pin
 def _farthest_mm(
     source: ReferenceView, options: DatasetOptions, reference: ReferencePose, given_poses: np.ndarray | None
 ) -> float:
-    """A distance that surface in the dataset's views hardly ever exceeds (a view that does gets its own scale)."""
+    """A depth that the surface hardly ever exceeds in the dataset's views; a view beyond it gets its own scale."""
     reach = source.mesh.radius + float(np.linalg.norm(source.pivot_model))
     if given_poses is not None:
         return float(given_poses[:, 2, 3].max()) + source.mesh.radius

@@ -1,7 +1,7 @@
-"""More processes for one job: each worker is the same script once more, fed with view numbers through its input.
+"""Worker processes for one job: each runs the same command again and gets view numbers on standard input.
 
-A worker gets a number a line and answers with "finished: number" when that view is on disk; other lines of its output
-are Blender's. When its input ends, which also happens when the parent dies in any way, it ends too, wherever it is.
+A worker reads one number per line and answers "finished: number" when that view is on disk; other lines of its output
+come from Blender. When its input ends, which also happens if the parent dies in any way, the worker ends at once.
 """
 
 import os
@@ -19,14 +19,14 @@ from ..command_line import EXIT_INPUT, EXIT_RUN
 _FINISHED = "finished: "
 
 AHEAD = 2
-"""Views a worker has been given and not finished: one in work, one waiting, so that it never idles."""
+"""Number of unfinished views that a worker holds: one being rendered and one waiting, so that it never idles."""
 
 
 class WorkerPool:
-    """Workers that take views from a common queue; the parent takes from it as well."""
+    """Workers that take views from a common queue; the parent process takes views from it as well."""
 
     def __init__(self, views: Sequence[int], finished: Callable[[int], None]) -> None:
-        """Nothing runs yet; ``finished`` is called with a view's number, from any thread."""
+        """Prepare the queue, without starting workers; ``finished`` is called from any thread with a view's number."""
         self._views = deque(views)
         self._finished = finished
         self._threads: list[threading.Thread] = []
@@ -35,7 +35,7 @@ class WorkerPool:
         self.messages: list[str] = []
 
     def start(self, command: Sequence[str], count: int) -> None:
-        """Start ``count`` workers with a command."""
+        """Start ``count`` workers, each with the command."""
         for number in range(count):
             process = subprocess.Popen(
                 command,
@@ -52,7 +52,7 @@ class WorkerPool:
             thread.start()
 
     def views(self) -> Iterator[int]:
-        """Views for the parent itself, until none is left and no worker holds one."""
+        """Views for the parent process, until none is left and no worker holds one."""
         while True:
             self._check()
             try:
@@ -92,11 +92,11 @@ class WorkerPool:
                     self._finished(index)
                     self._give(process, given)
         except BrokenPipeError:
-            # it died: its exit code says more; if it lives, nobody listens to this process: let it go
+            # the worker died, and its exit code says more; or it no longer reads its input, so end it
             process.kill()
         code = process.wait()
         reader.join()
-        # what it held goes back to the others
+        # its unfinished views go back to the queue
         self._views.extendleft(sorted(given, reverse=True))
         reported = [line for line in errors if line.startswith("error: ")] or [*errors]
         last = reported[-1].strip().removeprefix("error: ") if reported else ""
@@ -106,7 +106,7 @@ class WorkerPool:
             self._failure = RunError(last)
         elif code != 0:
             how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
-            self.messages.append(f"worker {number} {how}; the others go on {f'({last})' if last else ''}".rstrip())
+            self.messages.append(f"worker {number} {how}; the others continue {f'({last})' if last else ''}".rstrip())
 
     def _give(self, process: subprocess.Popen[str], given: set[int]) -> None:
         stream = process.stdin
@@ -125,15 +125,15 @@ class WorkerPool:
 
 
 def report_finished(index: int, stream: TextIO) -> None:
-    """A worker's answer: this view is on disk."""
+    """Answer the parent that a view is on disk."""
     stream.write(f"{_FINISHED}{index}\n")
     stream.flush()
 
 
 def assigned_views(stream: TextIO = sys.stdin) -> Iterator[int | None]:
-    """A worker's views from its input, ``None`` now and then while it waits; does not end by itself.
+    """A worker's views from its input, with ``None`` now and then while it waits; the iterator never ends.
 
-    The process ends with its input, at once: the parent ends it when nothing is left to do, or has died.
+    When the input ends, the process exits at once: the parent has nothing left to do, or has died.
     """
     lines: queue.SimpleQueue[str] = queue.SimpleQueue()
 

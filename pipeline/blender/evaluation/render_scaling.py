@@ -1,4 +1,4 @@
-"""What more of it costs and brings: triangles, views, samples a pixel; measured in this process."""
+"""How time, memory and quality scale with triangles, views and samples per pixel; measured in this process."""
 
 import shutil
 import time
@@ -24,11 +24,11 @@ EDGE_SAMPLES = (1, 4, 8, 16)
 REFERENCE_SAMPLES = 256
 COMPARED_VIEWS = 3
 MEMORY_STEP = 100
-"""Views between two measurements of the memory."""
+"""Number of views between two measurements of the memory."""
 
 
 def measure_triangles(folder: Path, report: Callable[[str], None]) -> dict[str, float]:
-    """Milliseconds a view by triangle count, in one process."""
+    """Milliseconds per view by triangle count, in one process."""
     figures = {}
     for triangles in TRIANGLE_COUNTS:
         job = benchmark_job(write_benchmark_case(folder / f"t{triangles}", triangles), folder / "scaling")
@@ -37,7 +37,7 @@ def measure_triangles(folder: Path, report: Callable[[str], None]) -> dict[str, 
         milliseconds = float(np.median(np.diff(ends[WARM_UP_VIEWS:])) * 1e3)
         figures[f"{triangles} triangles"] = milliseconds
         shutil.rmtree(folder / "scaling")
-        report(f"  {triangles} triangles: {milliseconds:.0f} ms a view")
+        report(f"  {triangles} triangles: {milliseconds:.0f} ms per view")
     return figures
 
 
@@ -49,7 +49,7 @@ def _finishing_times(renderer: ViewRenderer, out: Path) -> list[float]:
 
 
 def measure_anti_aliasing(folder: Path, report: Callable[[str], None]) -> dict[str, float]:
-    """SSIM of exact and of anti-aliased views against 256 samples a pixel, the worst of the compared views."""
+    """SSIM of exact and of anti-aliased views against 256 samples per pixel, the lowest of the compared views."""
     case, figures = write_benchmark_case(folder / "anti-aliasing"), {}
     for samples in EDGE_SAMPLES:
         job = benchmark_job(case, folder / "unused", samples=samples)
@@ -63,7 +63,7 @@ def measure_anti_aliasing(folder: Path, report: Callable[[str], None]) -> dict[s
                 values.append(structural_similarity(truth, to_uint8(view.rendered.rgb), channel_axis=2, data_range=255))
         name = f"SSIM with {samples} rays at edges" if samples > 1 else "SSIM of exact views"
         figures[name] = float(min(values))
-        report(f"  {samples} samples: SSIM {min(values):.5f} (worst of {len(values)})")
+        report(f"  {samples} samples: SSIM {min(values):.5f} (lowest of {len(values)})")
     return figures
 
 
@@ -96,7 +96,7 @@ def measure_memory(folder: Path, report: Callable[[str], None], *, views: int) -
 
 
 def resident_mb() -> float:
-    """Resident memory of this process.
+    """Resident memory of this process, MB.
 
     Raises
     ------
@@ -108,5 +108,5 @@ def resident_mb() -> float:
         return next(int(line.split()[1]) / 1024 for line in lines if line.startswith("VmRSS"))
     except (OSError, StopIteration):
         raise RunError(
-            "memory: expected VmRSS in /proc/self/status, which only Linux has; measure the others with --only"
+            "memory: expected VmRSS in /proc/self/status, which only Linux has; name the other measurements with --only"
         ) from None

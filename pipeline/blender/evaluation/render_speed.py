@@ -1,4 +1,4 @@
-"""Speed as a user meets it: the whole command against PyVista, with more workers, and until the first view."""
+"""Speed as users experience it: the whole command against PyVista, with more workers, and until the first view."""
 
 import shutil
 import subprocess
@@ -21,37 +21,37 @@ from ..colour.reference_view import vertex_colours_of
 from ..dataset.job import Job, OpenJob, available_cores, open_job
 
 SCALE = 0.5
-"""Of the benchmark's frame: views of 640x480."""
+"""Scale of the views relative to the benchmark's frame: 640x480 px."""
 BLOCK = 12
-"""Views that PyVista renders at a time."""
+"""Number of views that PyVista renders in one round."""
 DEPTH_RANGE_MM = (150.0, 450.0)
 VIEWS, FIRST, LAST = 40, 10, 36
-"""Views of a timed run; those from ``FIRST`` to ``LAST`` count: workers start, and end, one after the other."""
+"""Number of views of a timed run; only those from ``FIRST`` to ``LAST`` count, while all workers run."""
 OURS: dict[str, dict[str, object]] = {
     "exact, projective": {"colour": "projective"},
     "exact, texture": {"colour": "texture"},
     "exact, vertex": {"colour": "vertex"},
     "anti-aliased (8 rays), projective": {"colour": "projective", "samples": 8},
 }
-"""Options of ``render_dataset.py`` by what they are called in the figures."""
+"""Names in the figures -> options of ``render_dataset.py``."""
 
 
 def benchmark_job(case: Path, out: Path, *, samples: int = 1) -> OpenJob:
-    """The job of a benchmark case at 640x480."""
+    """The job of a benchmark case at 640x480 px."""
     return open_job(Job(read_case(case), out, DatasetOptions(scale=SCALE, samples=samples), Shard()))
 
 
 def measure_speed(folder: Path, render_script: Path, report: Callable[[str], None], *, rounds: int) -> RenderTimes:
-    """Time complete frames on disk against PyVista's RGB in memory: alternating blocks of the same poses.
+    """Compare the time of complete views on disk with PyVista's RGB in memory: alternating blocks of the same poses.
 
     Parameters
     ----------
     folder
-        For temporary files.
+        Folder for temporary files.
     render_script
         ``render_dataset.py``, run as a command.
     rounds
-        Rounds that count; one more comes first, which warms up caches and shaders.
+        Number of rounds that count; an additional first one warms up caches and shaders.
 
     Raises
     ------
@@ -68,23 +68,23 @@ def measure_speed(folder: Path, render_script: Path, report: Callable[[str], Non
         for name, samples, lit in ((LIT_PEER, 8, True), (UNLIT_PEER, 8, False), (PLAIN_PEER, 1, False))
     }
     seconds: dict[str, list[float]] = {name: [] for name in (*peers, *OURS)}
-    for turn in range(rounds + 1):
+    for number in range(rounds + 1):
         for name, render in peers.items():
             start = time.perf_counter()
             for pose in poses:
                 render(pose)
             seconds[name].append((time.perf_counter() - start) / len(poses))
         for name, options in OURS.items():
-            seconds[name].append(dataset_seconds(render_script, case, folder / f"out-{turn}", options))
+            seconds[name].append(dataset_seconds(render_script, case, folder / f"out-{number}", options))
         report(
-            f"  round {turn} of {rounds}: "
+            f"  round {number} of {rounds}: "
             + ", ".join(f"{name} {each[-1] * 1e3:.0f} ms" for name, each in seconds.items())
         )
     return RenderTimes({name: tuple(each[1:]) for name, each in seconds.items()})
 
 
 def dataset_seconds(render_script: Path, case: Path, out: Path, options: dict[str, object]) -> float:
-    """Seconds a view of a run with these options, between the views' records on disk; the output is removed."""
+    """Seconds per view of a run with these options, from the times of the records on disk; removes the output."""
     shutil.rmtree(out, ignore_errors=True)
     flags = [f"--{name.replace('_', '-')}={value}" for name, value in options.items()]
     _run(render_script, case, out, f"--count={VIEWS}", *flags)
@@ -94,12 +94,12 @@ def dataset_seconds(render_script: Path, case: Path, out: Path, options: dict[st
 
 
 def measure_workers(folder: Path, render_script: Path, report: Callable[[str], None]) -> dict[str, float]:
-    """Milliseconds a view by number of processes."""
+    """Milliseconds per view by number of processes."""
     case, figures = write_benchmark_case(folder / "workers"), {}
     for workers in dict.fromkeys((1, 2, available_cores())):
         seconds = dataset_seconds(render_script, case, folder / "workers-out", {"workers": workers})
         figures[f"{workers} workers"] = 1e3 * seconds
-        report(f"  {workers} workers: {1e3 * seconds:.0f} ms a view")
+        report(f"  {workers} workers: {1e3 * seconds:.0f} ms per view")
     return figures
 
 

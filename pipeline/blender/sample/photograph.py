@@ -1,8 +1,8 @@
 """Photographs of the sample case, path traced by Cycles: wet bone under a surgical microscope's light.
 
-They play the part of the real microscope frame (and of frames held out to judge novel views), so nothing here uses the
-project's own colouring: colours come from three-dimensional noise in the material, far finer than the mesh, and
-shading, shadows, interreflection and wet highlights from a light beside the lens that moves with the camera.
+They replace the real microscope frame and the held-out frames for judging novel views, so nothing here uses the
+project's own colouring: colours come from three-dimensional noise in the material, far finer than the mesh; shading,
+shadows, interreflection and wet highlights come from a light next to the lens that moves with the camera.
 """
 
 import os
@@ -21,10 +21,10 @@ from ..bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_d
 from ..bridge.versions import IS_5, new_node_material
 
 LAMP_OFFSET_MM = np.array([-13.0, -16.0, 0.0])
-"""Where the light leaves beside the lens, ``cam`` axes: some 20 mm off the optical axis."""
+"""Position of the lamp next to the lens, ``cam`` axes: about 20 mm off the optical axis."""
 LAMP_RADIUS_MM = 4.0
 LAMP_WATT_PER_MM2 = 36.0
-"""Lamp power over the squared working distance, so that the exposure stays when the microscope moves."""
+"""Lamp power divided by the squared working distance, so that the exposure does not depend on the distance."""
 AMBIENT_COLOR = (0.9, 1.0, 1.1)
 AMBIENT_STRENGTH = 0.05
 
@@ -41,9 +41,9 @@ def take_photographs(
     Parameters
     ----------
     surface
-        Its bone is photographed; the structures are not (they lie in the bone, or belong to its sheet).
+        The photographs show its bone, not its structures (these are inside the bone, or parts of its surface).
     camera
-        Intrinsics of all shots; a pinhole, without lens effects.
+        Intrinsics of all photographs; a pinhole, without lens effects.
     shots
         ``cam_from_mesh`` (4x4, mm) and the file to write.
     samples
@@ -57,7 +57,7 @@ def take_photographs(
         scene = bpy.data.scenes.new("sample photograph")
         _set_render(scene, samples)
         _add_ambient(scene)
-        # centred, so that single precision in Blender is spent near the surface
+        # centred, so that Blender's single precision is most accurate near the surface
         centre = surface.bone.bounds.mean(axis=0)
         _add_bone(scene, surface, -centre)
         camera_object = new_camera(scene, camera, clip_mm=(10.0, 2000.0))
@@ -68,7 +68,7 @@ def take_photographs(
             _place_lamp(lamp, cam_from_scene)
             bpy.ops.render.render(scene=scene.name)
             partial = path.with_name(f".partial-{path.name}").absolute()
-            # unlike render.filepath, a plain path: # and {} stay as they are
+            # unlike render.filepath, this path is literal: # and {} have no special meaning
             bpy.data.images["Render Result"].save_render(str(partial), scene=scene)
             os.replace(partial, path)
             yield path
@@ -123,7 +123,7 @@ def _add_lamp(scene: bpy.types.Scene) -> bpy.types.Object:
 
 
 def _place_lamp(lamp_object: bpy.types.Object, cam_from_scene: np.ndarray) -> None:
-    """Beside the lens, aimed at the point of the optical axis at the scene's distance."""
+    """Place the lamp next to the lens and aim it at the point of the optical axis at the scene's distance."""
     distance = cam_from_scene[2, 3]
     forward = np.array([0, 0, distance]) - LAMP_OFFSET_MM
     forward /= np.linalg.norm(forward)
@@ -135,7 +135,7 @@ def _place_lamp(lamp_object: bpy.types.Object, cam_from_scene: np.ndarray) -> No
     lamp_object.data.energy = LAMP_WATT_PER_MM2 * distance**2
 
 
-# sRGB of each tissue where the grain of the noise is low and high, and how much it covers what stands above it
+# for each tissue: sRGB at the low and high end of the noise, and its opacity over the tissues before it
 PALETTE = {
     "cortex": ((226, 203, 168), (241, 231, 211), 1.0),
     "drilled": ((222, 182, 148), (251, 243, 226), 1.0),
@@ -182,7 +182,7 @@ Socket = bpy.types.NodeSocket
 
 
 class _Nodes:
-    """Short words for building a shader graph from numbers and sockets."""
+    """Short calls to build a shader graph from numbers and sockets."""
 
     def __init__(self, tree: bpy.types.NodeTree) -> None:
         self.tree = tree
@@ -234,7 +234,7 @@ def _tissue_material() -> bpy.types.Material:
     grain = fine["Fac"]
 
     colour = make.mix(make.ramp(grain, 0.30, 0.52), stored("color_low")["Color"], stored("color_high")["Color"])
-    # blood lies as a thin film where the large noise says so, and the grain breaks its edge
+    # the coarse noise places a thin film of blood, and the fine noise breaks up its edge
     edge = make.maths("MULTIPLY_ADD", grain, 0.3, blotch)
     colour = make.mix(make.ramp(edge, 0.70, 0.86, 0.0, 0.55), colour, _linear(BLOOD_FILM))
     muscle = make.mix(make.ramp(blotch, 0.35, 0.6), *map(_linear, MUSCLE))
@@ -244,7 +244,7 @@ def _tissue_material() -> bpy.types.Material:
     colour = make.mix(pool, colour, _linear(BLOOD_POOL))
 
     wet = make.ramp(make.maths("MULTIPLY_ADD", stored("wet")["Fac"], 0.25, blotch), 0.40, 0.62, 0.2, 1.0)
-    # three channels of one noise tilt the normal, at a fraction of the cost of a Bump node; fluid lies smooth
+    # three channels of one noise tilt the normal, at a fraction of the cost of a Bump node; fluid is smooth
     tilt = make.vector("SUBTRACT", fine["Color"], (0.5, 0.5, 0.5))
     rough = make.maths("MULTIPLY", stored("rough")["Fac"], make.ramp(pool, 0.0, 1.0, 1.0, 0.3))
     film = make.maths("MULTIPLY", rough, 0.4)

@@ -1,4 +1,4 @@
-"""The built-in sample case as a folder of files, such as a user would bring: frame, surface, structures, case file."""
+"""The built-in sample case as a folder of files like a user's own: frame, surface, structures, case file."""
 
 import json
 from collections.abc import Iterator
@@ -34,13 +34,13 @@ def write_sample_case(
     Parameters
     ----------
     folder
-        Made if it does not exist; files of these names are replaced.
+        Created if it does not exist; files of these names are replaced.
     surface
         From :func:`pipeline.sample.temporal_bone.sample_surface`.
     camera
         Intrinsics of all photographs.
     held_out
-        Whether to take the photographs to judge novel views as well, which is most of the time.
+        Also take the photographs for judging novel views, which takes most of the time.
 
     Yields
     ------

@@ -248,7 +248,7 @@ def test_one_writer_at_a_time_and_no_need_of_workers(case, reference, tmp_path, 
     os.kill(process.pid, signal.SIGCONT)
     _, errors = process.communicate()
     assert process.returncode == 0
-    assert errors == "worker 1 was killed by signal 9; the others go on\n"
+    assert errors == "worker 1 was killed by signal 9; the others continue\n"
     assert_same_dataset(out, reference)
 
 

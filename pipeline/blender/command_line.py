@@ -137,8 +137,8 @@ def exit_code(main: Callable[[Sequence[str]], int], argv: Sequence[str]) -> int:
 
     Returns
     -------
-    What ``main`` returned; 2 for :class:`InputError`, 3 for :class:`RunError`, 130 for an interruption, whose message
-    is that of the ``KeyboardInterrupt`` if it has one, and 1 for a defect.
+    What ``main`` returned; 2 for :class:`~pipeline.errors.InputError`, 3 for :class:`~pipeline.errors.RunError`, 130
+    for an interruption, whose message is that of the ``KeyboardInterrupt`` if it has one, and 1 for a defect.
     """
     try:
         return main(argv)

@@ -1,7 +1,7 @@
-"""Classes for Blender, with properties whose types a type checker can read.
+"""Registers classes with Blender whose properties have types that a type checker can read.
 
-Blender takes a property from an annotation, ``width: IntProperty(min=1)``, which is no type. The add-on's classes write
-``width: Annotated[int, IntProperty(min=1)]`` instead: the type of the value first, Blender's definition of it second.
+Blender takes a property from an annotation, ``width: IntProperty(min=1)``, which is not a type. The add-on's classes
+write ``width: Annotated[int, IntProperty(min=1)]`` instead: first the type of the value, then Blender's definition.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,13 +11,13 @@ import bpy
 
 
 def class_registration(classes: Sequence[type]) -> tuple[Callable[[], None], Callable[[], None]]:
-    """Functions that register classes, and unregister them in the opposite order.
+    """Return functions that register classes, and unregister them in reverse order.
 
     Parameters
     ----------
     classes
-        Operators, panels, property groups and so on, each after those that it refers to. Their properties, and those
-        of the mixins that they inherit from, may be annotated as above.
+        Operators, panels, property groups and so on, each after the classes that it refers to. Their properties, and
+        those of the mixins that they inherit from, may be annotated as above.
     """
     for kind in classes:
         for base in kind.__mro__:

@@ -4,6 +4,7 @@ Blender takes a property from an annotation, ``width: IntProperty(min=1)``, whic
 write ``width: Annotated[int, IntProperty(min=1)]`` instead: first the type of the value, then Blender's definition.
 """
 
+import inspect
 from collections.abc import Callable, Sequence
 from typing import Annotated, get_args, get_origin
 
@@ -21,8 +22,10 @@ def class_registration(classes: Sequence[type]) -> tuple[Callable[[], None], Cal
     """
     for kind in classes:
         for base in kind.__mro__:
-            annotations = vars(base).get("__annotations__", {})
-            annotations.update({name: _definition(annotation) for name, annotation in annotations.items()})
+            # from Python 3.14 on, a class computes its annotations on demand: they must be read and set explicitly
+            annotations = inspect.get_annotations(base)
+            if any(get_origin(annotation) is Annotated for annotation in annotations.values()):
+                base.__annotations__ = {name: _definition(annotation) for name, annotation in annotations.items()}
     register, unregister = bpy.utils.register_classes_factory(classes)
     return register, unregister
 

@@ -1,7 +1,7 @@
 """Operators that project the frame's colours on the surface, show them, and export the coloured surface."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import bpy
 import numpy as np
@@ -14,7 +14,7 @@ from ..pipeline.blender.colour.export import export_coloured_surface
 from ..pipeline.blender.colour.reference_view import colour_of, reference_view_of
 from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, put_colour, remove_colour
 from ..pipeline.errors import InputError
-from ..registration import class_registration
+from ..registration import class_registration, prop
 from ..state import from_scene
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
 
@@ -36,10 +36,9 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
     bl_label = "Project Colour"
     bl_options = {"REGISTER", "UNDO"}
 
-    mode: Annotated[
-        Literal["texture", "vertex"],
-        EnumProperty(name="As", description="How the surface holds the colours", items=MODES, default="vertex"),
-    ]
+    mode: Literal["texture", "vertex"] = prop(
+        EnumProperty(name="As", description="How the surface holds the colours", items=MODES, default="vertex")
+    )
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
@@ -119,12 +118,11 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operat
     bl_label = "Export Coloured Surface"
     bl_options = {"REGISTER"}
 
-    filter_glob: Annotated[str, StringProperty(default="*.glb;*.obj;*.ply", options={"HIDDEN"})]
-    file_format: Annotated[str, EnumProperty(name="Format", description="Kind of file", items=FORMATS, default="glb")]
-    mode: Annotated[
-        Literal["texture", "vertex"],
-        EnumProperty(name="Colours", description="How the file holds the colours", items=MODES, default="texture"),
-    ]
+    filter_glob: str = prop(StringProperty(default="*.glb;*.obj;*.ply", options={"HIDDEN"}))
+    file_format: str = prop(EnumProperty(name="Format", description="Kind of file", items=FORMATS, default="glb"))
+    mode: Literal["texture", "vertex"] = prop(
+        EnumProperty(name="Colours", description="How the file holds the colours", items=MODES, default="texture")
+    )
 
     @property
     def filename_ext(self) -> str:

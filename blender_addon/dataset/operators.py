@@ -4,7 +4,6 @@ import argparse
 import textwrap
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 import bpy
 import numpy as np
@@ -16,7 +15,7 @@ from ..pipeline.case.case_file import Case, read_case
 from ..pipeline.case.case_writer import case_text, write_case
 from ..pipeline.dataset.options import DatasetOptions, merged_options
 from ..pipeline.errors import InputError
-from ..registration import class_registration
+from ..registration import class_registration, prop
 from ..setup.alignment_record import recorded_case
 from ..state import from_scene
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
@@ -180,10 +179,9 @@ class ONEFRAME_OT_open_result(Reporting, bpy.types.Operator):
     bl_label = "Open Dataset"
     bl_options = {"REGISTER"}
 
-    contact_sheet: Annotated[
-        bool,
-        BoolProperty(name="Contact Sheet", description="Open the contact sheet instead of the folder", default=False),
-    ]
+    contact_sheet: bool = prop(
+        BoolProperty(name="Contact Sheet", description="Open the contact sheet instead of the folder", default=False)
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

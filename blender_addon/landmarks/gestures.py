@@ -5,7 +5,7 @@ cancels it. Between gestures no code of the add-on runs: navigation and undo are
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 import bpy
 import numpy as np
@@ -13,7 +13,7 @@ from bpy.props import EnumProperty
 
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
-from ..registration import class_registration
+from ..registration import class_registration, prop
 from ..state import events, from_scene
 from ..ui.operator import OperatorResult, redraw
 from . import edit, solve
@@ -101,8 +101,7 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
     bl_label = "Pick Landmark"
     bl_options = {"UNDO", "BLOCKING"}
 
-    kind: Annotated[
-        str,
+    kind: str = prop(
         EnumProperty(
             name="Kind",
             items=[
@@ -111,8 +110,8 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
                 ("PIN", "Pin", "Pull the surface by the point under the pointer"),
             ],
             options={"SKIP_SAVE"},
-        ),
-    ]
+        )
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -1,7 +1,6 @@
 """Operators that edit, solve, import and export landmarks, without a drag of the mouse."""
 
 from collections.abc import Sequence
-from typing import Annotated
 
 import bpy
 import numpy as np
@@ -11,7 +10,7 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.landmark_file import read_landmarks, write_landmarks
 from ..pipeline.errors import InputError
-from ..registration import class_registration
+from ..registration import class_registration, prop
 from ..state import events, from_scene, to_scene
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
 from . import edit, solve
@@ -38,26 +37,24 @@ class _HasLandmarks(NeedsAlignment):
 class _PointAndPixel(bpy.types.Operator):
     """Mixin: a surface point and an image point as optional properties."""
 
-    point: Annotated[
-        Sequence[float],
+    point: Sequence[float] = prop(
         FloatVectorProperty(
             name="Surface Point",
             description="Point on the surface in the frame model, mm",
             size=3,
             precision=4,
             options=NOT_REMEMBERED,
-        ),
-    ]
-    pixel: Annotated[
-        Sequence[float],
+        )
+    )
+    pixel: Sequence[float] = prop(
         FloatVectorProperty(
             name="Image Point",
             description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
             size=2,
             precision=3,
             options=NOT_REMEMBERED,
-        ),
-    ]
+        )
+    )
 
     def given_point(self) -> np.ndarray | None:
         return np.array(self.point, float) if self.properties.is_property_set("point") else None
@@ -75,19 +72,18 @@ class ONEFRAME_OT_landmark_set(NeedsAlignment, _PointAndPixel, Reporting, bpy.ty
     bl_label = "Set Landmark"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: Annotated[
-        int,
+    index: int = prop(
         IntProperty(
             name="Index",
             description="Index in the list, counted from 0; -1 for the landmark that lacks this point, or a new one",
             default=-1,
             min=-1,
             options=NOT_REMEMBERED,
-        ),
-    ]
-    name: Annotated[
-        str, StringProperty(name="Name", description="New name; empty to keep the name", options=NOT_REMEMBERED)
-    ]
+        )
+    )
+    name: str = prop(
+        StringProperty(name="Name", description="New name; empty to keep the name", options=NOT_REMEMBERED)
+    )
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
@@ -110,16 +106,15 @@ class ONEFRAME_OT_landmark_pin(NeedsAlignment, _PointAndPixel, Reporting, bpy.ty
     bl_label = "Pull Pin"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: Annotated[
-        int,
+    index: int = prop(
         IntProperty(
             name="Index",
             description="Index in the list, counted from 0; -1 for a new landmark",
             default=-1,
             min=-1,
             options=NOT_REMEMBERED,
-        ),
-    ]
+        )
+    )
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
@@ -172,8 +167,8 @@ class ONEFRAME_OT_landmark_remove(_OnOneLandmark, _HasLandmarks, Reporting, bpy.
     bl_label = "Delete Landmark"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: Annotated[int, IntProperty(name="Index", description=INDEX, default=-1, min=-1, options=NOT_REMEMBERED)]
-    at_pointer: Annotated[bool, BoolProperty(options={"HIDDEN", "SKIP_SAVE"})]
+    index: int = prop(IntProperty(name="Index", description=INDEX, default=-1, min=-1, options=NOT_REMEMBERED))
+    at_pointer: bool = prop(BoolProperty(options={"HIDDEN", "SKIP_SAVE"}))
     # a click that misses a mark by a pixel must not let the key delete the surface
     result_without_landmark = {"CANCELLED"}
 
@@ -188,8 +183,8 @@ class ONEFRAME_OT_landmark_toggle(_OnOneLandmark, _HasLandmarks, Reporting, bpy.
     bl_label = "Toggle Landmark"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: Annotated[int, IntProperty(name="Index", description=INDEX, default=-1, min=-1, options=NOT_REMEMBERED)]
-    at_pointer: Annotated[bool, BoolProperty(options={"HIDDEN", "SKIP_SAVE"})]
+    index: int = prop(IntProperty(name="Index", description=INDEX, default=-1, min=-1, options=NOT_REMEMBERED))
+    at_pointer: bool = prop(BoolProperty(options={"HIDDEN", "SKIP_SAVE"}))
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
@@ -238,11 +233,10 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Oper
     bl_label = "Import Landmarks"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default="*.csv;*.json", options={"HIDDEN"})]
-    keep: Annotated[
-        bool,
-        BoolProperty(name="Keep Existing", description="Add to the existing landmarks instead of replacing them"),
-    ]
+    filter_glob: str = prop(StringProperty(default="*.csv;*.json", options={"HIDDEN"}))
+    keep: bool = prop(
+        BoolProperty(name="Keep Existing", description="Add to the existing landmarks instead of replacing them")
+    )
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
@@ -263,7 +257,7 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Opera
 
     filename_ext = ".csv"
     check_extension = None
-    filter_glob: Annotated[str, StringProperty(default="*.csv;*.json", options={"HIDDEN"})]
+    filter_glob: str = prop(StringProperty(default="*.csv;*.json", options={"HIDDEN"}))
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene

@@ -1,7 +1,5 @@
 """Operators that move the surface in steps of image pixels: by keys, buttons and drags of the gizmo."""
 
-from typing import Annotated
-
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
@@ -9,7 +7,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty
 from ..pipeline.alignment.manual.nudge import Axis, nudged
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
-from ..registration import class_registration
+from ..registration import class_registration, prop
 from ..state import from_scene
 from ..state.pivot import keep_pivot, pivot_of
 from ..state.pose_text import pose_from_text, pose_rows, set_cam_from_mesh
@@ -77,18 +75,15 @@ class ONEFRAME_OT_nudge(_Mover, Reporting, bpy.types.Operator):
     bl_label = "Nudge Surface"
     bl_options = {"REGISTER", "UNDO"}
 
-    axis: Annotated[
-        Axis, EnumProperty(name="Axis", items=AXES, description="Axis of the camera to move along or about")
-    ]
-    step_px: Annotated[
-        float,
+    axis: Axis = prop(EnumProperty(name="Axis", items=AXES, description="Axis of the camera to move along or about"))
+    step_px: float = prop(
         FloatProperty(
             name="Step",
             description="Step in pixels of the frame; negative for the opposite direction",
             default=1.0,
             precision=2,
-        ),
-    ]
+        )
+    )
 
     def run(self, context: bpy.types.Context) -> None:
         self._begin(context)
@@ -125,8 +120,7 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
     bl_label = "Drag Surface"
     bl_options = {"REGISTER", "UNDO", "BLOCKING", "GRAB_CURSOR"}
 
-    mode: Annotated[
-        str,
+    mode: str = prop(
         EnumProperty(
             name="Mode",
             items=[
@@ -135,8 +129,8 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
                 ("roll", "Roll", "Roll about the view ray"),
                 ("depth", "Depth", "Up: farther, down: nearer"),
             ],
-        ),
-    ]
+        )
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -201,9 +195,9 @@ class ONEFRAME_OT_copy_pose(Reporting, bpy.types.Operator):
     bl_idname = "oneframe.copy_pose"
     bl_label = "Copy Pose"
 
-    inverse: Annotated[
-        bool, BoolProperty(name="Inverse", description="Copy mesh_from_cam instead of cam_from_mesh", default=False)
-    ]
+    inverse: bool = prop(
+        BoolProperty(name="Inverse", description="Copy mesh_from_cam instead of cam_from_mesh", default=False)
+    )
 
     def run(self, context: bpy.types.Context) -> Messages:
         context.window_manager.clipboard = "\n".join(pose_rows(context.scene, inverse=self.inverse))

@@ -1,7 +1,6 @@
 """Operators that load frame, camera, surface, structures and pose, and open and save the case."""
 
 from collections.abc import Sequence
-from typing import Annotated
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
@@ -18,7 +17,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.mesh_writer import write_ply
-from ..registration import class_registration
+from ..registration import class_registration, prop
 from ..state import from_scene, to_scene
 from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
@@ -39,7 +38,7 @@ class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Open Case"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default="*.toml", options={"HIDDEN"})]
+    filter_glob: str = prop(StringProperty(default="*.toml", options={"HIDDEN"}))
 
     def run(self, context: bpy.types.Context) -> Messages:
         loaded = load_case(read_case(self.chosen_file()), aligned=False)
@@ -58,17 +57,16 @@ class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):
     bl_options = {"REGISTER"}
 
     filename_ext = ".toml"
-    filter_glob: Annotated[str, StringProperty(default="*.toml", options={"HIDDEN"})]
+    filter_glob: str = prop(StringProperty(default="*.toml", options={"HIDDEN"}))
 
-    save_as: Annotated[
-        bool,
+    save_as: bool = prop(
         BoolProperty(
             name="Save As",
             description="Ask for the file even if the case already has one",
             default=False,
             options={"SKIP_SAVE"},
-        ),
-    ]
+        )
+    )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         known = bpy.path.abspath(context.scene.oneframe.case_path)
@@ -90,7 +88,7 @@ class ONEFRAME_OT_load_frame(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Load Frame"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default=IMAGES, options={"HIDDEN"})]
+    filter_glob: str = prop(StringProperty(default=IMAGES, options={"HIDDEN"}))
 
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
@@ -105,10 +103,10 @@ class ONEFRAME_OT_load_video_frame(ReportingFile, bpy.types.Operator, ImportHelp
     bl_label = "Load Video Frame"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default=VIDEOS, options={"HIDDEN"})]
-    frame_index: Annotated[
-        int, IntProperty(name="Frame", description="Number of the frame, counted from 0", min=0, default=0)
-    ]
+    filter_glob: str = prop(StringProperty(default=VIDEOS, options={"HIDDEN"}))
+    frame_index: int = prop(
+        IntProperty(name="Frame", description="Number of the frame, counted from 0", min=0, default=0)
+    )
 
     def run(self, context: bpy.types.Context) -> Messages:
         from ..pipeline.video.frame_reader import write_video_frame
@@ -126,7 +124,7 @@ class ONEFRAME_OT_load_camera(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Load K"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default=CAMERAS, options={"HIDDEN"})]
+    filter_glob: str = prop(StringProperty(default=CAMERAS, options={"HIDDEN"}))
 
     def run(self, context: bpy.types.Context) -> Messages:
         found = read_camera(self.chosen_file())
@@ -173,10 +171,10 @@ class ONEFRAME_OT_load_surface(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Load Surface"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default=MESHES, options={"HIDDEN"})]
-    units: Annotated[
-        str, EnumProperty(name="Units", description="Unit of the numbers in the file", items=UNITS, default="mm")
-    ]
+    filter_glob: str = prop(StringProperty(default=MESHES, options={"HIDDEN"}))
+    units: str = prop(
+        EnumProperty(name="Units", description="Unit of the numbers in the file", items=UNITS, default="mm")
+    )
 
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
@@ -192,9 +190,8 @@ class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper)
     bl_label = "Add Structure"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default=MESHES, options={"HIDDEN"})]
-    color: Annotated[
-        Sequence[float],
+    filter_glob: str = prop(StringProperty(default=MESHES, options={"HIDDEN"}))
+    color: Sequence[float] = prop(
         FloatVectorProperty(
             name="Colour",
             subtype="COLOR_GAMMA",
@@ -203,8 +200,8 @@ class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper)
             max=1,
             default=(1.0, 0.0, 1.0),
             description="Colour of the structure",
-        ),
-    ]
+        )
+    )
 
     def run(self, context: bpy.types.Context) -> Messages:
         surface = from_scene.surface_of(context.scene)
@@ -225,7 +222,7 @@ class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_label = "Load Pose"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: Annotated[str, StringProperty(default=POSES, options={"HIDDEN"})]
+    filter_glob: str = prop(StringProperty(default=POSES, options={"HIDDEN"}))
 
     def run(self, context: bpy.types.Context) -> Messages:
         cam_from_mesh, message = read_pose(self.chosen_file())
@@ -252,7 +249,7 @@ class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportH
     bl_options = {"REGISTER", "UNDO"}
 
     filename_ext = ".ply"
-    filter_glob: Annotated[str, StringProperty(default="*.ply", options={"HIDDEN"})]
+    filter_glob: str = prop(StringProperty(default="*.ply", options={"HIDDEN"}))
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene, path = context.scene, self.chosen_file()

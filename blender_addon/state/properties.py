@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Any
 
 import bpy
 from bpy.props import (
@@ -19,7 +19,7 @@ from bpy.props import (
 
 from ..pipeline.camera.pinhole import PixelOrigin
 from ..pipeline.dataset.options import DatasetOptions
-from ..registration import class_registration
+from ..registration import class_registration, prop
 from . import events
 
 UNITS = [("mm", "Millimetres", "The mesh's numbers are millimetres"), ("m", "Metres", "The mesh's numbers are metres")]
@@ -44,71 +44,62 @@ def _keep_name_unique(landmark: "ONEFRAME_PG_landmark", _context: bpy.types.Cont
 class ONEFRAME_PG_landmark(bpy.types.PropertyGroup):
     """A 2D-3D correspondence: a surface point and an image point, either of which may still be missing."""
 
-    name: Annotated[str, StringProperty(name="Name", description="Name of the landmark", update=_keep_name_unique)]
-    enabled: Annotated[
-        bool,
+    name: str = prop(StringProperty(name="Name", description="Name of the landmark", update=_keep_name_unique))
+    enabled: bool = prop(
         BoolProperty(
             name="Use",
             description="Use this correspondence for the pose",
             default=True,
             update=events.landmarks_changed,
-        ),
-    ]
-    has_point: Annotated[bool, BoolProperty(description="The point on the surface has been picked")]
-    point: Annotated[
-        Sequence[float],
+        )
+    )
+    has_point: bool = prop(BoolProperty(description="The point on the surface has been picked"))
+    point: Sequence[float] = prop(
         FloatVectorProperty(
             name="Surface Point", description="Point on the surface in the frame model, mm", size=3, precision=4
-        ),
-    ]
-    has_pixel: Annotated[bool, BoolProperty(description="The point in the frame has been picked")]
-    pixel: Annotated[
-        Sequence[float],
+        )
+    )
+    has_pixel: bool = prop(BoolProperty(description="The point in the frame has been picked"))
+    pixel: Sequence[float] = prop(
         FloatVectorProperty(
             name="Image Point",
             description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
             size=2,
             precision=3,
-        ),
-    ]
+        )
+    )
 
 
 class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
     """K as typed in the panel; Set Camera applies it."""
 
-    width: Annotated[
-        int, IntProperty(name="Width", description="Width of the frame in pixels", min=1, max=65536, default=1920)
-    ]
-    height: Annotated[
-        int, IntProperty(name="Height", description="Height of the frame in pixels", min=1, max=65536, default=1080)
-    ]
-    fx: Annotated[
-        float, FloatProperty(name="fx", description="Focal length in pixels, along x", default=12800.0, precision=4)
-    ]
-    fy: Annotated[
-        float, FloatProperty(name="fy", description="Focal length in pixels, along y", default=12800.0, precision=4)
-    ]
-    cx: Annotated[
-        float, FloatProperty(name="cx", description="Principal point in pixels, x", default=959.5, precision=4)
-    ]
-    cy: Annotated[
-        float, FloatProperty(name="cy", description="Principal point in pixels, y", default=539.5, precision=4)
-    ]
-    pixel_origin: Annotated[
-        PixelOrigin,
+    width: int = prop(
+        IntProperty(name="Width", description="Width of the frame in pixels", min=1, max=65536, default=1920)
+    )
+    height: int = prop(
+        IntProperty(name="Height", description="Height of the frame in pixels", min=1, max=65536, default=1080)
+    )
+    fx: float = prop(
+        FloatProperty(name="fx", description="Focal length in pixels, along x", default=12800.0, precision=4)
+    )
+    fy: float = prop(
+        FloatProperty(name="fy", description="Focal length in pixels, along y", default=12800.0, precision=4)
+    )
+    cx: float = prop(FloatProperty(name="cx", description="Principal point in pixels, x", default=959.5, precision=4))
+    cy: float = prop(FloatProperty(name="cy", description="Principal point in pixels, y", default=539.5, precision=4))
+    pixel_origin: PixelOrigin = prop(
         EnumProperty(
             name="Pixel Origin",
             description="Where pixel (0, 0) of the principal point is",
             items=ORIGINS,
             default="center",
-        ),
-    ]
-    distortion: Annotated[
-        str,
+        )
+    )
+    distortion: str = prop(
         StringProperty(
             name="Distortion", description="OpenCV's k1, k2, p1, p2, k3, separated by commas; empty for none"
-        ),
-    ]
+        )
+    )
 
 
 def _dataset_annotations() -> dict:
@@ -141,61 +132,55 @@ class ONEFRAME_PG_dataset(bpy.types.PropertyGroup):
 class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     """Everything that the add-on stores in a scene."""
 
-    case_path: Annotated[
-        str, StringProperty(name="Case", description="The case file that was opened or saved", subtype="FILE_PATH")
-    ]
-    frame_path: Annotated[str, StringProperty(name="Frame", description="The frame's image file", subtype="FILE_PATH")]
-    frame_size: Annotated[
-        Sequence[int],
-        IntVectorProperty(name="Frame Size", description="Width and height of the frame in pixels", size=2),
-    ]
-    units: Annotated[str, EnumProperty(name="Units", description="Unit of the mesh files", items=UNITS, default="mm")]
-    camera: Annotated[ONEFRAME_PG_camera, PointerProperty(type=ONEFRAME_PG_camera)]
-    distortion_text: Annotated[str, StringProperty(description="Distortion in use (JSON), exact", options={"HIDDEN"})]
-    case_dataset_text: Annotated[
-        str, StringProperty(description="The case's [dataset] table as read (JSON)", options={"HIDDEN"})
-    ]
-    case_alignment_text: Annotated[
-        str, StringProperty(description="The case's [alignment] table as read (JSON)", options={"HIDDEN"})
-    ]
-    camera_object: Annotated[
-        bpy.types.Object | None, PointerProperty(type=bpy.types.Object, name="Camera", description="The frame's camera")
-    ]
-    surface: Annotated[
-        bpy.types.Object | None,
-        PointerProperty(type=bpy.types.Object, name="Surface", description="The surface that is aligned"),
-    ]
-    landmarks: Annotated[
-        "bpy.types.bpy_prop_collection_idprop[ONEFRAME_PG_landmark]", CollectionProperty(type=ONEFRAME_PG_landmark)
-    ]
-    landmark_index: Annotated[int, IntProperty(name="Active Landmark", description="Landmark being edited")]
-    click_sigma_px: Annotated[
-        float,
+    case_path: str = prop(
+        StringProperty(name="Case", description="The case file that was opened or saved", subtype="FILE_PATH")
+    )
+    frame_path: str = prop(StringProperty(name="Frame", description="The frame's image file", subtype="FILE_PATH"))
+    frame_size: Sequence[int] = prop(
+        IntVectorProperty(name="Frame Size", description="Width and height of the frame in pixels", size=2)
+    )
+    units: str = prop(EnumProperty(name="Units", description="Unit of the mesh files", items=UNITS, default="mm"))
+    camera: ONEFRAME_PG_camera = prop(PointerProperty(type=ONEFRAME_PG_camera))
+    distortion_text: str = prop(StringProperty(description="Distortion in use (JSON), exact", options={"HIDDEN"}))
+    case_dataset_text: str = prop(
+        StringProperty(description="The case's [dataset] table as read (JSON)", options={"HIDDEN"})
+    )
+    case_alignment_text: str = prop(
+        StringProperty(description="The case's [alignment] table as read (JSON)", options={"HIDDEN"})
+    )
+    camera_object: bpy.types.Object | None = prop(
+        PointerProperty(type=bpy.types.Object, name="Camera", description="The frame's camera")
+    )
+    surface: bpy.types.Object | None = prop(
+        PointerProperty(type=bpy.types.Object, name="Surface", description="The surface that is aligned")
+    )
+    landmarks: "bpy.types.bpy_prop_collection_idprop[ONEFRAME_PG_landmark]" = prop(
+        CollectionProperty(type=ONEFRAME_PG_landmark)
+    )
+    landmark_index: int = prop(IntProperty(name="Active Landmark", description="Landmark being edited"))
+    click_sigma_px: float = prop(
         FloatProperty(
             name="Click Noise",
             description="Standard deviation of a picked image point in pixels: how exactly you can click",
             default=2.0,
             min=0.05,
             max=50.0,
-        ),
-    ]
-    live_solve: Annotated[
-        bool,
+        )
+    )
+    live_solve: bool = prop(
         BoolProperty(
             name="Live",
             description="Solve for the pose after every change of the landmarks",
             default=True,
             update=events.landmarks_changed,
-        ),
-    ]
-    show_landmarks: Annotated[
-        bool,
+        )
+    )
+    show_landmarks: bool = prop(
         BoolProperty(
             name="Show Landmarks", description="Draw landmarks, residuals and the pose's uncertainty", default=True
-        ),
-    ]
-    step: Annotated[
-        str,
+        )
+    )
+    step: str = prop(
         EnumProperty(
             name="Step",
             description="Step of the buttons in pixels of the frame",
@@ -205,41 +190,36 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
                 ("fine", "0.1 px", "A tenth of a pixel (keys: hold Shift)"),
             ],
             default="normal",
-        ),
-    ]
-    show_gizmo: Annotated[
-        bool, BoolProperty(name="Gizmo", description="Show handles at the pivot of the visible surface", default=True)
-    ]
-    dataset: Annotated[ONEFRAME_PG_dataset, PointerProperty(type=ONEFRAME_PG_dataset)]
-    dataset_out: Annotated[
-        str,
+        )
+    )
+    show_gizmo: bool = prop(
+        BoolProperty(name="Gizmo", description="Show handles at the pivot of the visible surface", default=True)
+    )
+    dataset: ONEFRAME_PG_dataset = prop(PointerProperty(type=ONEFRAME_PG_dataset))
+    dataset_out: str = prop(
         StringProperty(
             name="Folder", description="Folder of the dataset; a stopped run continues there", subtype="DIR_PATH"
-        ),
-    ]
-    preview_poses: Annotated[
-        int,
-        IntProperty(
-            name="Poses", description="Number of poses to preview, from the first", default=50, min=1, max=2000
-        ),
-    ]
-    preview_view: Annotated[
-        int, IntProperty(name="View", description="Number of the view to preview, counted from 0", default=0, min=0)
-    ]
+        )
+    )
+    preview_poses: int = prop(
+        IntProperty(name="Poses", description="Number of poses to preview, from the first", default=50, min=1, max=2000)
+    )
+    preview_view: int = prop(
+        IntProperty(name="View", description="Number of the view to preview, counted from 0", default=0, min=0)
+    )
 
 
 class ONEFRAME_PG_object(bpy.types.PropertyGroup):
     """The role of an object in the alignment, and the file it was loaded from."""
 
-    role: Annotated[
-        str,
+    role: str = prop(
         EnumProperty(
             name="Role", items=[("NONE", "None", ""), ("SURFACE", "Surface", ""), ("STRUCTURE", "Structure", "")]
-        ),
-    ]
-    mesh_path: Annotated[
-        str, StringProperty(name="Mesh", description="File that the mesh was loaded from", subtype="FILE_PATH")
-    ]
+        )
+    )
+    mesh_path: str = prop(
+        StringProperty(name="Mesh", description="File that the mesh was loaded from", subtype="FILE_PATH")
+    )
 
 
 _CLASSES = (

@@ -5,13 +5,12 @@ Nothing here changes the pose: zoom and pan belong to the view.
 """
 
 from collections.abc import Sequence
-from typing import Annotated
 
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty
 
-from ..registration import class_registration
+from ..registration import class_registration, prop
 from ..state import from_scene
 from ..ui.frame_view import FrameView, shows_frame, window_region
 from ..ui.keymap import OBJECT_MODE, Key, Keys
@@ -63,49 +62,46 @@ def _set_wireframe(self: bpy.types.PropertyGroup, value: bool) -> None:
 class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     """Settings of the camera view."""
 
-    opacity: Annotated[float, FloatProperty(
+    opacity: float = prop(FloatProperty(
         name="Opacity", description="Opacity of the surface over the frame", min=0, max=1, get=_opacity,
         set=_set_opacity, subtype="FACTOR",
-    )]  # fmt: skip
-    wireframe: Annotated[
-        bool,
+    ))  # fmt: skip
+    wireframe: bool = prop(
         BoolProperty(
             name="Wireframe", description="Show the surface as a wireframe", get=_wireframe, set=_set_wireframe
-        ),
-    ]
-    contour: Annotated[
-        bool, BoolProperty(name="Contour", description="Draw outlines and creases of the surface over the frame")
-    ]
-    crease_deg: Annotated[float, FloatProperty(
+        )
+    )
+    contour: bool = prop(
+        BoolProperty(name="Contour", description="Draw outlines and creases of the surface over the frame")
+    )
+    crease_deg: float = prop(FloatProperty(
         name="Crease",
         description="Least change of the surface's normal within 6 px of the frame that counts as a crease, in degrees",
         min=5, max=120, default=60, precision=0, step=500,
-    )]  # fmt: skip
-    contour_color: Annotated[Sequence[float], FloatVectorProperty(
+    ))  # fmt: skip
+    contour_color: Sequence[float] = prop(FloatVectorProperty(
         name="Contour Colour", description="Colour of the contour", subtype="COLOR_GAMMA", size=3, min=0, max=1,
         default=(0.1, 1.0, 0.95),
-    )]  # fmt: skip
-    comparison: Annotated[str, EnumProperty(name="Compare", description="Compare surface and frame", items=COMPARISONS)]
-    split: Annotated[float, FloatProperty(
+    ))  # fmt: skip
+    comparison: str = prop(EnumProperty(name="Compare", description="Compare surface and frame", items=COMPARISONS))
+    split: float = prop(FloatProperty(
         name="Line", description="Position of the line between frame and surface, as a fraction of the frame's width",
         min=0, max=1, default=0.5, subtype="FACTOR",
-    )]  # fmt: skip
-    gain: Annotated[
-        float,
+    ))  # fmt: skip
+    gain: float = prop(
         FloatProperty(
             name="Gain",
             description="Factor by which the difference of a coloured surface is brightened",
             min=0.5,
             max=20,
             default=3.0,
-        ),
-    ]
-    loupe: Annotated[
-        bool,
+        )
+    )
+    loupe: bool = prop(
         BoolProperty(
             name="Loupe", description="Magnify the surroundings of the pointer while you pick landmarks", default=True
-        ),
-    ]
+        )
+    )
 
 
 class _FrameTool(NeedsAlignment):
@@ -231,14 +227,14 @@ class ONEFRAME_OT_zoom_frame(_FrameTool, bpy.types.Operator):
     bl_label = "Zoom Frame"
     bl_options = {"REGISTER"}
 
-    factor: Annotated[
-        float, FloatProperty(name="Factor", description="Change of the zoom", default=1.25, min=0.01, max=100)
-    ]
-    magnification: Annotated[float, FloatProperty(
+    factor: float = prop(
+        FloatProperty(name="Factor", description="Change of the zoom", default=1.25, min=0.01, max=100)
+    )
+    magnification: float = prop(FloatProperty(
         name="Magnification",
         description="Screen pixels per pixel of the frame; 0 to use the factor",
         default=0, min=0, max=MAGNIFICATIONS[1],
-    )]  # fmt: skip
+    ))  # fmt: skip
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         region = window_region(context.area)

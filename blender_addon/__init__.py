@@ -1,12 +1,12 @@
-"""The Blender add-on: align one frame to a surface in the viewport, know how well, colour it, render a dataset.
+"""The Blender add-on: align a frame to a surface, assess the alignment, colour the surface, render a dataset.
 
-A topic is a folder is a panel of the sidebar, in the order of the work: ``setup``, ``view``, ``move``, ``landmarks``,
-``refine``, ``colour``, ``dataset``. ``state`` holds the properties and their way to and from the pipeline's data,
-``ui`` what all topics draw and click with. Operators are thin: they gather from the scene, call one function of the
-pipeline and report.
+Each topic has a folder and a panel in the sidebar, in the order of the work: ``setup``, ``view``, ``move``,
+``landmarks``, ``refine``, ``colour``, ``dataset``. ``state`` holds the properties and converts them to and from the
+pipeline's types; ``ui`` holds the drawing and input code that the topics share. Operators are thin: they read the
+scene, call one function of the pipeline and report.
 
-The extension carries the pipeline inside this package; in a checkout it lies beside it, and ``.pipeline`` names the
-same modules.
+The extension contains the pipeline inside this package. In a checkout the pipeline lies next to it, and ``.pipeline``
+is an alias for the same modules.
 """
 
 import sys
@@ -20,8 +20,8 @@ from types import ModuleType
 _HERE = Path(__file__).resolve().parent
 
 
-class _PipelineBeside(MetaPathFinder, Loader):
-    """Finds ``.pipeline`` as the package beside this one: the same modules, never copies of their classes."""
+class _CheckoutPipeline(MetaPathFinder, Loader):
+    """In a checkout, imports ``.pipeline`` as the package next to this one: the same modules, not copies of them."""
 
     def __init__(self) -> None:
         self._own_specs: dict[str, ModuleSpec | None] = {}
@@ -36,19 +36,19 @@ class _PipelineBeside(MetaPathFinder, Loader):
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        # it is executed already; the import system has only put this alias's spec in the place of its own
+        # executed already; but the import system has replaced the module's own spec by that of the alias
         if module.__spec__ is not None:
             module.__spec__ = self._own_specs.pop(module.__spec__.name)
 
 
-_PIPELINE_BESIDE = _PipelineBeside()
+_CHECKOUT_PIPELINE = _CheckoutPipeline()
 
 
 def _find_pipeline() -> None:
-    if (_HERE / "pipeline").is_dir() or _PIPELINE_BESIDE in sys.meta_path:
+    if (_HERE / "pipeline").is_dir() or _CHECKOUT_PIPELINE in sys.meta_path:
         return
     sys.path.insert(0, str(_HERE.parent))
-    sys.meta_path.insert(0, _PIPELINE_BESIDE)
+    sys.meta_path.insert(0, _CHECKOUT_PIPELINE)
 
 
 _find_pipeline()
@@ -97,6 +97,6 @@ def unregister() -> None:
     """Called by Blender when the add-on is disabled; leaves nothing behind."""
     for module in reversed(_MODULES):
         module.unregister()
-    if _PIPELINE_BESIDE in sys.meta_path:
-        sys.meta_path.remove(_PIPELINE_BESIDE)
+    if _CHECKOUT_PIPELINE in sys.meta_path:
+        sys.meta_path.remove(_CHECKOUT_PIPELINE)
         sys.path.remove(str(_HERE.parent))

@@ -1,1 +1,1 @@
-"""Panel *Colour*: the frame's colours on the surface, and files of it."""
+"""Panel *Colour*: project the frame's colours on the surface, and export it."""

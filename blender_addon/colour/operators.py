@@ -1,4 +1,4 @@
-"""Operators that put the frame's colours on the surface, show them, and write the coloured surface to a file."""
+"""Operators that project the frame's colours on the surface, show them, and export the coloured surface."""
 
 from pathlib import Path
 from typing import Literal
@@ -19,18 +19,18 @@ from ..state import from_scene
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
 
 MODES = [
-    ("vertex", "Vertex Colours", "A colour at every vertex: as fine as the mesh is"),
-    ("texture", "UV Texture", "A picture on the surface whose pixels are the frame's: full detail"),
+    ("vertex", "Vertex Colours", "One colour per vertex: as fine as the mesh"),
+    ("texture", "UV Texture", "A texture made of the frame's pixels: full detail"),
 ]
 FORMATS = [
     ("glb", "GLB", "glTF in one file, in metres, y up: for viewers and game engines"),
-    ("obj", "OBJ", "With its picture beside it, in the frame and units of your mesh file"),
+    ("obj", "OBJ", "With its texture in a file next to it, in the frame and units of your mesh file"),
     ("ply", "PLY", "In the frame and units of your mesh file"),
 ]
 
 
 class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
-    """Project the frame on the surface in the present pose; replaces the colours that are there"""
+    """Project the frame on the surface at the current pose; replaces existing colours"""
 
     bl_idname = "oneframe.project_colour"
     bl_label = "Project Colour"
@@ -55,7 +55,7 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
             coverage = coverage_of(source, colour)
         finally:
             context.window_manager.progress_end()
-        sentences = [*loaded.messages, *source.messages, *messages, coverage.summary()]
+        report = [*loaded.messages, *source.messages, *messages, coverage.summary()]
         record = {
             "frame": str(loaded.case.image),
             "cam_from_model": loaded.cam_from_model.tolist(),
@@ -65,14 +65,14 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
             "max_error": coverage.max_error,
             "messages": [*source.messages, *messages],
         }
-        marked = before is None or before["unseen_marked"]
-        put_colour(surface, loaded.mesh, source, colour, mark_unseen=marked, record=record)
+        is_marked = before is None or before["unseen_marked"]
+        put_colour(surface, loaded.mesh, source, colour, mark_unseen=is_marked, record=record)
         show_colour(context.window_manager, surface)
-        return sentences
+        return report
 
 
 class _NeedsColour(bpy.types.Operator):
-    """Mixin: needs a surface that has been coloured."""
+    """Mixin: available once the surface has colours."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -84,7 +84,7 @@ class _NeedsColour(bpy.types.Operator):
 
 
 class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting, bpy.types.Operator):
-    """Show surface that the frame did not see in blue, or in neutral grey"""
+    """Show the surface that the frame did not see in blue, or in neutral grey"""
 
     bl_idname = "oneframe.mark_unseen"
     bl_label = "Mark Unseen Surface"
@@ -98,7 +98,7 @@ class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting, bpy.types.Operator):
 
 
 class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting, bpy.types.Operator):
-    """Take the colours off the surface again"""
+    """Remove the colours from the surface"""
 
     bl_idname = "oneframe.plain_surface"
     bl_label = "Plain Surface"
@@ -112,7 +112,7 @@ class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting, bpy.types.Operator):
 
 
 class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operator, ExportHelper):
-    """Write the surface with the frame's colours, projected in the present pose, as GLB, OBJ or PLY"""
+    """Export the surface with the frame's colours, projected at the current pose, as GLB, OBJ or PLY"""
 
     bl_idname = "oneframe.export_surface"
     bl_label = "Export Coloured Surface"
@@ -126,7 +126,7 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operat
 
     @property
     def filename_ext(self) -> str:
-        """The extension that the file dialog gives the name."""
+        """The extension that the file dialog appends to the name."""
         return f".{self.file_format}"
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
@@ -137,7 +137,7 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operat
         return super().invoke(context, event)
 
     def check(self, context: bpy.types.Context) -> bool:
-        """Called by the file dialog after every change: a chosen format changes the name's extension."""
+        """Called by the file dialog after every change: the chosen format sets the extension of the name."""
         path = Path(self.filepath)
         if path.suffix.lower() == self.filename_ext:
             return False
@@ -151,8 +151,8 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operat
         path = self.chosen_file()
         if path.suffix.lower() == ".glb" and "gltf" not in dir(bpy.ops.export_scene):
             raise InputError(
-                f"{path}: expected Blender's glTF exporter, it is switched off; switch on the add-on "
-                '"glTF 2.0 format" in the preferences, or write OBJ or PLY'
+                f"{path}: expected Blender's glTF exporter, found it disabled; enable the add-on "
+                '"glTF 2.0 format" in the preferences, or export OBJ or PLY'
             )
         try:
             messages = export_coloured_surface(from_scene.loaded_case(context.scene), path, colour=self.mode)
@@ -162,21 +162,21 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operat
 
 
 def is_outdated(scene: bpy.types.Scene, record: dict) -> bool:
-    """Whether the colours on the surface come from another frame or pose than the present ones.
+    """Whether the colours on the surface come from a frame or pose other than the current one.
 
     Raises
     ------
     InputError
-        No pose at present.
+        There is no valid pose.
     """
     pose, frame = from_scene.cam_from_model(scene), from_scene.absolute_path(scene.oneframe.frame_path)
     return record["frame"] != str(frame) or not np.array_equal(record["cam_from_model"], pose)
 
 
 def show_colour(manager: bpy.types.WindowManager, surface: bpy.types.Object) -> None:
-    """Have the Solid 3D views show the colours without light where there are any, else shapes in light.
+    """Let 3D views in Solid mode show the colours unlit if the surface has any, otherwise its shape in studio light.
 
-    Material Preview and Rendered show the material anyway; views that show something else on purpose are left alone.
+    Without colours, views in which the user has chosen another shading keep it.
     """
     record = colour_record(surface)
     for window in manager.windows:
@@ -186,25 +186,25 @@ def show_colour(manager: bpy.types.WindowManager, surface: bpy.types.Object) -> 
 
 
 def _show_in(shading: bpy.types.View3DShading, record: dict | None) -> None:
-    ours = ("VERTEX", "TEXTURE")
+    set_here = ("VERTEX", "TEXTURE")
     if record is not None:
         shading.light = "FLAT"
         shading.color_type = "TEXTURE" if record["mode"] == "texture" else "VERTEX"
-    elif shading.light == "FLAT" and shading.color_type in ours:
+    elif shading.light == "FLAT" and shading.color_type in set_here:
         shading.light, shading.color_type = "STUDIO", "OBJECT"
 
 
 def _check_object_mode(surface: bpy.types.Object) -> None:
     if surface.mode != "OBJECT":
         raise InputError(
-            f"{surface.name}: expected Object mode, it is in {surface.mode.replace('_', ' ').capitalize()} mode; "
-            "press Tab in the 3D view or choose Object Mode in its header, then do it again"
+            f"{surface.name}: expected Object mode, found {surface.mode.replace('_', ' ').capitalize()} mode; "
+            "press Tab in the 3D view or choose Object Mode in its header, then try again"
         )
 
 
 @persistent
 def _after_undo(scene: bpy.types.Scene, *_: object) -> None:
-    """The views' shading is no part of Blender's undo: it follows the surface."""
+    """Update the views' shading, which Blender's undo does not restore."""
     surface = scene.oneframe.surface
     if surface is not None:
         show_colour(bpy.context.window_manager, surface)
@@ -228,7 +228,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The opposite of :func:`register`."""
+    """Undo :func:`register`."""
     for handlers in _HANDLERS:
         handlers.remove(_after_undo)
     _unregister_classes()

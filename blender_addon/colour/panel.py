@@ -1,16 +1,16 @@
-"""The Colour panel: projection, what it covers and how exact it is, export."""
+"""The panel Colour: projection, its coverage and accuracy, export."""
 
 import bpy
 
 from ..pipeline.blender.colour.surface_colour import colour_record
 from ..pipeline.errors import InputError
 from ..registration import class_registration
-from ..ui.wrapped_text import draw_sentence
+from ..ui.wrapped_text import draw_text
 from . import operators
 
 
 class ONEFRAME_PT_colour(bpy.types.Panel):
-    """The frame's colours on the surface"""
+    """Project the frame's colours on the surface"""
 
     bl_idname = "ONEFRAME_PT_colour"
     bl_label = "6  Colour"
@@ -37,28 +37,28 @@ class ONEFRAME_PT_colour(bpy.types.Panel):
 
 def _draw_record(layout: bpy.types.UILayout, scene: bpy.types.Scene, record: dict) -> None:
     row = layout.row(align=True)
-    marked = record["unseen_marked"]
+    is_marked = record["unseen_marked"]
     row.operator(
-        "oneframe.mark_unseen", text="Unseen in Blue", icon="HIDE_OFF" if marked else "HIDE_ON", depress=marked
+        "oneframe.mark_unseen", text="Unseen in Blue", icon="HIDE_OFF" if is_marked else "HIDE_ON", depress=is_marked
     )
     row.operator("oneframe.plain_surface", text="Plain", icon="MESH_UVSPHERE")
     try:
         if operators.is_outdated(scene, record):
-            draw_sentence(layout, "These colours are of another pose or frame: project again", icon="ERROR")
+            draw_text(layout, "The colours belong to another pose or frame. Project again.", icon="ERROR")
     except InputError as error:
-        draw_sentence(layout, str(error), icon="ERROR")
+        draw_text(layout, str(error), icon="ERROR")
     column = layout.column(align=True)
     for name, value in (
-        ("Coloured, of what is in view", f"{record['of_view']:.1%}"),
-        ("Seen, of the whole surface", f"{record['of_surface']:.1%}"),
-        ("Mean error of the frame", f"{record['mean_error']:.2f} / 255"),
-        ("Largest error", f"{record['max_error']:.1f} / 255"),
+        ("Coloured in View", f"{record['of_view']:.1%}"),
+        ("Seen in Total", f"{record['of_surface']:.1%}"),
+        ("Mean Difference to Frame", f"{record['mean_error']:.2f} / 255"),
+        ("Largest Difference", f"{record['max_error']:.1f} / 255"),
     ):
         split = column.split(factor=0.68)
         split.label(text=name)
         split.label(text=value)
-    for sentence in record.get("messages", ()):
-        draw_sentence(layout, sentence, icon="INFO")
+    for message in record.get("messages", ()):
+        draw_text(layout, message, icon="INFO")
 
 
 _CLASSES = (ONEFRAME_PT_colour,)

@@ -1,1 +1,1 @@
-"""Panel *Dataset*: poses, a preview, and the run in the background."""
+"""Panel *Dataset*: preview poses and views, and render the dataset in the background."""

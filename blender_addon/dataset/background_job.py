@@ -1,7 +1,6 @@
-"""A script of the project in a Blender of its own, beside the user's: started, followed, stopped; one at a time.
+"""Runs one script of the project at a time in a separate background Blender, follows its progress and stops it.
 
-The running job is the only state that the add-on keeps outside the scene, and it belongs to this Blender process: the
-script ends when this one does, in whatever way, because its input ends then.
+The job belongs to this Blender process: its input ends with the process, however that ends, and the script then stops.
 """
 
 import os
@@ -22,9 +21,10 @@ from ..pipeline.progress import ProgressLine, read_progress
 
 POLL_SECONDS = 0.25
 STOP_SECONDS = 8.0
-"""The script gets this long to end by itself, a little more than it takes for that."""
+"""Time for the script to end by itself before it is killed; longer than it needs."""
+
 LOW_PRIORITY = 10
-"""Of the script and its workers: the window stays quick."""
+"""Priority of the script and its workers on POSIX: keeps the window responsive."""
 
 
 @dataclass
@@ -34,15 +34,17 @@ class BackgroundJob:
     Attributes
     ----------
     out
-        The folder that it writes to.
+        The output folder.
     progress
-        The latest line of progress, ``None`` before the first.
-    lines
-        The latest other lines of its output.
+        The latest progress; ``None`` before the first.
+    lines, errors
+        The latest other lines of standard output, and lines of standard error.
     code
-        Its exit code, ``None`` while it runs.
+        The exit code; ``None`` while the script runs.
     error
-        What went wrong in one sentence; empty if nothing did.
+        The error message; empty if there is no error.
+    cancelled
+        Whether the user has stopped it.
     """
 
     out: Path
@@ -57,12 +59,12 @@ class BackgroundJob:
 
     @classmethod
     def start(cls, script: str, arguments: Sequence[str], out: Path) -> "BackgroundJob":
-        """Start a script of the project (its name, such as ``render_dataset.py``) with its arguments.
+        """Start a script of the project, named such as ``render_dataset.py``, with arguments.
 
         Raises
         ------
         RunError
-            The script is not there, or the system does not start it.
+            The script does not exist, or the system cannot start it.
         """
         command = [*script_command(str(script_path(script))), *arguments]
         kind: dict[str, Any] = {"start_new_session": True}
@@ -92,27 +94,27 @@ class BackgroundJob:
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended yet, as far as :meth:`check` has seen."""
+        """Whether the script was running at the last :meth:`check`."""
         return self.code is None
 
     def check(self) -> bool:
-        """Look whether it has ended; whether it still runs."""
+        """Update ``code`` and ``error`` if the script has ended; return whether it still runs."""
         if self.running and self.process.poll() is not None:
             for reader in self._readers:
                 reader.join(timeout=1.0)
             self.code = self.process.returncode
             if self.code != 0 and not self.cancelled:
-                self.error = self._reason()
+                self.error = self._error_message()
         return self.running
 
     def cancel(self) -> None:
-        """Tell it to stop; it ends within seconds, and what it has finished stays."""
+        """Ask the script to stop; it ends within seconds, and finished views stay."""
         self.cancelled = True
         if self.process.stdin is not None and not self.process.stdin.closed:
             self.process.stdin.close()
 
     def stop(self) -> None:
-        """Stop it and wait for its end; by force if it does not end by itself."""
+        """Stop the script and wait for its end; kill it if it does not end by itself."""
         self.cancel()
         try:
             self.process.wait(timeout=STOP_SECONDS)
@@ -134,32 +136,31 @@ class BackgroundJob:
             if line.strip():
                 self.errors.append(line.strip())
 
-    def _reason(self) -> str:
+    def _error_message(self) -> str:
         reported = [line.removeprefix("error: ") for line in self.errors if line.startswith("error: ")]
         if reported:
             return reported[-1]
         if self.code == EXIT_STOPPED:
-            return "the run was stopped from outside; start it again to go on"
+            return "the run was stopped by another program; start it again to continue"
         code = self.code or 0
-        how = f"was ended by signal {-code}" if code < 0 else f"ended with code {code}"
+        how = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
         last = f": {self.errors[-1]}" if self.errors else ""
-        return f"the background Blender {how}{last}; start it again to go on from the views that are finished"
+        return f"the background Blender {how}{last}; start the run again to continue after the finished views"
 
 
 def script_path(name: str) -> Path:
-    """A script of the project: in the installed extension inside the package, in a checkout beside it.
+    """Path of a script of the project: inside the package in the installed extension, next to it in a checkout.
 
     Raises
     ------
     RunError
-        It is not there.
+        The script does not exist.
     """
-    # inside the installed add-on, or beside that of a checkout
     for folder in Path(__file__).resolve().parents[1:3]:
         path = folder / "scripts" / name
         if path.is_file():
             return path
-    raise RunError(f"{name}: expected this script in the add-on's folder, it is missing; install the add-on again")
+    raise RunError(f"{name}: expected this script in the add-on's folder, found none; install the add-on again")
 
 
 _current: BackgroundJob | None = None
@@ -167,23 +168,25 @@ _listeners: list[Callable[[BackgroundJob], None]] = []
 
 
 def current() -> BackgroundJob | None:
-    """The job that runs, or the last one that ran in this session."""
+    """The running job, or the last one of this session; ``None`` if there was none."""
     return _current
 
 
 def start(script: str, arguments: Sequence[str], out: Path) -> BackgroundJob:
-    """Start a job, and follow it by a timer.
+    """Start a job, and follow it with a timer.
 
     Raises
     ------
     InputError
-        Another one still runs.
+        Another job is running.
     RunError
-        It cannot be started.
+        The job cannot be started.
     """
     global _current
     if _current is not None and _current.check():
-        raise InputError(f"{_current.out}: expected no other run at the same time; wait for it, or cancel it first")
+        raise InputError(
+            f"expected no other run, found one that writes to {_current.out}; wait for it, or cancel it first"
+        )
     _current = BackgroundJob.start(script, arguments, out)
     if not bpy.app.timers.is_registered(_follow):
         bpy.app.timers.register(_follow, first_interval=POLL_SECONDS, persistent=True)
@@ -191,19 +194,19 @@ def start(script: str, arguments: Sequence[str], out: Path) -> BackgroundJob:
 
 
 def forget() -> None:
-    """Forget a job that has ended; a running one stays."""
+    """Discard a job that has ended; keep a running one."""
     global _current
     if _current is not None and not _current.check():
         _current = None
 
 
 def on_change(listener: Callable[[BackgroundJob], None]) -> None:
-    """Call ``listener(job)`` now and then while a job runs and once when it has ended, until :func:`unregister`."""
+    """Call ``listener(job)`` regularly while a job runs and once after it has ended, until :func:`unregister`."""
     _listeners.append(listener)
 
 
 def _follow() -> float | None:
-    """The timer; ends itself with the job."""
+    """Timer: notify listeners; ends with the job."""
     job = _current
     if job is None:
         return None
@@ -214,16 +217,16 @@ def _follow() -> float | None:
 
 
 def register() -> None:
-    """Nothing runs yet."""
+    """Nothing to register; the timer starts with a job."""
 
 
 def unregister() -> None:
-    """Stop what runs: without the add-on nobody could."""
+    """Stop a running job, which nobody could stop without the add-on."""
     global _current
     if bpy.app.timers.is_registered(_follow):
         bpy.app.timers.unregister(_follow)
     _listeners.clear()
     if _current is not None and _current.check():
-        sys.stderr.write("OneFrame: the running job is stopped; what it has finished stays\n")
+        sys.stderr.write("OneFrame: stopping the running job; finished views stay\n")
         _current.stop()
     _current = None

@@ -1,4 +1,4 @@
-"""Operators of the dataset: poses and one view as previews, then the run in the background, and its result."""
+"""Operators of the dataset: preview poses and one view, run in the background, open the result."""
 
 import argparse
 import textwrap
@@ -23,15 +23,16 @@ from . import background_job, pose_preview
 
 SCRIPT = "render_dataset.py"
 PREVIEW_IMAGE = "OneFrame preview"
-PREVIEW_KEY, PREVIEW_TOLD = "oneframe_key", "oneframe_told"
-"""Custom properties of the preview's image: what it was made from, and a sentence about it."""
+PREVIEW_KEY, PREVIEW_SUMMARY = "oneframe_key", "oneframe_summary"
+"""Custom properties of the preview's image: the key of everything it depends on, and its summary."""
+
 THUMBNAIL_PX = 256
 CONTACT_SHEET = "contact_sheet.png"
 POPUP_CHARACTERS = 90
 
 
 class ONEFRAME_OT_preview_poses(NeedsAlignment, Reporting, bpy.types.Operator):
-    """Show the first poses of the dataset as cameras around the surface: orange ones see little that the frame saw"""
+    """Show the first poses of the dataset as cameras around the surface; orange: little observed by the frame"""
 
     bl_idname = "oneframe.preview_poses"
     bl_label = "Preview Poses"
@@ -40,17 +41,17 @@ class ONEFRAME_OT_preview_poses(NeedsAlignment, Reporting, bpy.types.Operator):
     def run(self, context: bpy.types.Context) -> Messages:
         planned = pose_preview.plan(context.scene, context.scene.oneframe.preview_poses)
         message = (
-            f"{len(planned.lines)} of {planned.count} poses: the frame saw {planned.observed.min():.0%} to "
-            f"{planned.observed.max():.0%} of the surface in view; {planned.attempts:.1f} poses tried for each"
+            f"{len(planned.lines)} of {planned.count} poses: the frame observed {planned.observed.min():.0%} to "
+            f"{planned.observed.max():.0%} of the surface in view; {planned.attempts:.1f} attempts per pose"
         )
         return (
             message,
-            "turn the 3D view out of the camera (middle mouse button, or numpad 0) to see the poses around it",
+            "leave the camera view (middle mouse button or numpad 0) to see the poses",
         )
 
 
 class ONEFRAME_OT_hide_poses(Reporting, bpy.types.Operator):
-    """Show the poses no more"""
+    """Hide the previewed poses"""
 
     bl_idname = "oneframe.hide_poses"
     bl_label = "Hide Poses"
@@ -65,7 +66,7 @@ class ONEFRAME_OT_hide_poses(Reporting, bpy.types.Operator):
 
 
 class ONEFRAME_OT_preview_view(NeedsAlignment, Reporting, bpy.types.Operator):
-    """Render one view of the dataset as the run will; shown in the panel and in an Image Editor"""
+    """Render one view of the dataset exactly as the run will, and show it in the panel and in an Image Editor"""
 
     bl_idname = "oneframe.preview_view"
     bl_label = "Preview View"
@@ -75,25 +76,25 @@ class ONEFRAME_OT_preview_view(NeedsAlignment, Reporting, bpy.types.Operator):
         scene = context.scene
         options, index = pose_preview.dataset_options(scene), scene.oneframe.preview_view
         key, loaded = _view_key(scene), from_scene.loaded_case(scene)
-        listed = pose_preview.given_poses(loaded, options)
+        listed = pose_preview.listed_poses(loaded, options)
         count = options.count if listed is None else len(listed)
         if index >= count:
-            raise InputError(f"view {index}: expected a view of the dataset, 0 to {count - 1}; lower the number")
+            raise InputError(f"view {index}: expected a view of the dataset, 0 to {count - 1}; choose a smaller number")
         with ViewRenderer(loaded, reference_view_of(loaded), options, listed) as renderer:
-            made = renderer.make(index)
+            view = renderer.make(index)
             messages = renderer.messages
-        statistics = made.planned.statistics
-        sentence = (
-            f"view {index}: surface on {statistics.surface_fraction:.0%} of the image, the frame saw "
-            f"{made.rendered.observed.sum() / max(int(made.rendered.mask.sum()), 1):.0%} of it"
+        statistics = view.planned.statistics
+        summary = (
+            f"view {index}: surface covers {statistics.surface_fraction:.0%} of the image, the frame observed "
+            f"{view.rendered.observed.sum() / max(int(view.rendered.mask.sum()), 1):.0%} of it"
         )
-        image = _put_preview(made.rendered.rgb, key, sentence)
+        image = _put_preview(view.rendered.rgb, key, summary)
         _show_in_image_editors(context, image)
-        return *messages, sentence
+        return *messages, summary
 
 
 class ONEFRAME_OT_enlarge_preview(Reporting, bpy.types.Operator):
-    """Show the previewed view at full size in a window of its own"""
+    """Show the previewed view at full size in an Image Editor"""
 
     bl_idname = "oneframe.enlarge_preview"
     bl_label = "Enlarge Preview"
@@ -114,7 +115,7 @@ class ONEFRAME_OT_enlarge_preview(Reporting, bpy.types.Operator):
 
 
 class ONEFRAME_OT_render_dataset(NeedsAlignment, Reporting, bpy.types.Operator):
-    """Save the case and render the dataset in the background; a run that was stopped goes on"""
+    """Save the case and render the dataset in the background; continues a stopped run"""
 
     bl_idname = "oneframe.render_dataset"
     bl_label = "Render Dataset"
@@ -124,13 +125,13 @@ class ONEFRAME_OT_render_dataset(NeedsAlignment, Reporting, bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         job = background_job.current()
         if job is not None and job.running:
-            cls.poll_message_set("A run is under way: wait for it, or cancel it")
+            cls.poll_message_set("A run is in progress: wait for it, or cancel it")
             return False
         return super().poll(context)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if not context.scene.oneframe.case_path:
-            self.report({"INFO"}, "Save the case first, then press Render Dataset again")
+            self.report({"INFO"}, "save the case first, then press Render Dataset again")
             bpy.ops.oneframe.save_case("INVOKE_DEFAULT")  # type: ignore[attr-defined]  # the add-on's own
             return {"CANCELLED"}
         return self.execute(context)
@@ -139,8 +140,8 @@ class ONEFRAME_OT_render_dataset(NeedsAlignment, Reporting, bpy.types.Operator):
         scene = context.scene
         settings = scene.oneframe
         if not settings.case_path:
-            raise InputError("expected a saved case, this one has no file yet; press Save Case first")
-        # before anything is written: all that the run would refuse
+            raise InputError("expected a saved case, found none; press Save Case first")
+        # before anything is written: check everything that the run would refuse
         from_scene.loaded_case(scene)
         pose_preview.dataset_options(scene)
         case_path = from_scene.absolute_path(settings.case_path)
@@ -150,11 +151,11 @@ class ONEFRAME_OT_render_dataset(NeedsAlignment, Reporting, bpy.types.Operator):
         out = from_scene.absolute_path(settings.dataset_out)
         arguments = [str(case_path), "--out", str(out), "--progress-seconds", "1", "--end-with-input"]
         background_job.start(SCRIPT, arguments, out)
-        return *messages, f"rendering to {out} in the background; you can go on working"
+        return *messages, f"rendering to {out} in the background; you can continue to work"
 
 
 class ONEFRAME_OT_cancel_dataset(Reporting, bpy.types.Operator):
-    """Stop the run; the views that are finished stay, and Render Dataset goes on from there"""
+    """Stop the run; finished views stay, and Render Dataset continues after them"""
 
     bl_idname = "oneframe.cancel_dataset"
     bl_label = "Cancel Run"
@@ -179,7 +180,7 @@ class ONEFRAME_OT_open_result(Reporting, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     contact_sheet: bool = prop(
-        BoolProperty(name="Contact sheet", description="Open the picture of many views", default=False)
+        BoolProperty(name="Contact Sheet", description="Open the contact sheet instead of the folder", default=False)
     )
 
     @classmethod
@@ -189,10 +190,10 @@ class ONEFRAME_OT_open_result(Reporting, bpy.types.Operator):
     def run(self, context: bpy.types.Context) -> Messages:
         folder = result_folder(context.scene)
         if folder is None:
-            raise InputError("expected a dataset, none has been rendered; press Render Dataset")
+            raise InputError("expected a dataset, found none; press Render Dataset")
         path = folder / CONTACT_SHEET if self.contact_sheet else folder
         if not path.exists():
-            raise InputError(f"{path}: expected this file, it is not there yet; the run writes it at its end")
+            raise InputError(f"{path}: expected this file, found none; wait for the end of the run, which writes it")
         bpy.ops.wm.path_open(filepath=str(path))
         return (str(path),)
 
@@ -205,7 +206,7 @@ def result_folder(scene: bpy.types.Scene) -> Path | None:
 
 
 def preview(scene: bpy.types.Scene) -> tuple[bpy.types.Image, str, bool] | None:
-    """The previewed view's image, a sentence about it, and whether the scene has changed since; ``None`` for none."""
+    """The previewed view's image, its summary, and whether it is outdated; ``None`` if there is no preview."""
     image = bpy.data.images.get(PREVIEW_IMAGE)
     if image is None or PREVIEW_KEY not in image:
         return None
@@ -213,15 +214,15 @@ def preview(scene: bpy.types.Scene) -> tuple[bpy.types.Image, str, bool] | None:
         outdated = image[PREVIEW_KEY] != _view_key(scene)
     except InputError:
         outdated = True
-    return image, image.get(PREVIEW_TOLD, ""), outdated
+    return image, image.get(PREVIEW_SUMMARY, ""), outdated
 
 
 def _view_key(scene: bpy.types.Scene) -> str:
     return f"{pose_preview.content_key(scene, pose_preview.dataset_options(scene))} {scene.oneframe.preview_view}"
 
 
-def _put_preview(rgb: np.ndarray, key: str, sentence: str) -> bpy.types.Image:
-    """Put ``(H, W, 3)`` code values into the preview's image and its thumbnail."""
+def _put_preview(rgb: np.ndarray, key: str, summary: str) -> bpy.types.Image:
+    """Put a view ``(H, W, 3)``, code values 0..1, into the preview's image and its thumbnail."""
     height, width = rgb.shape[:2]
     image = bpy.data.images.get(PREVIEW_IMAGE)
     if image is None or tuple(image.size) != (width, height):
@@ -237,12 +238,12 @@ def _put_preview(rgb: np.ndarray, key: str, sentence: str) -> bpy.types.Image:
     thumbnail = image.preview_ensure()
     thumbnail.image_size = small.shape[1::-1]
     thumbnail.image_pixels_float.foreach_set(small.ravel())
-    image[PREVIEW_KEY], image[PREVIEW_TOLD] = key, sentence
+    image[PREVIEW_KEY], image[PREVIEW_SUMMARY] = key, summary
     return image
 
 
 def _show_in_image_editors(context: bpy.types.Context, image: bpy.types.Image) -> bool:
-    """Show an image in the Image Editors that show nothing else of the user's; whether there is one."""
+    """Show an image in the Image Editors that show no other image; return whether there is one."""
     found = False
     for window in context.window_manager.windows:
         for area in window.screen.areas:
@@ -255,27 +256,27 @@ def _show_in_image_editors(context: bpy.types.Context, image: bpy.types.Image) -
 
 
 def _save_if_changed(scene: bpy.types.Scene, path: Path) -> tuple[str, ...]:
-    """Save the case unless its file says the same already, comments and all."""
-    wanted = recorded_case(scene, path)
+    """Save the case, unless its file has the same content: saving would lose the user's comments."""
+    current = recorded_case(scene, path)
     if path.exists():
         try:
-            same = _meaning(path, read_case(path)) == _meaning(path, wanted)
+            is_saved = _content(path, read_case(path)) == _content(path, current)
         except InputError:
-            same = False
-        if same:
+            is_saved = False
+        if is_saved:
             return ()
-    write_case(path, wanted)
+    write_case(path, current)
     return (f"saved {path}",)
 
 
-def _meaning(path: Path, case: Case) -> tuple[str, DatasetOptions]:
-    """What a case says, however its options are ordered, whether they name their defaults, whoever found its pose."""
+def _content(path: Path, case: Case) -> tuple[str, DatasetOptions]:
+    """A case's content, without the record of its pose, the order of its options, and whether it states defaults."""
     bare = replace(case, dataset={}, alignment={})
     return case_text(path, bare), merged_options(case.dataset, argparse.Namespace(), case.path)
 
 
 def _job_changed(job: background_job.BackgroundJob) -> None:
-    """Redraw the panel; when the run has failed, say so where the user is."""
+    """Redraw the panel; show a popup if the run has failed."""
     manager = bpy.context.window_manager
     for window in manager.windows:
         for area in window.screen.areas:
@@ -283,7 +284,7 @@ def _job_changed(job: background_job.BackgroundJob) -> None:
                 for region in area.regions:
                     if region.type == "UI":
                         region.tag_redraw()
-    # without a window Blender cannot open a menu, and does not say so
+    # without a window Blender cannot open a menu, and reports no error
     if job.running or not job.error or bpy.app.background or not manager.windows:
         return
 
@@ -292,7 +293,7 @@ def _job_changed(job: background_job.BackgroundJob) -> None:
             menu.layout.label(text=line)
 
     with bpy.context.temp_override(window=manager.windows[0]):
-        manager.popup_menu(draw, title="The dataset run has ended early", icon="ERROR")
+        manager.popup_menu(draw, title="The Dataset Run Has Failed", icon="ERROR")
 
 
 _CLASSES = (
@@ -314,7 +315,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The opposite of :func:`register`; the preview's picture goes too."""
+    """Undo :func:`register`, and remove the preview's image."""
     image = bpy.data.images.get(PREVIEW_IMAGE)
     if image is not None:
         bpy.data.images.remove(image)

@@ -1,4 +1,4 @@
-"""The Dataset panel: options, previews, the run and its result."""
+"""The panel Dataset: options, previews, the run and its result."""
 
 from typing import Literal
 
@@ -6,7 +6,7 @@ import bpy
 
 from ..pipeline.errors import InputError
 from ..registration import class_registration
-from ..ui.wrapped_text import draw_sentence
+from ..ui.wrapped_text import draw_text
 from . import background_job, operators, pose_preview
 
 SAMPLER_OPTIONS = {
@@ -15,28 +15,28 @@ SAMPLER_OPTIONS = {
     "shell": ("polar_deg", "roll_deg", "distance_min", "distance_max"),
     "trajectory": ("cone_deg", "roll_deg", "distance_min", "distance_max"),
 }
-"""The options that each sampler heeds."""
+"""The options that each sampler uses."""
+
 CONSTRAINTS = ("min_observed", "min_surface", "min_clearance_mm")
 RENDERING = ("colour", "engine", "samples", "scale", "float_depth", "video")
 LABELS = {
-    "cone_deg": "Tilt, up to (°)",
-    "roll_deg": "Roll, up to (°)",
-    "distance_min": "Nearest, factor",
-    "distance_max": "Farthest, factor",
-    "shift_mm": "Shift, up to (mm)",
+    "cone_deg": "Max Tilt (°)",
+    "roll_deg": "Max Roll (°)",
+    "distance_min": "Min Distance (×)",
+    "distance_max": "Max Distance (×)",
+    "shift_mm": "Max Shift (mm)",
     "sigma_deg": "Rotation σ (°)",
     "sigma_mm": "Translation σ (mm)",
-    "polar_deg": "Angle, up to (°)",
-    "min_observed": "Least observed",
-    "min_surface": "Least surface",
+    "polar_deg": "Max Angle (°)",
+    "min_observed": "Min Observed",
+    "min_surface": "Min Surface",
     "min_clearance_mm": "Clearance (mm)",
-    "samples": "Rays at edges",
-    "scale": "Size, factor",
-    "float_depth": "Float depth too",
-    "video": "Also a video",
-    "video_frames": "Video frames",
+    "samples": "Rays at Edges",
+    "scale": "Image Size (×)",
+    "float_depth": "Float Depth",
+    "video": "Video",
+    "video_frames": "Video Frames",
 }
-
 
 PanelOptions = set[Literal["DEFAULT_CLOSED", "HIDE_HEADER", "INSTANCED", "HEADER_LAYOUT_EXPAND"]]
 
@@ -49,7 +49,7 @@ class _DatasetPanel(bpy.types.Panel):
 
 
 class ONEFRAME_PT_dataset(_DatasetPanel, bpy.types.Panel):
-    """A dataset of posed views"""
+    """Render a dataset of posed views"""
 
     bl_idname = "ONEFRAME_PT_dataset"
     bl_label = "7  Dataset"
@@ -69,15 +69,15 @@ class ONEFRAME_PT_dataset(_DatasetPanel, bpy.types.Panel):
         try:
             pose_preview.dataset_options(context.scene)
         except InputError as error:
-            draw_sentence(layout, str(error), icon="ERROR")
+            draw_text(layout, str(error), icon="ERROR")
 
 
 class ONEFRAME_PT_dataset_options(_DatasetPanel, bpy.types.Panel):
-    """What a view must show, and how it is rendered"""
+    """Constraints on the views, and how they are rendered"""
 
     bl_idname = "ONEFRAME_PT_dataset_options"
     bl_parent_id = "ONEFRAME_PT_dataset"
-    bl_label = "More options"
+    bl_label = "More Options"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, options = self.layout, context.scene.oneframe.dataset
@@ -91,7 +91,7 @@ class ONEFRAME_PT_dataset_options(_DatasetPanel, bpy.types.Panel):
 
 
 class ONEFRAME_PT_dataset_preview(_DatasetPanel, bpy.types.Panel):
-    """Poses as cameras around the surface, and one view"""
+    """Preview poses as cameras around the surface, and one view"""
 
     bl_idname = "ONEFRAME_PT_dataset_preview"
     bl_parent_id = "ONEFRAME_PT_dataset"
@@ -108,25 +108,25 @@ class ONEFRAME_PT_dataset_preview(_DatasetPanel, bpy.types.Panel):
         if planned is not None:
             if pose_preview.is_current(scene):
                 low, high = planned.observed.min(), planned.observed.max()
-                layout.label(text=f"Frame saw {low:.0%} (orange) to {high:.0%} (green)")
+                layout.label(text=f"Observed: {low:.0%} (orange) to {high:.0%} (green)")
             else:
-                draw_sentence(layout, "The case has changed since: preview the poses again", icon="ERROR")
+                draw_text(layout, "The case has changed. Preview the poses again.", icon="ERROR")
         row = layout.row(align=True)
         row.operator("oneframe.preview_view", text="View", icon="IMAGE_DATA")
         row.prop(scene.oneframe, "preview_view", text="")
         row.operator("oneframe.enlarge_preview", text="", icon="FULLSCREEN_ENTER")
         found = operators.preview(scene)
         if found is not None:
-            image, sentence, outdated = found
-            if outdated:
-                draw_sentence(layout, "The case has changed since: preview the view again", icon="ERROR")
+            image, summary, is_outdated = found
+            if is_outdated:
+                draw_text(layout, "The case has changed. Preview the view again.", icon="ERROR")
             else:
                 layout.template_icon(image.preview_ensure().icon_id, scale=9)
-                draw_sentence(layout, sentence)
+                draw_text(layout, summary)
 
 
 class ONEFRAME_PT_dataset_run(_DatasetPanel, bpy.types.Panel):
-    """The run in the background"""
+    """Render the dataset in the background"""
 
     bl_idname = "ONEFRAME_PT_dataset_run"
     bl_parent_id = "ONEFRAME_PT_dataset"
@@ -152,21 +152,21 @@ def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> 
     progress = job.progress
     if job.running:
         if progress is None:
-            layout.progress(factor=0.0, text="starting Blender in the background")
+            layout.progress(factor=0.0, text="Starting background Blender")
         else:
             left = f", {progress.left} left" if progress.left else ""
             text = f"{progress.count} / {progress.total} {progress.noun}{left}"
             layout.progress(factor=progress.count / max(progress.total, 1), text=text)
         row = layout.row()
         row.enabled = not job.cancelled
-        row.operator("oneframe.cancel_dataset", text="Stopping ..." if job.cancelled else "Cancel", icon="CANCEL")
+        row.operator("oneframe.cancel_dataset", text="Stopping..." if job.cancelled else "Cancel", icon="CANCEL")
     elif job.cancelled:
         count = progress.count if progress is not None else 0
-        draw_sentence(layout, f"Cancelled; about {count} views are finished. Render Dataset goes on.", icon="INFO")
+        draw_text(layout, f"Cancelled after about {count} views. Render Dataset continues the run.", icon="INFO")
     elif job.error:
-        draw_sentence(layout, job.error, icon="ERROR")
+        draw_text(layout, job.error, icon="ERROR")
     else:
-        draw_sentence(layout, job.lines[-1] if job.lines else str(job.out), icon="CHECKMARK")
+        draw_text(layout, job.lines[-1] if job.lines else str(job.out), icon="CHECKMARK")
 
 
 _CLASSES = (

@@ -1,7 +1,7 @@
-"""The first poses of the dataset as camera frusta around the surface, drawn in 3D views.
+"""Draws the first poses of the dataset in 3D views, as camera frusta around the surface.
 
-The poses come from the planner of the dataset run itself. They are kept together with all that they depend on, and are
-drawn only while that is what the scene says: never out of date, also after undo.
+The poses come from the planner of the dataset run itself. They are stored with a key of everything they depend on and
+drawn only while the key matches the scene: they are never outdated, even after undo.
 """
 
 import argparse
@@ -27,12 +27,15 @@ from ..state import from_scene
 from ..ui.frame_view import shows_frame
 
 LENGTH = 0.10
-"""Of a frustum, relative to the camera's distance from the middle of what the frame shows."""
+"""Length of a frustum, relative to the camera's distance from the pivot."""
+
 LINE_WIDTH = 1.5
 LEAST_COLOUR, MOST_COLOUR = np.array([1.0, 0.35, 0.05]), np.array([0.1, 0.85, 0.45])
-"""Of the view that shows the least of what the frame saw, and of the one that shows the most."""
-LEAST_RANGE = 0.01
-"""Shares that differ by less are drawn alike."""
+"""Of the views with the smallest and with the largest observed fraction."""
+
+MIN_RANGE = 0.01
+"""Fractions that differ by less get similar colours."""
+
 _EDGES = np.array([[0, 1], [0, 2], [0, 3], [0, 4], [1, 2], [2, 3], [3, 4], [4, 1], [1, 5], [5, 2]])
 
 
@@ -43,13 +46,13 @@ class PlannedPoses:
     Attributes
     ----------
     key
-        All that they depend on.
+        Key of everything they depend on.
     count
         Number of views of the whole dataset.
     lines
         ``(N, 10, 2, 3)`` ends of the frusta's lines, model frame, mm.
     observed, surface
-        ``(N,)`` shares of the surface in view that the frame saw, and of the view that shows surface, 0..1.
+        ``(N,)`` fraction of the surface in view that the frame observed, and of the view that the surface covers, 0..1.
     attempts
         Mean number of poses tried for one that meets the constraints.
     """
@@ -68,24 +71,24 @@ _handle: object = None
 
 
 def dataset_options(scene: bpy.types.Scene) -> DatasetOptions:
-    """The options of the run, as the script reads them from the saved case.
+    """The options of the dataset, as the script reads them from the saved case.
 
     Raises
     ------
     InputError
-        Options that do not go together.
+        The options are not compatible with each other.
     """
     case_path = Path(bpy.path.abspath(scene.oneframe.case_path) or "the scene")
     return merged_options(from_scene.dataset_table(scene), argparse.Namespace(), case_path)
 
 
 def content_key(scene: bpy.types.Scene, options: DatasetOptions) -> str:
-    """A text that changes with everything that a view of the dataset depends on.
+    """A key that changes with everything that the views of the dataset depend on.
 
     Raises
     ------
     InputError
-        No camera, no surface, or a file that is not there.
+        There is no camera or surface, or a file does not exist.
     """
     settings = scene.oneframe
     files = [
@@ -101,14 +104,14 @@ def content_key(scene: bpy.types.Scene, options: DatasetOptions) -> str:
 
 
 def pose_key(scene: bpy.types.Scene) -> str:
-    """The same for the poses alone, which colours and files do not change."""
-    plain = DatasetOptions()
-    kept = ("colour", "engine", "samples", "float_depth", "video", "video_frames")
-    return content_key(scene, replace(dataset_options(scene), **{name: getattr(plain, name) for name in kept}))
+    """A key like :func:`content_key` for the poses only: options of rendering do not change it."""
+    default = DatasetOptions()
+    irrelevant = ("colour", "engine", "samples", "float_depth", "video", "video_frames")
+    return content_key(scene, replace(dataset_options(scene), **{name: getattr(default, name) for name in irrelevant}))
 
 
-def given_poses(loaded: LoadedCase, options: DatasetOptions) -> np.ndarray | None:
-    """``(N, 4, 4)`` explicit poses of the options, or ``None``."""
+def listed_poses(loaded: LoadedCase, options: DatasetOptions) -> np.ndarray | None:
+    """``(N, 4, 4)`` cam_from_model, the explicit poses of the options, or ``None`` if they name a sampler."""
     if options.poses is None:
         return None
     mm_per_unit = loaded.case.mm_per_unit
@@ -116,18 +119,18 @@ def given_poses(loaded: LoadedCase, options: DatasetOptions) -> np.ndarray | Non
 
 
 def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
-    """Plan the first views of the dataset, and show them from now on.
+    """Plan the first ``number`` poses of the dataset, and show them.
 
     Raises
     ------
     InputError
-        The scene is no case, or no pose meets the constraints.
+        The scene is not a complete case, or no pose meets the constraints.
     """
     global _planned
-    # colours do not matter for the poses: take those that are ready at once
+    # the poses do not depend on the colours: use the quickest settings
     options = replace(dataset_options(scene), colour="projective", engine="cycles", samples=1)
     key, loaded = pose_key(scene), from_scene.loaded_case(scene)
-    listed = given_poses(loaded, options)
+    listed = listed_poses(loaded, options)
     count = options.count if listed is None else len(listed)
     source = reference_view_of(loaded)
     with ViewRenderer(loaded, source, options, listed) as renderer:
@@ -146,7 +149,7 @@ def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
 
 
 def frusta(planned: list[PlannedPose], camera: PinholeCamera, source: ReferenceView) -> np.ndarray:
-    """``(N, 10, 2, 3)`` ends of the lines of each pose's frustum, model frame, mm; a roof tells where up is."""
+    """``(N, 10, 2, 3)`` ends of the lines of each pose's frustum, model frame, mm; a triangle marks the image's top."""
     width, height = camera.size_wh
     corners = np.array([[0, 0], [width, 0], [width, height], [0, height], [width / 2, -height / 4]]) - 0.5
     rays = np.concatenate([np.zeros((1, 3)), camera.rays_cam(corners)])
@@ -159,18 +162,18 @@ def frusta(planned: list[PlannedPose], camera: PinholeCamera, source: ReferenceV
 
 
 def hide() -> None:
-    """Show no poses any more."""
+    """Hide and discard the poses."""
     global _planned, _batch
     _planned = _batch = None
 
 
 def shown() -> PlannedPoses | None:
-    """The poses that were planned last, up to date or not."""
+    """The poses planned last, even if outdated; ``None`` if hidden."""
     return _planned
 
 
 def is_current(scene: bpy.types.Scene) -> bool:
-    """Whether they are what the scene says now."""
+    """Whether the planned poses match the scene."""
     try:
         return _planned is not None and _planned.key == pose_key(scene)
     except InputError:
@@ -181,14 +184,14 @@ def _draw() -> None:
     global _batch
     context = bpy.context
     scene = context.scene
-    # in the camera's own view the frusta would lie around the eye
+    # in the camera view the frusta would surround the eye
     if _planned is None or shows_frame(context) or not is_current(scene):
         return
     shader = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR")
     if _batch is None or _batch[0] is not _planned:
         low, high = _planned.observed.min(), _planned.observed.max()
-        share = (_planned.observed[:, None] - low) / max(high - low, LEAST_RANGE)
-        colours = np.concatenate([LEAST_COLOUR * (1 - share) + MOST_COLOUR * share, np.ones_like(share)], axis=1)
+        blend = (_planned.observed[:, None] - low) / max(high - low, MIN_RANGE)
+        colours = np.concatenate([LEAST_COLOUR * (1 - blend) + MOST_COLOUR * blend, np.ones_like(blend)], axis=1)
         vertices = _planned.lines.reshape(-1, 3).astype(np.float32)
         per_vertex = np.repeat(colours, 2 * len(_EDGES), axis=0).astype(np.float32)
         _batch = _planned, batch_for_shader(shader, "LINES", {"pos": vertices, "color": per_vertex})
@@ -203,13 +206,13 @@ def _draw() -> None:
 
 
 def register() -> None:
-    """Draw in all 3D views."""
+    """Start drawing in all 3D views."""
     global _handle
     _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
 
 
 def unregister() -> None:
-    """The opposite of :func:`register`; forgets the poses."""
+    """Stop drawing, and discard the poses."""
     global _handle
     bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
     _handle = None

@@ -1,1 +1,1 @@
-"""Panel *Landmarks*: the pose from pairs of points, and how sure it is."""
+"""Panel *Landmarks*: the pose from 2D-3D correspondences, and its uncertainty."""

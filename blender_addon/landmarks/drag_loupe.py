@@ -1,4 +1,4 @@
-"""The frame enlarged around an image point while it is dragged, whatever the surface hides and the view's zoom is."""
+"""A loupe that shows the frame around an image point while it is dragged, at any zoom and even under the surface."""
 
 import bpy
 import gpu
@@ -10,15 +10,17 @@ from ..ui.strokes import Colour, Strokes
 from ..view.overlay import frame_image_of
 from .gestures import Gesture
 
-SIDE, APART = 170.0, 60.0
+SIDE, DISTANCE = 170.0, 60.0
 """Size of the loupe and its distance from the point, in pixels at interface scale 1."""
-ENLARGED = 3.0
-"""How much larger than the view's zoom; never less than this many screen pixels for a frame pixel."""
+
+MAGNIFICATION = 3.0
+"""Relative to the view, and at least this many screen pixels per frame pixel."""
+
 WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
 
 
 def draw(context: bpy.types.Context, gesture: Gesture) -> None:
-    """Draw the loupe for what is being dragged in the camera view.
+    """Draw the loupe for the image point that is being dragged in the camera view.
 
     Raises
     ------
@@ -31,10 +33,10 @@ def draw(context: bpy.types.Context, gesture: Gesture) -> None:
         return
     frame = FrameView.of(scene, region, context.space_data.region_3d)
     strokes = Strokes()
-    scale = ENLARGED * max(1.0, frame.magnification)
+    scale = MAGNIFICATION * max(1.0, frame.magnification)
     half_px = SIDE * strokes.unit / 2 / scale
     pixel = frame.px_from_region(gesture.at)
-    centre = _beside(gesture.at, region, strokes.unit)
+    centre = _loupe_centre(gesture.at, region, strokes.unit)
     _draw_image(image, frame, centre, pixel, half_px, SIDE * strokes.unit / 2)
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * SIDE * strokes.unit / 2
     strokes.line(centre + corners, WHITE, width=1.5, closed=True)
@@ -47,13 +49,13 @@ def draw(context: bpy.types.Context, gesture: Gesture) -> None:
     strokes.draw()
 
 
-def _beside(at: np.ndarray, region: bpy.types.Region, unit: float) -> np.ndarray:
-    """Centre of the loupe: above the point, to the side where there is room."""
-    reach = (APART + SIDE / 2) * unit
-    # the headers lie over the view's upper edge
+def _loupe_centre(at: np.ndarray, region: bpy.types.Region, unit: float) -> np.ndarray:
+    """``(2,)`` centre of the loupe in the region: above and right of the point, or opposite if there is no room."""
+    distance = (DISTANCE + SIDE / 2) * unit
+    # the headers cover the view's upper edge
     size = np.array([region.width, region.height - 60 * unit])
-    direction = np.where(at + reach + SIDE * unit / 2 < size, 1.0, -1.0)
-    return np.asarray(at, float) + direction * reach
+    direction = np.where(at + distance + SIDE * unit / 2 < size, 1.0, -1.0)
+    return np.asarray(at, float) + direction * distance
 
 
 def _draw_image(
@@ -61,7 +63,7 @@ def _draw_image(
 ) -> None:
     size = np.array(frame.camera.size_wh, float)
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
-    # pixel (0, 0) is the centre of the top-left pixel, texture coordinates count from the lower left corner
+    # pixel (0, 0) is the centre of the top-left pixel; texture coordinates start at the lower left corner
     texture_at = (pixel + corners * [half_px, -half_px] + 0.5) / size
     texture_at[:, 1] = 1 - texture_at[:, 1]
     shader = gpu.shader.from_builtin("IMAGE_SCENE_LINEAR_TO_REC709_SRGB")

@@ -1,4 +1,4 @@
-"""Draws the landmarks over the 3D views, as far as they agree with the pose. Looks things up, changes nothing."""
+"""Draws the landmarks, their residuals and their uncertainty over the 3D views; changes nothing in the scene."""
 
 import bpy
 import numpy as np
@@ -16,23 +16,28 @@ from .solve import Solution
 GOOD: Colour = (0.35, 0.8, 1.0, 1.0)
 FAIR: Colour = (1.0, 0.78, 0.15, 1.0)
 BAD: Colour = (1.0, 0.2, 0.15, 1.0)
-OFF: Colour = (0.6, 0.6, 0.6, 0.8)
-HALF: Colour = (1.0, 1.0, 1.0, 1.0)
-"""Residual as clicks scatter; larger; outlier; left out; other half not picked yet."""
+DISABLED: Colour = (0.6, 0.6, 0.6, 0.8)
+INCOMPLETE: Colour = (1.0, 1.0, 1.0, 1.0)
+"""Of a landmark: residual explained by the click noise; larger residual; outlier; disabled; one point missing."""
+
 FAIR_FROM, BAD_FROM = 2.5, 5.0
-"""Residuals in standard deviations of a click."""
-DIMMED = 0.3
+"""Residuals in standard deviations of the click noise."""
+
+HIDDEN_OPACITY = 0.3
 """Opacity of a mark behind the surface."""
+
 RING, CROSS = 6.0, (3.0, 10.0)
+"""Radius of the ring around a surface point; inner and outer radius of the cross at an image point; px at interface
+scale 1."""
 
 
-def picture(context: bpy.types.Context) -> Strokes:
-    """All that is drawn into the context's 3D view.
+def landmark_strokes(context: bpy.types.Context) -> Strokes:
+    """Everything to draw into the context's 3D view.
 
     Raises
     ------
     InputError
-        The scene holds no alignment that can be drawn.
+        There is no camera or surface, or no valid pose.
     """
     scene, strokes = context.scene, Strokes()
     view = LandmarkView.of(context)
@@ -77,10 +82,10 @@ def _add_mark(
             strokes.arrow(mark.surface, mark.image, colour, width=width)
             text += f"  {np.linalg.norm(residual):.1f} px"
     if mark.surface is not None:
-        ring = (*colour[:3], colour[3] * (DIMMED if is_hidden else 1.0))
+        ring = (*colour[:3], colour[3] * (HIDDEN_OPACITY if is_hidden else 1.0))
         strokes.circle(mark.surface, RING, ring, width=width)
         if is_active:
-            strokes.circle(mark.surface, RING + 3.5, (*HALF[:3], 0.9 * ring[3]), width=1.0)
+            strokes.circle(mark.surface, RING + 3.5, (*INCOMPLETE[:3], 0.9 * ring[3]), width=1.0)
     place = mark.surface if mark.image is None else mark.image
     if place is not None:
         strokes.text(place + np.array([13, 6]) * strokes.unit, text, colour)
@@ -90,15 +95,15 @@ def _colour(
     entry: ONEFRAME_PG_landmark, residual: np.ndarray | None, solved: Solution, index: int, click_sigma_px: float
 ) -> Colour:
     if not entry.enabled:
-        return OFF
+        return DISABLED
     if residual is None:
-        return HALF
+        return INCOMPLETE
     if solved.is_outlier(index):
         return BAD
     size = float(np.linalg.norm(residual)) / click_sigma_px
     if solved.estimate is not None and not size <= BAD_FROM:
         return BAD
-    # as long as no pose is known, a large residual is nobody's fault
+    # without a solution, a large residual says nothing about this landmark
     return GOOD if size <= FAIR_FROM else FAIR
 
 
@@ -108,17 +113,17 @@ def _draw_view() -> None:
     if not scene.oneframe.show_landmarks or not scene.oneframe.landmarks or not from_scene.is_set_up(scene):
         return
     try:
-        picture(context).draw()
+        landmark_strokes(context).draw()
         gesture = gestures.running()
         if gesture is not None and gesture.moves != "point" and frame_view.shows_frame(context):
             drag_loupe.draw(context, gesture)
     except InputError:
-        # the panel says what is wrong
+        # the panel reports it
         return
 
 
 def _draw_pointer(xy: tuple[int, int]) -> None:
-    """What a click does next, beside the pointer while the tool is in hand."""
+    """Draw the instruction next to the pointer while the tool is active and picking is unfinished."""
     context = bpy.context
     if context.space_data is None or not tool.is_active(context) or not from_scene.is_set_up(context.scene):
         return
@@ -126,7 +131,7 @@ def _draw_pointer(xy: tuple[int, int]) -> None:
     if gestures.running() is not None or not is_unfinished(landmarks):
         return
     strokes = Strokes()
-    strokes.text(np.array(xy) + np.array([18, -26]) * strokes.unit, tool.step_sentence(context), HALF)
+    strokes.text(np.array(xy) + np.array([18, -26]) * strokes.unit, tool.instruction(context), INCOMPLETE)
     strokes.draw()
 
 
@@ -134,12 +139,12 @@ _handles: list = []
 
 
 def register() -> None:
-    """Draw from now on."""
+    """Start drawing."""
     _handles.append(bpy.types.SpaceView3D.draw_handler_add(_draw_view, (), "WINDOW", "POST_PIXEL"))
     _handles.append(bpy.types.WindowManager.draw_cursor_add(_draw_pointer, (), "VIEW_3D", "WINDOW"))
 
 
 def unregister() -> None:
-    """Draw no more."""
+    """Stop drawing."""
     bpy.types.WindowManager.draw_cursor_remove(_handles.pop())
     bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")

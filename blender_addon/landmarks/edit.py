@@ -1,4 +1,4 @@
-"""Changes of landmarks, each told as one, whichever operator or gesture makes them."""
+"""Edits of the landmarks, shared by operators and gestures; listeners are notified once per edit."""
 
 import bpy
 import numpy as np
@@ -10,7 +10,7 @@ from ..state import events, from_scene
 
 
 def landmarks_model(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
-    """All landmarks, points in the model frame, mm."""
+    """All landmarks, points in the frame ``model``, mm."""
     return tuple(
         Landmark(
             entry.name,
@@ -23,7 +23,7 @@ def landmarks_model(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
 
 
 def checked_index(scene: bpy.types.Scene, index: int) -> int:
-    """An index that exists; -1 stands for the active landmark.
+    """Return the index of an existing landmark; -1 means the active one.
 
     Raises
     ------
@@ -34,22 +34,22 @@ def checked_index(scene: bpy.types.Scene, index: int) -> int:
     found = settings.landmark_index if index == -1 else index
     count = len(settings.landmarks)
     if not 0 <= found < count:
-        raise InputError(f"expected a landmark, found none with number {found + 1}; there are {count}")
+        raise InputError(f"expected the index of a landmark, found {found}; there are {count} landmarks, from index 0")
     return found
 
 
 def add(scene: bpy.types.Scene, name: str = "") -> int:
-    """A new landmark without halves, made the active one; its index."""
+    """Add a landmark without points, make it the active one and return its index."""
     settings = scene.oneframe
-    with events.untold():
-        wanted = name or new_name(landmarks_model(scene))
-        settings.landmarks.add().name = wanted
+    with events.muted():
+        unused_name = name or new_name(landmarks_model(scene))
+        settings.landmarks.add().name = unused_name
     settings.landmark_index = len(settings.landmarks) - 1
     return settings.landmark_index
 
 
-def target(scene: bpy.types.Scene, half: Half) -> int:
-    """The landmark that a newly picked half belongs to, made the active one; a new one if none waits for it."""
+def landmark_for_pick(scene: bpy.types.Scene, half: Half) -> int:
+    """Index of the landmark that a newly picked point belongs to, which becomes active; adds one if none lacks it."""
     found = landmark_for(half, landmarks_model(scene), scene.oneframe.landmark_index)
     if found is None:
         return add(scene)
@@ -60,7 +60,7 @@ def target(scene: bpy.types.Scene, half: Half) -> int:
 def set_halves(
     scene: bpy.types.Scene, index: int, *, point_model: np.ndarray | None = None, pixel: np.ndarray | None = None
 ) -> None:
-    """Give a landmark one half or both, and tell."""
+    """Set a landmark's surface point ``(3,)``, model frame, mm, its pixel ``(2,)`` or both, and notify listeners."""
     entry = scene.oneframe.landmarks[index]
     if point_model is not None:
         entry.point, entry.has_point = point_model.tolist(), True
@@ -70,7 +70,7 @@ def set_halves(
 
 
 def remove(scene: bpy.types.Scene, index: int) -> None:
-    """Delete a landmark, and tell."""
+    """Delete a landmark, and notify listeners."""
     settings = scene.oneframe
     settings.landmarks.remove(index)
     settings.landmark_index = max(0, min(settings.landmark_index, len(settings.landmarks) - 1))
@@ -78,11 +78,11 @@ def remove(scene: bpy.types.Scene, index: int) -> None:
 
 
 def check_pixel(scene: bpy.types.Scene, pixel: np.ndarray) -> np.ndarray:
-    """A pixel that lies in the frame, or :class:`InputError`."""
+    """Return a pixel ``(2,)`` of the frame; raise :class:`InputError` if it lies outside."""
     camera = from_scene.camera(scene)
     if not camera.contains(pixel):
         raise InputError(
-            f"expected an image point in the frame, {camera.width} x {camera.height} px, "
+            f"expected an image point in the frame of {camera.width} x {camera.height} px, "
             f"found ({pixel[0]:.1f}, {pixel[1]:.1f}); click inside the frame"
         )
     return pixel

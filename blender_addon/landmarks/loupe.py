@@ -1,4 +1,4 @@
-"""A magnifier beside the pointer while landmarks are picked: the frame in its view, the surface in all others."""
+"""A loupe next to the pointer while landmarks are picked: it shows the frame in the camera view, else the surface."""
 
 import bpy
 import gpu
@@ -13,26 +13,29 @@ from ..view.overlay import Composite, frame_image_of, picture_of, projection_of
 from . import gestures, tool
 
 TOOL = tool.TOOL
-"""The workspace tool that it belongs to."""
-TIMES = 6.0
-"""Magnification: screen pixels per pixel of the frame; of other views, times larger."""
-LEAST_TIMES = 1.5
-"""Where the view of the frame is zoomed in so far that less is left, there is no loupe."""
-SIZE_PX = 180
-AWAY_PX = 28
-"""How far the loupe stays from the pointer."""
+"""The workspace tool that shows it."""
 
-_PICTURE = -1
+MAGNIFICATION = 6.0
+"""In the camera view: screen pixels per pixel of the frame. In other views: relative to the view."""
+
+MIN_MAGNIFICATION = 1.5
+"""Least magnification relative to the camera view; a view that is zoomed in further shows no loupe."""
+
+SIZE_PX = 180
+DISTANCE_PX = 28
+"""Distance of the loupe from the pointer."""
+
+_PICTURE_KEY = -1
 _handle: object | None = None
 
 
 def is_wanted(context: bpy.types.Context) -> bool:
-    """Whether the loupe is to be shown: landmarks are being picked, and it is not switched off."""
+    """Whether to show the loupe: the landmark tool is active, and the loupe is switched on."""
     return from_scene.is_set_up(context.scene) and context.scene.oneframe_view.loupe and tool.is_active(context)
 
 
 def draw_loupe(pointer: tuple[int, int]) -> None:
-    """Draw beside the pointer (window px); called by Blender for the region under it, whenever it moves."""
+    """Draw next to the pointer (window px); called by Blender for the region under it, whenever it moves."""
     context = bpy.context
     region = context.region
     if region is None or context.region_data is None or not is_wanted(context):
@@ -42,7 +45,7 @@ def draw_loupe(pointer: tuple[int, int]) -> None:
     gesture = gestures.running()
     if gesture is not None:
         if gesture.moves != "point" and in_frame:
-            # a mark in the frame that is dragged brings a loupe of its own
+            # drag_loupe shows a dragged image point
             return
         in_frame, at = False, gesture.at
     if not ((at >= 0).all() and (at < (region.width, region.height)).all()):
@@ -50,7 +53,7 @@ def draw_loupe(pointer: tuple[int, int]) -> None:
     try:
         _draw(context, region, at, in_frame)
     except InputError:
-        # told in the panel
+        # the panel reports it
         return
 
 
@@ -60,25 +63,25 @@ def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, 
     # Blender draws cursors in pixels of the window
     left, below, *target = gpu.state.viewport_get()
     low = np.array(corner(region, at[0], at[1], size)) + np.array([region.x - left, region.y - below])
-    seen, times = None, TIMES
+    loupe_view, magnification = None, MAGNIFICATION
     if in_frame:
         frame_view = FrameView.of(scene, region, context.region_data)
-        times = TIMES / frame_view.magnification
-        if times < LEAST_TIMES:
+        magnification = MAGNIFICATION / frame_view.magnification
+        if magnification < MIN_MAGNIFICATION:
             # the view itself is a loupe
             return
-        offset = low + size / 2 - times * (at - frame_view.offset)
-        seen = FrameView(frame_view.camera, times * frame_view.scale, offset)
+        offset = low + size / 2 - magnification * (at - frame_view.offset)
+        loupe_view = FrameView(frame_view.camera, magnification * frame_view.scale, offset)
     projection = projection_of(scene, region, context.region_data, frame=in_frame)
-    projection = projection.narrowed(at[0], at[1], times, size, size)
+    projection = projection.magnified(at[0], at[1], magnification, size, size)
     view = scene.oneframe_view
     contour = in_frame and view.contour
-    picture = picture_of(_PICTURE, size, size)
+    picture = picture_of(_PICTURE_KEY, size, size)
     if contour or not in_frame:
         picture.draw(projection, from_scene.surface_of(scene), view.crease_deg if contour else None)
     mode = "FRAME" if in_frame else "PICTURE"
     image = frame_image_of(scene) if in_frame else None
-    composite = Composite(mode, seen, image, picture, contour, tuple(low), target_encodes=False)
+    composite = Composite(mode, loupe_view, image, picture, contour, tuple(low), target_encodes=False)
     composite.draw(view, tuple(low), tuple(low + size))
     with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
         width, height = target
@@ -89,14 +92,14 @@ def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, 
 
 
 def corner(region: bpy.types.Region, x: float, y: float, size: int) -> tuple[float, float]:
-    """Lower left corner in the region: up and left of the pointer (texts stand right); elsewhere without room there."""
-    low_x = x - AWAY_PX - size if x - AWAY_PX - size >= 0 else x + AWAY_PX
-    low_y = y + AWAY_PX if y + AWAY_PX + size < region.height else y - AWAY_PX - size
+    """Lower left corner of the loupe in the region: above and left of the pointer if there is room; text is right."""
+    low_x = x - DISTANCE_PX - size if x - DISTANCE_PX - size >= 0 else x + DISTANCE_PX
+    low_y = y + DISTANCE_PX if y + DISTANCE_PX + size < region.height else y - DISTANCE_PX - size
     return round(max(low_x, 0)), round(max(low_y, 0))
 
 
 def _draw_cross(low_x: float, low_y: float, size: int) -> None:
-    """Cross-hair with a gap, so that the spot itself stays free; dark under bright, readable on anything."""
+    """Draw the border and a cross-hair with a gap at its centre; dark under bright, readable on any picture."""
     x, y, high_x, high_y = low_x + size / 2, low_y + size / 2, low_x + size, low_y + size
     gap = size / 15
     cross = [(low_x, y), (x - gap, y), (x + gap, y), (high_x, y), (x, low_y), (x, y - gap), (x, y + gap), (x, high_y)]
@@ -114,13 +117,13 @@ def _draw_cross(low_x: float, low_y: float, size: int) -> None:
 
 
 def register() -> None:
-    """Draw it with the cursor of 3D views."""
+    """Draw the loupe with the cursor of 3D views."""
     global _handle
     _handle = bpy.types.WindowManager.draw_cursor_add(draw_loupe, (), "VIEW_3D", "WINDOW")
 
 
 def unregister() -> None:
-    """Draw it no more."""
+    """Stop drawing."""
     global _handle
     bpy.types.WindowManager.draw_cursor_remove(_handle)
     _handle = None

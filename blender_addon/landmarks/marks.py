@@ -1,4 +1,4 @@
-"""Where the landmarks lie in a 3D view: the same for drawing them and for finding the one under the pointer."""
+"""Positions of the landmarks in a 3D view, both for drawing them and for finding the one under the pointer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,24 +12,25 @@ from ..state import from_scene
 from ..ui import frame_view
 from ..ui.frame_view import FrameView
 
-REACH = 11.0
-"""How near to a mark, in region pixels at an interface scale of 1, a press is on it."""
-HIDDEN_BEYOND = 2e-3
-"""Part of a surface point's distance by which another part of the surface must lie before it to hide it."""
+PICK_RADIUS = 11.0
+"""Distance from a mark within which a press hits it, in pixels at interface scale 1."""
+
+OCCLUSION_TOLERANCE = 2e-3
+"""A point is hidden if the surface in front of it is nearer by more than this, relative to the point's depth."""
 
 
 @dataclass(frozen=True)
 class LandmarkView:
-    """A 3D view as landmarks see it.
+    """A 3D view, and how it maps points of the surface and of the frame.
 
     Attributes
     ----------
     region, region_3d
-        Valid during one event or one drawing, never kept longer.
+        Valid during one event or one drawing only; Blender may free them afterwards.
     frame
-        The frame's place in the region if the view looks through its camera, else ``None``.
+        The mapping of the frame's pixels if the view looks through its camera, otherwise ``None``.
     cam_from_model
-        ``(4, 4)`` the present pose, mm.
+        ``(4, 4)`` the current pose, mm.
     """
 
     region: bpy.types.Region
@@ -45,7 +46,7 @@ class LandmarkView:
         return cls(region, region_3d, frame, from_scene.cam_from_model(context.scene))
 
     def region_from_model(self, scene: bpy.types.Scene, points_model: np.ndarray) -> np.ndarray:
-        """``(N, 3)`` points of the surface -> ``(N, 2)`` region pixels at the present pose; NaN behind the eye."""
+        """``(N, 3)`` points (model frame, mm) -> ``(N, 2)`` region pixels at the current pose; NaN behind the eye."""
         if self.frame is not None:
             points_cam = transform_points(self.cam_from_model, points_model)
             return self.frame.region_from_px(self.frame.camera.project(points_cam))
@@ -66,7 +67,7 @@ class LandmarkView:
         return frame_view.surface_point(scene, origin, direction)
 
     def hidden(self, scene: bpy.types.Scene, points_model: np.ndarray, region: Sequence[np.ndarray]) -> np.ndarray:
-        """``(N,)`` bool: another part of the surface lies before the point; in Edit mode that is not known."""
+        """``(N,)`` bool: whether the surface occludes each point, seen at ``region``; all False in Edit mode."""
         if from_scene.surface_of(scene).mode == "EDIT":
             return np.zeros(len(points_model), bool)
         eye_from_model = np.array(self.region_3d.view_matrix) @ world_from_model(scene)
@@ -77,15 +78,15 @@ class LandmarkView:
             seen = self.surface_point(scene, at)
             if seen is None:
                 continue
-            # depth along the view, which grows away from the eye
+            # depth along the viewing direction, increasing away from the eye
             depth, seen_depth = -(transform_points(eye_from_model, np.stack([point, seen]))[:, 2])
-            found[index] = depth - seen_depth > HIDDEN_BEYOND * max(abs(depth), 1.0)
+            found[index] = depth - seen_depth > OCCLUSION_TOLERANCE * max(abs(depth), 1.0)
         return found
 
 
 @dataclass(frozen=True)
 class Mark:
-    """A landmark's two marks in a region, in region pixels; ``None`` where it has none."""
+    """The marks of a landmark's image point and surface point, ``(2,)`` region pixels; ``None`` if there is none."""
 
     index: int
     image: np.ndarray | None
@@ -93,7 +94,7 @@ class Mark:
 
 
 def world_from_model(scene: bpy.types.Scene) -> np.ndarray:
-    """``(4, 4)`` of the surface at the present pose."""
+    """``(4, 4)`` world_from_model of the surface at the current pose."""
     return np.array(from_scene.surface_of(scene).matrix_world, dtype=np.float64)
 
 
@@ -113,17 +114,17 @@ def marks_of(scene: bpy.types.Scene, view: LandmarkView) -> list[Mark]:
 
 
 def nearest(marks: Sequence[Mark], half: str, at: np.ndarray) -> tuple[int, np.ndarray] | None:
-    """The landmark whose mark of a half (``image``, ``surface``) is in reach of a region pixel: its index, its mark."""
-    reach = REACH * bpy.context.preferences.system.ui_scale
+    """The landmark whose ``image`` or ``surface`` mark is nearest to a region pixel and hit by it: index and mark."""
+    radius = PICK_RADIUS * bpy.context.preferences.system.ui_scale
     best = None
     for mark in marks:
         place = getattr(mark, half)
-        if place is not None and (distance := float(np.linalg.norm(place - at))) <= reach:
-            best, reach = (mark.index, place), distance
+        if place is not None and (distance := float(np.linalg.norm(place - at))) <= radius:
+            best, radius = (mark.index, place), distance
     return best
 
 
-def under(marks: Sequence[Mark], at: np.ndarray) -> int | None:
-    """Index of the landmark of which any mark is within reach of a region pixel; image points first."""
+def landmark_at(marks: Sequence[Mark], at: np.ndarray) -> int | None:
+    """Index of the landmark with a mark at a region pixel, image points first; ``None`` if there is none."""
     found = nearest(marks, "image", at) or nearest(marks, "surface", at)
     return None if found is None else found[0]

@@ -1,4 +1,4 @@
-"""Operators on landmarks that need no pointer, and those that work on the one under it."""
+"""Operators that edit, solve, import and export landmarks, without a drag of the mouse."""
 
 from collections.abc import Sequence
 
@@ -16,30 +16,30 @@ from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, R
 from . import edit, solve
 from .gestures import is_alignment_view, landmark_under
 
-INDEX = "Number in the list, counted from 0; -1 for the active one"
-"""Properties are not saved between calls: a button would work on the landmark of the last one."""
+INDEX = "Index in the list, counted from 0; -1 for the active landmark"
+"""These properties do not keep the value of the last call: a button would act on the wrong landmark."""
 
 
 class _HasLandmarks(NeedsAlignment):
-    """Mixin: needs a landmark as well."""
+    """Mixin: available once there are landmarks."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not super().poll(context):
             return False
         if not context.scene.oneframe.landmarks:
-            cls.poll_message_set("There are no landmarks")
+            cls.poll_message_set("Pick a landmark first")
             return False
         return True
 
 
-class _Halves(bpy.types.Operator):
-    """Mixin: a surface point and an image point as properties, each taken only if it is given."""
+class _PointAndPixel(bpy.types.Operator):
+    """Mixin: a surface point and an image point as optional properties."""
 
     point: Sequence[float] = prop(
         FloatVectorProperty(
-            name="Surface point",
-            description="Point on the surface, in its own frame (model), mm",
+            name="Surface Point",
+            description="Point on the surface in the frame model, mm",
             size=3,
             precision=4,
             options={"SKIP_SAVE"},
@@ -47,7 +47,7 @@ class _Halves(bpy.types.Operator):
     )
     pixel: Sequence[float] = prop(
         FloatVectorProperty(
-            name="Image point",
+            name="Image Point",
             description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
             size=2,
             precision=3,
@@ -64,8 +64,8 @@ class _Halves(bpy.types.Operator):
         return edit.check_pixel(scene, np.array(self.pixel, float))
 
 
-class ONEFRAME_OT_landmark_set(NeedsAlignment, _Halves, Reporting, bpy.types.Operator):
-    """Add a landmark, or give one its surface point, its image point, or another name"""
+class ONEFRAME_OT_landmark_set(NeedsAlignment, _PointAndPixel, Reporting, bpy.types.Operator):
+    """Add a landmark, or set its surface point, image point or name"""
 
     bl_idname = "oneframe.landmark_set"
     bl_label = "Set Landmark"
@@ -73,14 +73,14 @@ class ONEFRAME_OT_landmark_set(NeedsAlignment, _Halves, Reporting, bpy.types.Ope
 
     index: int = prop(
         IntProperty(
-            name="Number",
-            description="Number in the list, counted from 0; -1 for the one that waits for this half, or a new one",
+            name="Index",
+            description="Index in the list, counted from 0; -1 for the landmark that lacks this point, or a new one",
             default=-1,
             min=-1,
             options={"SKIP_SAVE"},
         )
     )
-    name: str = prop(StringProperty(name="Name", description="Its name; empty to keep it", options={"SKIP_SAVE"}))
+    name: str = prop(StringProperty(name="Name", description="New name; empty to keep the name", options={"SKIP_SAVE"}))
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
@@ -90,14 +90,14 @@ class ONEFRAME_OT_landmark_set(NeedsAlignment, _Halves, Reporting, bpy.types.Ope
         elif (point is None) == (pixel is None):
             index = edit.add(scene)
         else:
-            index = edit.target(scene, "point" if pixel is None else "pixel")
+            index = edit.landmark_for_pick(scene, "point" if pixel is None else "pixel")
         if self.name:
             scene.oneframe.landmarks[index].name = self.name
         edit.set_halves(scene, index, point_model=point, pixel=pixel)
 
 
-class ONEFRAME_OT_landmark_pin(NeedsAlignment, _Halves, Reporting, bpy.types.Operator):
-    """Pull a point of the surface to a pixel; the other pairs hold the surface meanwhile"""
+class ONEFRAME_OT_landmark_pin(NeedsAlignment, _PointAndPixel, Reporting, bpy.types.Operator):
+    """Pull a point of the surface to a pixel while the other landmarks hold the surface"""
 
     bl_idname = "oneframe.landmark_pin"
     bl_label = "Pull Pin"
@@ -105,8 +105,8 @@ class ONEFRAME_OT_landmark_pin(NeedsAlignment, _Halves, Reporting, bpy.types.Ope
 
     index: int = prop(
         IntProperty(
-            name="Number",
-            description="Number in the list, counted from 0; -1 for a new one",
+            name="Index",
+            description="Index in the list, counted from 0; -1 for a new landmark",
             default=-1,
             min=-1,
             options={"SKIP_SAVE"},
@@ -118,26 +118,26 @@ class ONEFRAME_OT_landmark_pin(NeedsAlignment, _Halves, Reporting, bpy.types.Ope
         point, pixel = self.given_point(), self.given_pixel(scene)
         pose = from_scene.cam_from_model(scene)
         if pixel is None:
-            raise InputError("expected a pixel to pull the pin to, found none")
+            raise InputError("expected the pixel to pull the pin to, found none; set pixel")
         if self.index >= 0:
             index = edit.checked_index(scene, self.index)
             if point is None and not scene.oneframe.landmarks[index].has_point:
-                raise InputError("expected a landmark with a surface point; pick that first")
+                raise InputError(f"expected a surface point of landmark {index}, found none; pick it first")
         elif point is None:
-            raise InputError("expected the surface point of a new pin, found none")
+            raise InputError("expected the surface point of the new pin, found none; set point")
         else:
             index = edit.add(scene)
-        with events.untold():
+        with events.muted():
             scene.oneframe.landmarks[index].enabled = True
             edit.set_halves(scene, index, point_model=point, pixel=pixel)
         solve.pull(scene, pose)
         events.landmarks_changed(scene)
 
 
-class _One(bpy.types.Operator):
-    """Mixin: works on one landmark: by its index, or on the one under the pointer when a key or click calls it."""
+class _OnOneLandmark(bpy.types.Operator):
+    """Mixin: acts on the landmark with an index, or on the one under the pointer if called by a key or click."""
 
-    elsewhere: OperatorResult = {"PASS_THROUGH"}
+    result_without_landmark: OperatorResult = {"PASS_THROUGH"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if not self.properties.at_pointer:
@@ -150,37 +150,37 @@ class _One(bpy.types.Operator):
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         if found is None:
-            if self.elsewhere == {"CANCELLED"}:
+            if self.result_without_landmark == {"CANCELLED"}:
                 self.report({"INFO"}, "no landmark under the pointer")
-            return self.elsewhere
+            return self.result_without_landmark
         self.index = found
         return self.execute(context)
 
 
-class ONEFRAME_OT_landmark_remove(_One, _HasLandmarks, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_landmark_remove(_OnOneLandmark, _HasLandmarks, Reporting, bpy.types.Operator):
     """Delete a landmark"""
 
     bl_idname = "oneframe.landmark_remove"
     bl_label = "Delete Landmark"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: int = prop(IntProperty(name="Number", description=INDEX, default=-1, min=-1, options={"SKIP_SAVE"}))
+    index: int = prop(IntProperty(name="Index", description=INDEX, default=-1, min=-1, options={"SKIP_SAVE"}))
     at_pointer: bool = prop(BoolProperty(options={"HIDDEN", "SKIP_SAVE"}))
-    # with this tool in hand the key must not delete the surface because a mark was missed by a pixel
-    elsewhere = {"CANCELLED"}
+    # a click that misses a mark by a pixel must not let the key delete the surface
+    result_without_landmark = {"CANCELLED"}
 
     def run(self, context: bpy.types.Context) -> None:
         edit.remove(context.scene, edit.checked_index(context.scene, self.index))
 
 
-class ONEFRAME_OT_landmark_toggle(_One, _HasLandmarks, Reporting, bpy.types.Operator):
-    """Use a landmark for the pose, or leave it out"""
+class ONEFRAME_OT_landmark_toggle(_OnOneLandmark, _HasLandmarks, Reporting, bpy.types.Operator):
+    """Enable or disable a landmark for the pose"""
 
     bl_idname = "oneframe.landmark_toggle"
-    bl_label = "Use Landmark or Not"
+    bl_label = "Toggle Landmark"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: int = prop(IntProperty(name="Number", description=INDEX, default=-1, min=-1, options={"SKIP_SAVE"}))
+    index: int = prop(IntProperty(name="Index", description=INDEX, default=-1, min=-1, options={"SKIP_SAVE"}))
     at_pointer: bool = prop(BoolProperty(options={"HIDDEN", "SKIP_SAVE"}))
 
     def run(self, context: bpy.types.Context) -> None:
@@ -188,7 +188,7 @@ class ONEFRAME_OT_landmark_toggle(_One, _HasLandmarks, Reporting, bpy.types.Oper
         index = edit.checked_index(scene, self.index)
         entry = scene.oneframe.landmarks[index]
         scene.oneframe.landmark_index = index
-        # the property tells of its change
+        # the property notifies listeners of its change
         entry.enabled = not entry.enabled
 
 
@@ -204,7 +204,7 @@ class ONEFRAME_OT_landmarks_clear(_HasLandmarks, Reporting, bpy.types.Operator):
 
 
 class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting, bpy.types.Operator):
-    """Move the surface to the pose that the landmarks say"""
+    """Move the surface to the pose that fits the landmarks"""
 
     bl_idname = "oneframe.solve_landmarks"
     bl_label = "Solve"
@@ -212,19 +212,19 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
-        # a scaled surface is to be refused, not to be made rigid in passing
+        # raises for a scaled surface, which must not become rigid unnoticed
         from_scene.cam_from_model(scene)
         solved = solve.solution(scene)
         solve.apply(scene, solved)
         if solved.alignment is None:
             raise InputError(solved.refusal)
         estimate = solved.alignment.estimate
-        used = f"{int(estimate.inliers.sum())} of {len(solved.alignment.landmarks)} pairs"
-        return *estimate.messages, f"pose from {used}, RMS {estimate.rms_px:.2f} px"
+        used = f"{int(estimate.inliers.sum())} of {len(solved.alignment.landmarks)} correspondences"
+        return *estimate.messages, f"pose from {used}, RMS reprojection error {estimate.rms_px:.2f} px"
 
 
 class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Operator, ImportHelper):
-    """Read landmarks from a CSV or JSON file: surface points in the frame and units of the mesh file, pixels"""
+    """Import landmarks from a CSV or JSON file: surface points in the frame and units of the mesh file, and pixels"""
 
     bl_idname = "oneframe.import_landmarks"
     bl_label = "Import Landmarks"
@@ -232,23 +232,21 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Oper
 
     filter_glob: str = prop(StringProperty(default="*.csv;*.json", options={"HIDDEN"}))
     keep: bool = prop(
-        BoolProperty(
-            name="Keep present ones", description="Add to the landmarks that are there, instead of replacing them"
-        )
+        BoolProperty(name="Keep Existing", description="Add to the existing landmarks instead of replacing them")
     )
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
         path = self.chosen_file()
         read = read_landmarks(path, mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
-        present = from_scene.landmarks_mesh(scene) if self.keep else ()
-        to_scene.replace_landmarks(scene, (*present, *read))
+        existing = from_scene.landmarks_mesh(scene) if self.keep else ()
+        to_scene.replace_landmarks(scene, (*existing, *read))
         events.landmarks_changed(scene)
         return f"{path.name}: {len(read)} landmarks", *solve.off_surface(scene)
 
 
 class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Operator, ExportHelper):
-    """Write the landmarks to a CSV or JSON file: surface points in the frame and units of the mesh file, pixels"""
+    """Export the landmarks to a CSV or JSON file: surface points in the frame and units of the mesh file, and pixels"""
 
     bl_idname = "oneframe.export_landmarks"
     bl_label = "Export Landmarks"

@@ -1,4 +1,4 @@
-"""The Landmarks panel: the list, what it says about the pose, and how certain that is."""
+"""The panel Landmarks: the list, the solution and its uncertainty."""
 
 import bpy
 import numpy as np
@@ -9,13 +9,13 @@ from ..pipeline.files.numbers import format_two_digits
 from ..registration import class_registration
 from ..state import from_scene
 from ..state.properties import ONEFRAME_PG_landmark, ONEFRAME_PG_scene
-from ..ui.wrapped_text import draw_sentence
+from ..ui.wrapped_text import draw_text
 from . import solve, tool
 from .solve import Solution
 
 
 class ONEFRAME_UL_landmarks(bpy.types.UIList):
-    """A landmark a row: use, name, residual"""
+    """One landmark per row: use, name, residual"""
 
     bl_idname = "ONEFRAME_UL_landmarks"
 
@@ -42,7 +42,7 @@ class ONEFRAME_UL_landmarks(bpy.types.UIList):
 
 
 class ONEFRAME_PT_landmarks(bpy.types.Panel):
-    """Pairs of points that say the pose"""
+    """Correspondences that determine the pose"""
 
     bl_idname = "ONEFRAME_PT_landmarks"
     bl_label = "4  Landmarks"
@@ -65,11 +65,11 @@ class ONEFRAME_PT_landmarks(bpy.types.Panel):
         layout.operator_context = "INVOKE_DEFAULT"
         row = layout.row()
         row.enabled = context.mode == "OBJECT"
-        in_hand = tool.is_active(context)
-        pick = row.operator("wm.tool_set_by_id", text="Pick Landmarks", icon="EYEDROPPER", depress=in_hand)
+        is_active = tool.is_active(context)
+        pick = row.operator("wm.tool_set_by_id", text="Pick Landmarks", icon="EYEDROPPER", depress=is_active)
         pick.name = tool.TOOL
-        if in_hand:
-            draw_sentence(layout, tool.step_sentence(context), icon="INFO")
+        if is_active:
+            draw_text(layout, tool.instruction(context), icon="INFO")
         row = layout.row()
         row.template_list(
             ONEFRAME_UL_landmarks.bl_idname, "", settings, "landmarks", settings, "landmark_index", rows=5
@@ -82,14 +82,14 @@ class ONEFRAME_PT_landmarks(bpy.types.Panel):
         column.separator()
         column.operator("oneframe.import_landmarks", text="", icon="IMPORT")
         column.operator("oneframe.export_landmarks", text="", icon="EXPORT")
-        layout.prop(settings, "click_sigma_px", text="Click accuracy, px")
-        layout.prop(settings, "live_solve", text="Solve at every change", toggle=True)
+        layout.prop(settings, "click_sigma_px", text="Click Noise (px)")
+        layout.prop(settings, "live_solve", text="Solve After Every Change", toggle=True)
         if not settings.landmarks:
             return
         try:
             _draw_solution(layout, context.scene, solve.solution(context.scene))
         except InputError as error:
-            draw_sentence(layout, str(error), icon="ERROR")
+            draw_text(layout, str(error), icon="ERROR")
 
 
 class ONEFRAME_PT_landmark_keys(bpy.types.Panel):
@@ -97,7 +97,7 @@ class ONEFRAME_PT_landmark_keys(bpy.types.Panel):
 
     bl_idname = "ONEFRAME_PT_landmark_keys"
     bl_parent_id = "ONEFRAME_PT_landmarks"
-    bl_label = "Mouse and keys"
+    bl_label = "Mouse and Keys"
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "OneFrame"
@@ -108,38 +108,37 @@ class ONEFRAME_PT_landmark_keys(bpy.types.Panel):
             split = self.layout.split(factor=0.45)
             split.label(text=keys)
             split.label(text=text)
-        draw_sentence(self.layout, "In a view that is not the camera's, a click picks on the surface.")
+        draw_text(self.layout, "In other 3D views, a click picks a surface point.")
 
 
 def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: Solution) -> None:
     if solved.alignment is None:
-        draw_sentence(layout, solved.refusal, icon="INFO")
+        draw_text(layout, solved.refusal, icon="INFO")
         return
     found, away = solved.alignment.estimate, solve.departure(scene, solved)
-    layout.label(
-        text=f"RMS {found.rms_px:.2f} px, {int(found.inliers.sum())} of {len(solved.alignment.landmarks)} pairs"
-    )
+    lines = layout.column(align=True)
+    lines.label(text=f"{int(found.inliers.sum())} of {len(solved.alignment.landmarks)} correspondences used")
+    lines.label(text=f"RMS reprojection error {found.rms_px:.2f} px")
     if away is not None:
-        draw_sentence(
+        draw_text(
             layout,
-            f"The pose is {format_two_digits(away.turn_deg)}° and {format_two_digits(away.shift_mm)} mm "
-            f"from the landmarks' pose, "
-            f"up to {away.largest_px:.1f} px.",
+            f"The pose differs from the solution by {format_two_digits(away.rotation_deg)}° and "
+            f"{format_two_digits(away.shift_mm)} mm, up to {away.largest_px:.1f} px in the frame.",
             icon="INFO",
         )
     row = layout.row()
     row.enabled = away is not None
     row.operator("oneframe.solve_landmarks", icon="CHECKMARK")
     _draw_uncertainty(layout.box(), found.uncertainty)
-    for sentence in found.messages:
-        draw_sentence(layout, sentence, icon="ERROR")
+    for message in found.messages:
+        draw_text(layout, message, icon="ERROR")
 
 
 def _draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty) -> None:
-    box.label(text="Uncertainty (standard deviations)")
+    box.label(text="Standard Deviations")
     columns = box.row(align=True)
     kinds = zip(
-        (("Tilt", "Turn", "Roll"), ("Right", "Down", "Depth")),
+        (("Pitch", "Yaw", "Roll"), ("Right", "Down", "Depth")),
         (uncertainty.rotation_deg, uncertainty.translation_mm),
         ("°", " mm"),
         strict=True,
@@ -149,21 +148,21 @@ def _draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty) -> 
         column.scale_y = 0.8
         for name, deviation in zip(names, deviations, strict=True):
             column.label(text=f"{name} ± {format_two_digits(deviation)}{unit}")
-    draw_sentence(box, f"Weakest: {uncertainty.weakest}")
+    draw_text(box, f"Least certain: {uncertainty.weakest}")
 
 
 def _row_text(scene: bpy.types.Scene, item: ONEFRAME_PG_landmark, index: int) -> tuple[str, str]:
     if not item.has_pixel:
-        return "frame?" if item.has_point else "both?", "NONE"
+        return "No image point" if item.has_point else "No points", "NONE"
     if not item.has_point:
-        return "surface?", "NONE"
+        return "No surface point", "NONE"
     try:
         residual = solve.residuals_px(scene)[index]
         outlier = item.enabled and solve.solution(scene).is_outlier(index)
     except InputError:
         return "", "NONE"
     if not np.isfinite(residual).all():
-        return "behind camera", "ERROR"
+        return "Behind camera", "ERROR"
     return f"{np.linalg.norm(residual):.1f} px", "ERROR" if outlier else "NONE"
 
 

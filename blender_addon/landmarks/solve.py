@@ -1,4 +1,4 @@
-"""What the landmarks say about the pose: solved as a function of their content, so never stale, whatever was undone."""
+"""The pose from the landmarks, cached by their content and therefore never stale, even after undo."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -25,20 +25,20 @@ from ..pipeline.errors import InputError
 from ..pipeline.transforms import transform_points
 from ..state import events, from_scene
 
-AWAY_PX = 0.05
-"""A pose from which no landmark moves by more pixels than this is the landmarks' own."""
+SAME_POSE_PX = 0.05
+"""Two poses count as the same if no landmark's projection differs by more than this."""
 
 
 @dataclass(frozen=True)
 class Solution:
-    """The pose that the landmarks give, or why they give none.
+    """The pose from the landmarks, or the reason why they do not determine one.
 
     Attributes
     ----------
     alignment
         In the frame ``model``; ``None`` if the landmarks do not determine a pose.
     refusal
-        Then the reason, a sentence.
+        The message for the user in that case, otherwise empty.
     """
 
     alignment: Alignment | None
@@ -50,7 +50,7 @@ class Solution:
         return None if self.alignment is None else self.alignment.estimate
 
     def is_outlier(self, index: int) -> bool:
-        """Whether the landmark at this place of the list disagrees with the others."""
+        """Whether the landmark with this index in the list is an outlier."""
         if self.alignment is None or index not in self.alignment.indices:
             return False
         return not self.alignment.estimate.inliers[self.alignment.indices.index(index)]
@@ -58,26 +58,36 @@ class Solution:
 
 @dataclass(frozen=True)
 class Departure:
-    """How far the present pose is from that of the landmarks: the pivot's shift, the turn, the largest effect."""
+    """How far the current pose is from the solution.
+
+    Attributes
+    ----------
+    shift_mm
+        Distance between the two positions of the pivot.
+    rotation_deg
+        Angle of the rotation between the two poses.
+    largest_px
+        Largest distance between the projections of a landmark; infinite if one lies behind the camera.
+    """
 
     shift_mm: float
-    turn_deg: float
+    rotation_deg: float
     largest_px: float
 
 
 def solution(scene: bpy.types.Scene) -> Solution:
-    """Solve the scene's landmarks, or look it up if they are as they were.
+    """Solve for the pose from the scene's landmarks, or return the cached solution if they have not changed.
 
     Raises
     ------
     InputError
-        There is no camera.
+        There is no camera; or the landmarks are ambiguous and there is no valid current pose.
     """
     # six digits: a property holds 0.2 as 0.20000000298
     given = landmarks_model(scene), from_scene.camera(scene), round(scene.oneframe.click_sigma_px, 6)
     solved = _solved(*given, None)
     if isinstance(solved, UndeterminedPose) and is_ambiguous(solved):
-        # only then the result depends on the pose of the surface, which changes with every step
+        # only then does the result depend on the current pose, which changes with every step
         solved = _solved(*given, from_scene.cam_from_model(scene).tobytes())
     if isinstance(solved, UndeterminedPose):
         return Solution(None, str(solved))
@@ -85,7 +95,7 @@ def solution(scene: bpy.types.Scene) -> Solution:
 
 
 def landmarks_model(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
-    """All landmarks of a scene, in the frame ``model``, mm."""
+    """All landmarks of a scene, points in the frame ``model``, mm."""
     return tuple(
         Landmark(
             entry.name,
@@ -109,14 +119,14 @@ def _solved(
 
 
 def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """A sentence that names the enabled landmarks whose point is not on the surface, or nothing."""
+    """A warning that names the enabled landmarks whose point is not on the surface, or nothing."""
     return surface_distance.off_surface(
         landmarks_model(scene), surface_object.edited_mesh(from_scene.surface_of(scene))
     )
 
 
 def residuals_px(scene: bpy.types.Scene) -> dict[int, np.ndarray]:
-    """Index -> ``(2,)`` clicked minus predicted pixel at the present pose, of all landmarks that have both halves."""
+    """Index -> ``(2,)`` clicked minus projected pixel at the current pose, of all landmarks that have both points."""
     camera, pose = from_scene.camera(scene), from_scene.cam_from_model(scene)
     found = {}
     for index, entry in enumerate(scene.oneframe.landmarks):
@@ -127,26 +137,26 @@ def residuals_px(scene: bpy.types.Scene) -> dict[int, np.ndarray]:
 
 
 def departure(scene: bpy.types.Scene, solved: Solution) -> Departure | None:
-    """How far the present pose is from the solution; ``None`` if it is the solution, or there is none."""
+    """How far the current pose is from the solution; ``None`` if they are the same, or if there is no solution."""
     if solved.alignment is None:
         return None
     present, wanted = from_scene.cam_from_model(scene), solved.alignment.estimate.cam_from_model
     camera, points = from_scene.camera(scene), solved.alignment.points
-    apart = camera.project(transform_points(present, points)) - camera.project(transform_points(wanted, points))
-    largest = float(np.max(np.linalg.norm(np.where(np.isfinite(apart), apart, np.inf), axis=1)))
-    if largest <= AWAY_PX:
+    shifts_px = camera.project(transform_points(present, points)) - camera.project(transform_points(wanted, points))
+    largest = float(np.max(np.linalg.norm(np.where(np.isfinite(shifts_px), shifts_px, np.inf), axis=1)))
+    if largest <= SAME_POSE_PX:
         return None
     twist = twist_between(wanted, present, solved.alignment.estimate.uncertainty.pivot_model)
     return Departure(float(np.linalg.norm(twist[:3])), float(np.degrees(np.linalg.norm(twist[3:]))), largest)
 
 
 def apply(scene: bpy.types.Scene, solved: Solution) -> None:
-    """Make a solution the pose.
+    """Move the surface to the pose of a solution.
 
     Raises
     ------
     InputError
-        The pairs do not determine a pose.
+        The landmarks do not determine a pose.
     """
     if solved.estimate is None:
         raise InputError(solved.refusal)
@@ -155,12 +165,12 @@ def apply(scene: bpy.types.Scene, solved: Solution) -> None:
 
 
 def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
-    """From a pose ``(4, 4)``, pull the surface to the enabled pairs as pins do: a few hold it only as far as they can.
+    """Pull the surface, like pins, from a pose ``(4, 4)`` to the enabled correspondences; see :func:`pull_pins`.
 
     Raises
     ------
     InputError
-        There is no such pose, for instance because a point would lie behind the camera.
+        No pose fits the pins, for instance because a point would lie behind the camera.
     """
     camera_object, surface, camera = (
         from_scene.camera_object_of(scene),
@@ -176,11 +186,11 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
 
 
 def follow(scene: bpy.types.Scene) -> None:
-    """After a change of the landmarks: where they determine a pose and Live is on, the surface takes it."""
+    """Move the surface to the solution after a change of the landmarks, if *Live* is on and there is one."""
     if not scene.oneframe.live_solve or not from_scene.is_set_up(scene):
         return
     try:
-        # a scaled surface is refused here; the Set up panel says so
+        # raises for a scaled surface, which the panel Set up reports
         from_scene.cam_from_model(scene)
         solved = solution(scene)
     except InputError:
@@ -190,11 +200,11 @@ def follow(scene: bpy.types.Scene) -> None:
 
 
 def register() -> None:
-    """Solve at every change."""
+    """Solve after every change of the landmarks."""
     events.on_landmarks_changed(follow)
 
 
 def unregister() -> None:
-    """The opposite of :func:`register`."""
-    events.forget(follow)
+    """Undo :func:`register`."""
+    events.remove_listener(follow)
     _solved.cache_clear()

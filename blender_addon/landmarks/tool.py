@@ -1,4 +1,4 @@
-"""The tool in the toolbar whose mouse buttons pick and drag landmarks; all else stays Blender's."""
+"""The tool in the toolbar with which the mouse picks and drags landmarks; everything else stays Blender's."""
 
 import bpy
 
@@ -10,15 +10,15 @@ from . import edit
 TOOL = "oneframe.landmark_tool"
 
 KEYS = (
-    ("Click", "point in the frame"),
-    ("Shift + click", "point on the surface"),
-    ("Ctrl + drag", "pull the surface by a pin"),
-    ("Drag a mark", "move it; Shift: 10 x finer"),
-    ("Esc, right button", "put the drag back"),
-    ("Alt + click a mark", "use it or not"),
-    ("X, Delete on a mark", "delete it"),
+    ("Click", "Pick image point"),
+    ("Shift + Click", "Pick surface point"),
+    ("Ctrl + Drag", "Pull with a pin"),
+    ("Drag Mark", "Move; Shift: finer"),
+    ("Esc, Right Click", "Cancel the drag"),
+    ("Alt + Click Mark", "Enable or disable"),
+    ("X, Del on Mark", "Delete landmark"),
 )
-"""What the tool's keys do in the camera view; in other 3D views a click picks on the surface."""
+"""What mouse and keys do in the camera view; in other 3D views a click picks a surface point."""
 
 
 def _gesture(kind: str, **modifiers: bool) -> tuple:
@@ -31,7 +31,7 @@ def _at_pointer(operator: str, **event: object) -> tuple:
 
 
 class LandmarkTool(bpy.types.WorkSpaceTool):
-    """Pick the same features in the frame and on the surface: the pose follows"""
+    """Pick the same features in the frame and on the surface; the pose follows"""
 
     bl_space_type = "VIEW_3D"
     bl_context_mode = "OBJECT"
@@ -39,7 +39,7 @@ class LandmarkTool(bpy.types.WorkSpaceTool):
     bl_label = "Landmarks"
     bl_description = (
         "Pick the same features in the frame and on the surface; the pose follows.\n"
-        "Click: point in the frame. Shift + click: point on the surface. Ctrl + drag: pull the surface by a pin"
+        "Click: pick an image point. Shift + Click: pick a surface point. Ctrl + Drag: pull the surface with a pin"
     )
     bl_icon = "ops.paint.eyedropper_add"
     bl_cursor = "CROSSHAIR"
@@ -54,11 +54,11 @@ class LandmarkTool(bpy.types.WorkSpaceTool):
 
     @staticmethod
     def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
-        layout.label(text=step_sentence(context))
+        layout.label(text=instruction(context))
 
 
-def step_sentence(context: bpy.types.Context) -> str:
-    """What a click does next, for the tool's header and the pointer."""
+def instruction(context: bpy.types.Context) -> str:
+    """The instruction for the next click, shown in the tool's header, in the panel and next to the pointer."""
     scene = context.scene
     if not from_scene.is_set_up(scene):
         return "Set up camera and surface first"
@@ -67,25 +67,25 @@ def step_sentence(context: bpy.types.Context) -> str:
 
 
 def is_active(context: bpy.types.Context) -> bool:
-    """Whether this tool is in hand."""
+    """Whether the landmark tool is the active one."""
     tool = context.workspace.tools.from_space_view3d_mode("OBJECT", create=False)
     return context.mode == "OBJECT" and tool is not None and tool.idname == TOOL
 
 
 def register() -> None:
-    """Put the tool into the toolbar."""
+    """Add the tool to the toolbar."""
     bpy.utils.register_tool(LandmarkTool, after={"builtin.measure"}, separator=True)
 
 
 def unregister() -> None:
-    """Take it out of the hand of whoever sees it, and out of the toolbar, its keys with it."""
+    """Activate another tool wherever this one is active, then remove it and its keys from the toolbar."""
     for window in bpy.context.window_manager.windows:
         tool = window.workspace.tools.from_space_view3d_mode("OBJECT", create=False)
         if tool is None or tool.idname != TOOL:
             continue
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
-                # by the operator: setting the tool itself needs a window in the context, and crashes without
+                # through the operator: without a window in the context, setting the tool itself crashes
                 with bpy.context.temp_override(window=window, area=area):
                     bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
                 break

@@ -1,4 +1,4 @@
-"""Draws how uncertain the landmarks leave the pose: ellipses where the surface may lie, the weakest direction."""
+"""Draws the uncertainty of the pose: confidence ellipses of surface points, and the least certain direction."""
 
 import bpy
 import numpy as np
@@ -15,33 +15,37 @@ from ..ui.strokes import Colour, Strokes
 from .marks import LandmarkView
 from .solve import Solution
 
-UNSURE: Colour = (0.87, 0.68, 1.0, 1.0)
+COLOUR: Colour = (0.87, 0.68, 1.0, 1.0)
 SAMPLES = 7
-"""Points of the surface in view at which it is shown, besides the landmarks and their middle."""
-EDGE = 0.08
-"""Part of the frame's size at its edges that these keep clear of."""
+"""Points of the visible surface at which the uncertainty is drawn, in addition to the landmarks and the pivot."""
+
+EDGE_MARGIN = 0.08
+"""Least distance of these from the edges of the frame, as a fraction of its size."""
+
 MAGNIFICATIONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 LONGEST_PX, SHORTEST_PX = 45.0, 6.0
-"""The weakest direction is drawn as many times longer as keeps it below this on the screen; a speck is left out."""
+"""Lengths of the arrows on the screen: the magnification keeps the longest below the first; arrows shorter than the
+second are not drawn."""
+
 LEGEND, LINE = (70.0, 34.0), 20.0
-"""Lower left corner of the legend, and the height of a line."""
+"""Lower left corner of the legend, and height of a line, in pixels at interface scale 1."""
 
 
 def add_uncertainty(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkView, solved: Solution) -> None:
-    """Add ellipses (in the view of the frame) and arrows to what is drawn into a view."""
+    """Add the arrows, a legend and, in the camera view, the ellipses."""
     if solved.alignment is None:
         return
     uncertainty = solved.alignment.estimate.uncertainty
     samples = _samples(scene, view.cam_from_model)
     factor = _add_weakest(strokes, scene, view, uncertainty, np.vstack([samples, uncertainty.pivot_model]))
     times = f", arrows {factor} x" if factor > 1 else ", arrows" if factor == 1 else ""
-    legend = [f"Weakest direction: {uncertainty.weakest}{times}"]
+    legend = [f"Least certain: {uncertainty.weakest}{times}"]
     if view.frame is not None:
         _add_ellipses(strokes, scene, view, view.frame, uncertainty, samples, width=1.0)
         _add_ellipses(strokes, scene, view, view.frame, uncertainty, solved.alignment.points, width=1.5)
-        legend.append("Ellipses: 95 % of where the surface may lie")
+        legend.append("Ellipses: 95 % confidence regions of surface points")
     for number, text in enumerate(legend):
-        strokes.text((np.array(LEGEND) + np.array([0, LINE * number])) * strokes.unit, text, UNSURE)
+        strokes.text((np.array(LEGEND) + np.array([0, LINE * number])) * strokes.unit, text, COLOUR)
 
 
 def _add_ellipses(
@@ -57,7 +61,7 @@ def _add_ellipses(
     covariances = uncertainty.pixel_covariances(points_model, frame.camera, view.cam_from_model)
     outlines = ellipse_outlines(covariances, uncertainty.ellipse_scale())
     for centre, outline in zip(view.region_from_model(scene, points_model), outlines, strict=True):
-        strokes.line(centre + outline * frame.scale, UNSURE, width=width, closed=True)
+        strokes.line(centre + outline * frame.scale, COLOUR, width=width, closed=True)
 
 
 def _add_weakest(
@@ -67,11 +71,14 @@ def _add_weakest(
     uncertainty: PoseUncertainty,
     points_model: np.ndarray,
 ) -> int:
-    """Double arrows: where one standard deviation either way takes the points; how many times enlarged, 0 for none."""
+    """Add double arrows that show how one standard deviation either way moves the points.
+
+    Returns the magnification of the arrows; 0 if all are too short to draw.
+    """
     pose, twist = view.cam_from_model, uncertainty.weakest_twist
     ways = []
     for sign in (1, -1):
-        # moved as the camera sees it, in the axes of the surface as it stands now
+        # a motion of the surface in the camera's frame, as a motion of the points in the model frame
         moved = inverse_rigid(pose) @ apply_twist(sign * twist, pose, uncertainty.pivot_model)
         ways.append(transform_points(moved, points_model) - points_model)
     here = view.region_from_model(scene, points_model)
@@ -84,13 +91,13 @@ def _add_weakest(
         if not np.linalg.norm(ends[0] - ends[1]) >= SHORTEST_PX * strokes.unit:
             continue
         for end in ends:
-            strokes.arrow(middle, end, UNSURE, width=1.5, head=7)
+            strokes.arrow(middle, end, COLOUR, width=1.5, head=7)
         drawn = factor
     return drawn
 
 
 def _samples(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> np.ndarray:
-    """``(N, 3)`` points of the surface that the frame shows, far from each other and from its edges, model frame."""
+    """``(N, 3)`` visible surface points (model frame, mm), far from each other and from the edges of the frame."""
     camera = from_scene.camera(scene)
     seen = visible_surface(from_scene.surface_of(scene), camera, cam_from_model)
     inner = np.flatnonzero(_is_inner(seen.pixels, camera))
@@ -98,12 +105,12 @@ def _samples(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> np.ndarray:
 
 
 def _is_inner(pixels: np.ndarray, camera: PinholeCamera) -> np.ndarray:
-    margin = EDGE * max(camera.size_wh)
+    margin = EDGE_MARGIN * max(camera.size_wh)
     return ((pixels > margin) & (pixels < np.array(camera.size_wh) - margin)).all(axis=1)
 
 
 def _spread(pixels: np.ndarray, count: int) -> list[int]:
-    """Indices of points far from each other: each next one is the farthest from those chosen (Gonzalez 1985)."""
+    """Indices of points far from each other: each is the farthest from those already chosen (Gonzalez 1985)."""
     if len(pixels) == 0:
         return []
     chosen = [int(np.argmax(((pixels - pixels.mean(axis=0)) ** 2).sum(axis=1)))]

@@ -1,1 +1,1 @@
-"""Panel *Move*: the pose by keys, handles and numbers."""
+"""Panel *Move*: change the pose by keys, handles and numbers."""

@@ -1,4 +1,4 @@
-"""Handles at the pivot, in the view through the frame's camera: drag to shift, roll, tilt, or change the depth."""
+"""Handles at the pivot in the camera view: drag them to shift, roll or tilt the surface, or to change its depth."""
 
 import bpy
 import numpy as np
@@ -17,17 +17,17 @@ _HANDLES = (
     ("tilt", "ORIENTATION_GIMBAL", (0, 1)),
     ("depth", "ZOOM_ALL", (1, 1)),
 )
-"""Mode of the drag, icon, place on the pad right below the pivot."""
+"""Mode of the drag, icon, and (column, row) on the grid of handles to the lower right of the pivot."""
 
 SIZE, GAP = 28.0, 34.0
-"""Pixels at interface scale 1."""
+"""Of a handle, and between handles: pixels at interface scale 1."""
 
 
 class ONEFRAME_GGT_pose(bpy.types.GizmoGroup):
     """Handles to move the surface"""
 
     bl_idname = "ONEFRAME_GGT_pose"
-    bl_label = "Move the surface"
+    bl_label = "Move Surface"
     bl_space_type = "VIEW_3D"
     bl_region_type = "WINDOW"
     bl_options = {"PERSISTENT", "SCALE"}
@@ -37,7 +37,7 @@ class ONEFRAME_GGT_pose(bpy.types.GizmoGroup):
         settings = context.scene.oneframe
         if not settings.show_gizmo or not from_scene.is_set_up(context.scene) or not shows_frame(context):
             return False
-        # its handles would take the clicks of whoever picks near the pivot
+        # the handles would catch clicks of the landmark tool near the pivot
         return not tool.is_active(context)
 
     def setup(self, context: bpy.types.Context) -> None:
@@ -60,20 +60,20 @@ class ONEFRAME_GGT_pose(bpy.types.GizmoGroup):
             pose = from_scene.cam_from_model(scene)
             view = FrameView.of(scene, context.region, context.region_data)
         except InputError:
-            # the panel says why
+            # the panel reports it
             for handle, _ in self._handles:
                 handle.hide = True
             return
         pixel = view.camera.project((pose[:3, :3] @ pivot + pose[:3, 3])[None])[0]
         scale = context.preferences.system.ui_scale
         size = np.array([context.region.width, context.region.height], float)
-        place_at = view.region_from_px(np.nan_to_num(pixel))
-        # in reach even if the surface is not
-        place_at = np.clip(place_at, 2 * GAP * scale, size - 2 * GAP * scale)
+        pivot_at = view.region_from_px(np.nan_to_num(pixel))
+        # within reach even if the surface is out of view
+        pivot_at = np.clip(pivot_at, 2 * GAP * scale, size - 2 * GAP * scale)
         for handle, place in self._handles:
             handle.hide = False
             right, down = place
-            x, y = place_at + scale * GAP * np.array([right + 0.6, -down - 0.6])
+            x, y = pivot_at + scale * GAP * np.array([right + 0.6, -down - 0.6])
             handle.matrix_basis = Matrix.Translation((x, y, 0.0))
 
 

@@ -1,4 +1,4 @@
-"""Moving the surface in steps of image pixels: keys, buttons, and drags of the gizmo."""
+"""Operators that move the surface in steps of image pixels: by keys, buttons and drags of the gizmo."""
 
 import bpy
 import numpy as np
@@ -19,14 +19,14 @@ AXES = [
     ("x", "Right", "Shift to the right in the image"),
     ("y", "Down", "Shift downwards in the image"),
     ("depth", "Farther", "Move away from the camera, along the view ray through the pivot"),
-    ("pitch", "Tilt", "Tilt about the image's horizontal axis"),
-    ("yaw", "Turn", "Turn about the image's vertical axis"),
-    ("roll", "Roll", "Roll clockwise about the view ray through the pivot"),
+    ("pitch", "Pitch", "Rotate about the image's horizontal axis"),
+    ("yaw", "Yaw", "Rotate about the image's vertical axis"),
+    ("roll", "Roll", "Rotate clockwise about the view ray through the pivot"),
 ]
 STEPS = {"fine": 0.1, "normal": 1.0, "coarse": 10.0}
-"""Pixels."""
+"""Pixels of the frame."""
 
-# the key for the negative step, then for the positive one
+# of each axis: the key for the negative step, the key for the positive one
 _KEY_PAIRS = {
     "x": ("LEFT_ARROW", "RIGHT_ARROW"),
     "y": ("UP_ARROW", "DOWN_ARROW"),
@@ -52,47 +52,50 @@ KEYS = Keys(
 
 
 class _Mover(NeedsAlignment):
-    """What keys and drags share."""
+    """Mixin: moves the surface about the pivot, by keys or drags."""
 
-    def _start(self, context: bpy.types.Context) -> None:
+    def _begin(self, context: bpy.types.Context) -> None:
         self._pivot, self._radius = pivot_of(context.scene)
-        self._first = from_scene.cam_from_model(context.scene)
+        self._start_pose = from_scene.cam_from_model(context.scene)
         keep_pivot(context.scene, self._pivot, self._radius)
 
-    def _move(self, context: bpy.types.Context, pose: np.ndarray, axis: Axis, step_px: float) -> np.ndarray:
+    def _moved(self, context: bpy.types.Context, pose: np.ndarray, axis: Axis, step_px: float) -> np.ndarray:
         return nudged(pose, from_scene.camera(context.scene), self._pivot, axis, step_px, self._radius)
 
-    def _place(self, context: bpy.types.Context, pose: np.ndarray) -> None:
+    def _set_pose(self, context: bpy.types.Context, pose: np.ndarray) -> None:
         scene = context.scene
         surface_object.set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), pose)
         redraw(context)
 
 
 class ONEFRAME_OT_nudge(_Mover, Reporting, bpy.types.Operator):
-    """Move the surface by a step that is given in pixels of the frame; hold the key to repeat"""
+    """Move the surface by a step in pixels of the frame; hold the key to repeat"""
 
     bl_idname = "oneframe.nudge"
     bl_label = "Nudge Surface"
     bl_options = {"REGISTER", "UNDO"}
 
-    axis: Axis = prop(EnumProperty(name="Axis", items=AXES, description="Along or about which axis of the camera"))
+    axis: Axis = prop(EnumProperty(name="Axis", items=AXES, description="Axis of the camera to move along or about"))
     step_px: float = prop(
         FloatProperty(
-            name="Step", description="Step in pixels of the frame; negative for the other way", default=1.0, precision=2
+            name="Step",
+            description="Step in pixels of the frame; negative for the opposite direction",
+            default=1.0,
+            precision=2,
         )
     )
 
     def run(self, context: bpy.types.Context) -> None:
-        self._start(context)
-        self._place(context, self._move(context, self._first, self.axis, self.step_px))
+        self._begin(context)
+        self._set_pose(context, self._moved(context, self._start_pose, self.axis, self.step_px))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if event.type in _KEYBOARD and not shows_frame(context):
             return {"PASS_THROUGH"}
-        ended = self.execute(context)
-        if ended != {"FINISHED"} or event.value != "PRESS" or event.type in ("LEFTMOUSE", "RET"):
-            return ended
-        # one undo step for as long as the key is held
+        result = self.execute(context)
+        if result != {"FINISHED"} or event.value != "PRESS" or event.type in ("LEFTMOUSE", "RET"):
+            return result
+        # stay modal while the key is held: one undo step for all its repeats
         self._key = event.type
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -102,16 +105,16 @@ class ONEFRAME_OT_nudge(_Mover, Reporting, bpy.types.Operator):
             return {"FINISHED"}
         if event.type == self._key and event.value == "PRESS":
             pose = from_scene.cam_from_model(context.scene)
-            self._place(context, self._move(context, pose, self.axis, self.step_px))
+            self._set_pose(context, self._moved(context, pose, self.axis, self.step_px))
             return {"RUNNING_MODAL"}
         if event.type in ("MOUSEMOVE", "INBETWEEN_MOUSEMOVE", "NONE", "TIMER", "WINDOW_DEACTIVATE"):
             return {"FINISHED"} if event.type == "WINDOW_DEACTIVATE" else {"PASS_THROUGH"}
-        # another key: this gesture is over, and the key is not to be lost
+        # another key ends this gesture, and keeps its own effect
         return {"FINISHED", "PASS_THROUGH"}
 
 
 class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
-    """Drag the surface with the mouse; Shift: ten times finer, Esc or right click: as before"""
+    """Drag the surface with the mouse; Shift: 10 times finer, Esc or right click: cancel"""
 
     bl_idname = "oneframe.drag_pose"
     bl_label = "Drag Surface"
@@ -122,7 +125,7 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
             name="Mode",
             items=[
                 ("shift", "Shift", "Shift in the image plane"),
-                ("tilt", "Tilt", "Tilt and turn about the image's axes"),
+                ("tilt", "Tilt", "Rotate about the image's axes"),
                 ("roll", "Roll", "Roll about the view ray"),
                 ("depth", "Depth", "Up: farther, down: nearer"),
             ],
@@ -134,22 +137,22 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
         return super().poll(context) and shows_frame(context)
 
     def run(self, context: bpy.types.Context) -> None:
-        raise InputError("expected a drag with the mouse; use Nudge Surface from scripts")
+        raise InputError("expected a drag with the mouse, found a call without one; use oneframe.nudge in scripts")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         try:
-            self._start(context)
+            self._begin(context)
         except InputError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         self._last = self._pointer(context, event)
-        self._pose = self._first
+        self._pose = self._start_pose
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if event.type in ("ESC", "RIGHTMOUSE"):
-            self._place(context, self._first)
+            self._set_pose(context, self._start_pose)
             return {"CANCELLED"}
         if event.type in ("LEFTMOUSE", "RET") and event.value in ("RELEASE", "PRESS"):
             return {"FINISHED"}
@@ -157,9 +160,9 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
             pointer = self._pointer(context, event)
             moved = (pointer - self._last) * (0.1 if event.shift else 1.0)
             for axis, step_px in self._steps(context, pointer, moved):
-                self._pose = self._move(context, self._pose, axis, step_px)
+                self._pose = self._moved(context, self._pose, axis, step_px)
             self._last = pointer
-            self._place(context, self._pose)
+            self._set_pose(context, self._pose)
         return {"RUNNING_MODAL"}
 
     def _steps(
@@ -168,7 +171,7 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
         if self.mode == "shift":
             return ("x", moved[0]), ("y", moved[1])
         if self.mode == "tilt":
-            # what is nearer than the pivot follows the pointer
+            # points nearer than the pivot follow the pointer
             return ("yaw", -moved[0]), ("pitch", moved[1])
         if self.mode == "depth":
             return (("depth", -moved[1]),)
@@ -176,7 +179,7 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
         pivot_cam = self._pose[:3, :3] @ self._pivot + self._pose[:3, 3]
         arm = pointer - camera.project(pivot_cam[None])[0]
         length = max(float(np.linalg.norm(arm)), 1.0)
-        # the arc in pixels at the pointer, as the same angle at the radius that a step of "roll" is measured at
+        # the pointer's arc in pixels, converted to the radius at which a step of "roll" is measured
         arc = (arm[0] * moved[1] - arm[1] * moved[0]) / length
         return (("roll", arc / length * self._radius * camera.fx / pivot_cam[2]),)
 
@@ -187,7 +190,7 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
 
 
 class ONEFRAME_OT_copy_pose(Reporting, bpy.types.Operator):
-    """Copy the pose to the clipboard as four rows of numbers at full precision, for the mesh as it was given"""
+    """Copy the pose to the clipboard: four rows of numbers at full precision, in the frame of the mesh file"""
 
     bl_idname = "oneframe.copy_pose"
     bl_label = "Copy Pose"
@@ -198,11 +201,11 @@ class ONEFRAME_OT_copy_pose(Reporting, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context) -> Messages:
         context.window_manager.clipboard = "\n".join(pose_rows(context.scene, inverse=self.inverse))
-        return ("the pose is in the clipboard",)
+        return ("pose copied to the clipboard",)
 
 
 class ONEFRAME_OT_paste_pose(Reporting, bpy.types.Operator):
-    """Take cam_from_mesh from the clipboard: 16 or 12 numbers, row by row"""
+    """Paste cam_from_mesh from the clipboard: 16 or 12 numbers, row by row"""
 
     bl_idname = "oneframe.paste_pose"
     bl_label = "Paste Pose"
@@ -225,6 +228,6 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The opposite of :func:`register`."""
+    """Undo :func:`register`."""
     KEYS.unregister()
     _unregister_classes()

@@ -1,4 +1,4 @@
-"""The Pose panel: nudges with their keys, and the pose as it stands, in both directions."""
+"""The panel Move: nudges with their keys, and the current pose in both directions."""
 
 import bpy
 
@@ -8,20 +8,20 @@ from ..registration import class_registration
 from ..state import from_scene
 from ..state.pose_text import cam_from_mesh_of
 from ..ui.keymap import binding
-from ..ui.wrapped_text import draw_sentence
+from ..ui.wrapped_text import draw_text
 from .operators import STEPS
 
 _PAIRS = (
     ("x", -1, "Left", "Right", "TRIA_LEFT", "TRIA_RIGHT"),
     ("y", -1, "Up", "Down", "TRIA_UP", "TRIA_DOWN"),
     ("depth", -1, "Nearer", "Farther", "ZOOM_IN", "ZOOM_OUT"),
-    ("pitch", -1, "Tilt up", "Tilt down", "TRIA_UP_BAR", "TRIA_DOWN_BAR"),
-    ("yaw", 1, "Turn left", "Turn right", "TRIA_LEFT_BAR", "TRIA_RIGHT_BAR"),
-    ("roll", -1, "Roll left", "Roll right", "LOOP_BACK", "LOOP_FORWARDS"),
+    ("pitch", -1, "Pitch Up", "Pitch Down", "TRIA_UP_BAR", "TRIA_DOWN_BAR"),
+    ("yaw", 1, "Yaw Left", "Yaw Right", "TRIA_LEFT_BAR", "TRIA_RIGHT_BAR"),
+    ("roll", -1, "Roll Left", "Roll Right", "LOOP_BACK", "LOOP_FORWARDS"),
 )
-"""Axis, sign of the first button's step, the two buttons' texts and icons."""
+"""Axis, sign of the first button's step, labels and icons of the two buttons."""
 
-_SHORT = {
+_SHORT_NAMES = {
     "Left Arrow": "\N{LEFTWARDS ARROW}",
     "Right Arrow": "\N{RIGHTWARDS ARROW}",
     "Up Arrow": "\N{UPWARDS ARROW}",
@@ -32,7 +32,7 @@ _SHORT = {
 
 
 class ONEFRAME_PT_pose(bpy.types.Panel):
-    """Move the surface in steps of image pixels; the pose at full precision"""
+    """Move the surface in steps of image pixels; show the pose at full precision"""
 
     bl_idname = "ONEFRAME_PT_pose"
     bl_label = "3  Move"
@@ -53,21 +53,21 @@ class ONEFRAME_PT_pose(bpy.types.Panel):
         row.prop(settings, "step", expand=True)
         step_px = STEPS[settings.step]
         column = layout.column(align=True)
-        for axis, first, back, forth, back_icon, forth_icon in _PAIRS:
+        for axis, first_sign, back, forth, back_icon, forth_icon in _PAIRS:
             row = column.row(align=True)
-            for text, icon, sign in ((back, back_icon, first), (forth, forth_icon, -first)):
+            for text, icon, sign in ((back, back_icon, first_sign), (forth, forth_icon, -first_sign)):
                 nudge = row.operator("oneframe.nudge", text=text, icon=icon)
                 nudge.axis, nudge.step_px = axis, sign * step_px
             keys = row.row(align=True)
             keys.enabled = False
-            bindings = (binding("oneframe.nudge", axis=axis, step_px=sign * 1.0) for sign in (first, -first))
-            keys.label(text="  ".join(_SHORT.get(key, key) for key in bindings))
-        layout.label(text="Ctrl: 10 px, Shift: 0.1 px, hold: repeat", icon="INFO")
+            bindings = (binding("oneframe.nudge", axis=axis, step_px=sign * 1.0) for sign in (first_sign, -first_sign))
+            keys.label(text="  ".join(_SHORT_NAMES.get(key, key) for key in bindings))
+        layout.label(text="Ctrl: 10 px, Shift: 0.1 px, Hold: Repeat", icon="INFO")
         layout.prop(settings, "show_gizmo")
 
 
 class _Matrix(bpy.types.Panel):
-    """A matrix for the mesh file's own frame, read from the objects at every redraw."""
+    """Base of the two matrices, in the frame of the mesh file, read from the objects at every redraw."""
 
     bl_parent_id = "ONEFRAME_PT_pose"
     bl_space_type = "VIEW_3D"
@@ -80,7 +80,7 @@ class _Matrix(bpy.types.Panel):
         try:
             pose = cam_from_mesh_of(scene)
         except InputError as error:
-            draw_sentence(layout, str(error), icon="ERROR")
+            draw_text(layout, str(error), icon="ERROR")
             return
         if self.inverse:
             pose = inverse_rigid(pose)
@@ -97,17 +97,17 @@ class _Matrix(bpy.types.Panel):
 
 
 class ONEFRAME_PT_cam_from_mesh(_Matrix, bpy.types.Panel):
-    """The pose of the surface in the camera's frame"""
+    """Pose of the surface in the camera's frame"""
 
     bl_idname = "ONEFRAME_PT_cam_from_mesh"
     bl_label = "cam_from_mesh"
 
 
 class ONEFRAME_PT_mesh_from_cam(_Matrix, bpy.types.Panel):
-    """The pose of the camera in the surface's frame"""
+    """Pose of the camera in the surface's frame"""
 
     bl_idname = "ONEFRAME_PT_mesh_from_cam"
-    bl_label = "mesh_from_cam (inverse)"
+    bl_label = "mesh_from_cam (Inverse)"
     bl_options = {"DEFAULT_CLOSED"}
     inverse = True
 

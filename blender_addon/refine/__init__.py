@@ -1,1 +1,1 @@
-"""Panel *Refine*: the pose from the image itself."""
+"""Panel *Refine*: refine the pose against the image."""

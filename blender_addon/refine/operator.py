@@ -1,6 +1,7 @@
-"""Refining a rough pose against the image: one key, shown before it is kept, one undo step, refused if it is no better.
+"""The operator that refines a rough pose against the image: a preview to accept or discard, one undo step.
 
-The work is done in a thread, on arrays alone, so that the window stays alive; Esc stops it.
+A refinement that does not improve the pose is refused. It runs in a thread, on arrays only, so that the window stays
+responsive; Esc stops it.
 """
 
 import threading
@@ -29,11 +30,23 @@ KEEP, DISCARD = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}, {"ESC", "RIGHTMOUSE"}
 
 
 class _Stopped(Exception):
-    """The user wants no more of it."""
+    """Ends the thread of a refinement that the user has stopped."""
 
 
-class Refining:
-    """A refinement in a thread; knows nothing of Blender."""
+class RefinementThread:
+    """A refinement in a thread; independent of Blender.
+
+    Attributes
+    ----------
+    start
+        ``(4, 4)`` cam_from_model before the refinement, mm.
+    fraction
+        Progress, 0..1.
+    result
+        The refinement; ``None`` until it has succeeded.
+    error
+        The exception with which it failed, otherwise ``None``.
+    """
 
     def __init__(self, loaded: LoadedCase, colours: np.ndarray | None) -> None:
         self.start = loaded.cam_from_model
@@ -46,31 +59,31 @@ class Refining:
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended yet."""
+        """Whether the thread has not ended yet."""
         return self._thread.is_alive()
 
     def stop(self) -> None:
-        """Give up; it ends at its next step."""
+        """Ask the thread to stop; it ends at its next step."""
         self._stop.set()
 
-    def _tell(self, fraction: float) -> None:
+    def _update(self, fraction: float) -> None:
         self.fraction = fraction
         if self._stop.is_set():
             raise _Stopped
 
     def _run(self, loaded: LoadedCase, colours: np.ndarray | None) -> None:
         try:
-            self.result = refined(loaded, colours, self._tell)
+            self.result = refined(loaded, colours, self._update)
         except _Stopped:
             pass
-        except Exception as error:  # raised again where Blender reports it
+        except Exception as error:  # raised again in the main thread, where Blender reports it
             self.error = error
 
 
 def refined(
     loaded: LoadedCase, colours: np.ndarray | None, progress: Callable[[float], None] | None = None
 ) -> Refinement:
-    """The case's pose, refined against its frame."""
+    """Refine the case's pose against its frame; arguments as for :func:`refine_pose`."""
     return refine_pose(
         loaded.image,
         loaded.valid,
@@ -83,9 +96,9 @@ def refined(
 
 
 def known_colours(scene: bpy.types.Scene) -> np.ndarray | None:
-    """``(V, 3)`` colours of the surface that are evidence for the pose, or ``None``.
+    """``(V, 3)`` colours of the vertices that are evidence for the pose, or ``None``.
 
-    Those projected from the present frame are none: they would only confirm the pose that they were projected from.
+    Colours projected from the current frame are not: they would only confirm the pose of that projection.
     """
     surface = from_scene.surface_of(scene)
     record = colour_record(surface)
@@ -94,19 +107,19 @@ def known_colours(scene: bpy.types.Scene) -> np.ndarray | None:
     codes = vertex_codes(surface)
     if codes is None or np.isnan(codes).all():
         return None
-    # what is not known has the mean colour, and so nothing to say
+    # the mean colour for vertices without one: it carries no evidence
     return np.where(np.isnan(codes), np.nanmean(codes, axis=0), codes)
 
 
 class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
-    """Refine the rough pose against the image; shown first: Enter keeps it, Esc goes back"""
+    """Refine the rough pose against the image, with a preview: Enter accepts it, Esc discards it"""
 
     bl_idname = "oneframe.refine"
     bl_label = "Refine Pose"
     bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> Messages:
-        """Without a window: at once."""
+        """Refine without a preview, as scripts do."""
         scene = context.scene
         loaded = from_scene.loaded_case(scene, aligned=False)
         result = refined(loaded, known_colours(scene))
@@ -126,40 +139,40 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
         except (InputError, RunError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self._refining, self._shows_result = Refining(loaded, colours), False
+        self._refining, self._shows_result = RefinementThread(loaded, colours), False
         self._timer: bpy.types.Timer | None = context.window_manager.event_timer_add(
             POLL_SECONDS, window=context.window
         )
         context.window_manager.modal_handler_add(self)
-        _tell(context, "Refining the pose      Esc: stop")
+        _show_status(context, "Refining the pose      Esc: Stop")
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         try:
             return self._handle(context, event)
         except (InputError, RunError) as error:
-            # the surface or the camera is gone
+            # the surface or the camera has been deleted
             return self._end(context, "CANCELLED", error=str(error))
         except Exception:
             self._end(context, "CANCELLED")
             raise
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when it ends the operator itself: a file is opened, the window closed."""
+        """Called by Blender when it ends the operator: a file was opened, or the window closed."""
         self._refining.stop()
         self._end(context, "CANCELLED")
 
     def _handle(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        work = self._refining
-        if work.running:
+        refining = self._refining
+        if refining.running:
             if event.type == "ESC" and event.value == "PRESS":
-                work.stop()
+                refining.stop()
                 return self._end(context, "CANCELLED", message="refinement stopped, the pose is unchanged")
-            _tell(context, f"Refining the pose: {work.fraction:.0%}      Esc: stop")
-            return self._passed(event)
-        if work.error is not None:
-            raise work.error
-        result = work.result
+            _show_status(context, f"Refining the pose: {refining.fraction:.0%}      Esc: Stop")
+            return self._pass_navigation(event)
+        if refining.error is not None:
+            raise refining.error
+        result = refining.result
         if result is None:
             return self._end(context, "CANCELLED")
         if self._timer is not None:
@@ -174,20 +187,21 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
                 remember_refined(context.scene, result.cam_from_model)
                 return self._end(context, "FINISHED", message=result.message)
             if event.type in DISCARD:
-                self._show(context, work.start, False)
-                return self._end(context, "CANCELLED", message="the pose is as it was before")
+                self._show(context, refining.start, False)
+                return self._end(context, "CANCELLED", message="refinement discarded, the pose is unchanged")
             if event.type == "SPACE":
-                self._show(context, work.start if self._shows_result else result.cam_from_model, not self._shows_result)
-        agreed = result.after if self._shows_result else result.before
-        _tell(
+                shown = refining.start if self._shows_result else result.cam_from_model
+                self._show(context, shown, not self._shows_result)
+        agreement = result.after if self._shows_result else result.before
+        _show_status(
             context,
-            f"{'AFTER' if self._shows_result else 'BEFORE'}: {agreed.score:.0%} of the image explained      "
-            "Enter or left click: keep      Esc or right click: back      Space: before / after",
+            f"{'AFTER' if self._shows_result else 'BEFORE'}: {agreement.score:.0%} of the image explained      "
+            "Enter or Left Click: Accept      Esc or Right Click: Discard      Space: Before / After",
         )
-        return self._passed(event)
+        return self._pass_navigation(event)
 
-    def _passed(self, event: bpy.types.Event) -> OperatorResult:
-        """Looking around is allowed meanwhile, nothing else."""
+    def _pass_navigation(self, event: bpy.types.Event) -> OperatorResult:
+        """Let the user navigate in the view meanwhile, but nothing else."""
         return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
 
     def _show(self, context: bpy.types.Context, cam_from_model: np.ndarray, is_result: bool) -> None:
@@ -210,7 +224,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
         error: str = "",
     ) -> OperatorResult:
         self._stop_timer(context)
-        _tell(context, None)
+        _show_status(context, None)
         if message:
             self.report({"INFO"}, message)
         if error:
@@ -219,16 +233,16 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, bpy.types.Operator):
         return {outcome}
 
 
-_told: str | None = None
-"""What the headers say at present: said again at every move of the mouse, it would have them drawn again."""
+_status: str | None = None
+"""The text shown at present: setting it again at every movement of the mouse would redraw the headers each time."""
 
 
-def _tell(context: bpy.types.Context, text: str | None) -> None:
-    """Show a text in the status bar and in the headers of the 3D views; ``None`` gives both back."""
-    global _told
-    if text is not None and text == _told:
+def _show_status(context: bpy.types.Context, text: str | None) -> None:
+    """Show a text in the status bar and in the headers of the 3D views; ``None`` restores both."""
+    global _status
+    if text is not None and text == _status:
         return
-    _told = text
+    _status = text
     context.workspace.status_text_set(text)
     for window in context.window_manager.windows:
         for area in window.screen.areas:
@@ -237,7 +251,7 @@ def _tell(context: bpy.types.Context, text: str | None) -> None:
 
 
 _last: tuple[bytes, Refinement] | None = None
-"""The latest refinement, and the pose that it left: tells nothing about any other pose."""
+"""The latest refinement and the bytes of its pose; valid for that pose only."""
 
 
 def _remember(result: Refinement) -> None:
@@ -246,7 +260,7 @@ def _remember(result: Refinement) -> None:
 
 
 def outcome(scene: bpy.types.Scene) -> Refinement | None:
-    """The refinement that the present pose came from, or that was refused at it; ``None`` for any other pose.
+    """The latest refinement if the current pose is its result, or if it was refused at this pose; otherwise ``None``.
 
     Raises
     ------
@@ -269,7 +283,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The opposite of :func:`register`."""
+    """Undo :func:`register`."""
     global _last
     KEYS.unregister()
     _unregister_classes()

@@ -1,4 +1,4 @@
-"""The Refine panel: one button, its key, and what came of it."""
+"""The panel Refine: one button, its key, and the result."""
 
 import math
 
@@ -8,12 +8,12 @@ from ..pipeline.errors import InputError
 from ..registration import class_registration
 from ..state import from_scene
 from ..ui.keymap import draw_key
-from ..ui.wrapped_text import draw_sentence
+from ..ui.wrapped_text import draw_text
 from . import operator
 
 
 class ONEFRAME_PT_refine(bpy.types.Panel):
-    """The rough pose, refined against the image"""
+    """Refine the rough pose against the image"""
 
     bl_idname = "ONEFRAME_PT_refine"
     bl_label = "5  Refine"
@@ -33,26 +33,26 @@ class ONEFRAME_PT_refine(bpy.types.Panel):
         try:
             found = operator.outcome(scene)
         except InputError:
-            return  # the Setup panel says what is wrong with the pose
+            return  # the panel Set up says what is wrong with the pose
         if found is None:
             return
         table = layout.column(align=True)
         head = table.split(factor=0.5)
         head.label(text="")
-        for name in ("before", "after" if found.accepted else "refused"):
+        for name in ("Before", "After" if found.accepted else "Refused"):
             head.label(text=name)
         for name, before, after in (
             ("Explained", f"{found.before.score:.0%}", f"{found.after.score:.0%}"),
-            ("Edges off by", _pixels(found.before.edge_distance_px), _pixels(found.after.edge_distance_px)),
+            ("Edge Distance", _pixels(found.before.edge_distance_px), _pixels(found.after.edge_distance_px)),
         ):
             row = table.split(factor=0.5)
             for text in (name, before, after):
                 row.label(text=text)
-        draw_sentence(layout, found.message, icon="CHECKMARK" if found.accepted else "ERROR")
+        draw_text(layout, found.message, icon="CHECKMARK" if found.accepted else "ERROR")
 
 
 def _pixels(value: float) -> str:
-    return "no edges" if math.isnan(value) else f"{value:.1f} px"
+    return "No edges" if math.isnan(value) else f"{value:.1f} px"
 
 
 _CLASSES = (ONEFRAME_PT_refine,)

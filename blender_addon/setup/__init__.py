@@ -1,1 +1,1 @@
-"""Panel *Set up*: open a case, or its parts in any order."""
+"""Panel *Set up*: open a case, or load frame, camera and surface in any order."""

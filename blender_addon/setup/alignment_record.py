@@ -1,4 +1,4 @@
-"""Where the present pose comes from, for the record in the case file."""
+"""How the current pose was found, for the record in the case file."""
 
 import datetime
 import json
@@ -16,16 +16,16 @@ from ..pipeline.case.case_file import Case
 from ..state import from_scene
 
 REFINED, OPENED = "oneframe_refined_pose", "oneframe_opened_pose"
-"""Custom properties of the surface: the pose that the refinement gave, and the one that the opened case had."""
+"""Custom properties of the surface: the pose found by the refinement, and the pose of the opened case."""
 
 
 def recorded_case(scene: bpy.types.Scene, path: Path) -> Case:
-    """The scene as a case (see :func:`gather.case`), with the record of how its pose was found and how sure it is."""
+    """The scene as a case (see :func:`.from_scene.case`) with the record of its pose."""
     return replace(from_scene.case(scene, path), alignment=pose_record(scene))
 
 
 def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
-    """The case file's table ``[alignment]``."""
+    """The table ``[alignment]`` of the case file."""
     tool, date = f"OneFrame {__version__}, Blender {bpy.app.version_string}", datetime.date.today().isoformat()
     surface, pose = from_scene.surface_of(scene), from_scene.cam_from_model(scene)
     opened, text = exact(surface, OPENED), scene.oneframe.case_alignment_text
@@ -41,11 +41,11 @@ def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
 
 
 def remember_opened(scene: bpy.types.Scene, record: dict[str, object], cam_from_model: np.ndarray) -> None:
-    """The record that the opened case has of its pose (4x4, mm): holds for as long as the surface stays there."""
+    """Store the opened case's record and pose ``(4, 4)``, mm: the record holds while the surface keeps that pose."""
     scene.oneframe.case_alignment_text = json.dumps(record) if record else ""
     set_exact(from_scene.surface_of(scene), OPENED, cam_from_model)
 
 
 def remember_refined(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
-    """The pose (4x4, mm) that the surface has now was found by the refinement."""
+    """Store a pose ``(4, 4)``, mm, as found by the refinement."""
     set_exact(from_scene.surface_of(scene), REFINED, cam_from_model)

@@ -1,4 +1,4 @@
-"""Operators that bring frame, camera, surface and structures into the scene, and open and save the case."""
+"""Operators that load frame, camera, surface, structures and pose, and open and save the case."""
 
 from collections.abc import Sequence
 
@@ -50,7 +50,7 @@ class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
 
 
 class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):
-    """Save frame, K, surface, pose and landmarks as the case file that render_dataset.py takes"""
+    """Save frame, K, surface, pose and landmarks as a case file, the input of render_dataset.py"""
 
     bl_idname = "oneframe.save_case"
     bl_label = "Save Case"
@@ -62,7 +62,7 @@ class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):
     save_as: bool = prop(
         BoolProperty(
             name="Save As",
-            description="Ask for the file, also if there is one already",
+            description="Ask for the file even if the case already has one",
             default=False,
             options={"SKIP_SAVE"},
         )
@@ -93,11 +93,11 @@ class ONEFRAME_OT_load_frame(ReportingFile, bpy.types.Operator, ImportHelper):
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
         image, _ = read_image(path, path.name)
-        return to_scene.take_frame(context, path, image.shape[1], image.shape[0])
+        return to_scene.set_frame(context, path, image.shape[1], image.shape[0])
 
 
 class ONEFRAME_OT_load_video_frame(ReportingFile, bpy.types.Operator, ImportHelper):
-    """Take one frame of a video: it is saved as a PNG beside the video, and loaded"""
+    """Load one frame of a video; it is saved as a PNG next to the video"""
 
     bl_idname = "oneframe.load_video_frame"
     bl_label = "Load Video Frame"
@@ -113,7 +113,7 @@ class ONEFRAME_OT_load_video_frame(ReportingFile, bpy.types.Operator, ImportHelp
 
         path = write_video_frame(self.chosen_file(), self.frame_index)
         image, _ = read_image(path, path.name)
-        messages = to_scene.take_frame(context, path, image.shape[1], image.shape[0])
+        messages = to_scene.set_frame(context, path, image.shape[1], image.shape[0])
         return (f"frame {self.frame_index} saved as {path}", *messages)
 
 
@@ -130,9 +130,9 @@ class ONEFRAME_OT_load_camera(ReportingFile, bpy.types.Operator, ImportHelper):
         found = read_camera(self.chosen_file())
         size = to_scene.frame_size(context.scene) or found.size
         if size is None:
-            raise InputError(f"{self.filepath}: this file holds no image size; load the frame first")
+            raise InputError(f"{self.filepath}: expected an image size, found none in this file; load the frame first")
         fit = fit_of(found, size)
-        to_scene.take_camera(context, fit.camera, found.distortion_for(fit.camera))
+        to_scene.set_camera(context, fit.camera, found.distortion_for(fit.camera))
         return *found.messages, *fit.messages
 
 
@@ -145,12 +145,12 @@ class ONEFRAME_OT_set_camera(Reporting, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context) -> Messages:
         camera, distortion = to_scene.typed_camera(context.scene)
-        to_scene.take_camera(context, camera, distortion)
+        to_scene.set_camera(context, camera, distortion)
         return to_scene.frame_warnings(context.scene)
 
 
 class ONEFRAME_OT_rescale_camera(Reporting, bpy.types.Operator):
-    """K is for the same picture with another number of pixels: bring it to the size of the frame"""
+    """Rescale K from the same picture at another resolution to the size of the frame"""
 
     bl_idname = "oneframe.rescale_camera"
     bl_label = "Rescale K to Frame"
@@ -161,11 +161,11 @@ class ONEFRAME_OT_rescale_camera(Reporting, bpy.types.Operator):
         camera, size = from_scene.camera(scene), to_scene.frame_size(scene)
         if size is None:
             raise InputError("expected a frame, none is loaded; load the image first")
-        to_scene.take_camera(context, camera.resized(*size), from_scene.distortion(scene))
+        to_scene.set_camera(context, camera.resized(*size), from_scene.distortion(scene))
 
 
 class ONEFRAME_OT_load_surface(ReportingFile, bpy.types.Operator, ImportHelper):
-    """Load the surface that is to be aligned (PLY, OBJ, STL)"""
+    """Load the surface to align (PLY, OBJ, STL)"""
 
     bl_idname = "oneframe.load_surface"
     bl_label = "Load Surface"
@@ -179,12 +179,12 @@ class ONEFRAME_OT_load_surface(ReportingFile, bpy.types.Operator, ImportHelper):
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
         given, messages = read_mesh(path)
-        to_scene.take_surface(context, path, given.scaled(MM_PER_UNIT[self.units]), self.units)
+        to_scene.set_surface(context, path, given.scaled(MM_PER_UNIT[self.units]), self.units)
         return *messages, f"{path.name}: {len(given.faces)} triangles"
 
 
 class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper):
-    """Load a structure (facial nerve, ossicles ...) that lies in the frame and units of the surface's file"""
+    """Load a structure (facial nerve, ossicles, ...) given in the frame and units of the surface's file"""
 
     bl_idname = "oneframe.add_structure"
     bl_label = "Add Structure"
@@ -199,7 +199,7 @@ class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper)
             min=0,
             max=1,
             default=(1.0, 0.0, 1.0),
-            description="Its colour",
+            description="Colour of the structure",
         )
     )
 
@@ -216,7 +216,7 @@ class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper)
 
 
 class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
-    """Load cam_from_mesh, for the frame of the mesh file (NumPy as Vision6D writes it, text, JSON, a case file)"""
+    """Load cam_from_mesh for the frame of the mesh file (NumPy as written by Vision6D, text, JSON, a case file)"""
 
     bl_idname = "oneframe.load_pose"
     bl_label = "Load Pose"
@@ -231,7 +231,7 @@ class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
 
 
 class ONEFRAME_OT_remove_scale(Reporting, bpy.types.Operator):
-    """Take scale, shear and mirroring out of the surface: a pose only moves and turns"""
+    """Remove scale, shear and mirroring from the surface: a pose is a rotation and a translation only"""
 
     bl_idname = "oneframe.remove_scale"
     bl_label = "Remove Scale"
@@ -242,7 +242,7 @@ class ONEFRAME_OT_remove_scale(Reporting, bpy.types.Operator):
 
 
 class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportHelper):
-    """Write the surface as it was edited in Blender to a PLY file, and use that file from now on"""
+    """Write the surface as edited in Blender to a PLY file, and use that file from now on"""
 
     bl_idname = "oneframe.save_edited_surface"
     bl_label = "Save Edited Surface"
@@ -254,7 +254,7 @@ class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportH
     def run(self, context: bpy.types.Context) -> Messages:
         scene, path = context.scene, self.chosen_file()
         if path.suffix.lower() != ".ply":
-            raise InputError(f"{path}: expected the name of a file *.ply, found {path.name!r}; take another name")
+            raise InputError(f"{path}: expected a file name *.ply, found {path.name!r}; choose another name")
         surface = from_scene.surface_of(scene)
         mesh = surface_object.edited_mesh(surface)
         given = mesh.moved(surface_object.mesh_from_model_of(surface)[:3, 3])

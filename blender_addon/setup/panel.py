@@ -1,4 +1,4 @@
-"""The Setup panel: case, frame, K, surface and structures."""
+"""The panel Set up: case, frame, K, surface and structures."""
 
 import bpy
 
@@ -6,7 +6,7 @@ from ..pipeline.errors import InputError
 from ..registration import class_registration
 from ..state import from_scene
 from ..state.to_scene import frame_warnings
-from ..ui.wrapped_text import draw_sentence
+from ..ui.wrapped_text import draw_text
 
 
 class ONEFRAME_PT_setup(bpy.types.Panel):
@@ -41,11 +41,11 @@ class ONEFRAME_PT_setup(bpy.types.Panel):
 
 
 class ONEFRAME_PT_camera(bpy.types.Panel):
-    """K, typed or as loaded"""
+    """K as loaded or typed"""
 
     bl_idname = "ONEFRAME_PT_camera"
     bl_parent_id = "ONEFRAME_PT_setup"
-    bl_label = "Camera K (pixels)"
+    bl_label = "Camera K (px)"
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "OneFrame"
@@ -66,7 +66,7 @@ class ONEFRAME_PT_camera(bpy.types.Panel):
 
 
 class ONEFRAME_PT_structures(bpy.types.Panel):
-    """Structures that lie in the bone, in their colours"""
+    """Structures in the bone, and their colours"""
 
     bl_idname = "ONEFRAME_PT_structures"
     bl_parent_id = "ONEFRAME_PT_setup"
@@ -97,23 +97,23 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     settings = scene.oneframe
     missing = [
         name
-        for name, there in (
+        for name, present in (
             ("a frame", settings.frame_path),
             ("a camera K", settings.camera_object),
             ("a surface", settings.surface),
         )
-        if not there
+        if not present
     ]
     if missing and len(missing) < 3:
         layout.label(text="Still missing: " + ", ".join(missing), icon="INFO")
-    for sentence in frame_warnings(scene):
-        draw_sentence(layout, sentence, icon="ERROR")
+    for message in frame_warnings(scene):
+        draw_text(layout, message, icon="ERROR")
         layout.operator("oneframe.rescale_camera", icon="FULLSCREEN_ENTER")
     if settings.surface is not None and settings.camera_object is not None:
         try:
             from_scene.cam_from_model(scene)
         except InputError as error:
-            draw_sentence(layout, str(error), icon="ERROR")
+            draw_text(layout, str(error), icon="ERROR")
             layout.operator("oneframe.remove_scale", icon="CON_SIZELIMIT")
 
 

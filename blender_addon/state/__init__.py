@@ -1,1 +1,1 @@
-"""What the scene knows: properties, and their way to and from the data of the pipeline."""
+"""The state that a scene stores: properties, and their conversion to and from the pipeline's types."""

@@ -1,4 +1,4 @@
-"""One place where "the landmarks have changed" is told to whoever solves and draws; properties know nothing of them."""
+"""Notifies listeners that the landmarks have changed, so that properties need not know who solves for the pose."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -6,24 +6,25 @@ from contextlib import contextmanager
 import bpy
 
 _listeners: list[Callable[[bpy.types.Scene], None]] = []
-_untold: list[None] = []
+_muted: list[None] = []
+"""One entry for each :func:`muted` block that is being executed."""
 
 
 def on_landmarks_changed(listener: Callable[[bpy.types.Scene], None]) -> None:
-    """Call ``listener(scene)`` after every change of a landmark, until :func:`forget`."""
+    """Call ``listener(scene)`` after every change of a landmark, until :func:`remove_listener`."""
     _listeners.append(listener)
 
 
-def forget(listener: Callable[[bpy.types.Scene], None]) -> None:
-    """Call it no more."""
+def remove_listener(listener: Callable[[bpy.types.Scene], None]) -> None:
+    """Stop calling a listener."""
     _listeners.remove(listener)
 
 
 def landmarks_changed(
     owner: bpy.types.PropertyGroup | bpy.types.Scene, _context: bpy.types.Context | None = None
 ) -> None:
-    """Tell all listeners; usable as the ``update`` of a property."""
-    if _untold:
+    """Notify all listeners; usable as the ``update`` of a property."""
+    if _muted:
         return
     scene = owner if isinstance(owner, bpy.types.Scene) else owner.id_data
     for listener in _listeners:
@@ -31,10 +32,13 @@ def landmarks_changed(
 
 
 @contextmanager
-def untold() -> Iterator[None]:
-    """Changes within are not told: a case that is opened is no change by the user, several changes are told as one."""
-    _untold.append(None)
+def muted() -> Iterator[None]:
+    """Do not notify listeners within this block.
+
+    For changes that the user did not make, such as opening a case, and for several changes that notify once at the end.
+    """
+    _muted.append(None)
     try:
         yield
     finally:
-        _untold.pop()
+        _muted.pop()

@@ -1,6 +1,6 @@
-"""From the scene to the pipeline: what an operator needs, checked, in the pipeline's own types.
+"""Reads the scene: checks what operators need and returns it in the pipeline's types.
 
-Files are read once and kept as long as they and what belongs to them stay the same. Nothing here changes the scene.
+Files are cached until they, or the settings with which they are read, change. Nothing here changes the scene.
 """
 
 import json
@@ -25,16 +25,16 @@ from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.transforms import inverse_rigid, transform_points
 
 EDIT_TOLERANCE = 1e-5
-"""Largest difference of a vertex from the file's, relative to the mesh's size, that is single precision."""
+"""Vertices count as unedited up to this difference from the file, relative to the mesh's size: single precision."""
 
 
 def present_camera(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The frame's camera object, ``None`` if there is none or it was deleted."""
+    """The frame's camera object; ``None`` if there is none or it was deleted."""
     return _present(scene, scene.oneframe.camera_object, "CAMERA")
 
 
 def present_surface(scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """The surface object, ``None`` if there is none or it was deleted."""
+    """The surface object; ``None`` if there is none or it was deleted."""
     return _present(scene, scene.oneframe.surface, "MESH")
 
 
@@ -71,28 +71,34 @@ def surface_of(scene: bpy.types.Scene) -> bpy.types.Object:
 
 
 def is_set_up(scene: bpy.types.Scene) -> bool:
-    """Whether camera and surface are there: what most tools need."""
+    """Whether the scene has a camera and a surface, which most tools need."""
     return present_camera(scene) is not None and present_surface(scene) is not None
 
 
 def camera(scene: bpy.types.Scene) -> PinholeCamera:
-    """The frame's intrinsics."""
-    return camera_of(camera_object_of(scene))
-
-
-def cam_from_model(scene: bpy.types.Scene) -> np.ndarray:
-    """The pose as the objects stand now, 4x4, mm.
+    """The frame's intrinsics.
 
     Raises
     ------
     InputError
-        No camera or surface, or a surface that is scaled, sheared or mirrored.
+        There is no camera.
+    """
+    return camera_of(camera_object_of(scene))
+
+
+def cam_from_model(scene: bpy.types.Scene) -> np.ndarray:
+    """``(4, 4)`` the current pose, mm.
+
+    Raises
+    ------
+    InputError
+        There is no camera or surface, or the surface is scaled, sheared or mirrored.
     """
     return pose_of(camera_object_of(scene), surface_of(scene))
 
 
 def distortion(scene: bpy.types.Scene) -> Distortion | None:
-    """The lens distortion in use."""
+    """The frame's lens distortion; ``None`` if it has none."""
     text = scene.oneframe.distortion_text
     return Distortion(*json.loads(text)) if text else None
 
@@ -116,12 +122,12 @@ def landmarks_mesh(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
 
 
 def case(scene: bpy.types.Scene, path: Path) -> Case:
-    """The scene as a case that would lie at ``path``.
+    """The scene as a case, to be saved at ``path``.
 
     Raises
     ------
     InputError
-        Something that a case needs is missing.
+        Something that a case needs is missing, or the frame's size does not match K.
     """
     settings = scene.oneframe
     surface = surface_of(scene)
@@ -130,8 +136,8 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
     size, k_size = tuple(settings.frame_size), camera(scene).size_wh
     if all(size) and size != k_size:
         raise InputError(
-            f"expected a frame of {k_size[0]}x{k_size[1]} px as K says, the frame has {size[0]}x{size[1]}; "
-            "load the K of this frame, or press Rescale K to Frame if it shows the same picture"
+            f"expected a frame of {k_size[0]}x{k_size[1]} px, the size that K is for, found {size[0]}x{size[1]} px; "
+            "load the K of this frame, or press Rescale K to Frame if both show the same picture"
         )
     if not surface.oneframe.mesh_path:
         raise InputError(f"{surface.name}: expected a surface that was loaded from a file; load it with Load Surface")
@@ -155,7 +161,7 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
 
 
 def dataset_table(scene: bpy.types.Scene) -> dict[str, object]:
-    """The [dataset] table: what differs from the defaults, plus what the case had that the panel does not show."""
+    """The case's [dataset] table: options that differ from the defaults, and keys that the panel does not show."""
     options = scene.oneframe.dataset
     text = scene.oneframe.case_dataset_text
     table = {key: value for key, value in (json.loads(text) if text else {}).items() if not hasattr(options, key)}
@@ -165,18 +171,25 @@ def dataset_table(scene: bpy.types.Scene) -> dict[str, object]:
         value = getattr(options, key)
         if value == declared.default:
             continue
-        # single precision shows 0.9 as 0.8999999762: the shortest number that is the same in single precision
+        # a property returns 0.9 as 0.8999999762: write the shortest number that equals it in single precision
         table[key] = float(str(np.float32(value))) if declared.type == "FLOAT" else value
     return table
 
 
 def loaded_case(scene: bpy.types.Scene, *, aligned: bool = True) -> LoadedCase:
-    """The scene as the pipeline's case in memory; the same as loading the saved case from disk.
+    """The scene as a loaded case, equal to the saved case loaded from disk.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    aligned
+        Whether to check that the pose shows the surface to the camera; a rough pose need not.
 
     Raises
     ------
     InputError
-        Something is missing, a file cannot be used, or the surface was edited in Blender.
+        Something is missing, a file cannot be used, the surface was edited in Blender, or the pose is implausible.
     """
     settings = scene.oneframe
     wanted = case(scene, Path(bpy.path.abspath(settings.case_path) or "the scene"))
@@ -195,12 +208,12 @@ def loaded_case(scene: bpy.types.Scene, *, aligned: bool = True) -> LoadedCase:
 
 
 def frame_at(scene: bpy.types.Scene, path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """The undistorted frame of an image file with the scene's camera, as :func:`load_frame` gives it."""
+    """An image file undistorted with the scene's camera, and its valid pixels, as :func:`load_frame` returns them."""
     return _frame(path, stamp(path), camera(scene), distortion(scene))
 
 
 def check_mesh_unedited(scene: bpy.types.Scene) -> None:
-    """Raise :class:`InputError` if the surface's mesh is no longer the file's."""
+    """Raise :class:`InputError` if the surface's mesh differs from its file."""
     surface = surface_of(scene)
     path = absolute_path(surface.oneframe.mesh_path)
     mesh, _, _ = _surface(path, stamp(path), MM_PER_UNIT[scene.oneframe.units])
@@ -208,7 +221,13 @@ def check_mesh_unedited(scene: bpy.types.Scene) -> None:
 
 
 def stamp(path: Path) -> tuple[int, int]:
-    """Changes when a file does."""
+    """``(modification time in ns, size)`` of a file, which change when its content does.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
     try:
         status = path.stat()
     except OSError as error:
@@ -250,6 +269,6 @@ def _check_unedited(surface: bpy.types.Object, mesh: TriangleMesh) -> None:
     moved = float(np.abs(vertices.reshape(-1, 3) - mesh.vertices).max())
     if moved > EDIT_TOLERANCE * mesh.radius:
         raise InputError(
-            f"{surface.name}: expected the vertices of its file, some are up to {moved:.3g} mm off: "
+            f"{surface.name}: expected the vertices of its file, found some displaced by up to {moved:.3g} mm: "
             f"it was edited in Blender; {advice}"
         )

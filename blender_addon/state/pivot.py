@@ -1,4 +1,4 @@
-"""The pivot of every move: the surface point in the middle of what the frame shows, kept while that stays near it."""
+"""The pivot of every move: the surface point at the centre of the visible surface, kept while it stays near that."""
 
 import bpy
 import numpy as np
@@ -12,35 +12,35 @@ from . import from_scene
 
 PIVOT = "oneframe_pivot_model"
 PIVOT_DRIFT = 0.1
-"""The pivot is kept while the middle of what is seen stays this near to it, in parts of the frame's size: otherwise
-steps there and back would not cancel."""
+"""The stored pivot is kept while it projects near the centre of the visible surface: within this fraction of the
+frame's size. With a new pivot at each step, steps back and forth would not cancel."""
 
 
 def pivot_of(scene: bpy.types.Scene) -> tuple[np.ndarray, float]:
-    """``(3,)`` pivot (model frame, mm) and the radius in mm that the surface in view has about it.
+    """``(3,)`` pivot (model frame, mm), and the radius of the visible surface about it, mm.
 
     Raises
     ------
     InputError
-        Nothing is set up, or the surface is in Edit mode.
+        There is no camera or surface, or the surface is in Edit mode.
     """
     surface, camera, pose = from_scene.surface_of(scene), from_scene.camera(scene), from_scene.cam_from_model(scene)
     if surface.mode == "EDIT":
         raise InputError("expected Object mode; press Tab to leave Edit mode, then move the surface")
-    seen = visible_surface(surface, camera, pose)
-    fresh = seen.pivot_model
-    if fresh is None:
-        # out of sight: about its origin, so that it can be brought back
+    visible = visible_surface(surface, camera, pose)
+    centre = visible.pivot_model
+    if centre is None:
+        # out of view: move about the origin, so that the user can bring the surface back
         return np.zeros(3), surface_object.radius_of(surface) / 2
-    kept = exact(surface, PIVOT)
-    if kept is not None and kept.shape == (4,):
-        points_cam = transform_points(pose, np.stack([kept[:3], fresh]))
+    stored = exact(surface, PIVOT)
+    if stored is not None and stored.shape == (4,):
+        points_cam = transform_points(pose, np.stack([stored[:3], centre]))
         drift = np.diff(camera.project(points_cam), axis=0)[0] / max(camera.size_wh)
         if np.abs(drift).max() < PIVOT_DRIFT:
-            return kept[:3], float(kept[3])
-    return fresh, seen.radius_mm(fresh)
+            return stored[:3], float(stored[3])
+    return centre, visible.radius_mm(centre)
 
 
 def keep_pivot(scene: bpy.types.Scene, pivot_model: np.ndarray, radius_mm: float) -> None:
-    """Keep the pivot of a move, so that the move back turns about the same point."""
+    """Store the pivot of a move, so that the move back rotates about the same point."""
     set_exact(from_scene.surface_of(scene), PIVOT, np.array([*pivot_model, radius_mm]))

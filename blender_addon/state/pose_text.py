@@ -1,4 +1,4 @@
-"""The pose as text, as the case file has it: for the mesh as it was given, in its units, at full precision."""
+"""The pose as text in the convention of the case file: frame and units of the mesh file, at full precision."""
 
 import bpy
 import numpy as np
@@ -10,7 +10,7 @@ from . import from_scene
 
 
 def cam_from_mesh_of(scene: bpy.types.Scene) -> np.ndarray:
-    """``cam_from_mesh`` (4x4) for the mesh file's own frame and units, as it stands in a case file."""
+    """``(4, 4)`` cam_from_mesh in the frame and units of the mesh file, as in a case file."""
     surface = from_scene.surface_of(scene)
     cam_from_mesh = from_scene.cam_from_model(scene) @ inverse_rigid(surface_object.mesh_from_model_of(surface))
     cam_from_mesh[:3, 3] /= MM_PER_UNIT[scene.oneframe.units]
@@ -18,7 +18,7 @@ def cam_from_mesh_of(scene: bpy.types.Scene) -> np.ndarray:
 
 
 def pose_rows(scene: bpy.types.Scene, *, inverse: bool = False) -> list[str]:
-    """Four rows of four numbers each, which read back to the same pose."""
+    """Four rows of four numbers each; reading them gives exactly the same pose."""
     pose = cam_from_mesh_of(scene)
     if inverse:
         pose = inverse_rigid(pose)
@@ -26,7 +26,9 @@ def pose_rows(scene: bpy.types.Scene, *, inverse: bool = False) -> list[str]:
 
 
 def pose_from_text(text: str) -> tuple[np.ndarray, str | None]:
-    """The opposite of :func:`pose_rows`; brackets and commas are allowed, 12 numbers as well as 16.
+    """Parse ``(4, 4)`` from 16 numbers, or 12 without the last row; brackets and commas are allowed.
+
+    Returns the pose, and a warning if it was not quite rigid; inverse of :func:`pose_rows`.
 
     Raises
     ------
@@ -45,7 +47,7 @@ def pose_from_text(text: str) -> tuple[np.ndarray, str | None]:
 
 
 def set_cam_from_mesh(scene: bpy.types.Scene, cam_from_mesh: np.ndarray) -> None:
-    """Move the surface to a pose for the mesh file's own frame and units."""
+    """Move the surface to a pose ``(4, 4)`` in the frame and units of the mesh file."""
     camera_object, surface = from_scene.camera_object_of(scene), from_scene.surface_of(scene)
     cam_from_mesh = cam_from_mesh.copy()
     cam_from_mesh[:3, 3] *= MM_PER_UNIT[scene.oneframe.units]

@@ -1,4 +1,4 @@
-"""What a scene keeps of an alignment beside its objects: files, K as typed, landmarks, how things are shown."""
+"""What a scene stores besides the objects: paths of files, K as typed, landmarks, display settings."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ ORIGINS = [
 
 
 def _keep_name_unique(landmark: "ONEFRAME_PG_landmark", _context: bpy.types.Context) -> None:
-    """Files tell landmarks apart by their names: a name that is taken or empty gets a number."""
+    """Append a number to a name that is empty or in use: files identify landmarks by name."""
     taken = {other.name for other in landmark.id_data.oneframe.landmarks if other != landmark}
     wanted = landmark.name.strip() or "Landmark"
     name, number = wanted, 1
@@ -42,24 +42,27 @@ def _keep_name_unique(landmark: "ONEFRAME_PG_landmark", _context: bpy.types.Cont
 
 
 class ONEFRAME_PG_landmark(bpy.types.PropertyGroup):
-    """A pair of a surface point and an image point; either half may be missing yet."""
+    """A 2D-3D correspondence: a surface point and an image point, either of which may still be missing."""
 
     name: str = prop(StringProperty(name="Name", description="Name of the landmark", update=_keep_name_unique))
     enabled: bool = prop(
         BoolProperty(
-            name="Use", description="Use this pair for the pose", default=True, update=events.landmarks_changed
+            name="Use",
+            description="Use this correspondence for the pose",
+            default=True,
+            update=events.landmarks_changed,
         )
     )
     has_point: bool = prop(BoolProperty(description="The point on the surface has been picked"))
     point: Sequence[float] = prop(
         FloatVectorProperty(
-            name="Surface point", description="Point on the surface, in its own frame (model), mm", size=3, precision=4
+            name="Surface Point", description="Point on the surface in the frame model, mm", size=3, precision=4
         )
     )
     has_pixel: bool = prop(BoolProperty(description="The point in the frame has been picked"))
     pixel: Sequence[float] = prop(
         FloatVectorProperty(
-            name="Image point",
+            name="Image Point",
             description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
             size=2,
             precision=3,
@@ -68,7 +71,7 @@ class ONEFRAME_PG_landmark(bpy.types.PropertyGroup):
 
 
 class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
-    """K as typed in the panel; takes effect with Set Camera."""
+    """K as typed in the panel; Set Camera applies it."""
 
     width: int = prop(
         IntProperty(name="Width", description="Width of the frame in pixels", min=1, max=65536, default=1920)
@@ -86,7 +89,10 @@ class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
     cy: float = prop(FloatProperty(name="cy", description="Principal point in pixels, y", default=539.5, precision=4))
     pixel_origin: PixelOrigin = prop(
         EnumProperty(
-            name="Pixel origin", description="What the principal point counts from", items=ORIGINS, default="center"
+            name="Pixel Origin",
+            description="Where pixel (0, 0) of the principal point is",
+            items=ORIGINS,
+            default="center",
         )
     )
     distortion: str = prop(
@@ -96,15 +102,15 @@ class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
     )
 
 
-def _dataset_annotations() -> dict[str, Any]:
-    """One property for every option of the dataset run, with the same names, limits and texts."""
-    annotations: dict[str, Any] = {}
+def _dataset_annotations() -> dict:
+    """One property for every option of a dataset, with the same name, limits and description."""
+    annotations = {}
     for field in dataclasses.fields(DatasetOptions):
         if field.name == "poses":
             continue
         default: Any = field.default
         limits, text = field.metadata, field.metadata["help"]
-        settings = {"name": field.name.replace("_", " ").capitalize(), "description": text[:1].upper() + text[1:]}
+        settings = {"name": field.name.replace("_", " ").title(), "description": text[:1].upper() + text[1:]}
         if "choices" in limits:
             items = [(choice, choice.capitalize(), "") for choice in limits["choices"]]
             annotations[field.name] = EnumProperty(items=items, default=default, **settings)
@@ -118,20 +124,20 @@ def _dataset_annotations() -> dict[str, Any]:
 
 
 class ONEFRAME_PG_dataset(bpy.types.PropertyGroup):
-    """Options of the dataset run, as in :class:`DatasetOptions`."""
+    """The options of a dataset, see :class:`DatasetOptions`."""
 
     __annotations__ = _dataset_annotations()
 
 
 class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
-    """All that the add-on keeps in a scene."""
+    """Everything that the add-on stores in a scene."""
 
     case_path: str = prop(
         StringProperty(name="Case", description="The case file that was opened or saved", subtype="FILE_PATH")
     )
     frame_path: str = prop(StringProperty(name="Frame", description="The frame's image file", subtype="FILE_PATH"))
     frame_size: Sequence[int] = prop(
-        IntVectorProperty(name="Frame size", description="Width and height of the frame in pixels", size=2)
+        IntVectorProperty(name="Frame Size", description="Width and height of the frame in pixels", size=2)
     )
     units: str = prop(EnumProperty(name="Units", description="Unit of the mesh files", items=UNITS, default="mm"))
     camera: ONEFRAME_PG_camera = prop(PointerProperty(type=ONEFRAME_PG_camera))
@@ -151,11 +157,11 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     landmarks: "bpy.types.bpy_prop_collection_idprop[ONEFRAME_PG_landmark]" = prop(
         CollectionProperty(type=ONEFRAME_PG_landmark)
     )
-    landmark_index: int = prop(IntProperty(name="Active landmark", description="The landmark that is being edited"))
+    landmark_index: int = prop(IntProperty(name="Active Landmark", description="Landmark being edited"))
     click_sigma_px: float = prop(
         FloatProperty(
-            name="Click accuracy",
-            description="Standard deviation of a click in pixels: what you can place by eye",
+            name="Click Noise",
+            description="Standard deviation of a picked image point in pixels: how exactly you can click",
             default=2.0,
             min=0.05,
             max=50.0,
@@ -164,56 +170,56 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     live_solve: bool = prop(
         BoolProperty(
             name="Live",
-            description="Solve the pose at every change of the landmarks",
+            description="Solve for the pose after every change of the landmarks",
             default=True,
             update=events.landmarks_changed,
         )
     )
     show_landmarks: bool = prop(
         BoolProperty(
-            name="Show landmarks", description="Draw landmarks, residuals and the pose's uncertainty", default=True
+            name="Show Landmarks", description="Draw landmarks, residuals and the pose's uncertainty", default=True
         )
     )
     step: str = prop(
         EnumProperty(
             name="Step",
-            description="Step of the buttons, in pixels of the frame",
+            description="Step of the buttons in pixels of the frame",
             items=[
-                ("coarse", "10 px", "Ten pixels (with keys: hold Ctrl)"),
+                ("coarse", "10 px", "Ten pixels (keys: hold Ctrl)"),
                 ("normal", "1 px", "One pixel"),
-                ("fine", "0.1 px", "A tenth of a pixel (with keys: hold Shift)"),
+                ("fine", "0.1 px", "A tenth of a pixel (keys: hold Shift)"),
             ],
             default="normal",
         )
     )
     show_gizmo: bool = prop(
-        BoolProperty(name="Gizmo", description="Show handles at the pivot of the surface in view", default=True)
+        BoolProperty(name="Gizmo", description="Show handles at the pivot of the visible surface", default=True)
     )
     dataset: ONEFRAME_PG_dataset = prop(PointerProperty(type=ONEFRAME_PG_dataset))
     dataset_out: str = prop(
         StringProperty(
-            name="Folder", description="Folder of the dataset; a run that was stopped goes on there", subtype="DIR_PATH"
+            name="Folder", description="Folder of the dataset; a stopped run continues there", subtype="DIR_PATH"
         )
     )
     preview_poses: int = prop(
-        IntProperty(
-            name="Poses", description="Number of poses that are shown, from the first", default=50, min=1, max=2000
-        )
+        IntProperty(name="Poses", description="Number of poses to preview, from the first", default=50, min=1, max=2000)
     )
     preview_view: int = prop(
-        IntProperty(name="View", description="Number of the view to preview, from 0", default=0, min=0)
+        IntProperty(name="View", description="Number of the view to preview, counted from 0", default=0, min=0)
     )
 
 
 class ONEFRAME_PG_object(bpy.types.PropertyGroup):
-    """What an object of the alignment is, and where it came from."""
+    """The role of an object in the alignment, and the file it was loaded from."""
 
     role: str = prop(
         EnumProperty(
             name="Role", items=[("NONE", "None", ""), ("SURFACE", "Surface", ""), ("STRUCTURE", "Structure", "")]
         )
     )
-    mesh_path: str = prop(StringProperty(name="Mesh", description="The file it was read from", subtype="FILE_PATH"))
+    mesh_path: str = prop(
+        StringProperty(name="Mesh", description="File that the mesh was loaded from", subtype="FILE_PATH")
+    )
 
 
 _CLASSES = (
@@ -227,14 +233,14 @@ _register_classes, _unregister_classes = class_registration(_CLASSES)
 
 
 def register() -> None:
-    """Register the property groups and hang them on scenes and objects."""
+    """Register the property groups and add them to scenes and objects."""
     _register_classes()
     bpy.types.Scene.oneframe = PointerProperty(type=ONEFRAME_PG_scene)
     bpy.types.Object.oneframe = PointerProperty(type=ONEFRAME_PG_object)
 
 
 def unregister() -> None:
-    """The opposite of :func:`register`."""
+    """Undo :func:`register`."""
     del bpy.types.Object.oneframe
     del bpy.types.Scene.oneframe
     _unregister_classes()

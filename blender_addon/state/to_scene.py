@@ -1,4 +1,4 @@
-"""Puts frame, camera and surface into the scene one by one, in any order, and keeps what belongs together together."""
+"""Writes to the scene: sets frame, camera and surface in any order and keeps them consistent."""
 
 import json
 from dataclasses import astuple
@@ -21,12 +21,12 @@ from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.transforms import inverse_rigid, rigid, transform_points
 from . import events, from_scene
 
-FIRST_POSE = "oneframe_first_pose"
-"""Custom property of the surface: the pose that it got for want of a better one; replaced when K comes later."""
+INITIAL_POSE = "oneframe_first_pose"
+"""Custom property of the surface: its automatic initial pose, found again when K is set while it is still in use."""
 
 
 def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment_scene.AlignmentObjects) -> None:
-    """Fill the scene's settings from an opened case whose objects are in the scene."""
+    """Fill in the scene's settings from a case whose objects are in the scene."""
     case, settings = loaded.case, scene.oneframe
     settings.case_path, settings.frame_path = str(case.path.resolve()), str(case.image.resolve())
     settings.frame_size = case.camera.size_wh
@@ -47,12 +47,12 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
 
 
 def replace_landmarks(scene: bpy.types.Scene, landmarks: tuple[Landmark, ...]) -> None:
-    """Landmarks in the frame of the mesh file, mm, in place of those that are there; the pose stays."""
+    """Replace all landmarks by these, given in the frame of the mesh file, mm; the pose stays."""
     settings = scene.oneframe
     model_from_mesh = np.eye(4)
     if settings.surface is not None:
         model_from_mesh = inverse_rigid(surface_object.mesh_from_model_of(settings.surface))
-    with events.untold():
+    with events.muted():
         settings.landmarks.clear()
         for landmark in landmarks:
             entry = settings.landmarks.add()
@@ -66,13 +66,13 @@ def replace_landmarks(scene: bpy.types.Scene, landmarks: tuple[Landmark, ...]) -
 
 
 def frame_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
-    """(width, height) of the frame that is loaded, ``None`` without one."""
+    """``(width, height)`` of the loaded frame; ``None`` if there is none."""
     width, height = scene.oneframe.frame_size
     return (width, height) if width and height else None
 
 
-def take_frame(context: bpy.types.Context, path: Path, width: int, height: int) -> tuple[str, ...]:
-    """Make an image file the frame; returns warnings where K does not fit it."""
+def set_frame(context: bpy.types.Context, path: Path, width: int, height: int) -> tuple[str, ...]:
+    """Use an image file as the frame; returns warnings if K does not fit it."""
     scene = context.scene
     settings = scene.oneframe
     settings.frame_path, settings.frame_size = str(path.resolve()), (width, height)
@@ -81,32 +81,32 @@ def take_frame(context: bpy.types.Context, path: Path, width: int, height: int) 
         typed.width, typed.height = width, height
         typed.cx, typed.cy = (width - 1) / 2, (height - 1) / 2
     else:
-        _show(scene)
+        _show_frame(scene)
     look_through_camera(context)
     return frame_warnings(scene)
 
 
 def frame_warnings(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Sentences about a camera that does not belong to the frame."""
+    """Warnings about a camera that does not fit the frame."""
     size = frame_size(scene)
     if size is None or from_scene.present_camera(scene) is None:
         return ()
     camera = from_scene.camera(scene)
     if camera.size_wh != size:
         return (
-            f"K is for {camera.width} x {camera.height} px, the frame has {size[0]} x {size[1]}: "
+            f"K is for {camera.width} x {camera.height} px, the frame has {size[0]} x {size[1]} px: "
             "load the K of this frame, or correct the fields and press Set Camera",
         )
     return ()
 
 
 def typed_camera(scene: bpy.types.Scene) -> tuple[PinholeCamera, Distortion | None]:
-    """K from the panel's fields.
+    """Intrinsics and distortion from the panel's fields.
 
     Raises
     ------
     InputError
-        A value that no camera has.
+        A value is not possible for a camera.
     """
     typed = scene.oneframe.camera
     k = [[typed.fx, 0, typed.cx], [0, typed.fy, typed.cy], [0, 0, 1]]
@@ -120,13 +120,13 @@ def typed_camera(scene: bpy.types.Scene) -> tuple[PinholeCamera, Distortion | No
     return camera, checked_distortion(values, camera, "distortion")
 
 
-def take_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Distortion | None) -> None:
-    """Make K the scene's camera.
+def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Distortion | None) -> None:
+    """Set the frame's intrinsics and distortion; the pose stays.
 
     Raises
     ------
     InputError
-        The frame, which is to be shown through it, is no longer there.
+        The frame's file no longer exists.
     """
     scene = context.scene
     settings = scene.oneframe
@@ -138,19 +138,19 @@ def take_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: D
     camera_object = settings.camera_object = alignment_scene.put_camera(scene, existing, camera)
     _remember_camera(scene, camera, distortion)
     if surface is not None and pose is not None:
-        first = exact(surface, FIRST_POSE)
-        if first is not None and np.array_equal(first, pose):
-            _place_first(scene, surface)
+        initial = exact(surface, INITIAL_POSE)
+        if initial is not None and np.array_equal(initial, pose):
+            _set_initial_pose(scene, surface)
         else:
             surface_object.set_pose(camera_object, surface, pose)
             alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), pose)
     if settings.frame_path:
-        _show(scene)
+        _show_frame(scene)
     look_through_camera(context)
 
 
-def take_surface(context: bpy.types.Context, path: Path, given: TriangleMesh, units: str) -> None:
-    """Make a mesh (frame of its file, mm) the surface; structures and landmarks of another surface go with it."""
+def set_surface(context: bpy.types.Context, path: Path, given: TriangleMesh, units: str) -> None:
+    """Use a mesh (frame of its file, mm) as the surface; removes the old one, its structures and landmarks."""
     scene = context.scene
     settings = scene.oneframe
     old = settings.surface
@@ -161,13 +161,13 @@ def take_surface(context: bpy.types.Context, path: Path, given: TriangleMesh, un
     surface = alignment_scene.put_surface(scene, given.moved(-centre), rigid(translation=centre), np.eye(4))
     surface.oneframe.role, surface.oneframe.mesh_path = "SURFACE", str(path.resolve())
     settings.surface, settings.units = surface, units
-    _place_first(scene, surface)
+    _set_initial_pose(scene, surface)
     replace_landmarks(scene, ())
     look_through_camera(context)
 
 
 def relink_surface(context: bpy.types.Context, path: Path) -> None:
-    """The surface now lies in another file, whose vertices have another mean: the model frame follows."""
+    """Link the edited surface to its new file; the model frame moves with the mean of the vertices."""
     scene = context.scene
     settings = scene.oneframe
     pose, surface = from_scene.cam_from_model(scene), from_scene.surface_of(scene)
@@ -185,7 +185,7 @@ def relink_surface(context: bpy.types.Context, path: Path) -> None:
 
 
 def look_through_camera(context: bpy.types.Context) -> None:
-    """Turn the 3D view (the largest, if the operator was not called from one) to the camera; nothing else changes."""
+    """Look through the camera in the context's 3D view, or else in the largest one; nothing if one already does."""
     scene = context.scene
     if scene.oneframe.camera_object is None or context.screen is None:
         return
@@ -210,8 +210,8 @@ def _remember_camera(scene: bpy.types.Scene, camera: PinholeCamera, distortion: 
     scene.oneframe.distortion_text = json.dumps(values) if values else ""
 
 
-def _show(scene: bpy.types.Scene) -> None:
-    """The frame behind the camera, undistorted if the lens needs it and K fits."""
+def _show_frame(scene: bpy.types.Scene) -> None:
+    """Show the frame behind the camera, undistorted if the lens has distortion and K fits."""
     settings = scene.oneframe
     path = absolute_path(settings.frame_path)
     undistorted = None
@@ -220,15 +220,15 @@ def _show(scene: bpy.types.Scene) -> None:
     alignment_scene.show_frame(from_scene.camera_object_of(scene), alignment_scene.frame_image(path, undistorted))
 
 
-def _place_first(scene: bpy.types.Scene, surface: bpy.types.Object) -> None:
+def _set_initial_pose(scene: bpy.types.Scene, surface: bpy.types.Object) -> None:
     mesh = surface_object.edited_mesh(surface)
     camera_object = from_scene.present_camera(scene)
-    # before K is known: any camera will do, the pose is found again when K comes
+    # without K any camera will do: the initial pose is found again when K is set
     camera = PinholeCamera(1920, 1080, 12800, 12800, 959.5, 539.5)
     if camera_object is not None:
         camera = from_scene.camera(scene)
     pose = initial_pose(mesh, camera)
     surface_object.set_pose(camera_object, surface, pose)
-    set_exact(surface, FIRST_POSE, pose)
+    set_exact(surface, INITIAL_POSE, pose)
     if camera_object is not None:
         alignment_scene.fit_clip(camera_object, mesh.radius, pose)

@@ -1,1 +1,1 @@
-"""What all topics draw and click with."""
+"""Drawing and input code that all topics share."""

@@ -1,4 +1,4 @@
-"""Between the frame's pixels and a 3D view that looks through its camera, whatever its zoom and pan."""
+"""Maps pixels of the frame to a 3D view through the frame's camera, at any zoom and pan, and to the surface."""
 
 from dataclasses import dataclass
 
@@ -25,9 +25,9 @@ class FrameView:
     camera
         The frame's intrinsics.
     scale
-        ``(2,)`` region pixels per frame pixel; the second is negative, since a region's y points up.
+        ``(2,)`` region pixels per frame pixel; the second is negative, since a region's y axis points up.
     offset
-        ``(2,)`` where the centre of the top-left pixel lies in the region.
+        ``(2,)`` position of the top-left pixel's centre in the region.
     """
 
     camera: PinholeCamera
@@ -36,11 +36,11 @@ class FrameView:
 
     @classmethod
     def of(cls, scene: bpy.types.Scene, region: bpy.types.Region, region_3d: bpy.types.RegionView3D) -> "FrameView":
-        """The view of a region, which must look through the frame's camera (see :func:`shows_frame`)."""
+        """The mapping for a region that looks through the frame's camera (see :func:`shows_frame`)."""
         camera_object = from_scene.camera_object_of(scene)
         camera = from_scene.camera(scene)
         corners = np.array([[0.0, 0.0], [camera.width - 1.0, camera.height - 1.0]])
-        # far enough for single precision, whatever the clip planes
+        # far enough for single precision; the clip planes have no effect
         points_cam = camera.rays_cam(corners) * 100.0
         world_from_cam = inverse_rigid(cam_from_model_of(camera_object))
         seen = [
@@ -76,7 +76,7 @@ def shows_frame(context: bpy.types.Context) -> bool:
 
 
 def window_region(area: bpy.types.Area) -> bpy.types.Region:
-    """The region of a 3D view that shows the scene (an operator started from the sidebar has another one)."""
+    """The region of a 3D view that shows the scene; the context's region may be another, such as the sidebar."""
     return next(region for region in area.regions if region.type == "WINDOW")
 
 
@@ -86,7 +86,7 @@ def surface_point(scene: bpy.types.Scene, origin_world: Vector, direction_world:
     Raises
     ------
     InputError
-        No surface, or it cannot be hit in its present mode.
+        There is no surface, it is in Edit mode, or its collection is excluded.
     """
     surface = from_scene.surface_of(scene)
     model_from_world: Matrix = surface.matrix_world.inverted()
@@ -99,7 +99,7 @@ def surface_point(scene: bpy.types.Scene, origin_world: Vector, direction_world:
 
 
 def surface_point_at(scene: bpy.types.Scene, pixel: np.ndarray) -> np.ndarray | None:
-    """``(3,)`` surface point (model frame, mm) that a frame pixel ``(2,)`` shows in the present pose, or ``None``."""
+    """``(3,)`` surface point (model frame, mm) that a frame pixel ``(2,)`` shows at the current pose, or ``None``."""
     camera_object = from_scene.camera_object_of(scene)
     world_from_cam = inverse_rigid(cam_from_model_of(camera_object))
     ray = world_from_cam[:3, :3] @ from_scene.camera(scene).rays_cam(np.asarray(pixel, float)[None])[0]

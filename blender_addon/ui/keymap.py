@@ -1,4 +1,4 @@
-"""Keys: how modules register theirs in the add-on key configuration, and how panels show what they are at present."""
+"""Keyboard shortcuts: registered in the add-on key configuration, and shown in panels as currently bound."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -8,8 +8,9 @@ import bpy
 
 VIEW = "3D View"
 OBJECT_MODE = "Object Mode"
-"""Blender asks this keymap before the 3D view's own: the place for plain letters and digits, which then also leave Edit
-mode alone."""
+"""Blender searches this keymap before the 3D view's own. Plain letters and digits belong here: they then do nothing in
+Edit mode."""
+
 _SPACES: dict[str, Any] = {VIEW: "VIEW_3D", OBJECT_MODE: "EMPTY"}
 
 
@@ -20,11 +21,11 @@ class Key:
     Attributes
     ----------
     operator
-        Its ``bl_idname``; its poll decides where the key is ours, elsewhere the next binding gets it.
+        Its ``bl_idname``. Where its poll fails, Blender uses the next binding of the key.
     type, value, shift, ctrl, alt, repeat
-        As Blender's keymap items have them.
+        As in Blender's keymap items.
     properties
-        The operator's settings, as pairs of name and value.
+        The operator's settings: names and values.
     keymap
         :data:`VIEW` or :data:`OBJECT_MODE`.
     """
@@ -41,7 +42,7 @@ class Key:
 
 
 class Keys:
-    """The keys of a module; what :meth:`register` adds, :meth:`unregister` takes away again."""
+    """The keys of a module: :meth:`register` adds them, :meth:`unregister` removes them."""
 
     def __init__(self, keys: Iterable[Key]) -> None:
         self.keys = tuple(keys)
@@ -62,14 +63,14 @@ class Keys:
             self._added.append((keymap, item))
 
     def unregister(self) -> None:
-        """Take them away."""
+        """Remove the keys."""
         for keymap, item in self._added:
             keymap.keymap_items.remove(item)
         self._added.clear()
 
 
 def binding(operator: str, **properties: object) -> str:
-    """The key that calls an operator (with these settings) at present, as text; empty if there is none."""
+    """The key currently bound to an operator with these settings, as text; empty if there is none."""
     manager = bpy.context.window_manager
     for configuration in (manager.keyconfigs.user, manager.keyconfigs.addon):
         if configuration is None:
@@ -84,7 +85,7 @@ def binding(operator: str, **properties: object) -> str:
 
 
 def draw_key(layout: bpy.types.UILayout, operator: str, **properties: object) -> None:
-    """Show the key of an operator beside its button, greyed; nothing if it has none."""
+    """Show the key of an operator next to its button, greyed out; nothing if it has none."""
     row = layout.row()
     row.enabled = False
     row.label(text=binding(operator, **properties))

@@ -1,4 +1,4 @@
-"""What all operators of the add-on share: errors become one sentence in Blender's status line, and nothing changes."""
+"""Base classes of the add-on's operators: an error becomes one message in the status bar and changes nothing."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -10,17 +10,17 @@ from ..pipeline.errors import InputError, RunError
 from ..state import from_scene
 
 Messages = Iterable[str] | None
-"""Sentences for the status line."""
+"""Messages for the status bar."""
 
 OperatorResult = set[Literal["RUNNING_MODAL", "CANCELLED", "FINISHED", "PASS_THROUGH", "INTERFACE"]]
-"""What Blender expects of an operator's callbacks: one of these, in a set."""
+"""What Blender expects an operator's callbacks to return: one of these, in a set."""
 
 
 class Reporting(bpy.types.Operator):
-    """Mixin: ``execute`` calls ``run``, tells what it returns, and reports what the user can mend."""
+    """Mixin: ``execute`` calls ``run`` and reports the messages it returns, or the error that the user can fix."""
 
     def run(self, context: bpy.types.Context) -> Messages:
-        """Do the work; the sentences returned are told. Raise InputError before anything has changed."""
+        """Do the work and return messages to report. Implementations raise InputError before they change anything."""
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
@@ -34,32 +34,32 @@ class Reporting(bpy.types.Operator):
             # a full disk, a folder that does not exist or may not be written to
             self.report({"ERROR"}, f"{error.filename or self.bl_label}: {error.strerror or error}")
             return {"CANCELLED"}
-        for sentence in messages or ():
-            self.report({"INFO"}, sentence)
+        for message in messages or ():
+            self.report({"INFO"}, message)
         redraw(context)
         return {"FINISHED"}
 
 
 class ReportingFile(Reporting):
-    """Mixin of operators with a file dialog."""
+    """Mixin for operators with a file dialog."""
 
     def chosen_file(self) -> Path:
-        """The file that was chosen.
+        """The file chosen in the dialog.
 
         Raises
         ------
         InputError
-            None, or a folder.
+            No file was chosen, or a folder.
         """
         filepath: str = self.filepath  # type: ignore[attr-defined]  # from ImportHelper or ExportHelper
         path = Path(bpy.path.abspath(filepath))
         if not path.name or path.is_dir():
-            raise InputError(f"expected a file, found {filepath or 'none'}; choose one, or give it a name")
+            raise InputError(f"expected a file, found {filepath or 'none'}; choose a file or type its name")
         return path
 
 
 class NeedsAlignment(bpy.types.Operator):
-    """Mixin: available once camera and surface are set up; before that, the button's tooltip says what is missing."""
+    """Mixin: available once camera and surface are set up; until then the button's tooltip says what is missing."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -71,7 +71,7 @@ class NeedsAlignment(bpy.types.Operator):
 
 
 def redraw(context: bpy.types.Context) -> None:
-    """Have all 3D views drawn anew."""
+    """Redraw all 3D views."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":

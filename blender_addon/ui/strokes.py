@@ -1,4 +1,4 @@
-"""Lines and texts over a 3D view that are readable on any picture: each colour on a dark ground of its own."""
+"""Lines and texts over a 3D view, readable on any picture: each has a dark background."""
 
 from dataclasses import dataclass, field
 
@@ -12,17 +12,18 @@ Colour = tuple[float, float, float, float]
 
 HALO: Colour = (0.0, 0.0, 0.0, 0.65)
 HALO_PX = 1.6
-"""Colour of the dark line under each line, and by how much it is wider on either side."""
+"""Colour of the dark line under each line, and how far it extends on either side."""
+
 FONT = 0
 TEXT_SIZE = 12
-GROUND: Colour = (0.04, 0.04, 0.04, 0.72)
+TEXT_BACKGROUND: Colour = (0.04, 0.04, 0.04, 0.72)
 
 
 @dataclass
 class Strokes:
-    """Collects what is to be drawn into one region, in region pixels; then :meth:`draw`, from a POST_PIXEL handler.
+    """Collects lines and texts in region pixels; :meth:`draw` draws them from a POST_PIXEL handler.
 
-    Lengths and widths are constant on the screen whatever the zoom; :attr:`unit` is one pixel at interface scale 1.
+    Lengths and widths on the screen do not depend on the zoom; :attr:`unit` is one pixel at interface scale 1.
     """
 
     unit: float = field(default_factory=lambda: bpy.context.preferences.system.ui_scale)
@@ -30,7 +31,7 @@ class Strokes:
     _texts: list[tuple[np.ndarray, str, Colour]] = field(default_factory=list)
 
     def line(self, points: np.ndarray, colour: Colour, *, width: float = 2.0, closed: bool = False) -> None:
-        """A polyline ``(N, 2)``; nothing if any point is not finite."""
+        """Add a polyline ``(N, 2)``; nothing if any point is not finite."""
         if len(points) < 2 or not np.isfinite(points).all():
             return
         ends = np.roll(points, -1, axis=0) if closed else points[1:]
@@ -41,7 +42,7 @@ class Strokes:
     def arrow(
         self, start: np.ndarray, end: np.ndarray, colour: Colour, *, width: float = 2.0, head: float = 8.0
     ) -> None:
-        """A line with a head at its end, which is never longer than half of it."""
+        """Add a line with a head at its end; the head is at most half as long as the line."""
         self.line(np.stack([start, end]), colour, width=width)
         length = float(np.linalg.norm(end - start))
         if length < 1e-6 or not np.isfinite(length):
@@ -53,19 +54,19 @@ class Strokes:
         self.line(np.stack([wings[0], end, wings[1]]), colour, width=width)
 
     def circle(self, centre: np.ndarray, radius: float, colour: Colour, *, width: float = 2.0) -> None:
-        """A circle; the radius in pixels at interface scale 1."""
+        """Add a circle; the radius is in pixels at interface scale 1."""
         angle = np.linspace(0, 2 * np.pi, 32, endpoint=False)
         outline = centre + radius * self.unit * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         self.line(outline, colour, width=width, closed=True)
 
     def cross(self, centre: np.ndarray, inner: float, outer: float, colour: Colour, *, width: float = 2.0) -> None:
-        """Four arms that leave the middle free."""
+        """Add a cross whose arms run from ``inner`` to ``outer`` pixels (at interface scale 1) from the centre."""
         for direction in np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]):
             arm = centre + self.unit * np.outer([inner, outer], direction)
             self.line(arm, colour, width=width)
 
     def text(self, at: np.ndarray, text: str, colour: Colour) -> None:
-        """A line of text whose lower left corner lies at a point."""
+        """Add a line of text with its lower left corner at a point."""
         if np.isfinite(at).all():
             self._texts.append((np.asarray(at, float), text, colour))
 
@@ -73,7 +74,7 @@ class Strokes:
         """Draw everything: all dark lines first, so that none covers a coloured one."""
         gpu.state.blend_set("ALPHA")
         for width, lines in self._lines.items():
-            # a faint line needs a faint ground
+            # a faint line needs a faint halo
             self._draw_lines([(line, (*HALO[:3], HALO[3] * c[3])) for line, c in lines], width + 2 * HALO_PX)
         for width, lines in self._lines.items():
             self._draw_lines(lines, width)
@@ -108,7 +109,7 @@ class Strokes:
         shader = gpu.shader.from_builtin("UNIFORM_COLOR")
         batch = batch_for_shader(shader, "TRIS", {"pos": np.array(corners, np.float32)})
         shader.bind()
-        shader.uniform_float("color", GROUND)
+        shader.uniform_float("color", TEXT_BACKGROUND)
         batch.draw(shader)
         for at, text, colour in self._texts:
             blf.position(FONT, float(at[0]), float(at[1]), 0)

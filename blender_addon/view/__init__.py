@@ -1,1 +1,1 @@
-"""Panel *View*: surface and frame, seen against each other."""
+"""Panel *View*: compare surface and frame in the camera view."""

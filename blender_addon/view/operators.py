@@ -1,7 +1,7 @@
-"""How the camera view shows surface and frame: opacity, wires, contour, comparisons; zoom to the pointer.
+"""How the camera view shows surface and frame: opacity, wireframe, contour, comparisons; zoom to the pointer.
 
-Opacity and wires are Blender's own display of the object. The rest is drawn over the view, see ``overlay``. Nothing
-here touches the pose: zoom and pan are the view's.
+Opacity and wireframe are Blender's own display settings of the object; ``overlay`` draws the rest over the view.
+Nothing here changes the pose: zoom and pan belong to the view.
 """
 
 from collections.abc import Sequence
@@ -18,17 +18,17 @@ from ..ui.operator import NeedsAlignment, OperatorResult, redraw
 
 OPACITIES = (1.0, 0.6, 0.3, 0.0)
 MAGNIFICATIONS = (1 / 16, 64.0)
-"""Smallest and largest zoom, region pixels per frame pixel."""
+"""Smallest and largest zoom in region pixels per frame pixel."""
 
 COMPARISONS = [
     ("NONE", "None", "Surface over the frame, as Blender shows it"),
-    ("BLINK", "Blink", "Frame and surface in turn, twice a second: what jumps is not aligned"),
-    ("SWIPE", "Swipe", "Frame left, surface right of a line that is dragged"),
+    ("BLINK", "Blink", "Alternate between frame and surface twice a second: what jumps is not aligned"),
+    ("SWIPE", "Swipe", "Frame to the left, surface to the right of a line that you can drag"),
     (
         "DIFFERENCE",
         "Difference",
-        "Coloured surface: what differs from the frame is bright. Plain surface: frame in red, surface in cyan; "
-        "what agrees is grey",
+        "Coloured surface: differences from the frame are bright. Plain surface: frame in red, surface in cyan, "
+        "grey where they agree",
     ),
 ]
 
@@ -60,36 +60,38 @@ def _set_wireframe(self: bpy.types.PropertyGroup, value: bool) -> None:
 
 
 class ONEFRAME_PG_view(bpy.types.PropertyGroup):
-    """What is drawn over the camera view."""
+    """Settings of the camera view."""
 
     opacity: float = prop(FloatProperty(
         name="Opacity", description="Opacity of the surface over the frame", min=0, max=1, get=_opacity,
         set=_set_opacity, subtype="FACTOR",
     ))  # fmt: skip
     wireframe: bool = prop(
-        BoolProperty(name="Wireframe", description="Show the surface as wires", get=_wireframe, set=_set_wireframe)
+        BoolProperty(
+            name="Wireframe", description="Show the surface as a wireframe", get=_wireframe, set=_set_wireframe
+        )
     )
     contour: bool = prop(
-        BoolProperty(name="Contour", description="Outlines and creases of the surface, over the frame")
+        BoolProperty(name="Contour", description="Draw outlines and creases of the surface over the frame")
     )
     crease_deg: float = prop(FloatProperty(
         name="Crease",
-        description="How far the surface must turn within 6 px of the frame to be drawn as a crease, degrees",
+        description="Least change of the surface's normal within 6 px of the frame that counts as a crease, in degrees",
         min=5, max=120, default=60, precision=0, step=500,
     ))  # fmt: skip
     contour_color: Sequence[float] = prop(FloatVectorProperty(
-        name="Contour", description="Colour of the contour", subtype="COLOR_GAMMA", size=3, min=0, max=1,
+        name="Contour Colour", description="Colour of the contour", subtype="COLOR_GAMMA", size=3, min=0, max=1,
         default=(0.1, 1.0, 0.95),
     ))  # fmt: skip
     comparison: str = prop(EnumProperty(name="Compare", description="Compare surface and frame", items=COMPARISONS))
     split: float = prop(FloatProperty(
-        name="Line", description="Where the line between frame and surface stands, in parts of the frame's width",
+        name="Line", description="Position of the line between frame and surface, as a fraction of the frame's width",
         min=0, max=1, default=0.5, subtype="FACTOR",
     ))  # fmt: skip
     gain: float = prop(
         FloatProperty(
             name="Gain",
-            description="How much brighter the difference of a coloured surface is drawn",
+            description="Factor by which the difference of a coloured surface is brightened",
             min=0.5,
             max=20,
             default=3.0,
@@ -97,13 +99,13 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     )
     loupe: bool = prop(
         BoolProperty(
-            name="Loupe", description="Magnify what lies under the pointer while landmarks are picked", default=True
+            name="Loupe", description="Magnify the surroundings of the pointer while you pick landmarks", default=True
         )
     )
 
 
 class _FrameTool(NeedsAlignment):
-    """Works in 3D views that look through the frame's camera."""
+    """Mixin: available in 3D views that look through the frame's camera."""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -124,12 +126,12 @@ class _Toggle(_FrameTool):
         return {"FINISHED"}
 
     def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
-        """Change how things are shown."""
+        """Change the setting."""
         raise NotImplementedError
 
 
 class ONEFRAME_OT_cycle_opacity(_Toggle, bpy.types.Operator):
-    """Opacity of the surface: 100, 60, 30, 0 % in turn"""
+    """Cycle the opacity of the surface: 100, 60, 30, 0 %"""
 
     bl_idname = "oneframe.cycle_opacity"
     bl_label = "Cycle Opacity"
@@ -140,7 +142,7 @@ class ONEFRAME_OT_cycle_opacity(_Toggle, bpy.types.Operator):
 
 
 class ONEFRAME_OT_toggle_wireframe(_Toggle, bpy.types.Operator):
-    """Show the surface as wires, or as a solid again"""
+    """Show the surface as a wireframe or solid"""
 
     bl_idname = "oneframe.toggle_wireframe"
     bl_label = "Wireframe"
@@ -160,7 +162,7 @@ class ONEFRAME_OT_toggle_contour(_Toggle, bpy.types.Operator):
 
 
 class ONEFRAME_OT_toggle_blink(_Toggle, bpy.types.Operator):
-    """Show frame and surface in turn, twice a second: what jumps is not aligned"""
+    """Alternate between frame and surface twice a second: what jumps is not aligned"""
 
     bl_idname = "oneframe.toggle_blink"
     bl_label = "Blink"
@@ -170,17 +172,18 @@ class ONEFRAME_OT_toggle_blink(_Toggle, bpy.types.Operator):
 
 
 class ONEFRAME_OT_toggle_swipe(_Toggle, bpy.types.Operator):
-    """Frame left, surface right of a line; the key puts the line under the pointer"""
+    """Show the frame to the left and the surface to the right of a line; the key puts the line under the pointer"""
 
     bl_idname = "oneframe.toggle_swipe"
     bl_label = "Swipe"
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if context.region.type == "WINDOW":
-            seen = FrameView.of(context.scene, context.region, context.region_data)
-            part = (seen.px_from_region([event.mouse_region_x, event.mouse_region_y])[0] + 0.5) / seen.camera.width
-            if context.scene.oneframe_view.comparison != "SWIPE" and 0 < part < 1:
-                context.scene.oneframe_view.split = part
+            frame_view = FrameView.of(context.scene, context.region, context.region_data)
+            column_px = frame_view.px_from_region([event.mouse_region_x, event.mouse_region_y])[0]
+            fraction = (column_px + 0.5) / frame_view.camera.width
+            if context.scene.oneframe_view.comparison != "SWIPE" and 0 < fraction < 1:
+                context.scene.oneframe_view.split = fraction
         return self.execute(context)
 
     def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
@@ -218,16 +221,18 @@ class ONEFRAME_OT_show_frame(bpy.types.Operator):
 
 
 class ONEFRAME_OT_zoom_frame(_FrameTool, bpy.types.Operator):
-    """Zoom the view of the frame about the pointer; the pose is not touched"""
+    """Zoom the camera view about the pointer; the pose stays"""
 
     bl_idname = "oneframe.zoom_frame"
     bl_label = "Zoom Frame"
     bl_options = {"REGISTER"}
 
-    factor: float = prop(FloatProperty(name="Factor", description="Times larger", default=1.25, min=0.01, max=100))
+    factor: float = prop(
+        FloatProperty(name="Factor", description="Change of the zoom", default=1.25, min=0.01, max=100)
+    )
     magnification: float = prop(FloatProperty(
         name="Magnification",
-        description="Pixels of the screen per pixel of the frame; 0: as the factor says",
+        description="Screen pixels per pixel of the frame; 0 to use the factor",
         default=0, min=0, max=MAGNIFICATIONS[1],
     ))  # fmt: skip
 
@@ -245,8 +250,8 @@ class ONEFRAME_OT_zoom_frame(_FrameTool, bpy.types.Operator):
 
     def _zoom(self, context: bpy.types.Context, region: bpy.types.Region) -> OperatorResult:
         region_3d = context.space_data.region_3d
-        now = FrameView.of(context.scene, region, region_3d).magnification
-        zoom_view(context.scene, region, region_3d, self._pointer, self.magnification or self.factor * now)
+        current = FrameView.of(context.scene, region, region_3d).magnification
+        zoom_view(context.scene, region, region_3d, self._pointer, self.magnification or self.factor * current)
         context.area.tag_redraw()
         return {"FINISHED"}
 
@@ -258,23 +263,23 @@ def zoom_view(
     pointer: tuple[float, float],
     magnification: float,
 ) -> None:
-    """Give a camera view so many region pixels per frame pixel; what lies under the pointer stays there."""
+    """Zoom a camera view to ``magnification`` region pixels per frame pixel, about the pointer."""
     before = FrameView.of(scene, region, region_3d)
-    under = before.px_from_region(pointer)
-    wanted = float(np.clip(magnification, *MAGNIFICATIONS))
-    shown = _zoom_factor(region_3d.view_camera_zoom) * wanted / before.magnification
-    region_3d.view_camera_zoom = float(np.clip(50 * (2 * np.sqrt(shown) - np.sqrt(2)), -30, 600))
+    pixel = before.px_from_region(pointer)
+    clipped = float(np.clip(magnification, *MAGNIFICATIONS))
+    zoom = _zoom_factor(region_3d.view_camera_zoom) * clipped / before.magnification
+    region_3d.view_camera_zoom = float(np.clip(50 * (2 * np.sqrt(zoom) - np.sqrt(2)), -30, 600))
     region_3d.update()
-    away = FrameView.of(scene, region, region_3d).region_from_px(under) - pointer
+    shift = FrameView.of(scene, region, region_3d).region_from_px(pixel) - pointer
     # Blender's camera offset is in half widths of the region, at zoom factor 1
-    shown = _zoom_factor(region_3d.view_camera_zoom)
+    zoom = _zoom_factor(region_3d.view_camera_zoom)
     size = np.array([region.width, region.height])
-    region_3d.view_camera_offset = np.array(region_3d.view_camera_offset) + away / (2 * shown * size)
+    region_3d.view_camera_offset = np.array(region_3d.view_camera_offset) + shift / (2 * zoom * size)
     region_3d.update()
 
 
 def _zoom_factor(view_camera_zoom: float) -> float:
-    """Blender's measure of a camera view's zoom as a factor."""
+    """Convert Blender's ``view_camera_zoom`` to a factor."""
     return (np.sqrt(2) + view_camera_zoom / 50) ** 2 / 4
 
 
@@ -310,7 +315,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """The opposite of :func:`register`."""
+    """Undo :func:`register`."""
     _KEYS.unregister()
     del bpy.types.Scene.oneframe_view
     _unregister_classes()

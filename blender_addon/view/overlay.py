@@ -1,6 +1,6 @@
 """Draws over the views that look through the frame's camera: contour, blink, swipe, difference.
 
-It is drawn when Blender has drawn its objects and before gizmos, texts and other tools' marks, which so stay on top.
+It draws after Blender's objects and before gizmos, texts and the marks of other tools, which therefore stay on top.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from .overlay_passes import Projection, SurfacePicture, rectangle
 from .overlay_shaders import MODES, composite_shader
 
 BLINK_S = 0.25
-"""Half a period: 2 Hz."""
+"""Half the period of 2 Hz."""
 
 _pictures: dict[int, SurfacePicture] = {}
 _handle: object | None = None
@@ -27,26 +27,26 @@ _blink_shows_frame = True
 
 @dataclass(frozen=True)
 class Composite:
-    """What is put over the frame's rectangle.
+    """The picture drawn over the frame's rectangle.
 
     Attributes
     ----------
     mode
         One of ``MODES`` of the shaders.
-    seen
-        Where the frame's pixels lie in the target.
+    frame_view
+        The mapping of the frame's pixels to the target; ``None`` if the target does not show the frame.
     image
         The frame; ``None`` only for modes that do not show it.
     picture
-        Of the surface, its lower left corner at ``origin`` of the target.
+        The picture of the surface, with its lower left corner at ``origin`` of the target.
     contour
-        Whether its lines are drawn.
+        Whether to draw the picture's lines.
     target_encodes
-        Whether the target is in sRGB space and encodes what shaders write, as a 3D view's overlays do.
+        Whether the target encodes linear values as sRGB, as the overlays of a 3D view do.
     """
 
     mode: str
-    seen: FrameView | None
+    frame_view: FrameView | None
     image: bpy.types.Image | None
     picture: SurfacePicture
     contour: bool
@@ -62,8 +62,9 @@ class Composite:
         shader.uniform_sampler("picture", self.picture.picture)
         shader.uniform_sampler("lines", self.picture.lines)
         size, scale, offset = (1.0, 1.0), (1.0, 1.0), (0.0, 0.0)
-        if self.seen is not None:
-            size, scale, offset = self.seen.camera.size_wh, self.seen.scale.tolist(), self.seen.offset.tolist()
+        if self.frame_view is not None:
+            size = self.frame_view.camera.size_wh
+            scale, offset = self.frame_view.scale.tolist(), self.frame_view.offset.tolist()
         shader.uniform_float("frame_size", size)
         shader.uniform_float("frame_scale", scale)
         shader.uniform_float("frame_offset", offset)
@@ -85,7 +86,7 @@ class Composite:
 
 
 def frame_image_of(scene: bpy.types.Scene) -> bpy.types.Image | None:
-    """The frame as Blender shows it behind the camera; ``None`` if there is none or its file is gone."""
+    """The frame's image behind the camera; ``None`` if there is none or its file does not exist."""
     backgrounds = from_scene.camera_object_of(scene).data.background_images
     image = backgrounds[0].image if backgrounds else None
     return image if image is not None and image.size[0] else None
@@ -94,7 +95,7 @@ def frame_image_of(scene: bpy.types.Scene) -> bpy.types.Image | None:
 def projection_of(
     scene: bpy.types.Scene, region: bpy.types.Region, region_3d: bpy.types.RegionView3D, *, frame: bool
 ) -> Projection:
-    """How a region sees the world; ``frame`` says whether it looks through the frame's camera."""
+    """The projection of a region; ``frame`` says whether it looks through the frame's camera."""
     mm_per_px = 1 / from_scene.camera(scene).fx if frame else 0.0
     return Projection(
         region.width, region.height, region_3d.view_matrix.copy(), region_3d.window_matrix.copy(), mm_per_px
@@ -114,11 +115,11 @@ def draw_view() -> None:
     if mode == "NONE" and not view.contour:
         return
     try:
-        seen = FrameView.of(scene, region, context.region_data)
+        frame_view = FrameView.of(scene, region, context.region_data)
         image = frame_image_of(scene)
         projection = projection_of(scene, region, context.region_data, frame=True)
     except InputError:
-        # told in the panel
+        # the panel reports it
         return
     if image is None:
         mode = "NONE"
@@ -127,18 +128,18 @@ def draw_view() -> None:
         mode = "FRAME" if _blink_shows_frame else "SURFACE"
     picture = picture_of(region.as_pointer(), region.width, region.height)
     picture.draw(projection, from_scene.surface_of(scene), view.crease_deg if view.contour else None)
-    low, high = frame_rectangle(seen, region)
+    low, high = frame_rectangle(frame_view, region)
     if (low < high).all():
-        Composite(mode, seen, image, picture, view.contour).draw(view, tuple(low), tuple(high))
+        Composite(mode, frame_view, image, picture, view.contour).draw(view, tuple(low), tuple(high))
 
 
 def shows_opacity(shading: bpy.types.View3DShading) -> bool:
-    """Whether Blender itself shows the opacity of an object's colour; in all other shading the frame is drawn over."""
+    """Whether Blender shows the opacity of the object's colour; in other shading modes the overlay blends the frame."""
     return shading.type == "WIREFRAME" or (shading.type == "SOLID" and shading.color_type == "OBJECT")
 
 
 def picture_of(key: int, width: int, height: int) -> SurfacePicture:
-    """The picture that belongs to a region (or a loupe), made anew when its size has changed."""
+    """The picture of a region or a loupe, created again when its size has changed."""
     kept = _pictures.get(key)
     if kept is None or kept.size != (width, height):
         if len(_pictures) > 8:
@@ -147,10 +148,10 @@ def picture_of(key: int, width: int, height: int) -> SurfacePicture:
     return kept
 
 
-def frame_rectangle(seen: FrameView, region: bpy.types.Region) -> tuple[np.ndarray, np.ndarray]:
-    """Lower left and upper right corner (region px) of what the region shows of the frame."""
-    width, height = seen.camera.size_wh
-    corners = seen.region_from_px([[-0.5, height - 0.5], [width - 0.5, -0.5]])
+def frame_rectangle(frame_view: FrameView, region: bpy.types.Region) -> tuple[np.ndarray, np.ndarray]:
+    """Lower left and upper right corner (region px) of the visible rectangle of the frame."""
+    width, height = frame_view.camera.size_wh
+    corners = frame_view.region_from_px([[-0.5, height - 0.5], [width - 0.5, -0.5]])
     low, high = np.clip(corners, 0, [region.width, region.height])
     return low, high
 
@@ -161,9 +162,9 @@ def _keep_blinking() -> None:
 
 
 def _blink() -> float | None:
-    """The other half of blinking, in all views that blink; ends with the last of them."""
+    """Timer: switch between frame and surface in all blinking views; stops when there are none."""
     global _blink_shows_frame
-    # turned here and not read off a clock, which drawings that take longer would follow at random
+    # toggled rather than read off a clock: slow redraws would sample a clock at random
     _blink_shows_frame = not _blink_shows_frame
     blinking = False
     for window in bpy.context.window_manager.windows:
@@ -184,7 +185,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stop drawing, and free the card's memory."""
+    """Stop drawing, and free the GPU's memory."""
     global _handle
     bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
     _handle = None

@@ -1,7 +1,7 @@
-"""Meshes on the graphics card: built once for a mesh's content, so that moving the object costs a matrix only.
+"""Meshes on the GPU: uploaded once, so that moving the object changes only a matrix.
 
-Blender tells when a mesh may have changed (edits, undo, a file that is opened); its content is then compared with what
-the card holds, by checksum, and sent again only if it differs.
+Blender reports when a mesh may have changed (edits, undo, opening a file). Its content is then compared by checksum
+with the uploaded mesh, and uploaded again only if it differs.
 """
 
 import zlib
@@ -16,23 +16,23 @@ from mathutils import Matrix
 from .overlay_shaders import surface_shader
 
 SHARP = np.cos(np.radians(40.0))
-"""Corners whose face turns away farther than this from the mean around the vertex get the normal of the face."""
+"""Cosine of an angle: corners whose face normal differs by more from the vertex normal get the face normal."""
 
 
 @dataclass(frozen=True)
 class DrawnMesh:
-    """A mesh on the card.
+    """A mesh on the GPU.
 
     Attributes
     ----------
     batch, kind
-        To be drawn with ``surface_shader(kind)``.
+        For drawing with ``surface_shader(kind)``.
     image
-        Name of the image that colours it, for kind ``TEXTURE``.
+        Name of the texture image, for kind ``TEXTURE``.
     edge_mm
-        Median length of its edges: what it cannot resolve.
+        Median length of the edges: the resolution of the mesh.
     checksum
-        Of what it was built from.
+        Of the mesh's content.
     """
 
     batch: gpu.types.GPUBatch
@@ -42,13 +42,13 @@ class DrawnMesh:
     checksum: int
 
     def draw(self, view_from_model: Matrix, clip_from_view: Matrix, plain: tuple[float, float, float, float]) -> None:
-        """Draw into the active framebuffer; ``plain`` colours a mesh that has no colours of its own."""
+        """Draw into the active framebuffer; ``plain`` is the RGBA of a mesh without colours."""
         shader = surface_shader(self.kind)
         shader.bind()
         shader.uniform_float("view_from_model", view_from_model)
         shader.uniform_float("clip_from_view", clip_from_view)
         if self.kind == "PLAIN":
-            # a name of its own: it must live until the mesh is drawn
+            # kept in a variable: the buffer must live until the mesh is drawn
             colour = gpu.types.GPUUniformBuf(gpu.types.Buffer("FLOAT", 4, plain))
             shader.uniform_block("plain", colour)
         if self.kind == "TEXTURE":
@@ -57,13 +57,13 @@ class DrawnMesh:
 
     @property
     def coloured(self) -> bool:
-        """Whether it shows colours of its own."""
+        """Whether the mesh has colours."""
         return self.kind != "PLAIN"
 
 
 @dataclass(frozen=True)
 class _Content:
-    """What is drawn: indexed triangles, normals, colours."""
+    """What determines the drawing of a mesh: indexed triangles and their colours or texture coordinates."""
 
     kind: str
     image: str
@@ -81,23 +81,24 @@ class _Content:
 
 
 _drawn: dict[int, DrawnMesh] = {}
-_doubtful: set[int] = set()
+_maybe_changed: set[int] = set()
+"""Keys of drawn meshes to compare with Blender's before the next drawing."""
 
 
 def drawn_mesh(mesh: bpy.types.Mesh) -> DrawnMesh | None:
-    """The mesh on the card, built if need be; ``None`` for a mesh without faces."""
+    """The mesh on the GPU, uploaded if necessary; ``None`` for a mesh without faces."""
     key = mesh.session_uid
-    kept = _drawn.get(key)
-    if mesh.is_editmode or (kept is not None and key not in _doubtful):
-        # Edit mode has a mesh of its own: this one is as it was before, and cannot be read
-        return kept
+    uploaded = _drawn.get(key)
+    if mesh.is_editmode or (uploaded is not None and key not in _maybe_changed):
+        # Edit mode works on a copy: this mesh is unchanged, and cannot be read
+        return uploaded
     content = _content(mesh)
-    _doubtful.discard(key)
+    _maybe_changed.discard(key)
     if content is None:
         _drawn.pop(key, None)
         return None
     checksum = content.checksum()
-    if kept is None or kept.checksum != checksum:
+    if uploaded is None or uploaded.checksum != checksum:
         _drawn[key] = DrawnMesh(_batch(content, mesh), content.kind, content.image, _median_edge(content), checksum)
     return _drawn[key]
 
@@ -147,7 +148,7 @@ def _corners(mesh: bpy.types.Mesh) -> np.ndarray:
 
 
 def _texture_of(mesh: bpy.types.Mesh) -> bpy.types.Image | None:
-    """The image that colours the mesh through its UV map."""
+    """The texture image of the mesh, ``None`` without image or UV map."""
     if mesh.uv_layers.active is None:
         return None
     for material in mesh.materials:
@@ -184,7 +185,7 @@ def _batch(content: _Content, mesh: bpy.types.Mesh) -> gpu.types.GPUBatch:
 
 
 def _median_edge(content: _Content) -> float:
-    # a sample is enough, and quick
+    # of a sample, for speed
     corners = content.faces.reshape(-1, 3)
     corners = content.vertices.reshape(-1, 3)[corners[:: len(corners) // 10_000 + 1]]
     return float(np.median(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)))
@@ -193,13 +194,13 @@ def _median_edge(content: _Content) -> float:
 def _split_at_sharp_edges(
     vertices: np.ndarray, normals: np.ndarray, values: np.ndarray | None, faces: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, np.ndarray]:
-    """Give corners at sharp edges a vertex of their own with the normal of their face."""
+    """Give each corner at a sharp edge a separate vertex with the normal of its face."""
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    across = np.cross(b - a, c - a)
-    length = np.linalg.norm(across, axis=1, keepdims=True)
-    across = np.divide(across, length, out=np.zeros_like(across), where=length > 0)
-    alike = np.stack([np.einsum("ij,ij->i", across, normals[faces[:, corner]]) for corner in range(3)], axis=1)
-    sharp = (alike < SHARP) & (length > 0)
+    face_normals = np.cross(b - a, c - a)
+    length = np.linalg.norm(face_normals, axis=1, keepdims=True)
+    face_normals = np.divide(face_normals, length, out=np.zeros_like(face_normals), where=length > 0)
+    cosines = np.stack([np.einsum("ij,ij->i", face_normals, normals[faces[:, corner]]) for corner in range(3)], axis=1)
+    sharp = (cosines < SHARP) & (length > 0)
     if not sharp.any():
         return vertices, normals, values, faces
     face, _ = np.nonzero(sharp)
@@ -208,7 +209,7 @@ def _split_at_sharp_edges(
     faces[sharp] = len(vertices) + np.arange(len(split), dtype=np.int32)
     if values is not None:
         values = np.concatenate([values, values[split]])
-    return np.concatenate([vertices, vertices[split]]), np.concatenate([normals, across[face]]), values, faces
+    return np.concatenate([vertices, vertices[split]]), np.concatenate([normals, face_normals[face]]), values, faces
 
 
 @persistent
@@ -216,14 +217,14 @@ def _after_update(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> No
     if depsgraph.id_type_updated("MESH") or depsgraph.id_type_updated("MATERIAL"):
         for update in depsgraph.updates:
             if isinstance(update.id, bpy.types.Mesh):
-                _doubtful.add(update.id.original.session_uid)
+                _maybe_changed.add(update.id.original.session_uid)
             elif isinstance(update.id, bpy.types.Material):
-                _doubtful.update(_drawn)
+                _maybe_changed.update(_drawn)
 
 
 @persistent
 def _after_undo(*_: object) -> None:
-    _doubtful.update(_drawn)
+    _maybe_changed.update(_drawn)
     alive = {mesh.session_uid for mesh in bpy.data.meshes}
     for key in set(_drawn) - alive:
         del _drawn[key]
@@ -238,14 +239,14 @@ _HANDLERS = (
 
 
 def register() -> None:
-    """Watch for changes of meshes."""
+    """Start watching for changes of meshes."""
     for handlers, handler in _HANDLERS:
         handlers.append(handler)
 
 
 def unregister() -> None:
-    """Stop watching, and free the card's memory."""
+    """Stop watching, and free the GPU's memory."""
     for handlers, handler in _HANDLERS:
         handlers.remove(handler)
     _drawn.clear()
-    _doubtful.clear()
+    _maybe_changed.clear()

@@ -1,8 +1,8 @@
-"""From the surface to its picture and contour at a view's resolution, in textures.
+"""Renders the surface's picture and contour at a view's resolution, into textures.
 
-Three passes: the surface's colours and its geometry (normal and depth in view axes); edges in the geometry (depth
-that falls away, normals that turn); their crests as lines one pixel wide, at any zoom. Structures are painted into the
-picture last, without a depth test against the surface, since they lie in it.
+Three passes: the surface's colours and geometry (normal and depth in view axes); edges in the geometry (steps of the
+depth, changes of the normal); the ridges of the edge strength as lines one pixel wide, at any zoom. Structures are
+drawn last, without a depth test against the surface, since they lie inside it.
 """
 
 from collections.abc import Sequence
@@ -17,26 +17,29 @@ from mathutils import Matrix
 from .overlay_mesh import DrawnMesh, drawn_mesh
 from .overlay_shaders import edges_shader, lines_shader
 
-STEEPEST = 4.0
-"""Depth per sideways distance from which on a step is an occluding contour: a surface seen at 14 degrees and less."""
-STEP_EDGES = 2.0
-"""Lower steps than this, in edge lengths of the mesh, are its roughness and no contour."""
-CREASE_REACH_PX = 3.0
-"""Creases turn within a disc of this radius, in pixels of the frame: finer ones are roughness, or the mesh's facets."""
+MAX_SLOPE = 4.0
+"""Depth per lateral distance; steeper steps are occluding contours: surface seen at less than 14 degrees."""
+
+MIN_STEP_EDGES = 2.0
+"""Least depth of a step, in edge lengths of the mesh; smaller steps are its roughness."""
+
+CREASE_RADIUS_PX = 3.0
+"""Radius of the disc within which a crease changes the normal, in pixels of the frame; finer changes are roughness."""
+
 STRUCTURE_ALPHA = 0.5
-"""Marks structures in the picture; the surface has 1."""
+"""Alpha of structures in the picture; the surface has 1."""
 
 
 @dataclass(frozen=True)
 class Projection:
-    """How a region (or a loupe) of ``width`` x ``height`` px sees the world.
+    """The projection of a region or a loupe of ``width`` x ``height`` px.
 
     Attributes
     ----------
     view_from_world, clip_from_view
-        4x4, as OpenGL has them.
+        ``(4, 4)``, in OpenGL's convention.
     frame_mm_per_px
-        Size of a frame's pixel per mm of depth (1 / f); 0 where no frame is seen.
+        Size of a frame's pixel per mm of depth (1 / f); 0 in views other than the camera's.
     """
 
     width: int
@@ -45,45 +48,47 @@ class Projection:
     clip_from_view: Matrix
     frame_mm_per_px: float = 0.0
 
-    def narrowed(self, x: float, y: float, times: float, width: int, height: int) -> "Projection":
-        """What lies about the region pixel (x, y), magnified, in ``width`` x ``height`` px."""
-        wide, high = times * self.width / width, times * self.height / height
+    def magnified(self, x: float, y: float, magnification: float, width: int, height: int) -> "Projection":
+        """The projection of a loupe of ``width`` x ``height`` px about the region pixel (x, y)."""
+        scale_x, scale_y = magnification * self.width / width, magnification * self.height / height
         centre_x, centre_y = 2 * x / self.width - 1, 2 * y / self.height - 1
-        narrow = Matrix(((wide, 0, 0, -wide * centre_x), (0, high, 0, -high * centre_y), (0, 0, 1, 0), (0, 0, 0, 1)))
-        return Projection(width, height, self.view_from_world, narrow @ self.clip_from_view, self.frame_mm_per_px)
+        zoom = Matrix(
+            ((scale_x, 0, 0, -scale_x * centre_x), (0, scale_y, 0, -scale_y * centre_y), (0, 0, 1, 0), (0, 0, 0, 1))
+        )
+        return Projection(width, height, self.view_from_world, zoom @ self.clip_from_view, self.frame_mm_per_px)
 
     @property
     def mm_per_px(self) -> tuple[float, float]:
-        """Size of a pixel on the surface: per mm of depth (perspective), and whatever the depth (parallel)."""
+        """Size of a pixel on the surface: per mm of depth (perspective), and at any depth (parallel projection)."""
         size = 2.0 / (self.clip_from_view[0][0] * self.width)
         return (0.0, size) if self.clip_from_view[3][3] else (max(size, self.frame_mm_per_px), 0.0)
 
     @property
     def magnification(self) -> float:
-        """This view's pixels per pixel of the frame; 1 where no frame is seen."""
+        """This view's pixels per pixel of the frame; 1 in views other than the camera's."""
         if not self.frame_mm_per_px:
             return 1.0
         return self.frame_mm_per_px * self.clip_from_view[0][0] * self.width / 2
 
     def key(self) -> tuple:
-        """Equal for projections that see the same."""
+        """A key that is equal for equal projections."""
         rows = (*self.view_from_world, *self.clip_from_view)
         return self.width, self.height, self.frame_mm_per_px, *(value for row in rows for value in row)
 
 
 class SurfacePicture:
-    """The textures of one view, kept until its size changes and drawn anew only if something in it has moved.
+    """The textures of one view, kept until its size changes and drawn again only if something in it has changed.
 
     Attributes
     ----------
     picture
-        RGBA, code values; alpha 1 where the surface is seen, :data:`STRUCTURE_ALPHA` where a structure is.
+        RGBA, code values; alpha 1 at the surface, :data:`STRUCTURE_ALPHA` at structures, otherwise 0.
     lines
         Contour lines one pixel wide, 0..1; red: occluding contours, green: creases.
     coloured
-        Whether the surface shows colours of its own.
+        Whether the surface has colours.
     white
-        Luminance of the surface where it faces the viewer, if it is plain.
+        Luminance of a plain surface where it faces the viewer.
     """
 
     def __init__(self, width: int, height: int) -> None:
@@ -95,7 +100,7 @@ class SurfacePicture:
         self._geometry = gpu.types.GPUTexture(self.size, format="RGBA32F")
         self._edges = gpu.types.GPUTexture(self.size, format="RGBA16F")
         self.lines = gpu.types.GPUTexture(self.size, format="RGBA8")
-        # kept, since a framebuffer does not keep its textures
+        # kept in an attribute: a framebuffer does not keep its textures alive
         self._depth = depth = gpu.types.GPUTexture(self.size, format="DEPTH_COMPONENT32F")
         self._surface_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(self.picture, self._geometry))
         self._structure_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(self.picture,))
@@ -103,23 +108,23 @@ class SurfacePicture:
         self._lines_target = gpu.types.GPUFrameBuffer(color_slots=(self.lines,))
 
     def draw(self, projection: Projection, surface: bpy.types.Object, crease_deg: float | None) -> None:
-        """Bring the picture up to date, and its lines if ``crease_deg`` says how sharp a crease has to be."""
+        """Update the picture, and its lines unless ``crease_deg``, the least angle of a crease, is ``None``."""
         mesh = drawn_mesh(surface.data)
         structures = [child for child in surface.children if child.type == "MESH" and not child.hide_viewport]
         drawn = [(child, drawn_mesh(child.data)) for child in structures]
         key = (
             projection.key(),
-            _standing(surface, mesh),
-            *(_standing(child, structure) for child, structure in drawn),
+            _drawing_key(surface, mesh),
+            *(_drawing_key(child, structure) for child, structure in drawn),
         )
-        with _plain_state():
+        with _without_blending():
             if key != self._key:
                 self._draw_surface(projection, surface, mesh)
                 self._draw_structures(projection, drawn)
                 self._key, self._lines_key = key, ()
             if crease_deg is not None and self._lines_key != (crease_deg,):
-                least_step_mm = 0.0 if mesh is None else STEP_EDGES * mesh.edge_mm
-                self._find_lines(projection, crease_deg, least_step_mm)
+                min_step_mm = 0.0 if mesh is None else MIN_STEP_EDGES * mesh.edge_mm
+                self._find_lines(projection, crease_deg, min_step_mm)
                 self._lines_key = (crease_deg,)
         self.coloured = mesh is not None and mesh.coloured
         self.white = max(float(np.dot(surface.color[:3], (0.2126, 0.7152, 0.0722))), 0.05)
@@ -145,15 +150,15 @@ class SurfacePicture:
         gpu.state.depth_mask_set(False)
         gpu.state.depth_test_set("NONE")
 
-    def _find_lines(self, projection: Projection, crease_deg: float, least_step_mm: float) -> None:
-        reach_px = max(CREASE_REACH_PX * projection.magnification, 2.0)
+    def _find_lines(self, projection: Projection, crease_deg: float, min_step_mm: float) -> None:
+        radius_px = max(CREASE_RADIUS_PX * projection.magnification, 2.0)
         with self._edges_target.bind():
             shader = edges_shader()
             shader.bind()
             shader.uniform_float("mm_per_px", projection.mm_per_px)
-            shader.uniform_float("steepest", STEEPEST)
-            shader.uniform_float("least_step_mm", least_step_mm)
-            shader.uniform_float("reach_px", reach_px)
+            shader.uniform_float("max_slope", MAX_SLOPE)
+            shader.uniform_float("min_step_mm", min_step_mm)
+            shader.uniform_float("radius_px", radius_px)
             shader.uniform_float("magnification", max(projection.magnification, 1.0))
             shader.uniform_sampler("geometry", self._geometry)
             rectangle(shader, (0, 0), self.size, self.size).draw(shader)
@@ -161,7 +166,7 @@ class SurfacePicture:
             shader = lines_shader()
             shader.bind()
             shader.uniform_float("crease_rad", np.radians(crease_deg))
-            shader.uniform_int("crest_px", min(max(round(0.5 * reach_px), 1), 32))
+            shader.uniform_int("ridge_px", min(max(round(0.5 * radius_px), 1), 32))
             shader.uniform_sampler("edges", self._edges)
             rectangle(shader, (0, 0), self.size, self.size).draw(shader)
 
@@ -169,20 +174,20 @@ class SurfacePicture:
 def rectangle(
     shader: gpu.types.GPUShader, low: Sequence[float], high: Sequence[float], target: Sequence[float]
 ) -> gpu.types.GPUBatch:
-    """A filled rectangle between two corners, in pixels of a target of that size, for shaders that work on pixels."""
+    """A filled rectangle between two corners, in pixels of a target of size ``target``."""
     corners = np.array([(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])], float)
     positions = 2 * corners / np.array(target) - 1
     fields = {"position": np.float32(positions), "px": np.float32(corners)}
     return batch_for_shader(shader, "TRIS", fields, indices=((0, 1, 2), (0, 2, 3)))
 
 
-def _standing(found: bpy.types.Object, mesh: DrawnMesh | None) -> tuple:
+def _drawing_key(found: bpy.types.Object, mesh: DrawnMesh | None) -> tuple:
     world_from_object = tuple(value for row in found.matrix_world for value in row)
     return None if mesh is None else mesh.checksum, world_from_object, tuple(found.color[:3])
 
 
-class _plain_state:
-    """No blending, no scissor while textures are drawn; as it was afterwards."""
+class _without_blending:
+    """Context manager: no blending while textures are drawn; restores blending and depth test afterwards."""
 
     def __enter__(self) -> None:
         self._blend, self._depth = gpu.state.blend_get(), gpu.state.depth_test_get()

@@ -1,7 +1,7 @@
-"""The shaders of the overlays: the surface's picture and geometry, lines found in the geometry, lines over the frame.
+"""The shaders of the overlays: picture and geometry of the surface, edges and lines in the geometry, the composite.
 
-Colours are code values (as on the screen) throughout; Blender gives images to shaders scene-linear, so these are
-encoded.
+All colours are code values, as on the screen. Blender passes images to shaders as scene-linear values, which the
+shaders encode.
 """
 
 from functools import cache
@@ -10,7 +10,7 @@ import gpu
 
 SURFACE_KINDS = ("PLAIN", "COLOURS", "TEXTURE")
 MODES = ("NONE", "FRAME", "SURFACE", "SWIPE", "DIFFERENCE", "PICTURE", "FADE")
-"""What the composite shows under its lines; the shader has their numbers."""
+"""What the composite shows under its lines; the shader knows them by their index."""
 
 _ENCODE = """
 vec3 encoded(vec3 light)
@@ -61,7 +61,7 @@ void main()
 #elif defined(TEXTURE)
   picture = vec4(encoded(texture(surface_texture, code.xy).rgb), 1.0);
 #else
-  /* a lamp beside the lens, as a microscope has it */
+  /* a light next to the lens, as in a microscope */
   picture = vec4(plain.colour.rgb * (0.15 + 0.85 * abs(facing)), plain.colour.a);
 #endif
   geometry = vec4(n, depth_mm);
@@ -77,22 +77,23 @@ void main()
 }
 """
 
-_WAYS = """
-const ivec2 ways[4] = ivec2[4](ivec2(1, 0), ivec2(1, 1), ivec2(0, 1), ivec2(-1, 1));
+_DIRECTIONS = """
+const ivec2 directions[4] = ivec2[4](ivec2(1, 0), ivec2(1, 1), ivec2(0, 1), ivec2(-1, 1));
 """
 
 _EDGES_FRAGMENT = (
-    _WAYS
+    _DIRECTIONS
     + """
-/* x: occluding contour (0 or 1), y: angle of a crease in radians, z: across which way it turns (0..3), w: its crest */
-vec4 geometry_at(ivec2 there)
+/* x: occluding contour (0 or 1), y: angle of a crease in radians, z: index of the direction across it (0..3),
+   w: edge strength, whose ridge is the line */
+vec4 geometry_at(ivec2 px)
 {
-  return texelFetch(geometry, clamp(there, ivec2(0), textureSize(geometry, 0) - 1), 0);
+  return texelFetch(geometry, clamp(px, ivec2(0), textureSize(geometry, 0) - 1), 0);
 }
 
-float falls_away(vec4 before, vec4 centre, vec4 after)
+float depth_step(vec4 before, vec4 centre, vec4 after)
 {
-  /* mm. Where a plane stays a plane: 1/depth is linear over the image in perspective, depth in parallel projection */
+  /* mm; 0 on a plane: there 1/depth is linear over the image in perspective, depth in parallel projection */
   if (mm_per_px.y > 0.0) {
     float beyond = centre.w + 1000.0 * mm_per_px.y;
     return (before.w > 0.0 ? before.w : beyond) + (after.w > 0.0 ? after.w : beyond) - 2.0 * centre.w;
@@ -113,26 +114,27 @@ void main()
   float px_mm = max(mm_per_px.x * centre.w, mm_per_px.y);
   vec4 left = geometry_at(px - ivec2(1, 0)), right = geometry_at(px + ivec2(1, 0));
   vec4 below = geometry_at(px - ivec2(0, 1)), above = geometry_at(px + ivec2(0, 1));
-  float fall = max(falls_away(left, centre, right), falls_away(below, centre, above));
-  edges.x = fall > max(steepest * px_mm, least_step_mm) ? 1.0 : 0.0;
+  float step_mm = max(depth_step(left, centre, right), depth_step(below, centre, above));
+  edges.x = step_mm > max(max_slope * px_mm, min_step_mm) ? 1.0 : 0.0;
 
-  /* creases: the mean normals of the two halves of a disc, cut in four ways; what is not the same sheet is left out */
-  vec3 seen[8];
+  /* creases: compare the mean normals of the two halves of a disc, cut in four directions, without samples of another
+     sheet of the surface */
+  vec3 normals[8];
   for (int spoke = 0; spoke < 8; spoke++) {
-    float turn = 0.78539816 * float(spoke);
-    vec2 way = vec2(cos(turn), sin(turn));
-    seen[spoke] = vec3(0.0);
+    float angle = 0.78539816 * float(spoke);
+    vec2 direction = vec2(cos(angle), sin(angle));
+    normals[spoke] = vec3(0.0);
     for (int ring = 1; ring <= 2; ring++) {
-      float away = 0.5 * float(ring) * reach_px;
-      vec4 tap = geometry_at(px + ivec2(round(way * away)));
-      if (tap.w > 0.0 && abs(tap.w - centre.w) < steepest * px_mm * max(1.0, away / magnification)) {
-        seen[spoke] += tap.xyz;
+      float distance_px = 0.5 * float(ring) * radius_px;
+      vec4 tap = geometry_at(px + ivec2(round(direction * distance_px)));
+      if (tap.w > 0.0 && abs(tap.w - centre.w) < max_slope * px_mm * max(1.0, distance_px / magnification)) {
+        normals[spoke] += tap.xyz;
       }
     }
   }
   for (int cut = 0; cut < 4; cut++) {
-    vec3 ahead = seen[cut] + 0.7071 * (seen[(cut + 1) % 8] + seen[(cut + 7) % 8]);
-    vec3 behind = seen[cut + 4] + 0.7071 * (seen[(cut + 5) % 8] + seen[cut + 3]);
+    vec3 ahead = normals[cut] + 0.7071 * (normals[(cut + 1) % 8] + normals[(cut + 7) % 8]);
+    vec3 behind = normals[cut + 4] + 0.7071 * (normals[(cut + 5) % 8] + normals[cut + 3]);
     if (dot(ahead, ahead) > 0.5 && dot(behind, behind) > 0.5) {
       float angle = acos(clamp(dot(normalize(ahead), normalize(behind)), -1.0, 1.0));
       if (angle > edges.y) {
@@ -141,32 +143,32 @@ void main()
       }
     }
   }
-  /* a sharp edge turns between two neighbours, and that is where its line belongs */
-  ivec2 way = ways[int(edges.z)];
-  vec3 before = geometry_at(px - way).xyz, after = geometry_at(px + way).xyz;
+  /* at a sharp edge the normal changes between two neighbours: put the line there */
+  ivec2 across = directions[int(edges.z)];
+  vec3 before = geometry_at(px - across).xyz, after = geometry_at(px + across).xyz;
   edges.w = edges.y + 0.25 * acos(clamp(dot(before, after), -1.0, 1.0));
 }
 """
 )
 
 _LINES_FRAGMENT = (
-    _WAYS
+    _DIRECTIONS
     + """
-/* a crease's line is the crest across the whole disc in which it was sought: one pixel wide at any zoom */
+/* the line of a crease is the ridge of the edge strength across the disc of the search: one pixel wide at any zoom */
 void main()
 {
   ivec2 px = ivec2(floor(at)), last = textureSize(edges, 0) - 1;
   vec4 centre = texelFetch(edges, px, 0);
   lines = vec4(centre.x, 0.0, 0.0, 1.0);
   if (centre.y > crease_rad) {
-    ivec2 way = ways[int(centre.z)];
-    bool crest = true;
-    for (int away = 1; away <= crest_px; away++) {
-      float before = texelFetch(edges, clamp(px - away * way, ivec2(0), last), 0).w;
-      float after = texelFetch(edges, clamp(px + away * way, ivec2(0), last), 0).w;
-      crest = crest && centre.w > before && centre.w >= after;
+    ivec2 across = directions[int(centre.z)];
+    bool is_ridge = true;
+    for (int offset = 1; offset <= ridge_px; offset++) {
+      float before = texelFetch(edges, clamp(px - offset * across, ivec2(0), last), 0).w;
+      float after = texelFetch(edges, clamp(px + offset * across, ivec2(0), last), 0).w;
+      is_ridge = is_ridge && centre.w > before && centre.w >= after;
     }
-    lines.y = crest ? 0.3 + 0.7 * smoothstep(crease_rad, 1.5 * crease_rad, centre.y) : 0.0;
+    lines.y = is_ridge ? 0.3 + 0.7 * smoothstep(crease_rad, 1.5 * crease_rad, centre.y) : 0.0;
   }
 }
 """
@@ -220,7 +222,7 @@ void main()
     }
   }
   if (contour) {
-    /* distances to the nearest line pixels: coverage of a thin line, and of the dark halo that sets it off */
+    /* from the distances to line pixels: coverage of a thin line, and of the dark halo around it */
     float line = 0.0, halo = 0.0;
     for (int y = -3; y <= 3; y++) {
       for (int x = -3; x <= 3; x++) {
@@ -242,9 +244,9 @@ void main()
     composite = over(composite, line_colour.rgb, line);
   }
   if (mode == SWIPE) {
-    float away = abs(px.x - split_px) * abs(frame_scale.x);
-    composite = over(composite, vec3(0.0), clamp(2.5 - away, 0.0, 1.0));
-    composite = over(composite, vec3(1.0), clamp(1.25 - away, 0.0, 1.0));
+    float distance_px = abs(px.x - split_px) * abs(frame_scale.x);
+    composite = over(composite, vec3(0.0), clamp(2.5 - distance_px, 0.0, 1.0));
+    composite = over(composite, vec3(1.0), clamp(1.25 - distance_px, 0.0, 1.0));
   }
   if (target_encodes) {
     composite.rgb = decoded(composite.rgb);
@@ -256,7 +258,7 @@ void main()
 
 @cache
 def surface_shader(kind: str) -> gpu.types.GPUShader:
-    """Draws a mesh into ``picture`` and ``geometry``; ``kind`` is one of :data:`SURFACE_KINDS`."""
+    """The shader that draws a mesh into ``picture`` and ``geometry``; ``kind`` is one of :data:`SURFACE_KINDS`."""
     between = gpu.types.GPUStageInterfaceInfo(f"oneframe_surface_{kind.lower()}")
     between.smooth("VEC3", "normal_view")
     between.smooth("VEC3", "toward_eye")
@@ -275,7 +277,7 @@ def surface_shader(kind: str) -> gpu.types.GPUShader:
     info.push_constant("MAT4", "view_from_model")
     info.push_constant("MAT4", "clip_from_view")
     if kind == "PLAIN":
-        # beside two matrices no more fits into the push constants that every graphics card has
+        # two matrices fill the push constants that every GPU supports
         info.typedef_source("struct Plain { vec4 colour; };")
         info.uniform_buf(0, "Plain", "plain")
     info.vertex_out(between)
@@ -288,13 +290,13 @@ def surface_shader(kind: str) -> gpu.types.GPUShader:
 
 @cache
 def edges_shader() -> gpu.types.GPUShader:
-    """``geometry`` -> ``edges``: discontinuities of depth, and how much the normal turns about each pixel."""
+    """``geometry`` -> ``edges``: discontinuities of depth, and the change of the normal around each pixel."""
     info = _rectangle_info("edges")
     info.sampler(0, "FLOAT_2D", "geometry")
     info.push_constant("VEC2", "mm_per_px")
-    info.push_constant("FLOAT", "steepest")
-    info.push_constant("FLOAT", "least_step_mm")
-    info.push_constant("FLOAT", "reach_px")
+    info.push_constant("FLOAT", "max_slope")
+    info.push_constant("FLOAT", "min_step_mm")
+    info.push_constant("FLOAT", "radius_px")
     info.push_constant("FLOAT", "magnification")
     info.fragment_source(_EDGES_FRAGMENT)
     return gpu.shader.create_from_info(info)
@@ -306,14 +308,14 @@ def lines_shader() -> gpu.types.GPUShader:
     info = _rectangle_info("lines")
     info.sampler(0, "FLOAT_2D", "edges")
     info.push_constant("FLOAT", "crease_rad")
-    info.push_constant("INT", "crest_px")
+    info.push_constant("INT", "ridge_px")
     info.fragment_source(_LINES_FRAGMENT)
     return gpu.shader.create_from_info(info)
 
 
 @cache
 def composite_shader() -> gpu.types.GPUShader:
-    """Frame, picture and lines -> what is drawn over the view."""
+    """Frame, picture and lines -> the composite drawn over the view."""
     info = _rectangle_info("composite")
     for slot, name in enumerate(("frame", "picture", "lines")):
         info.sampler(slot, "FLOAT_2D", name)

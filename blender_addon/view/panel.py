@@ -1,4 +1,4 @@
-"""The View panel: what shows how surface and frame agree, each with its key."""
+"""The panel View: the comparisons of surface and frame, each with its key."""
 
 import bpy
 
@@ -7,13 +7,13 @@ from ..registration import class_registration
 from ..state import from_scene
 from ..ui.frame_view import shows_frame
 from ..ui.keymap import draw_key
-from ..ui.wrapped_text import draw_sentence
+from ..ui.wrapped_text import draw_text
 from .operators import ONEFRAME_PG_view
 from .overlay import frame_image_of
 
 
 class ONEFRAME_PT_view(bpy.types.Panel):
-    """How surface and frame are shown together"""
+    """Compare surface and frame"""
 
     bl_idname = "ONEFRAME_PT_view"
     bl_label = "2  View"
@@ -39,25 +39,25 @@ class ONEFRAME_PT_view(bpy.types.Panel):
         try:
             self._draw(context, layout, view)
         except InputError as error:
-            draw_sentence(layout, str(error), icon="ERROR")
+            draw_text(layout, str(error), icon="ERROR")
 
     def _draw(self, context: bpy.types.Context, layout: bpy.types.UILayout, view: ONEFRAME_PG_view) -> None:
         row = layout.row(align=True)
         row.prop(view, "opacity", slider=True)
-        _key(row, "oneframe.cycle_opacity", icon="FILE_REFRESH")
-        _toggle(layout, "oneframe.toggle_wireframe", view.wireframe, "MOD_WIREFRAME")
-        _toggle(layout, "oneframe.toggle_contour", view.contour, "MOD_EDGESPLIT")
+        _draw_operator(row, "oneframe.cycle_opacity", icon="FILE_REFRESH")
+        _draw_toggle(layout, "oneframe.toggle_wireframe", view.wireframe, "MOD_WIREFRAME")
+        _draw_toggle(layout, "oneframe.toggle_contour", view.contour, "MOD_EDGESPLIT")
         if view.contour:
             row = layout.row(align=True)
             row.prop(view, "contour_color", text="")
-            row.prop(view, "crease_deg", text="Crease over (°)")
+            row.prop(view, "crease_deg", text="Min Crease (°)")
         if frame_image_of(context.scene) is None:
-            draw_sentence(layout, "no frame is loaded, or its file has moved; load the frame", icon="INFO")
-        _toggle(layout, "oneframe.toggle_blink", view.comparison == "BLINK", "HIDE_OFF")
-        _toggle(layout, "oneframe.toggle_swipe", view.comparison == "SWIPE", "ARROW_LEFTRIGHT")
+            draw_text(layout, "No frame is loaded, or its file has moved. Load the frame.", icon="INFO")
+        _draw_toggle(layout, "oneframe.toggle_blink", view.comparison == "BLINK", "HIDE_OFF")
+        _draw_toggle(layout, "oneframe.toggle_swipe", view.comparison == "SWIPE", "ARROW_LEFTRIGHT")
         if view.comparison == "SWIPE":
             layout.prop(view, "split", slider=True)
-        _toggle(layout, "oneframe.toggle_difference", view.comparison == "DIFFERENCE", "SELECT_DIFFERENCE")
+        _draw_toggle(layout, "oneframe.toggle_difference", view.comparison == "DIFFERENCE", "SELECT_DIFFERENCE")
         if view.comparison == "DIFFERENCE":
             layout.prop(view, "gain")
         self._draw_zoom(layout)
@@ -71,17 +71,17 @@ class ONEFRAME_PT_view(bpy.types.Panel):
         draw_key(row, "view3d.view_center_camera")
         column = layout.column(align=True)
         column.enabled = False
-        column.label(text="Wheel: zoom to the pointer")
-        column.label(text="Shift + middle button: pan")
+        column.label(text="Wheel: Zoom to Pointer")
+        column.label(text="Shift + Middle Button: Pan")
 
 
-def _toggle(layout: bpy.types.UILayout, operator: str, on: bool, icon: str) -> None:
+def _draw_toggle(layout: bpy.types.UILayout, operator: str, is_on: bool, icon: str) -> None:
     row = layout.row(align=True)
-    row.operator(operator, icon=icon, depress=on)
+    row.operator(operator, icon=icon, depress=is_on)
     draw_key(row, operator)
 
 
-def _key(row: bpy.types.UILayout, operator: str, icon: str) -> None:
+def _draw_operator(row: bpy.types.UILayout, operator: str, icon: str) -> None:
     row.operator(operator, text="", icon=icon)
     draw_key(row, operator)
 

@@ -1,4 +1,4 @@
-"""The grip on the line between frame and surface of the swipe: a gizmo, so that dragging it reaches no tool."""
+"""The grip on the line of the swipe comparison: a gizmo, so that dragging it does not reach the active tool."""
 
 from collections.abc import Iterable
 from typing import Literal
@@ -13,7 +13,7 @@ from ..ui.frame_view import FrameView, shows_frame
 from ..ui.operator import OperatorResult, redraw
 
 GRIP_PX = 9.0
-"""Radius of the grip; it can be caught a little outside, too."""
+"""Radius of the grip at interface scale 1; the mouse catches it within 1.5 times this."""
 
 
 class ONEFRAME_GT_split(bpy.types.Gizmo):
@@ -46,9 +46,9 @@ class ONEFRAME_GT_split(bpy.types.Gizmo):
     def modal(
         self, context: bpy.types.Context, event: bpy.types.Event, tweak: set[Literal["PRECISE", "SNAP"]]
     ) -> OperatorResult:
-        seen = FrameView.of(context.scene, context.region, context.region_data)
-        px = seen.px_from_region([event.mouse_region_x, event.mouse_region_y])[0]
-        context.scene.oneframe_view.split = (px + 0.5) / seen.camera.width
+        frame_view = FrameView.of(context.scene, context.region, context.region_data)
+        px = frame_view.px_from_region([event.mouse_region_x, event.mouse_region_y])[0]
+        context.scene.oneframe_view.split = (px + 0.5) / frame_view.camera.width
         redraw(context)
         return {"RUNNING_MODAL"}
 
@@ -80,10 +80,10 @@ class ONEFRAME_GGT_split(bpy.types.GizmoGroup):
 
 
 def _grip(context: bpy.types.Context) -> tuple[float, float]:
-    """Where the grip is in the region: on the line, at half height of what is seen."""
-    seen = FrameView.of(context.scene, context.region, context.region_data)
-    width = seen.camera.width
-    x = seen.region_from_px([context.scene.oneframe_view.split * width - 0.5, 0.0])[0]
+    """Position of the grip in the region, px: on the line, at half the region's height."""
+    frame_view = FrameView.of(context.scene, context.region, context.region_data)
+    width = frame_view.camera.width
+    x = frame_view.region_from_px([context.scene.oneframe_view.split * width - 0.5, 0.0])[0]
     return float(x), context.region.height / 2
 
 

@@ -138,7 +138,8 @@ def exit_code(main: Callable[[Sequence[str]], int], argv: Sequence[str]) -> int:
 
     Returns
     -------
-    The value of ``main``; 2 for :class:`InputError`, 3 for :class:`RunError`, 130 for an interruption, 1 for a defect.
+    The value of ``main``; 2 for :class:`~pipeline.errors.InputError`, 3 for :class:`~pipeline.errors.RunError`, 130 for
+    an interruption, 1 for a defect.
     """
     try:
         return main(argv)

@@ -15,7 +15,7 @@ LARGEST_FILE = 64 << 20
 
 @contextmanager
 def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
-    """Turn the errors of opening and reading ``path`` inside the block into an :class:`InputError`.
+    """Turn the errors of opening and reading ``path`` inside the block into an :class:`~pipeline.errors.InputError`.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""The life of the installed extension in this Blender, told as one line of JSON. Run by ``test_extension.py``."""
+"""Enables, disables and removes the installed extension in this Blender; reports as one line of JSON.
+
+Run by ``test_extension.py``.
+"""
 
 import importlib
 import json
@@ -17,7 +20,7 @@ PACKAGE = "bl_ext.user_default.oneframe"
 
 
 def modules_of_addon() -> list[str]:
-    """Every module of the add-on; not those of the pipeline, which it imports as it needs them."""
+    """Every module of the add-on, without those of the pipeline, which it imports when it needs them."""
     found = pkgutil.walk_packages(sys.modules[PACKAGE].__path__, f"{PACKAGE}.")
     parts = (f"{PACKAGE}.pipeline", f"{PACKAGE}.scripts", f"{PACKAGE}.wheels")
     return [module.name for module in found if not module.name.startswith(parts)]

@@ -1,4 +1,4 @@
-"""Colour on the user's own surface: the pipeline's values, replaced without leftovers, undone, marked, exported."""
+"""Colours on the surface: the pipeline's values; replacing, removing, undo, marking unseen surface, export."""
 
 import json
 from collections import Counter
@@ -35,7 +35,7 @@ def opened(addon, case_path):
 
 
 def blocks() -> Counter:
-    """How many data-blocks of each kind and purpose there are."""
+    """Number of data-blocks by type and base name."""
     found = ((kind, block.name.split(".")[0]) for kind in KINDS for block in getattr(bpy.data, kind))
     return Counter(entry for entry in found if entry[1] not in BLENDERS_OWN)
 
@@ -46,7 +46,7 @@ def source_and_colour(case_path, mode):
 
 
 def vertex_colours(surface) -> np.ndarray:
-    """``(V, 4)``: code values, and the flag."""
+    """``(V, 4)``: code values, and the observed flag."""
     attribute = surface.data.color_attributes["frame_colour"]
     rgba = np.empty(4 * len(attribute.data), np.float32)
     attribute.data.foreach_get("color", rgba)
@@ -106,14 +106,14 @@ def test_texture_is_that_of_the_script(opened, case_path):
     assert np.abs(found - 255 * atlas.image)[atlas.observed].max() <= 0.5001
     assert np.ptp(found[~atlas.observed], axis=0).max() == 0
     record = json.loads(surface["oneframe_colour"])
-    # what is baked are the frame's own pixels
+    # the texture consists of the frame's own pixels
     assert record["mean_error"] < 0.5
     assert surface.data.uv_layers.active.name == "frame_uv"
 
 
 @pytest.mark.parametrize("mode", ["vertex", "texture"])
-def test_a_surface_inside_out_is_coloured_alike(opened, case_path, tmp_path, mode):
-    """The file's faces look away from the frame: the object keeps them so, the colours lie on the same points."""
+def test_a_surface_inside_out_gets_the_same_colours(opened, case_path, tmp_path, mode):
+    """If the file's faces look away from the frame, the object keeps their orientation and the colours are the same."""
     bpy.ops.oneframe.project_colour(mode=mode)
     plain = opened.oneframe.surface
     points = {"vertex": vertex_colours(plain)}
@@ -129,7 +129,7 @@ def test_a_surface_inside_out_is_coloured_alike(opened, case_path, tmp_path, mod
     assert np.array_equal(faces, given.faces[:, ::-1])
     assert np.allclose(vertex_colours(flipped), points["vertex"], atol=1e-6)
     if mode == "texture":
-        # the layout may differ; what a corner looks up may not
+        # the layout may differ, but not the colours that the corners look up
         uv = attribute_values(flipped, "frame_uv", "vector", np.float32, 2).reshape(-1, 3, 2)[:, ::-1]
         image = pixels_of(shown_image(flipped))
         assert np.allclose(looked_up(image, uv), looked_up(points["image"], points["uv"]), atol=1.0)
@@ -142,7 +142,7 @@ def looked_up(image, uv) -> np.ndarray:
     return sample_bilinear(image, uv.reshape(-1, 2) * [width, -height] + [-0.5, height - 0.5])
 
 
-def test_repeated_projection_replaces_and_plain_takes_everything_away(opened):
+def test_projecting_again_replaces_the_colours_and_plain_removes_everything(opened):
     surface = opened.oneframe.surface
     plain, names = blocks(), {attribute.name for attribute in surface.data.attributes}
     material = surface.data.materials[0]
@@ -157,7 +157,7 @@ def test_repeated_projection_replaces_and_plain_takes_everything_away(opened):
     assert not [key for key in surface.keys() if key.startswith(("oneframe_colour", "oneframe_plain"))]  # noqa: SIM118
 
 
-def test_colours_of_a_deleted_surface_are_taken_away_too(opened, case_path):
+def test_colours_of_a_deleted_surface_are_removed(opened, case_path):
     bpy.ops.oneframe.project_colour(mode="texture")
     before = blocks()
     for _ in range(2):
@@ -191,7 +191,7 @@ def test_marking_changes_the_unseen_surface_only(opened, mode):
     assert np.abs(grey_values[changed] - 127.5).max() <= 0.5001
 
 
-def test_undo_and_redo_take_one_step(opened):
+def test_each_change_is_one_undo_step(opened):
     bpy.ops.ed.undo_push(message="before")
     bpy.ops.oneframe.project_colour(mode="texture")
     bpy.ops.ed.undo_push(message="texture")
@@ -223,7 +223,7 @@ def test_everything_survives_the_blend_file(opened, tmp_path):
     assert not np.array_equal(pixels_of(shown_image(surface)), before)
 
 
-def test_colours_of_another_pose_are_known_as_such(opened):
+def test_colours_of_another_pose_are_outdated(opened):
     from blender_addon.colour import operators as colour
 
     bpy.ops.oneframe.project_colour()
@@ -251,11 +251,11 @@ def refused(operator, message, **settings):
         operator(**settings)
 
 
-def test_what_cannot_be_coloured_is_refused_and_nothing_changes(addon, opened, case_path):
+def test_refusals_change_nothing(addon, opened, case_path):
     surface, before = opened.oneframe.surface, blocks()
     bpy.context.view_layer.objects.active = surface
     bpy.ops.object.mode_set(mode="EDIT")
-    refused(bpy.ops.oneframe.project_colour, "expected Object mode, it is in Edit mode")
+    refused(bpy.ops.oneframe.project_colour, "expected Object mode, found Edit mode")
     bpy.ops.object.mode_set(mode="OBJECT")
     refused(bpy.ops.oneframe.export_surface, "cannot hold vertex", filepath="x.obj", mode="vertex")
     refused(bpy.ops.oneframe.mark_unseen, "Project colour on the surface first")

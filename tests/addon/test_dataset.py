@@ -1,4 +1,4 @@
-"""The dataset from the add-on: the planner's and the script's own results, a run followed, cancelled, resumed."""
+"""The dataset from the add-on: previews and runs agree with the script; runs are followed, cancelled and resumed."""
 
 import importlib
 import os
@@ -49,7 +49,7 @@ def script_job(case_path, out):
 
 
 def followed(module, until) -> object:
-    """What Blender's timer does, until a job is as wanted; a window's event loop is not there."""
+    """Call the timer, as Blender's event loop would, until the job meets a condition; returns the job."""
     end = time.monotonic() + SECONDS
     while time.monotonic() < end:
         module._follow()
@@ -110,7 +110,7 @@ def test_a_frustum_is_what_the_view_shows(opened, case_path, tmp_path):
     assert np.allclose(pixels, np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5, atol=1e-6)
 
 
-def test_poses_of_a_list_replace_the_sampler(addon, write_tiny_case, tmp_path):
+def test_listed_poses_replace_the_sampler(addon, write_tiny_case, tmp_path):
     path = write_tiny_case(tmp_path / "case")
     pose = read_case(path).cam_from_mesh
     np.save(tmp_path / "case" / "poses.npy", np.stack([pose, rigid(translation=[1.0, 0, 5.0]) @ pose]))
@@ -119,8 +119,8 @@ def test_poses_of_a_list_replace_the_sampler(addon, write_tiny_case, tmp_path):
     preview, scene = importlib.import_module("blender_addon.dataset.pose_preview"), bpy.context.scene
     bpy.ops.oneframe.preview_poses()
     assert (len(preview.shown().lines), preview.shown().count) == (2, 2)
-    apart = preview.shown().lines[1, 0, 0] - preview.shown().lines[0, 0, 0]
-    assert np.allclose(apart, -pose[:3, :3].T @ [1.0, 0, 5.0])
+    shift = preview.shown().lines[1, 0, 0] - preview.shown().lines[0, 0, 0]
+    assert np.allclose(shift, -pose[:3, :3].T @ [1.0, 0, 5.0])
     scene.oneframe.preview_view = 1
     bpy.ops.oneframe.preview_view()
     scene.oneframe.preview_view = 2
@@ -167,9 +167,9 @@ def test_previewed_view_is_that_of_the_run(opened, case_path, tmp_path):
     opened.oneframe.preview_view = 2
     scene, camera, frame = opened.name, opened.camera, opened.frame_current
     bpy.ops.oneframe.preview_view()
-    image, sentence, outdated = dataset.preview(opened)
+    image, summary, outdated = dataset.preview(opened)
     assert not outdated
-    assert sentence.startswith("view 2: surface on ")
+    assert summary.startswith("view 2: surface covers ")
     with script_job(case_path, tmp_path).renderer(threads=1) as renderer:
         expected = renderer.make(2).rendered.rgb
     found = np.empty(expected.shape[0] * expected.shape[1] * 4, np.float32)
@@ -187,12 +187,12 @@ def test_the_run_makes_the_dataset_of_the_script(opened, job_module, case_path, 
     out, text = tmp_path / "addon", case_path.read_bytes()
     opened.oneframe.dataset_out = str(out)
     assert bpy.ops.oneframe.render_dataset() == {"FINISHED"}
-    refused(bpy.ops.oneframe.render_dataset, "A run is under way")
+    refused(bpy.ops.oneframe.render_dataset, "A run is in progress")
     job = followed(job_module, ended)
     assert (job.code, job.error) == (0, "")
     assert (job.progress.count, job.progress.total) == (6, 6)
     assert job.lines[-1] == f"dataset of 6 views: {out}"
-    # the file said all that already: it is left as its author wrote it
+    # the case is unchanged: its file keeps its author's comments
     assert case_path.read_bytes() == text
     assert run_command(render_command(case_path, "--out", tmp_path / "script")).returncode == 0
     assert tree(out) == tree(tmp_path / "script")
@@ -201,7 +201,7 @@ def test_the_run_makes_the_dataset_of_the_script(opened, job_module, case_path, 
     assert followed(job_module, ended).code == 0
 
 
-def test_a_cancelled_run_keeps_its_views_and_goes_on(opened, job_module, case_path, tmp_path):
+def test_a_cancelled_run_keeps_its_views_and_can_be_resumed(opened, job_module, case_path, tmp_path):
     out = tmp_path / "out"
     opened.oneframe.dataset_out = str(out)
     opened.oneframe.dataset.count = 300
@@ -215,7 +215,7 @@ def test_a_cancelled_run_keeps_its_views_and_goes_on(opened, job_module, case_pa
     assert process.returncode == 130
     kept = {name: data for name, data in tree(out).items() if name.startswith("train_pbr")}
     assert 2 <= finished_views(out) < 300
-    # an annotator goes on aligning: names a landmark, which is no part of the views
+    # the user adds a landmark meanwhile, which does not change the views
     opened.oneframe.landmarks.add().name = "later"
     bpy.ops.oneframe.render_dataset()
     counts = []
@@ -238,7 +238,7 @@ def test_disabling_the_addon_stops_the_run(opened, addon, job_module, tmp_path):
     followed(job_module, lambda job: job.progress is not None)
     addon.unregister()
     try:
-        # on a busy machine it is ended by force
+        # killed if the machine is too busy to end it in time
         assert process.returncode in (130, -9)
         assert not bpy.app.timers.is_registered(job_module._follow)
         assert job_module.current() is None
@@ -247,7 +247,7 @@ def test_disabling_the_addon_stops_the_run(opened, addon, job_module, tmp_path):
 
 
 def test_the_run_dies_with_the_program_that_started_it(case_path, tmp_path):
-    """Killed without notice, it can tell nobody: the run notices."""
+    """A killed program cannot stop the run: the run detects its end."""
     out = tmp_path / "out"
     code = (
         "import sys, time, bpy, blender_addon\n"
@@ -296,7 +296,7 @@ def impossible(scene, out):
     ("spoil", "message"),
     [(other_dataset, "expected a new or empty folder"), (impossible, "found no pose that meets the constraints")],
 )
-def test_the_sentence_of_a_failed_run_reaches_the_user(opened, job_module, tmp_path, spoil, message):
+def test_the_message_of_a_failed_run_reaches_the_user(opened, job_module, tmp_path, spoil, message):
     out = tmp_path / "out"
     opened.oneframe.dataset_out = str(out)
     spoil(opened, out)
@@ -307,7 +307,7 @@ def test_the_sentence_of_a_failed_run_reaches_the_user(opened, job_module, tmp_p
     assert not job.cancelled
 
 
-def test_what_no_run_would_take_is_refused_at_once(opened, job_module, case_path):
+def test_settings_that_a_run_would_refuse_are_refused_at_once(opened, job_module, case_path):
     options, text = opened.oneframe.dataset, case_path.read_bytes()
     options.distance_min, options.distance_max = 2.0, 1.0
     for operator in (bpy.ops.oneframe.render_dataset, bpy.ops.oneframe.preview_poses, bpy.ops.oneframe.preview_view):
@@ -324,14 +324,14 @@ def test_what_no_run_would_take_is_refused_at_once(opened, job_module, case_path
     assert case_path.read_bytes() == text
 
 
-def test_results_are_opened_only_where_there_are_any(opened, tmp_path):
+def test_opening_a_missing_result_is_refused(opened, tmp_path):
     refused(bpy.ops.oneframe.open_result, "failed")
     opened.oneframe.dataset_out = str(tmp_path)
-    refused(bpy.ops.oneframe.open_result, "it is not there yet", contact_sheet=True)
+    refused(bpy.ops.oneframe.open_result, "wait for the end of the run", contact_sheet=True)
 
 
 def test_the_script_is_found_in_an_installed_extension(tmp_path):
-    """Its folder holds the add-on's modules beside the package: none may stand in the way of Python's own."""
+    """Its folder also holds the add-on's modules: none may shadow a module of Python's standard library."""
     build = importlib.import_module("scripts.dev.build_extension")
     build.stage(tmp_path / "oneframe", ["linux-x64"], [])
     script = tmp_path / "oneframe" / "scripts" / "render_dataset.py"

@@ -1,4 +1,4 @@
-"""The extension as it is installed: built, validated, enabled, disabled and removed by Blender's own code."""
+"""The installed extension: built, validated, enabled, disabled and removed by Blender's own code."""
 
 import json
 import os
@@ -22,7 +22,7 @@ TABLE = re.compile(r"^(platforms|wheels) = .*$", re.MULTILINE)
 
 @pytest.fixture(scope="module")
 def stock_python(tmp_path_factory) -> Path:
-    """A folder of modules with what Blender brings and nothing besides: no cv2, no skimage, not this project."""
+    """A folder with the modules that Blender contains and no others: no cv2, no skimage, not this project."""
     site = tmp_path_factory.mktemp("stock")
     pending, seen = ["bpy"], set()
     while pending:
@@ -61,14 +61,14 @@ def run_stock(stock_python, tmp_path):
 
 @pytest.fixture
 def installed(extension_zip, tmp_path) -> Path:
-    """Where "Install from Disk" puts it."""
+    """The extension in the folder that "Install from Disk" uses."""
     folder = tmp_path / "resources" / "extensions" / "user_default" / "oneframe"
     with zipfile.ZipFile(extension_zip) as archive:
         archive.extractall(folder)
     return folder
 
 
-def test_is_enabled_disabled_and_removed_without_a_trace(installed, run_stock, tmp_path):
+def test_is_enabled_disabled_and_removed_without_leftovers(installed, run_stock, tmp_path):
     ended = run_stock(HERE / "extension_life.py")
     assert ended.returncode == 0, ended.stderr
     assert ended.stderr == ""
@@ -87,8 +87,8 @@ def test_is_enabled_disabled_and_removed_without_a_trace(installed, run_stock, t
 
 
 @pytest.mark.render
-def test_renders_with_what_blender_brings(installed, run_stock, run_command, write_tiny_case, tmp_path):
-    """The dataset job of the add-on: the scripts and the package as they lie in the extension."""
+def test_renders_with_blenders_own_modules(installed, run_stock, run_command, write_tiny_case, tmp_path):
+    """As the add-on's dataset job does: with the scripts and the package inside the extension."""
     case, out = write_tiny_case(tmp_path / "case"), tmp_path / "out"
     ended = run_stock(installed / "scripts" / "render_dataset.py", case, "--out", out, "--count", "2", "--workers", "1")
     assert ended.returncode == 0, ended.stderr
@@ -99,8 +99,8 @@ def test_renders_with_what_blender_brings(installed, run_stock, run_command, wri
     assert checked.stderr == ""
 
 
-def test_manifest_says_what_the_build_knows(extension_zip):
-    """All but version, platforms and wheels is the manifest of the source, and Blender finds that one valid as well."""
+def test_the_build_adds_version_platforms_and_wheels_to_the_manifest(extension_zip):
+    """Everything else is the manifest of the source."""
     with zipfile.ZipFile(extension_zip) as archive:
         built = archive.read("blender_manifest.toml").decode()
         files = archive.namelist()
@@ -138,7 +138,7 @@ def test_a_blender_program_builds_the_same(extension_zip, tmp_path):
         (["--blender", "no-such-program"], "no-such-program"),
     ],
 )
-def test_bad_arguments_are_one_line(arguments, message, tmp_path, capsys):
+def test_bad_arguments_give_one_line(arguments, message, tmp_path, capsys):
     assert build_extension.main([*arguments, "--out", str(tmp_path / "out")]) == 2
     messages = capsys.readouterr()
     assert (messages.out, messages.err.count("\n")) == ("", 1)
@@ -146,7 +146,7 @@ def test_bad_arguments_are_one_line(arguments, message, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
-def test_without_a_network_the_place_for_the_wheel_is_named(tmp_path, monkeypatch, capsys):
+def test_without_a_network_the_message_names_the_folder_for_the_wheel(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(build_extension, "WHEEL_CACHE", tmp_path / "wheels")
     monkeypatch.setenv("PIP_CONFIG_FILE", os.devnull)
     monkeypatch.setenv("PIP_INDEX_URL", "http://127.0.0.1:9/simple")
@@ -158,8 +158,8 @@ def test_without_a_network_the_place_for_the_wheel_is_named(tmp_path, monkeypatc
     assert list((tmp_path / "wheels").iterdir()) == []
 
 
-def test_what_blender_refuses_is_told_in_one_line(tmp_path, monkeypatch, capsys, extension_zip):
-    """``extension_zip`` has made sure that the wheel is there."""
+def test_a_refusal_by_blender_gives_one_line(tmp_path, monkeypatch, capsys, extension_zip):
+    """``extension_zip`` ensures that the wheel exists."""
     root = tmp_path / "checkout"
     for name in ("blender_addon", "pipeline", "scripts"):
         shutil.copytree(build_extension.ROOT / name, root / name)

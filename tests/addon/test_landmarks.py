@@ -1,4 +1,4 @@
-"""Landmarks in the add-on: pairs in, pose and what is said about it out, against the solver that stands behind."""
+"""Landmarks in the add-on: pose, residuals and messages agree with those of the solver."""
 
 import bpy
 import numpy as np
@@ -20,7 +20,7 @@ TWIST = np.array([2.0, -1.5, 6.0, 0.05, -0.04, 0.06])
 
 @pytest.fixture
 def scene(addon, write_tiny_case, tmp_path):
-    """The tiny case, open, and its surface moved away from where it belongs."""
+    """The opened tiny case."""
     bpy.ops.oneframe.open_case(filepath=str(write_tiny_case(tmp_path)))
     found = bpy.context.scene
     found.oneframe.click_sigma_px = SIGMA_PX
@@ -44,7 +44,7 @@ def pose_of(scene):
 
 
 def displace(scene, twist=TWIST):
-    """Move the surface away from where it is."""
+    """Move the surface by a twist; returns its new pose."""
     from blender_addon.state import from_scene
     from pipeline.blender.alignment.surface_object import set_pose
 
@@ -57,15 +57,15 @@ def displace(scene, twist=TWIST):
 
 
 def add(points, pixels):
-    """Pairs as they are picked: the halves in either order, in turn."""
+    """Add landmarks as a user picks them, alternating which point comes first."""
     for number, (point, pixel) in enumerate(zip(points, pixels, strict=True)):
         first, second = ({"point": point}, {"pixel": pixel})[:: -1 if number % 2 else 1]
         assert bpy.ops.oneframe.landmark_set(**first) == {"FINISHED"}
         assert bpy.ops.oneframe.landmark_set(**second) == {"FINISHED"}
 
 
-def solved_anew(scene, *, without=()):
-    """What the solver says to the scene's pairs."""
+def solved_directly(scene, *, without=()):
+    """The solver's result for the scene's landmarks."""
     from blender_addon.state import from_scene
 
     used = [
@@ -88,7 +88,7 @@ def solution(scene):
     return solve.solution(scene)
 
 
-def test_halves_in_either_order_become_pairs_and_the_surface_moves_to_the_solvers_pose(scene, pairs, rng):
+def test_points_in_either_order_become_correspondences_and_the_surface_moves_to_the_solvers_pose(scene, pairs, rng):
     true = pose_of(scene)
     displace(scene)
     points, pixels = pairs
@@ -96,33 +96,33 @@ def test_halves_in_either_order_become_pairs_and_the_surface_moves_to_the_solver
     entries = scene.oneframe.landmarks
     assert len(entries) == len(points)
     assert np.allclose([entry.point for entry in entries], points, atol=1e-5)
-    expected = solved_anew(scene)
+    expected = solved_directly(scene)
     assert np.abs(pose_of(scene) - expected.cam_from_model).max() <= 1e-9
     assert expected.uncertainty.contains(true, pose_of(scene), 0.9999)
     assert np.allclose(solution(scene).estimate.residuals_px, expected.residuals_px, rtol=0, atol=1e-9)
 
 
-def test_a_pair_that_is_not_in_use_has_no_say(scene, pairs):
+def test_a_disabled_landmark_has_no_effect(scene, pairs):
     points, pixels = pairs
     pixels[2] += [9, -7]
     add(points, pixels)
     bpy.ops.oneframe.landmark_toggle(index=2)
     assert not scene.oneframe.landmarks[2].enabled
     assert solution(scene).estimate.inliers.all()
-    assert np.abs(pose_of(scene) - solved_anew(scene, without=[2]).cam_from_model).max() <= 1e-9
+    assert np.abs(pose_of(scene) - solved_directly(scene, without=[2]).cam_from_model).max() <= 1e-9
 
 
-def test_a_wrong_pair_is_pointed_out_by_its_name(scene, pairs):
+def test_an_outlier_is_reported_by_its_name(scene, pairs):
     points, pixels = pairs
     pixels[4] += [9, -7]
     add(points, pixels)
     scene.oneframe.landmarks[4].name = "promontory"
     found = solution(scene)
     assert [found.is_outlier(index) for index in range(len(points))] == [index == 4 for index in range(len(points))]
-    assert any("promontory" in sentence for sentence in found.estimate.messages)
+    assert any(message.startswith("Outlier: 'promontory' has") for message in found.estimate.messages)
 
 
-def test_residuals_are_those_of_the_present_pose_and_its_distance_from_the_solution_is_told(scene, pairs):
+def test_residuals_are_those_of_the_current_pose_and_departure_is_its_distance_from_the_solution(scene, pairs):
     from blender_addon.landmarks import solve
     from blender_addon.state import from_scene
 
@@ -134,33 +134,33 @@ def test_residuals_are_those_of_the_present_pose_and_its_distance_from_the_solut
     assert np.allclose([found[index] for index in range(len(seen))], pairs[1] - seen, rtol=0, atol=1e-4)
     away = solve.departure(scene, solution(scene))
     assert away.largest_px == pytest.approx(np.linalg.norm(pairs[1] - seen, axis=1).max(), abs=0.02)
-    assert away.turn_deg == pytest.approx(np.degrees(np.linalg.norm(TWIST[3:])), rel=0.02)
+    assert away.rotation_deg == pytest.approx(np.degrees(np.linalg.norm(TWIST[3:])), rel=0.02)
     bpy.ops.oneframe.solve_landmarks()
-    assert np.abs(pose_of(scene) - solved_anew(scene).cam_from_model).max() <= 1e-9
+    assert np.abs(pose_of(scene) - solved_directly(scene).cam_from_model).max() <= 1e-9
 
 
 @pytest.mark.parametrize("count", [1, 3])
-def test_too_few_pairs_leave_the_pose_and_say_so(scene, pairs, count):
+def test_too_few_correspondences_are_refused_and_leave_the_pose(scene, pairs, count):
     moved = displace(scene)
     add(pairs[0][:count], pairs[1][:count])
     with pytest.raises(UndeterminedPose) as refusal:
-        solved_anew(scene)
+        solved_directly(scene)
     assert solution(scene).refusal == str(refusal.value)
     with pytest.raises(RuntimeError, match="at least 4"):
         bpy.ops.oneframe.solve_landmarks()
     assert np.array_equal(pose_of(scene), moved)
 
 
-def test_without_live_the_pose_waits_for_solve(scene, pairs):
+def test_without_live_solve_only_the_button_moves_the_surface(scene, pairs):
     scene.oneframe.live_solve = False
     moved = displace(scene)
     add(*pairs)
     assert np.array_equal(pose_of(scene), moved)
     scene.oneframe.live_solve = True
-    assert np.abs(pose_of(scene) - solved_anew(scene).cam_from_model).max() <= 1e-9
+    assert np.abs(pose_of(scene) - solved_directly(scene).cam_from_model).max() <= 1e-9
 
 
-def test_renaming_and_the_click_accuracy_do_not_move_the_surface(scene, pairs):
+def test_renaming_and_the_click_noise_do_not_move_the_surface(scene, pairs):
     add(*pairs)
     moved = displace(scene)
     scene.oneframe.landmarks[0].name = "umbo"
@@ -168,7 +168,7 @@ def test_renaming_and_the_click_accuracy_do_not_move_the_surface(scene, pairs):
     assert np.array_equal(pose_of(scene), moved)
 
 
-def test_names_tell_landmarks_apart(scene, pairs):
+def test_names_of_landmarks_are_unique(scene, pairs):
     add(*pairs)
     entries = scene.oneframe.landmarks
     entries[0].name = "umbo"
@@ -179,7 +179,7 @@ def test_names_tell_landmarks_apart(scene, pairs):
     assert all(entry.name.strip() for entry in entries)
 
 
-def test_undo_and_redo_take_pairs_and_pose_together(scene, pairs):
+def test_undo_and_redo_restore_landmarks_and_pose_together(scene, pairs):
     displace(scene)
     add(pairs[0][:6], pairs[1][:6])
     bpy.ops.ed.undo_push(message="six")
@@ -192,11 +192,11 @@ def test_undo_and_redo_take_pairs_and_pose_together(scene, pairs):
         step()
         found = bpy.context.scene
         assert np.array_equal(pose_of(found), expected)
-        # what is shown belongs to what is there
+        # the solution shown is that of the restored landmarks
         assert np.array_equal(solution(found).estimate.cam_from_model, expected)
 
 
-def test_one_pin_shifts_the_surface_and_more_pull_it_as_the_function_does(scene, pairs):
+def test_one_pin_shifts_the_surface_and_more_give_the_functions_pose(scene, pairs):
     from blender_addon.state import from_scene
     from pipeline.blender.alignment.visible_surface import visible_surface
 
@@ -216,12 +216,12 @@ def test_one_pin_shifts_the_surface_and_more_pull_it_as_the_function_does(scene,
             assert np.array_equal(after[:3, :3], before[:3, :3])
 
 
-def test_a_landmark_is_deleted_and_what_is_not_there_is_refused(scene, pairs):
+def test_a_landmark_is_deleted_and_a_missing_one_is_refused(scene, pairs):
     add(*pairs)
     names = [entry.name for entry in scene.oneframe.landmarks]
     bpy.ops.oneframe.landmark_remove(index=2)
     assert [entry.name for entry in scene.oneframe.landmarks] == names[:2] + names[3:]
-    # without an index the active one goes, whatever the last call was about
+    # without an index the active one is deleted, not that of the last call
     scene.oneframe.landmark_index = 0
     bpy.ops.oneframe.landmark_remove()
     assert [entry.name for entry in scene.oneframe.landmarks] == names[1:2] + names[3:]
@@ -247,7 +247,7 @@ def test_a_saved_case_opens_with_its_landmarks_and_its_own_pose(scene, pairs, tm
     before = [(e.name, e.enabled, tuple(e.point), tuple(e.pixel)) for e in scene.oneframe.landmarks]
     bpy.ops.oneframe.open_case(filepath=str(path))
     reopened = bpy.context.scene
-    # not that of the landmarks: a refined pose must survive
+    # not the landmarks' solution: a refined pose must survive
     assert np.allclose(pose_of(reopened), moved, rtol=0, atol=1e-9)
     after = [(e.name, e.enabled, tuple(e.point), tuple(e.pixel)) for e in reopened.oneframe.landmarks]
     for one, other in zip(before, after, strict=True):
@@ -258,7 +258,7 @@ def test_a_saved_case_opens_with_its_landmarks_and_its_own_pose(scene, pairs, tm
 
 @pytest.mark.parametrize("suffix", [".csv", ".json"])
 @pytest.mark.parametrize("units", ["mm", "m"])
-def test_what_is_exported_is_imported_again(scene, pairs, tmp_path, suffix, units):
+def test_exported_landmarks_are_imported_unchanged(scene, pairs, tmp_path, suffix, units):
     from blender_addon.state import from_scene
 
     scene.oneframe.units = units
@@ -277,7 +277,7 @@ def test_what_is_exported_is_imported_again(scene, pairs, tmp_path, suffix, unit
     assert not np.allclose(pose_of(scene), moved, atol=1e-3)
 
 
-def test_files_with_too_little_or_nonsense_leave_the_pose(scene, pairs, tmp_path):
+def test_files_with_too_few_landmarks_or_nonsense_leave_the_pose(scene, pairs, tmp_path):
     from blender_addon.state import from_scene, to_scene
 
     moved = displace(scene)
@@ -297,7 +297,7 @@ def test_files_with_too_little_or_nonsense_leave_the_pose(scene, pairs, tmp_path
     assert np.array_equal(pose_of(scene), moved)
 
 
-def test_points_beside_the_surface_are_pointed_out(scene, pairs):
+def test_points_off_the_surface_are_reported(scene, pairs):
     from blender_addon.landmarks.solve import off_surface
 
     add(*pairs)
@@ -305,11 +305,11 @@ def test_points_beside_the_surface_are_pointed_out(scene, pairs):
     entry = scene.oneframe.landmarks[5]
     normal = scene.oneframe.surface.closest_point_on_mesh(Vector(entry.point))[2]
     entry.point = Vector(entry.point) + 2 * normal
-    (sentence,) = off_surface(scene)
-    assert f"{entry.name!r} (2.0 mm)" in sentence
+    (warning,) = off_surface(scene)
+    assert f"{entry.name!r} (2.0 mm)" in warning
 
 
-def test_a_scaled_surface_is_left_alone_until_it_is_mended(scene, pairs):
+def test_a_scaled_surface_is_refused_and_stays(scene, pairs):
     surface = scene.oneframe.surface
     surface.scale = (1.1, 1.0, 1.0)
     bpy.context.view_layer.update()
@@ -320,8 +320,8 @@ def test_a_scaled_surface_is_left_alone_until_it_is_mended(scene, pairs):
     assert np.array_equal(np.array(surface.matrix_world), placed)
 
 
-@pytest.mark.parametrize("away", ["edited", "excluded"])
-def test_a_surface_that_cannot_be_picked_on_is_told_and_nothing_changes(scene, pairs, tmp_path, away):
+@pytest.mark.parametrize("state", ["edited", "excluded"])
+def test_a_surface_that_cannot_be_picked_on_is_reported_and_nothing_changes(scene, pairs, tmp_path, state):
     from blender_addon.pipeline.errors import InputError
 
     from blender_addon.landmarks.solve import off_surface
@@ -331,22 +331,22 @@ def test_a_surface_that_cannot_be_picked_on_is_told_and_nothing_changes(scene, p
     path = tmp_path / "pairs.csv"
     bpy.ops.oneframe.export_landmarks(filepath=str(path))
     moved = displace(scene)
-    if away == "edited":
+    if state == "edited":
         bpy.context.view_layer.objects.active = scene.oneframe.surface
         bpy.ops.object.mode_set(mode="EDIT")
     else:
         bpy.context.view_layer.layer_collection.children[0].exclude = True
-    with pytest.raises(InputError, match="Edit mode" if away == "edited" else "Outliner"):
+    with pytest.raises(InputError, match="Edit mode" if state == "edited" else "Outliner"):
         frame_view.surface_point_at(scene, POINTS_PX[0])
     assert off_surface(scene) == ()
     assert np.array_equal(pose_of(scene), moved)
-    # what needs no picking goes on, and is seen when the surface is back
+    # importing needs no picking: it works, and takes effect once the surface is back
     bpy.ops.oneframe.import_landmarks(filepath=str(path))
     bpy.context.view_layer.layer_collection.children[0].exclude = False
-    assert np.abs(pose_of(scene) - solved_anew(scene).cam_from_model).max() <= 1e-9
+    assert np.abs(pose_of(scene) - solved_directly(scene).cam_from_model).max() <= 1e-9
 
 
-def test_the_tool_comes_and_goes(addon):
+def test_the_tool_is_registered_and_unregistered(addon):
     from bl_ui.space_toolsystem_toolbar import VIEW3D_PT_tools_active
 
     from blender_addon.landmarks.tool import TOOL

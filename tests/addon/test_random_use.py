@@ -1,4 +1,4 @@
-"""Whatever is done in whatever order, by the add-on's operators and Blender's own: sentences, no tracebacks."""
+"""Random sequences of the add-on's operators and Blender's own end in messages, never in tracebacks."""
 
 import random
 from collections.abc import Callable
@@ -24,7 +24,7 @@ TRIED = (0, 1, 2, 5, -1, 0.5, 100, -37.5, 1e6)
 
 
 class RandomUser:
-    """Does one thing after another; Blender's own undo step follows each, as in its window."""
+    """Performs random actions; Blender's own undo step follows each, as in its window."""
 
     def __init__(self, case: Path, seed: int) -> None:
         self.case, self.rng = case, random.Random(seed)
@@ -39,7 +39,7 @@ class RandomUser:
             action()
             bpy.context.view_layer.update()
         except RuntimeError as report:
-            # the sentence of an operator that was cancelled; else what went wrong in it
+            # the message of a cancelled operator, or the traceback of an error in it
             if "Traceback" in str(report):
                 report.add_note("\n".join(self.log[-20:]))
                 raise
@@ -47,7 +47,7 @@ class RandomUser:
             bpy.ops.ed.undo_push(message=self.log[-1][:40])
 
     def value(self, declared: bpy.types.Property) -> object:
-        """Any value that the property takes; ``None`` for kinds that the user does not set."""
+        """Any value that the property accepts; ``None`` for types that the user does not set."""
         rng, count = self.rng, getattr(declared, "array_length", 0)
         if declared.type in ("INT", "FLOAT"):
             kind = int if declared.type == "INT" else float
@@ -146,8 +146,8 @@ class RandomUser:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_any_use_ends_in_sentences(addon, write_tiny_case, tmp_path, monkeypatch, capfd, seed):
-    # where names without a folder lead
+def test_random_use_raises_no_tracebacks(addon, write_tiny_case, tmp_path, monkeypatch, capfd, seed):
+    # names without a folder refer to this one
     monkeypatch.chdir(tmp_path)
     case = write_tiny_case(tmp_path)
     case.write_text(case.read_text() + LANDMARKS + "\n[dataset]\ncount = 4\n")
@@ -156,5 +156,5 @@ def test_any_use_ends_in_sentences(addon, write_tiny_case, tmp_path, monkeypatch
     bpy.ops.ed.undo_push(message="start")
     for _ in range(STEPS):
         user.step()
-    # what goes wrong in a handler or an update is only printed
+    # errors in handlers and updates are only printed
     assert "Traceback" not in "".join(capfd.readouterr()), "\n".join(user.log)

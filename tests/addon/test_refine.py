@@ -1,4 +1,4 @@
-"""Refining from the add-on: the function's own result, one undo step, refusals, colours that are evidence."""
+"""Refining in the add-on: the function's result, one undo step, refusals, and which colours count as evidence."""
 
 import importlib
 import time
@@ -36,7 +36,7 @@ cam_from_model = {pose}
 
 
 def hills() -> TriangleMesh:
-    """90 x 75 mm of hills of all sizes without any period."""
+    """A surface of 90 x 75 mm with hills of several sizes, not periodic."""
     rng = np.random.default_rng(1)
     x, y = np.meshgrid(np.linspace(-45, 45, 121), np.linspace(-37, 37, 99))
     z = sum(cv2.GaussianBlur(rng.normal(size=x.shape), (0, 0), s) * 2.2 * (1.5 * s) ** 1.5 for s in (2, 4, 8))
@@ -48,7 +48,7 @@ def hills() -> TriangleMesh:
 
 
 def photograph(mesh: TriangleMesh) -> np.ndarray:
-    """Lambert's law under a lamp beside the lens, 8-bit grey as RGB."""
+    """Lambertian shading by a light next to the lens, 8-bit grey as RGB."""
     raster = rasterise_depth(mesh, CAMERA, TRUE_POSE)
     points = CAMERA.rays_cam(CAMERA.pixel_grid()) / raster.inverse_depth[..., None]
     normals = (mesh.face_normals @ TRUE_POSE[:3, :3].T)[raster.face]
@@ -105,13 +105,13 @@ def test_the_operator_gives_the_functions_result_in_one_undo_step(opened, gather
     bpy.ops.ed.undo()
     scene = bpy.context.scene
     assert np.array_equal(gather.cam_from_model(scene), start)
-    # what was told belongs to the refined pose
+    # the outcome belongs to the refined pose only
     assert refine.outcome(scene) is None
     bpy.ops.ed.redo()
     assert refine.outcome(bpy.context.scene).message == expected.message
 
 
-def test_a_refusal_leaves_the_pose_and_says_why(opened, gather, refine, case_folder):
+def test_a_refusal_leaves_the_pose_and_gives_the_reason(opened, gather, refine, case_folder):
     opened.oneframe.frame_path = str(case_folder / "flat.png")
     pose = gather.cam_from_model(opened)
     with pytest.raises(RuntimeError, match="Refused, the pose is unchanged"):
@@ -136,12 +136,12 @@ def test_what_cannot_be_refined_is_refused(opened, gather):
 
 
 @pytest.mark.render
-def test_colours_count_only_if_they_are_of_another_frame(addon, gather, refine, case_folder):
+def test_colours_count_only_if_they_come_from_another_frame(addon, gather, refine, case_folder):
     bpy.ops.oneframe.open_case(filepath=str(case_folder / "true.toml"))
     scene = bpy.context.scene
     assert refine.known_colours(scene) is None
     bpy.ops.oneframe.project_colour(mode="vertex")
-    # they would only say that the pose is the one that they were projected from
+    # they would only confirm the pose from which they were projected
     assert refine.known_colours(scene) is None
     (case_folder / "other.png").write_bytes((case_folder / "frame.png").read_bytes())
     scene.oneframe.frame_path = str(case_folder / "other.png")
@@ -156,7 +156,7 @@ def test_colours_count_only_if_they_are_of_another_frame(addon, gather, refine, 
     assert rotation_error_deg(gather, scene) < 0.5
 
 
-def waited(work) -> None:
+def wait_for(work) -> None:
     end = time.monotonic() + 60
     while work.running and time.monotonic() < end:
         time.sleep(0.01)
@@ -165,20 +165,20 @@ def waited(work) -> None:
 
 def test_the_thread_gives_the_same_and_can_be_stopped(opened, gather, refine):
     loaded = gather.loaded_case(opened)
-    work = refine.Refining(loaded, None)
-    waited(work)
+    work = refine.RefinementThread(loaded, None)
+    wait_for(work)
     assert work.fraction == 1
     assert work.result.message == refine.refined(loaded, None).message
-    stopped = refine.Refining(loaded, None)
+    stopped = refine.RefinementThread(loaded, None)
     stopped.stop()
-    waited(stopped)
+    wait_for(stopped)
     assert (stopped.result, stopped.error) == (None, None)
-    wrong = refine.Refining(loaded, np.zeros((3, 3)))
-    waited(wrong)
+    wrong = refine.RefinementThread(loaded, np.zeros((3, 3)))
+    wait_for(wrong)
     assert "expected one colour per vertex" in str(wrong.error)
 
 
-def test_disabled_the_addon_leaves_no_key_behind(opened, addon):
+def test_disabling_the_addon_removes_its_keys(opened, addon):
     configuration = bpy.context.window_manager.keyconfigs.addon
     addon.unregister()
     left = [item.idname for keymap in configuration.keymaps for item in keymap.keymap_items] if configuration else []

@@ -1,4 +1,4 @@
-"""The add-on sets up a case: what is opened, saved, typed, moved and refused, through its operators."""
+"""Setting up a case through the add-on's operators: opening, saving, typing K, moving, refusals."""
 
 import functools
 import itertools
@@ -60,7 +60,7 @@ def updated_pose(scene):
 
 
 def snapshot(scene):
-    """Everything that a refused operator must not have touched."""
+    """Everything that a refused operator must leave unchanged."""
     settings = scene.oneframe
     camera = settings.camera_object
     return (
@@ -121,10 +121,10 @@ def test_the_blend_file_keeps_everything(opened, case_path, tmp_path):
     ],
     ids=["microscope", "wide portrait", "oblong pixels"],
 )
-def test_blenders_camera_shows_every_point_where_k_and_pose_say(opened, camera, rng):
+def test_blenders_camera_projects_points_as_k_and_pose_do(opened, camera, rng):
     from blender_addon.state import to_scene
 
-    to_scene.take_camera(bpy.context, camera, None)
+    to_scene.set_camera(bpy.context, camera, None)
     pose = updated_pose(opened)
     pixels = rng.uniform([-0.5, -0.5], [camera.width - 0.5, camera.height - 0.5], (200, 2))
     points_cam = camera.rays_cam(pixels) * rng.uniform(200, 400, (200, 1))
@@ -137,7 +137,7 @@ def test_blenders_camera_shows_every_point_where_k_and_pose_say(opened, camera, 
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations("fcs")), ids="".join)
-def test_frame_camera_and_surface_come_in_any_order(addon, case_path, order):
+def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, order):
     folder = case_path.parent
     settings = bpy.context.scene.oneframe
     for step in order:
@@ -151,7 +151,7 @@ def test_frame_camera_and_surface_come_in_any_order(addon, case_path, order):
     made, given = read_case(folder / "new.toml"), read_case(case_path)
     assert made.camera == given.camera
     assert settings.camera_object.data.background_images[0].image is not None
-    # whatever the order, the surface's first pose faces the camera inside the frame
+    # in any order, the surface at its initial pose faces the camera inside the frame
     from pipeline.blender.case.load_case import load_case
 
     loaded = load_case(made)
@@ -171,7 +171,7 @@ def test_nudges_there_and_back_cancel(opened, axis):
         assert np.allclose(updated_pose(opened), before, rtol=0, atol=1e-9)
 
 
-def test_a_nudge_moves_the_pivot_by_so_many_pixels(opened):
+def test_a_nudge_moves_the_pivot_by_its_step(opened):
     from blender_addon.state import from_scene
     from blender_addon.state.pivot import pivot_of
 
@@ -193,7 +193,7 @@ def test_a_nudge_moves_the_pivot_by_so_many_pixels(opened):
         ("mirrored", Matrix.Diagonal((-1.0, 1.0, 1.0, 1.0))),
     ],
 )
-def test_a_surface_that_is_not_rigid_is_refused_until_it_is_made_right(opened, kind, matrix, tmp_path):
+def test_a_scaled_or_mirrored_surface_is_refused_until_the_scale_is_removed(opened, kind, matrix, tmp_path):
     surface = opened.oneframe.surface
     origin = surface.matrix_world.translation.copy()
     surface.matrix_world = surface.matrix_world @ matrix
@@ -223,7 +223,7 @@ def test_a_sheared_surface_is_refused(opened):
     updated_pose(opened)
 
 
-def test_what_is_deleted_is_missed_in_words(opened):
+def test_deleted_objects_are_reported(opened):
     bpy.data.objects.remove(opened.oneframe.surface)
     with pytest.raises(RuntimeError, match="expected a surface"):
         bpy.ops.oneframe.save_case(filepath="x.toml")
@@ -232,7 +232,7 @@ def test_what_is_deleted_is_missed_in_words(opened):
     assert opened.oneframe.camera_object.name in opened.objects
 
 
-def test_an_edited_surface_is_noticed_and_can_be_saved(opened, case_path, tmp_path):
+def test_an_edited_surface_is_refused_until_it_is_saved(opened, case_path, tmp_path):
     surface = opened.oneframe.surface
     before = updated_pose(opened)
     point = surface.matrix_world @ surface.data.vertices[7].co
@@ -251,7 +251,7 @@ def test_an_edited_surface_is_noticed_and_can_be_saved(opened, case_path, tmp_pa
     assert not np.allclose(updated_pose(opened), before, atol=1e-6)
 
 
-def test_the_pose_goes_through_the_clipboard(opened, tmp_path):
+def test_a_pose_survives_the_clipboard(opened, tmp_path):
     from blender_addon.state import pose_text
 
     rows = pose_text.pose_rows(opened)
@@ -262,7 +262,7 @@ def test_the_pose_goes_through_the_clipboard(opened, tmp_path):
     assert np.allclose(updated_pose(opened), before, rtol=0, atol=1e-9)
 
 
-def test_edit_mode_is_told_and_left_alone(opened):
+def test_edit_mode_is_refused(opened):
     bpy.context.view_layer.objects.active = opened.oneframe.surface
     bpy.ops.object.mode_set(mode="EDIT")
     with pytest.raises(RuntimeError, match="Object mode"):
@@ -323,7 +323,7 @@ def _name_of_the_mesh(folder):
 
 
 def _name_of_the_case(folder):
-    return bpy.ops.oneframe.save_edited_surface, {"filepath": str(folder / "case.toml")}, r"a file \*.ply"
+    return bpy.ops.oneframe.save_edited_surface, {"filepath": str(folder / "case.toml")}, r"a file name \*.ply"
 
 
 def _lost_frame(folder):
@@ -338,7 +338,7 @@ MISTAKES = (
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_is_one_sentence_and_the_scene_unharmed(opened, case_path, mistake):
+def test_a_mistake_gives_one_message_and_leaves_the_scene(opened, case_path, mistake):
     operator, arguments, expected = mistake(case_path.parent)
     before, files = snapshot(opened), files_of(case_path.parent)
     with pytest.raises(RuntimeError, match=expected) as caught:
@@ -352,20 +352,20 @@ def files_of(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_frame_of_another_size_is_told(opened, case_path):
+def test_a_frame_of_another_size_is_reported(opened, case_path):
     from blender_addon.state import to_scene
 
     path = case_path.parent / "large.png"
     path.write_bytes(encode_png(np.zeros((96, 128, 3), np.uint8)))
     bpy.ops.oneframe.load_frame(filepath=str(path))
     assert "64 x 48" in to_scene.frame_warnings(opened)[0]
-    with pytest.raises(RuntimeError, match="64x48"):
+    with pytest.raises(RuntimeError, match=r"a frame of 64x48 px, .* found 128x96 px"):
         bpy.ops.oneframe.save_case(filepath=str(case_path))
     bpy.ops.oneframe.rescale_camera()
     assert to_scene.frame_warnings(opened) == ()
 
 
-def test_a_folder_that_does_not_exist_is_told(opened, tmp_path):
+def test_a_folder_that_does_not_exist_is_reported(opened, tmp_path):
     with pytest.raises(RuntimeError, match="No such file") as caught:
         bpy.ops.oneframe.save_case(filepath=str(tmp_path / "nowhere" / "case.toml"))
     assert "Traceback" not in str(caught.value)

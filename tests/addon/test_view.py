@@ -1,4 +1,4 @@
-"""How the camera view shows surface and frame: what is drawn lies where K says, and no view operator moves anything."""
+"""How the camera view shows surface and frame: drawings agree with K, and no view operator moves an object."""
 
 import bpy
 import numpy as np
@@ -31,12 +31,12 @@ def in_view(scene):
 
 
 @pytest.fixture
-def card(addon):
-    """Drawing without a window."""
+def gpu_context(addon):
+    """Enables drawing without a window."""
     import gpu
 
     if not hasattr(gpu, "init"):
-        pytest.skip("this Blender draws with a window only; see tests/window")
+        pytest.skip("this Blender draws only with a window; see tests/window")
     gpu.init()
 
 
@@ -61,7 +61,7 @@ def projection_through(camera: PinholeCamera, times: int = 1):
 
 
 def drawn(surface, projection, crease_deg=None):
-    """(picture, lines) as (H, W, 4) arrays, top row first."""
+    """``(H, W, 4)`` picture and lines, 0..1, top row first."""
     from blender_addon.view.overlay_passes import SurfacePicture
 
     picture = SurfacePicture(projection.width, projection.height)
@@ -94,7 +94,7 @@ def ball(radius):
 
 @pytest.mark.gl
 @pytest.mark.parametrize("times", [1, 6])
-def test_contour_of_a_ball_is_where_it_is_seen_from_the_side_and_nowhere_else(card, times):
+def test_contour_of_a_ball_is_its_outline(gpu_context, times):
     radius, centre_cam = 5.0, np.array([0.8, -0.6, 150.0])
     found = ball(radius)
     found.matrix_world = Matrix.Translation(centre_cam * [1, -1, -1])
@@ -114,19 +114,19 @@ def test_contour_of_a_ball_is_where_it_is_seen_from_the_side_and_nowhere_else(ca
     assert (np.abs(inside_px[line]) < 1.6).all()
     # closed: every direction from the middle meets it
     rows, columns = np.nonzero(line)
-    turn = np.arctan2(rows - v[covered].mean(), columns - u[covered].mean())
-    assert len(np.unique((turn * 50 / np.pi).astype(int))) == 100 - 1
+    angles = np.arctan2(rows - v[covered].mean(), columns - u[covered].mean())
+    assert len(np.unique((angles * 50 / np.pi).astype(int))) == 100 - 1
 
 
 @pytest.mark.gl
 @pytest.mark.parametrize("times", [1, 6])
-def test_creases_of_a_box_are_its_edges(card, times):
+def test_creases_of_a_box_are_its_edges(gpu_context, times):
     import bmesh
 
     half = 4.0
     found = new_object(lambda shape: bmesh.ops.create_cube(shape, size=2 * half))
-    turn = Matrix.Rotation(0.6, 4, "X") @ Matrix.Rotation(0.75, 4, "Y")
-    found.matrix_world = Matrix.Translation((0.3, -0.5, -150.0)) @ turn
+    rotation = Matrix.Rotation(0.6, 4, "X") @ Matrix.Rotation(0.75, 4, "Y")
+    found.matrix_world = Matrix.Translation((0.3, -0.5, -150.0)) @ rotation
     _, lines = drawn(found, projection_through(CAMERA, times), 60.0)
     edges = [
         np.array([[vertex[axis] for axis in range(3)] for vertex in ends])
@@ -141,7 +141,7 @@ def test_creases_of_a_box_are_its_edges(card, times):
     seen = CAMERA.project(on_edges)
     nearest = np.sqrt(((pixels[:, None] - seen[None]) ** 2).sum(-1).min(axis=1))
     assert np.percentile(nearest, 98) * times < 1.5
-    # the edge nearest to the camera is an inner crease: it is drawn all along, but for its ends
+    # the edge nearest to the camera is an inner crease: it is drawn along its whole length, except for its ends
     depth = [-edge[:, 2].mean() for edge in edges]
     inner = CAMERA.project(
         (edges[int(np.argmin(depth))] * [1, -1, -1])[0]
@@ -152,7 +152,7 @@ def test_creases_of_a_box_are_its_edges(card, times):
 
 
 @pytest.mark.gl
-def test_frame_is_drawn_as_recorded(card, scene):
+def test_frame_is_drawn_with_its_own_code_values(gpu_context, scene):
     import gpu
 
     from blender_addon.ui.frame_view import FrameView
@@ -160,7 +160,7 @@ def test_frame_is_drawn_as_recorded(card, scene):
     from blender_addon.view.overlay_passes import SurfacePicture
     from pipeline.blender.bridge.image import read_image
 
-    image, _ = read_image(gather_path(scene))
+    image, _ = read_image(frame_path(scene))
     height, width = image.shape[:2]
     camera = PinholeCamera(width, height, 320.0, 318.0, 30.0, 25.5)
     seen = FrameView(camera, np.array([1.0, -1.0]), np.array([0.5, height - 0.5]))
@@ -175,14 +175,14 @@ def test_frame_is_drawn_as_recorded(card, scene):
     np.testing.assert_allclose(shown[1:-1, 1:-1], image[1:-1, 1:-1] * 255, atol=1.01)
 
 
-def gather_path(scene):
+def frame_path(scene):
     from pipeline.blender.bridge.data_blocks import absolute_path
 
     return absolute_path(scene.oneframe.frame_path)
 
 
 @pytest.mark.gl
-def test_moving_sends_no_mesh_and_editing_does(card, scene):
+def test_moving_uploads_no_mesh_and_editing_does(gpu_context, scene):
     from blender_addon.view.overlay_mesh import drawn_mesh
 
     surface = scene.oneframe.surface
@@ -192,7 +192,7 @@ def test_moving_sends_no_mesh_and_editing_does(card, scene):
     assert drawn_mesh(surface.data) is first
     surface.data.update_tag()
     bpy.context.view_layer.update()
-    # Blender says that it may have changed: looked at, found the same
+    # Blender reports a possible change: checked, and found unchanged
     assert drawn_mesh(surface.data) is first
     surface.data.vertices[7].co.z += 1.0
     surface.data.update()
@@ -202,7 +202,7 @@ def test_moving_sends_no_mesh_and_editing_does(card, scene):
 
 @pytest.mark.gl
 @pytest.mark.parametrize("domain", ["POINT", "CORNER"])
-def test_a_coloured_surface_shows_its_colours(card, domain):
+def test_a_coloured_surface_shows_its_colours(gpu_context, domain):
     found = ball(5.0)
     found.location = (0, 0, -150)
     bpy.context.view_layer.update()
@@ -232,11 +232,11 @@ def test_a_loupe_magnifies_about_its_centre(at, times, size, point):
 
     whole = projection_through(CAMERA)
     expected = np.array(size) / 2 + times * (seen(whole) - at)
-    np.testing.assert_allclose(seen(whole.narrowed(*at, times, *size)), expected, atol=1e-3 * times, rtol=1e-4)
+    np.testing.assert_allclose(seen(whole.magnified(*at, times, *size)), expected, atol=1e-3 * times, rtol=1e-4)
 
 
 @pytest.mark.parametrize("operator", OPERATORS)
-def test_view_operators_come_back_and_move_nothing(in_view, scene, operator):
+def test_view_operators_are_cyclic_and_move_nothing(in_view, scene, operator):
     before, call = poses(scene), getattr(bpy.ops.oneframe, operator)
     view = scene.oneframe_view
 
@@ -258,7 +258,7 @@ def test_view_operators_come_back_and_move_nothing(in_view, scene, operator):
     assert all((a == b).all() for a, b in zip(poses(scene), before, strict=True))
 
 
-def test_opacity_is_the_objects_own(in_view, scene):
+def test_opacity_is_that_of_the_object(in_view, scene):
     opacities, scene.oneframe_view.opacity = [], 1.0
     for _ in range(4):
         bpy.ops.oneframe.cycle_opacity()
@@ -275,7 +275,7 @@ def test_one_comparison_at_a_time(in_view, scene):
         assert scene.oneframe_view.comparison == expected
 
 
-def test_view_operators_leave_other_views_alone(in_view, scene):
+def test_view_operators_are_disabled_in_other_views(in_view, scene):
     in_view.region_3d.view_perspective = "PERSP"
     for operator in (*OPERATORS, "zoom_frame"):
         assert not getattr(bpy.ops.oneframe, operator).poll()
@@ -285,7 +285,7 @@ def test_view_operators_leave_other_views_alone(in_view, scene):
     assert not any(getattr(bpy.ops.oneframe, operator).poll() for operator in (*OPERATORS, "zoom_frame", "show_frame"))
 
 
-def test_every_view_operator_has_a_key_of_its_own_that_is_shown_as_bound(addon):
+def test_every_view_operator_has_its_own_key_and_the_current_binding_is_shown(addon):
     from blender_addon.ui.keymap import binding
 
     keys = [binding(f"oneframe.{operator}") for operator in OPERATORS]
@@ -301,7 +301,7 @@ def test_every_view_operator_has_a_key_of_its_own_that_is_shown_as_bound(addon):
     assert binding("oneframe.toggle_contour") == ""
 
 
-def test_nothing_is_left_behind(addon):
+def test_unregister_leaves_nothing_behind(addon):
     def ours():
         configurations = bpy.context.window_manager.keyconfigs
         keys = [

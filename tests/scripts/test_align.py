@@ -67,7 +67,7 @@ def test_pairs_become_a_case_a_record_and_a_picture(case_path, tmp_path, align):
     write_landmarks(pairs, [*landmarks, wrong, *unused])
     ended = align(case_path, "--landmarks", pairs, FINE, "--out", out, "--json", record, "--picture", picture)
     assert ended.returncode == 0, ended.stderr
-    assert "note: 'wrong one' is" in ended.stdout
+    assert "note: Outlier: 'wrong one' has a reprojection error of" in ended.stdout
     assert re.search(r"wrong one .* left out\n", ended.stdout)
     assert "rms 0.00 px over 7 of 8 landmarks" in ended.stdout
 

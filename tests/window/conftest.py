@@ -1,4 +1,4 @@
-"""Blender's real window on a display of its own, the extension installed in it from the zip, and the sample case."""
+"""Fixtures: Blender's real window on a separate display, the extension installed from the zip, the sample case."""
 
 import os
 import shutil
@@ -20,13 +20,13 @@ def blender() -> str:
     if not (program := os.environ.get("BLENDER")):
         pytest.skip("the environment variable BLENDER names no Blender program")
     if not shutil.which("Xvfb"):
-        pytest.skip("there is no Xvfb, which gives Blender a window without a screen")
+        pytest.skip("Xvfb is not installed, which gives Blender a window without a screen")
     return program
 
 
 @pytest.fixture(scope="session")
 def resources(blender: str, extension_zip: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A user's configuration with the extension installed from the zip, not yet enabled."""
+    """A user configuration with the extension installed from the zip, not enabled."""
     folder = tmp_path_factory.mktemp("resources")
     session.install_extension(blender, extension_zip, folder)
     return folder
@@ -34,7 +34,7 @@ def resources(blender: str, extension_zip: Path, tmp_path_factory: pytest.TempPa
 
 @pytest.fixture(scope="session")
 def sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The case file of the built-in sample, without the photographs that are kept aside."""
+    """The case file of the built-in sample, without the held-out photographs."""
     folder = tmp_path_factory.mktemp("sample")
     *_, case = write_sample_case(folder, sample_surface(), held_out=False)
     return case
@@ -42,13 +42,13 @@ def sample(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def run_in_window(blender: str) -> Callable[..., tuple[int | str, str]]:
-    """Runs a command, given the environment variables that it needs besides, on a display of its own."""
+    """Runs a command on a separate display, with additional environment variables."""
     return session.run_in_window
 
 
 @pytest.fixture
 def play(blender: str, resources: Path, sample: Path, tmp_path: Path) -> Callable[[Path, float], dict]:
-    """Plays a scenario file in a Blender of its own; gives the facts that it found, fails if it fails."""
+    """Plays a scenario file in a separate Blender; returns its facts, and fails if the scenario fails."""
 
     def run(scenario: Path, timeout_s: float) -> dict:
         pictures = PICTURES / scenario.stem.removeprefix("scenario_")

@@ -1,7 +1,7 @@
-"""Plays one scenario in Blender's window and tells how it went. Blender is started with ``-P driver.py -- SETTINGS``.
+"""Plays one scenario in Blender's window and writes its result. Start Blender with ``-P driver.py -- SETTINGS``.
 
 A scenario is a file ``scenario_*.py`` with a generator function ``scenario(user)``; see :mod:`user` for what it can do.
-``SETTINGS`` is a JSON file; the result, JSON as well, is written where it says.
+``SETTINGS`` is a JSON file, which names the file for the result, also JSON.
 """
 
 import faulthandler
@@ -44,20 +44,20 @@ def play(settings: dict) -> at_window.Action:
 
 
 def give_up(seconds: float) -> None:
-    """End Blender where it hangs, with the stacks of all threads; for the case that nobody outside is left to do it."""
-    sys.stderr.write(f"driver: not at an end after {seconds:g} s\n")
+    """End a Blender that hangs, and print the stacks of all threads; needed if the test process is gone."""
+    sys.stderr.write(f"driver: not finished after {seconds:g} s\n")
     faulthandler.dump_traceback(all_threads=True)
     os._exit(1)
 
 
 def main() -> None:
-    # what was written must not be lost when Blender is killed
+    # output must not be lost when Blender is killed
     sys.stdout.reconfigure(line_buffering=True)
     settings = json.loads(Path(sys.argv[sys.argv.index("--") + 1]).read_text())
     preferences = bpy.context.preferences
     preferences.view.show_splash = False
     preferences.view.show_tooltips = False
-    # file selectors in the one window that there is
+    # open file selectors in the main window
     preferences.view.filebrowser_display_type = "SCREEN"
     watchdog = threading.Timer(settings["timeout_s"], give_up, [settings["timeout_s"]])
     watchdog.daemon = True

@@ -1,7 +1,7 @@
-"""What hands do at Blender's window: pointer and keys as simulated events, waiting, and where things are.
+"""Pointer and keyboard at Blender's window as simulated events; waiting; positions in the window.
 
-Every action that takes time is a generator, to be run with ``yield from``: it yields the seconds for which Blender is
-to go on by itself. Places are pixels of the window, from its lower left corner, as Blender counts them.
+Every action that takes time is a generator for ``yield from``: it yields the seconds for which Blender runs before the
+next step. Places are pixels of the window, from its lower left corner, as in Blender.
 """
 
 import time
@@ -16,12 +16,14 @@ Place = tuple[float, float]
 
 KEYS = {"0": "ZERO", "1": "ONE", "2": "TWO", "3": "THREE", "4": "FOUR", "5": "FIVE", "6": "SIX", "7": "SEVEN"}
 KEYS |= {"8": "EIGHT", "9": "NINE", ".": "PERIOD", "-": "MINUS", "/": "SLASH", " ": "SPACE", ",": "COMMA"}
-"""Blender's names of the keys whose characters are not letters."""
+"""Blender's names of the keys for characters other than letters."""
+
 MODIFIER_KEYS = {"ctrl": "LEFT_CTRL", "shift": "LEFT_SHIFT", "alt": "LEFT_ALT", "oskey": "OSKEY"}
-TURN_S = 0.05
-"""One turn of Blender's event loop, and a redraw of what is small."""
+LOOP_S = 0.05
+"""Time for one iteration of Blender's event loop, with a small redraw."""
+
 HOVER_S = 0.15
-"""How long the pointer rests on a button before Blender takes a click on it."""
+"""Time that the pointer rests on a button before Blender accepts a click on it."""
 
 
 class Hands:
@@ -54,7 +56,7 @@ class Hands:
 
     @property
     def view(self) -> bpy.types.RegionView3D:
-        """How the 3D view looks."""
+        """The 3D view's settings: perspective, position, zoom."""
         return self.area.spaces.active.region_3d
 
     def context(self, kind: str = "WINDOW"):
@@ -67,7 +69,7 @@ class Hands:
         return region.x + region.width / 2, region.y + region.height / 2
 
     def of_point(self, point: tuple[float, float, float]) -> Place:
-        """Where a point of the world appears."""
+        """The position of a point of the world in the window."""
         region = self.region()
         found = location_3d_to_region_2d(region, self.view, Vector(point))
         if found is None:
@@ -75,7 +77,7 @@ class Hands:
         return region.x + found.x, region.y + found.y
 
     def of_pixel(self, u: float, v: float) -> Place:
-        """Where a pixel of the scene camera's image appears in camera view; (0, 0) is the top-left pixel's centre."""
+        """The position of a pixel of the scene camera's image in camera view; (0, 0) is the top-left pixel's centre."""
         scene = bpy.context.scene
         right_top, _, left_bottom, left_top = scene.camera.data.view_frame(scene=scene)
         percent = scene.render.resolution_percentage / 100
@@ -87,30 +89,30 @@ class Hands:
     # --- waiting ----------------------------------------------------------------------------------------------------
 
     def until(self, condition: Callable[[], object], what: str, timeout_s: float = 20.0) -> Action:
-        """Wait until a condition holds; fails with ``what`` was expected."""
+        """Wait until a condition holds; ``what`` names it in the message of a failure."""
         end = time.monotonic() + timeout_s
         while not condition():
             if time.monotonic() > end:
                 raise AssertionError(f"expected within {timeout_s:g} s: {what}")
-            yield TURN_S
+            yield LOOP_S
 
     def redraw(self) -> Action:
-        """Wait until the 3D view has been drawn as things are now."""
+        """Wait until the 3D view has been drawn again."""
         drawn = self._draws
         self.area.tag_redraw()
         yield from self.until(lambda: self._draws > drawn, "a redraw of the 3D view", timeout_s=60)
-        yield TURN_S
+        yield LOOP_S
 
     # --- pointer and keys -------------------------------------------------------------------------------------------
 
     def event(self, kind: str, value: str, place: Place | None = None, **modifiers: object) -> None:
-        """One event, at once; by keyword what is held (``ctrl``, ``shift``, ``alt``, ``oskey``), and ``unicode``."""
+        """Send one event; keywords are modifiers held (``ctrl``, ``shift``, ``alt``, ``oskey``) and ``unicode``."""
         self._place = place or self._place
         x, y = (round(number) for number in self._place)
         self.window.event_simulate(type=kind, value=value, x=x, y=y, **modifiers)
 
     def _hold(self, modifiers: dict[str, bool], value: str) -> None:
-        """Press or release the modifier keys themselves; else Blender believes that they stay pressed."""
+        """Press or release the modifier keys; without their own events, Blender keeps them pressed."""
         for name in modifiers:
             self.event(MODIFIER_KEYS[name], value, **(modifiers if value == "PRESS" else {}))
 
@@ -118,9 +120,9 @@ class Hands:
         """Rest the pointer at a place."""
         self.event("MOUSEMOVE", "NOTHING", place)
         yield HOVER_S
-        # a button is hovered only by a second movement
+        # a button reacts to the second movement only
         self.event("MOUSEMOVE", "NOTHING", (place[0] + 1, place[1]))
-        yield TURN_S
+        yield LOOP_S
         self.event("MOUSEMOVE", "NOTHING", place)
         yield HOVER_S
 
@@ -129,7 +131,7 @@ class Hands:
         yield from self.move(place)
         self._hold(modifiers, "PRESS")
         self.event(button, "PRESS", place, **modifiers)
-        yield TURN_S
+        yield LOOP_S
         self.event(button, "RELEASE", place, **modifiers)
         self._hold(modifiers, "RELEASE")
         yield HOVER_S
@@ -139,17 +141,17 @@ class Hands:
         yield from self.move(start)
         self._hold(modifiers, "PRESS")
         self.event(button, "PRESS", start, **modifiers)
-        yield TURN_S
+        yield LOOP_S
         for step in range(1, steps + 1):
             place = tuple(a + (b - a) * step / steps for a, b in zip(start, end, strict=True))
             self.event("MOUSEMOVE", "NOTHING", place, **modifiers)
-            yield TURN_S
+            yield LOOP_S
         self.event(button, "RELEASE", end, **modifiers)
         self._hold(modifiers, "RELEASE")
         yield HOVER_S
 
     def key(self, kind: str, place: Place | None = None, **modifiers: bool) -> Action:
-        """Press and release a key; by default where the pointer is."""
+        """Press and release a key, by default at the current place of the pointer."""
         if place:
             yield from self.move(place)
         self._hold(modifiers, "PRESS")

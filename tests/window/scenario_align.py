@@ -1,4 +1,4 @@
-"""From a rough pose to an aligned one by landmarks, as an annotator works: every click and key is counted."""
+"""From a rough pose to an aligned one by landmarks, as an annotator does it; counts every click and key."""
 
 import bpy
 import numpy as np
@@ -12,7 +12,7 @@ from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_at
 
 FEATURES = [(170, 250), (330, 190), (800, 190), (860, 560), (460, 540), (150, 600), (640, 330), (560, 120)]
-"""Pixels of the frame at which the user finds what can be told apart."""
+"""Pixels of the frame at which the user recognises features."""
 MOST_ACTIONS = 16
 
 
@@ -58,7 +58,7 @@ def scenario(user):
         pose = from_scene.cam_from_model(scene)
         seen = camera.project(transform_points(pose, point[None]))[0]
         hit = surface_point_at(scene, seen)
-        # a feature that the pose at hand hides is left for another
+        # skip a feature that is hidden at the current pose
         if hit is None or np.linalg.norm(hit - point) > 1.0 or not in_view(user, scene, seen):
             continue
         yield from counted.click(place(user, scene, seen), shift=True)
@@ -107,7 +107,7 @@ def scenario(user):
 
 
 class Counted:
-    """Counts what the user does."""
+    """Counts the user's actions."""
 
     def __init__(self, user):
         self.user, self.actions = user, 0
@@ -126,7 +126,7 @@ def complete(scene):
 
 
 def place(user, scene, pixel):
-    """Where a pixel of the frame is in the window."""
+    """The position of a frame pixel in the window."""
     region = user.region()
     x, y = FrameView.of(scene, region, user.view).region_from_px(pixel)
     return region.x + x, region.y + y
@@ -139,14 +139,14 @@ def in_view(user, scene, pixel):
 
 
 def visible_points(scene, camera):
-    """Points of the surface that the frame shows."""
+    """Visible points of the surface."""
     u, v = np.meshgrid(np.linspace(20, camera.width - 20, 12), np.linspace(20, camera.height - 20, 9))
     found = [surface_point_at(scene, pixel) for pixel in np.stack([u.ravel(), v.ravel()], axis=1)]
     return np.array([point for point in found if point is not None])
 
 
 def error_px(scene, camera, points, true_pose):
-    """Mean distance in the frame of surface points from where they should be."""
+    """Mean distance in the frame between the projections of surface points at the current and at the true pose."""
     here, there = (
         camera.project(transform_points(pose, points)) for pose in (from_scene.cam_from_model(scene), true_pose)
     )

@@ -1,7 +1,7 @@
-"""The window shows frame and surface where K and pose say, to 0.1 px of the frame, as the renderer of the dataset does.
+"""The window and the dataset's renderer show frame and surface where K and pose project them, to 0.1 px of the frame.
 
-A frame with dots, and a surface of small plates that appear at the same pixels, at depths from 240 to 360 mm, far from
-a symmetric camera. Their centres are measured in pictures of the window.
+The frame shows dots. The surface consists of small plates that project to the same pixels, at depths from 240 to
+360 mm; the principal point is off centre. The scenario measures the centres of both in pictures of the window.
 """
 
 import itertools
@@ -52,12 +52,12 @@ def scenario(user):
     space.show_gizmo = False
     background = scene.oneframe.camera_object.data.background_images[0]
 
-    # so that the window's own pixels are smaller than the tolerance asks for
+    # zoom in until the window's pixels are smaller than the tolerance
     user.view.view_camera_zoom = 90.0
     per_offset, at_zero = yield from pan_rule(user)
     scale = FrameView.of(scene, user.region(), user.view).scale
     region_middle = np.array([user.region().width, user.region().height]) / 2
-    # the frame's picture is drawn with the overlays, of which nothing else is wanted
+    # the frame is drawn with the overlays: switch off all others
     for what in ("show_floor", "show_axis_x", "show_axis_y", "show_cursor", "show_text", "show_extras"):
         setattr(space.overlay, what, False)
     for shown in ("frame", "surface"):
@@ -84,7 +84,7 @@ def scenario(user):
 
 
 def pan_rule(user):
-    """Region pixels by which the frame moves when the view's offset grows by one, and where it is at offset 0."""
+    """Region pixels by which the frame moves per unit of the view's offset, and its position at offset 0."""
     seen = []
     for offset in (0.0, 0.01):
         user.view.view_camera_offset = offset, offset
@@ -94,7 +94,7 @@ def pan_rule(user):
 
 
 def write_dotted_case(folder, dots, rng):
-    """The dots as an image, and as plates parallel to it in front of the camera."""
+    """Write a case with the dots as its frame, and plates parallel to the image as its surface."""
     v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
     image = np.zeros(CAMERA.shape_hw)
     for x, y in dots:
@@ -118,7 +118,7 @@ def write_dotted_case(folder, dots, rng):
 
 
 def distances(picture, region, view, dots):
-    """By number of the dot in view: how far the middle of its bright spot in the window is from it, px of the frame."""
+    """Index of each dot in view -> distance of its bright spot's centroid in the window from it, px of the frame."""
     grey = picture.astype(float).mean(axis=2)[::-1]
     grey = grey[region.y : region.y + region.height, region.x : region.x + region.width]
     reach = 1.6 * RADIUS_PX * view.magnification
@@ -137,14 +137,14 @@ def distances(picture, region, view, dots):
 
 
 def centroid(spot):
-    """(x, y) of a spot's middle, the first pixel's centre at 0."""
+    """(x, y) of a spot's centroid; the first pixel's centre is at 0."""
     weight = np.clip(spot - spot.min(), 0, None)
     y, x = np.mgrid[: spot.shape[0], : spot.shape[1]]
     return np.array([(x * weight).sum(), (y * weight).sum()]) / weight.sum()
 
 
 def rendered_distances(loaded, dots):
-    """The same in the renderer's silhouette of the frame's pose, rendered finer: a mask has whole pixels only."""
+    """The same distances in the renderer's silhouette at the frame's pose, at higher resolution: a mask is binary."""
     fine = 3
     camera = loaded.case.camera.resized(fine * CAMERA.width, fine * CAMERA.height)
     with SurfaceScene(loaded.mesh, camera, None) as surface_scene:

@@ -1,4 +1,4 @@
-"""Enable the extension, find its tab in the sidebar, disable it: nothing is left."""
+"""Enable the extension, find its tab in the sidebar, disable it: nothing is left behind."""
 
 import addon_utils
 import bpy

@@ -1,4 +1,4 @@
-"""What the simulated user can do, on Blender's own buttons: find, type, drag, undo, choose a file, hit a pixel."""
+"""Tests the simulated user on Blender's own interface: find, type, drag, undo, choose a file, hit a pixel."""
 
 import bpy
 from bpy_extras.object_utils import world_to_camera_view
@@ -54,7 +54,7 @@ def cube_x() -> float:
 
 
 def check_pixel(user, point) -> None:
-    """A point of the world and its pixel in the camera's image are found at the same place."""
+    """A point of the world and its pixel in the camera's image are at the same place in the window."""
     scene = bpy.context.scene
     across, up, _ = world_to_camera_view(scene, scene.camera, point)
     pixel = across * scene.render.resolution_x - 0.5, (1 - up) * scene.render.resolution_y - 0.5

@@ -1,4 +1,4 @@
-"""Landmarks by mouse: pins that pull, drags that are fine or taken back, use and deletion, picks in other views."""
+"""Landmarks by mouse: pins, drags that are fine or cancelled, disabling and deleting, picks in other views."""
 
 import addon_utils
 import bpy
@@ -33,18 +33,18 @@ def scenario(user):
     yield from drag(user)
     yield from use_and_delete(user)
     yield from pick_elsewhere(user)
-    yield from disable_with_the_tool_in_hand(user)
+    yield from disable_with_active_tool(user)
 
 
 def pull(user, points):
-    """Each pin brings its own point to its place, the others stay; one undo step each."""
+    """Each pin brings its point to its pixel while the other points stay; one undo step each."""
     for count, (point, pixel) in enumerate(zip(points, FEATURES, strict=True), start=1):
         before = errors_px(points)
         yield from user.drag(place(user, seen(point[None])[0]), place(user, pixel), ctrl=True)
         yield from user.until(lambda number=count: len(entries()) == number, f"pin {count}")
         yield from user.redraw()
         user.facts[f"px after {count} pins"] = round(float(errors_px(points).mean()), 1)
-        # the pointer stands on whole pixels of the screen, where it presses and where it lets go
+        # the pointer is on whole screen pixels, at the press and at the release
         on_screen = errors_px(points)[:count] * frame_view(user).magnification
         assert on_screen.max() < 2.5, (count, before, on_screen)
     yield from user.picture("1_pins")
@@ -57,7 +57,7 @@ def pull(user, points):
 
 
 def drag(user):
-    """An image point follows the pointer, the pose follows it; Esc puts all back; Shift is ten times finer."""
+    """An image point follows the pointer and the pose follows it; Esc restores both; Shift is 10 times finer."""
     pixel, pose = pixel_of(1), from_scene.cam_from_model(bpy.context.scene)
     at = place(user, pixel)
     yield from user.move(at)
@@ -71,10 +71,10 @@ def drag(user):
     yield from user.picture("2_drag")
     user.event("ESC", "PRESS", at)
     user.event("ESC", "RELEASE", at)
-    yield from user.until(lambda: np.array_equal(pixel_of(1), pixel), "the drag taken back")
+    yield from user.until(lambda: np.array_equal(pixel_of(1), pixel), "the drag cancelled")
     user.event("LEFTMOUSE", "RELEASE", at)
     yield from user.until(
-        lambda: np.array_equal(from_scene.cam_from_model(bpy.context.scene), pose), "the pose put back"
+        lambda: np.array_equal(from_scene.cam_from_model(bpy.context.scene), pose), "the pose restored"
     )
     yield 0.2
 
@@ -94,7 +94,7 @@ def drag(user):
 def use_and_delete(user):
     at = place(user, pixel_of(2))
     yield from user.click(at, alt=True)
-    yield from user.until(lambda: not entries()[2].enabled, "the landmark to be left out")
+    yield from user.until(lambda: not entries()[2].enabled, "the landmark to be disabled")
     yield from user.key("X", place(user, pixel_of(2)))
     yield from user.until(lambda: len(entries()) == len(FEATURES) - 1, "the landmark deleted")
     objects = len(bpy.data.objects)
@@ -104,7 +104,7 @@ def use_and_delete(user):
 
 
 def pick_elsewhere(user):
-    """A click in another view picks on the surface; what it belongs to is picked in the frame."""
+    """A click in another view picks a surface point; the next click in the frame picks its image point."""
     count = len(entries())
     user.view.view_perspective = "PERSP"
     with user.context():
@@ -124,7 +124,7 @@ def pick_elsewhere(user):
     assert solve.solution(bpy.context.scene).estimate is not None
 
 
-def disable_with_the_tool_in_hand(user):
+def disable_with_active_tool(user):
     addon_utils.disable(ADDON)
     yield from user.redraw()
     tool = user.window.workspace.tools.from_space_view3d_mode("OBJECT")
@@ -146,7 +146,7 @@ def frame_view(user):
 
 
 def place(user, pixel):
-    """Where a pixel of the frame is in the window: the screen's pixel that shows it."""
+    """The screen pixel of the window that shows a pixel of the frame."""
     region, at = user.region(), frame_view(user).region_from_px(pixel)
     return region.x + float(np.floor(at[0])), region.y + float(np.floor(at[1]))
 

@@ -1,4 +1,4 @@
-"""The surface moves by a key that is held and by a handle that is dragged: as far as asked for, one undo each."""
+"""A held key and a dragged handle move the surface by the right distance; each is one undo step."""
 
 import bpy
 import numpy as np
@@ -13,14 +13,14 @@ from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 
 def scenario(user):
     with user.context():
-        # an undo step of its own, as when a user opens it
+        # as a separate undo step, as when a user opens it
         bpy.ops.oneframe.open_case("EXEC_DEFAULT", True, filepath=str(user.case))
     yield from user.redraw()
     start = pose()
 
     yield from user.move(user.middle())
     for _ in range(3):
-        # a key that is held repeats its press
+        # a held key repeats its press
         user.event("RIGHT_ARROW", "PRESS")
         yield 0.1
     user.event("RIGHT_ARROW", "RELEASE")
@@ -29,13 +29,13 @@ def scenario(user):
     yield from user.key("Z", user.middle(), ctrl=True)
     yield from user.until(lambda: np.array_equal(pose(), start), "all of them undone at once")
 
-    for mode, way, expected in (("shift", (40, -24), (40, 24)), ("depth", (0, 30), (0, 0))):
+    for mode, path, expected in (("shift", (40, -24), (40, 24)), ("depth", (0, 30), (0, 0))):
         handle = handle_place(user, {"shift": (0, 0), "depth": (1, 1)}[mode])
         per_px = view(user).magnification
-        yield from user.drag(handle, (handle[0] + way[0], handle[1] + way[1]))
+        yield from user.drag(handle, (handle[0] + path[0], handle[1] + path[1]))
         yield from user.until(lambda: not np.array_equal(pose(), start), f"the surface dragged ({mode})")
         yield from user.redraw()
-        # the pointer stands on whole pixels of the window
+        # the pointer is on whole pixels of the window
         assert np.allclose(moved(start), np.array(expected) / per_px, atol=1.5 / per_px), (mode, moved(start))
         yield from user.picture(mode)
         if mode == "depth":
@@ -52,7 +52,7 @@ def scenario(user):
         yield 0.1
     yield from user.until(lambda: not np.array_equal(pose(), start), "the surface under the pointer")
     yield from user.key("ESC")
-    yield from user.until(lambda: np.array_equal(pose(), start), "Esc puts it back")
+    yield from user.until(lambda: np.array_equal(pose(), start), "Esc to cancel the drag")
     user.event("LEFTMOUSE", "RELEASE")
     yield 0.2
 
@@ -71,7 +71,7 @@ def pose():
 
 
 def moved(start):
-    """By how many pixels of the frame the pivot has moved."""
+    """``(2,)`` movement of the pivot, pixels of the frame."""
     scene = bpy.context.scene
     pivot, _ = pivot_of(scene)
     camera = from_scene.camera(scene)
@@ -84,7 +84,7 @@ def view(user):
 
 
 def handle_place(user, place):
-    """The middle of a handle in the window, by its place on the pad."""
+    """The middle of a handle in the window, given its (column, row) on the grid."""
     scene, region = bpy.context.scene, user.region()
     pivot, _ = pivot_of(scene)
     now = pose()

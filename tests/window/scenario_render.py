@@ -1,4 +1,4 @@
-"""After the alignment: colours, poses and a view previewed, a dataset started, cancelled and gone on with."""
+"""After the alignment: project colours, preview poses and a view, start, cancel and resume a dataset."""
 
 import json
 
@@ -11,7 +11,7 @@ from bl_ext.user_default.oneframe.dataset import background_job
 from bl_ext.user_default.oneframe.state import from_scene
 
 VIEWS = 200
-"""More than are made while a picture of the window is taken."""
+"""More than are rendered while a picture of the window is taken."""
 
 
 def scenario(user):
@@ -25,7 +25,7 @@ def scenario(user):
         with user.context():
             assert bpy.ops.oneframe.project_colour(mode=mode) == {"FINISHED"}
         yield from user.picture(f"1_colour_{mode}")
-    # seen from elsewhere, what the frame did not see is marked
+    # seen from elsewhere, the unseen surface is marked
     user.view.view_perspective = "PERSP"
     yield from user.redraw()
     with user.context():
@@ -51,7 +51,7 @@ def scenario(user):
     kept = views(out)
     assert 3 <= len(kept) < VIEWS
     yield 1.0
-    assert views(out) == kept, "a cancelled job went on"
+    assert views(out) == kept, "a cancelled job continued"
     user.facts["views when cancelled"] = len(kept)
 
     with user.context():
@@ -70,5 +70,5 @@ def running():
 
 
 def views(out):
-    """The finished views and when they were."""
+    """The finished views and their times."""
     return {path.name: path.stat().st_mtime_ns for path in out.glob("train_pbr/*/frame/*.json")}

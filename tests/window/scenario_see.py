@@ -1,4 +1,4 @@
-"""Keys, wheel and loupe in the camera view: what they show is right, and the pose stays what it was to the last bit."""
+"""Keys, wheel and loupe in the camera view show the right thing, and the pose stays the same to the last bit."""
 
 import itertools
 import time
@@ -43,14 +43,14 @@ def seen(user):
 
 
 def zoom(user, scene):
-    """Also where the view is locked to the camera, which then must not move with it."""
+    """Zoom with the wheel, also with the view locked to the camera, which must not move then."""
     region = user.region()
     corner = np.array([region.x, region.y])
     moved, largest = [], 0.0
-    for lock, part in ((False, (0.35, 0.6)), (True, (0.6, 0.4))):
+    for lock, fraction in ((False, (0.35, 0.6)), (True, (0.6, 0.4))):
         user.area.spaces.active.lock_camera = lock
         yield from user.key("HOME", user.middle())
-        yield from user.move(tuple(np.round(corner + np.array(part) * [region.width, region.height])))
+        yield from user.move(tuple(np.round(corner + np.array(fraction) * [region.width, region.height])))
         place = np.round(user._place)
         under = seen(user).px_from_region(place - corner)
         for kind in ["WHEELUPMOUSE"] * 15 + ["WHEELDOWNMOUSE"] * 8:
@@ -83,7 +83,7 @@ def keys(user, scene):
     ):
         assert not state(), key
         yield from user.key(key)
-        yield from user.until(state, f"what the key {key} does")
+        yield from user.until(state, f"the effect of key {key}")
         yield from user.picture(f"see_{key.lower()}")
     for key in ("SIX", "THREE", "TWO"):
         yield from user.key(key)
@@ -129,7 +129,7 @@ def compare(user, scene):
 
 
 def shown(user):
-    """The middle of what the view shows of the frame, float RGB, top row first."""
+    """The middle of the frame in the view, float RGB, top row first."""
     region = user.region()
     picture = x11_capture.capture()[::-1][region.y : region.y + region.height, region.x : region.x + region.width]
     width, height = seen(user).camera.size_wh
@@ -138,7 +138,7 @@ def shown(user):
 
 
 def magnify(user, scene):
-    """What the loupe shows is the file's picture, enlarged about the very pixel under the pointer."""
+    """The loupe shows the file's picture, enlarged about exactly the pixel under the pointer."""
     with user.context():
         bpy.ops.wm.tool_set_by_id(name=loupe.TOOL)
     image, _ = read_image(Path(bpy.path.abspath(scene.oneframe.frame_path)))
@@ -151,7 +151,7 @@ def magnify(user, scene):
         pointer = np.round(user._place) + 0.5 - np.array([region.x, region.y])
         left, below = loupe.corner(region, *pointer, size)
         window = x11_capture.capture()[::-1].astype(float)[region.y + below :, region.x + left :][:size, :size]
-        y, x = (np.mgrid[:size, :size] + 0.5 - size / 2) / loupe.TIMES
+        y, x = (np.mgrid[:size, :size] + 0.5 - size / 2) / loupe.MAGNIFICATION
         at = seen(user).px_from_region(pointer)
         errors = {}
         for dx, dy in itertools.product((-0.5, -0.25, 0.0, 0.25, 0.5), repeat=2):
@@ -176,7 +176,7 @@ def bilinear(image, u, v):
 
 
 def undo(user):
-    """A change of the view is one step of undo, and does not take back what was before."""
+    """A change of the view is one undo step, which does not undo the change before it."""
     yield from user.move(user.middle())
     bpy.ops.ed.undo_push(message="the view as it is")
     before = placed(bpy.context.scene)

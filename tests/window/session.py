@@ -1,4 +1,4 @@
-"""One scenario in Blender's real window: the program on a display of its own, the extension installed from its zip.
+"""Plays one scenario in Blender's real window, on a separate display, with the extension installed from its zip.
 
 Used by the fixtures of these tests and by ``scripts/dev/make_screenshots.py``.
 """
@@ -24,12 +24,12 @@ SIZE = 1280, 800
 
 
 def window_flags(size_wh: tuple[int, int] = SIZE) -> list[str]:
-    """Blender's flags for a window that fills the display; rendered in software, Vulkan draws lines wrongly."""
+    """Blender's flags for a window that fills the display; OpenGL, since Vulkan in software draws lines wrongly."""
     return ["--gpu-backend", "opengl", "--window-geometry", "0", "0", *map(str, size_wh)]
 
 
 def install_extension(blender: str, extension_zip: Path, resources: Path) -> None:
-    """Install the extension, not yet enabled, into a user's configuration of its own."""
+    """Install the extension, without enabling it, into a separate user configuration."""
     ended = subprocess.run(
         [blender, "--command", "extension", "install-file", "-r", "user_default", extension_zip],
         capture_output=True,
@@ -54,7 +54,7 @@ def play_scenario(
     timeout_s: float,
     size_wh: tuple[int, int] = SIZE,
 ) -> dict:
-    """Play a scenario file in a Blender of its own.
+    """Play a scenario file in a separate Blender.
 
     Parameters
     ----------
@@ -63,15 +63,15 @@ def play_scenario(
     scenario
         A file with a generator function ``scenario(user)``.
     resources
-        A configuration with the extension installed; copied, never changed.
+        A configuration with the extension installed; it is copied, not changed.
     case
-        The case file that the user opens; copied with its folder.
+        The case file that the user opens; it is copied with its folder.
     folder
-        An empty folder for everything that is written on the way.
+        An empty folder for everything that the session writes.
     pictures
-        Where the pictures of the window go, as PNG; emptied first.
+        Folder for the pictures of the window, as PNG; emptied first.
     timeout_s, size_wh
-        When Blender is stopped; size of the window in pixels.
+        Time after which Blender is stopped; size of the window in pixels.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def play_scenario(
     Raises
     ------
     AssertionError
-        The scenario failed, or Blender ended otherwise than it should.
+        The scenario failed, or Blender ended with an error.
     """
     own = folder / "resources"
     shutil.copytree(resources, own, copy_function=_copy)
@@ -100,7 +100,7 @@ def play_scenario(
         _keep_pictures(folders["pictures"], pictures)
     assert result.exists(), f"Blender ended with {status}:\n{output}"
     found = json.loads(result.read_text())
-    assert found["passed"], f"{found.get('error')}\nwhat Blender wrote:\n{output}"
+    assert found["passed"], f"{found.get('error')}\noutput of Blender:\n{output}"
     assert status == 0, f"Blender ended with {status}:\n{output}"
     assert "Policy violation" not in output
     return found["facts"]
@@ -109,7 +109,7 @@ def play_scenario(
 def run_in_window(
     command: list, timeout_s: float, size_wh: tuple[int, int] = SIZE, **environment: object
 ) -> tuple[int | str, str]:
-    """Run a command on a display of its own, with these environment variables besides; exit status and output."""
+    """Run a command on a separate display with additional environment variables; returns exit status and output."""
     settings = {name: str(value) for name, value in environment.items()}
     with _display(size_wh) as name:
         return _run_group(list(map(str, command)), os.environ | settings | {"DISPLAY": name}, timeout_s)
@@ -117,7 +117,7 @@ def run_in_window(
 
 @contextmanager
 def _display(size: tuple[int, int]) -> Iterator[str]:
-    """A display in memory; its name."""
+    """Start a display in memory; yields its name."""
     reading, writing = os.pipe()
     screen = f"{size[0]}x{size[1]}x24"
     server = subprocess.Popen(
@@ -139,13 +139,13 @@ def _display(size: tuple[int, int]) -> Iterator[str]:
 
 
 def _end_with_parent() -> None:
-    """In a child: end when the tests are killed and can no longer end it."""
+    """In a child process: end with the parent, which cannot end it once killed."""
     pr_set_pdeathsig = 1
     ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
 
 
 def _copy(source: str, target: str) -> None:
-    """Wheels, which are large, as links; Blender's own records as copies, since it writes into them."""
+    """Link wheels, which are large; copy everything else, since Blender writes to its own records."""
     if source.endswith(".whl"):
         with suppress(OSError):
             os.link(source, target)
@@ -154,7 +154,7 @@ def _copy(source: str, target: str) -> None:
 
 
 def _run_group(command: list[str], environment: dict[str, str], timeout_s: float) -> tuple[int | str, str]:
-    """Exit status and all output of a command; killed with all its children when the time is up."""
+    """Run a command and return exit status and output; kill it with its children after the timeout."""
     with tempfile.TemporaryFile("w+") as output:
         process = subprocess.Popen(
             command,
@@ -167,7 +167,7 @@ def _run_group(command: list[str], environment: dict[str, str], timeout_s: float
         try:
             status: int | str = process.wait(timeout_s)
         except subprocess.TimeoutExpired:
-            status = f"nothing, after {timeout_s:g} s"
+            status = f"no exit status after {timeout_s:g} s"
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)

@@ -32,7 +32,7 @@ def test_opens_the_case_in_a_blender(run_in_window, blender, sample, extension_z
     assert f"opened {sample} " in output
 
 
-def test_a_missing_blender_is_told_in_one_line(capsys):
+def test_a_missing_blender_gives_one_line(capsys):
     assert addon_dev.main(["--blender", "no-such-program"]) == 2
     messages = capsys.readouterr().err
     assert messages.count("\n") == 1

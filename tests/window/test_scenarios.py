@@ -1,4 +1,4 @@
-"""What a user does in Blender's real window: every ``scenario_*.py`` of this folder, each in a Blender of its own.
+"""Plays every ``scenario_*.py`` of this folder in Blender's real window, each in a separate Blender.
 
 A scenario that takes long has a line ``TIMEOUT_S = 600``.
 """
@@ -24,7 +24,7 @@ def test_scenario(scenario, play):
     ("body", "messages", "timeout_s"),
     [
         ("yield from user.until(lambda: False, 'the moon', timeout_s=0.2)", "the moon", TIMEOUT_S),
-        ("while True: pass", "not at an end", 8),
+        ("while True: pass", "not finished after", 8),
     ],
 )
 def test_a_scenario_that_goes_wrong_fails(body, messages, timeout_s, play, tmp_path):

@@ -24,16 +24,16 @@ class User(Hands):
     case
         The case file of the sample.
     folder
-        Where the scenario may write what it likes.
+        Folder for the scenario's own files.
     facts
-        What the scenario measured, by name; printed with its result.
+        Measurements of the scenario by name; printed with its result.
     """
 
     def __init__(self, case: Path, folder: Path, pictures: Path) -> None:
         super().__init__()
         self.case, self.folder, self.facts = case, folder, {}
         self._pictures = pictures
-        # of each button: pixels from the sidebar's left edge, and from the top of its content (negative)
+        # position of each button: pixels from the sidebar's left edge, and from the top of its content (negative)
         self._seen: dict[str, Place] = {}
 
     # --- the sidebar ------------------------------------------------------------------------------------------------
@@ -58,7 +58,7 @@ class User(Hands):
         return sidebar.active_panel_category == tab
 
     def closed_panels(self) -> list[Place]:
-        """Where to click to open the panels in sight, from top to bottom."""
+        """Where to click to open the visible panels, from top to bottom."""
         return self._seen_in_sidebar(sidebar_picture.closed_panels)
 
     def _seen_in_sidebar(self, look: Callable[[np.ndarray], list[tuple[int, int]]]) -> list[Place]:
@@ -113,7 +113,7 @@ class User(Hands):
                 self.event("MOUSEMOVE", "NOTHING", place)
                 yield 0.08
                 found = self.hovered()
-                if found == before:  # perhaps Blender has not noticed yet
+                if found == before:  # Blender may not have updated yet
                     yield HOVER_S
                     found = self.hovered()
                 if before := found:
@@ -132,9 +132,9 @@ class User(Hands):
         yield from self.click(place)
 
     def type_into(self, name: str, text: str) -> Action:
-        """Replace what stands in a field of the sidebar."""
+        """Replace the content of a field of the sidebar."""
         place = yield from self.find(name)
-        # over a field, Return starts the editing of its text, all of it selected
+        # over a field, Return starts editing its text, with all of it selected
         yield from self.key("RET", place)
         yield from self.type_text(text)
         yield from self.key("RET")
@@ -154,14 +154,14 @@ class User(Hands):
         yield HOVER_S
 
     def _scroll_on(self) -> Generator[float, None, bool]:
-        """A sidebar's height further down, less a little; False at the end."""
+        """Scroll down by a little less than the sidebar's height; returns False at the end."""
         sidebar = self.region("UI")
         before = sidebar.view2d.region_to_view(0, 0)[1]
         yield from self._scroll(60 - sidebar.height)
         return sidebar.view2d.region_to_view(0, 0)[1] < before
 
     def _scroll_to(self, height: float) -> Action:
-        """Until that height of the content is in sight."""
+        """Scroll until that height of the content is visible."""
         sidebar = self.region("UI")
         below = sidebar.view2d.region_to_view(0, 30)[1] - height
         above = height - sidebar.view2d.region_to_view(0, sidebar.height - 30)[1]
@@ -175,7 +175,7 @@ class User(Hands):
     # --- files ------------------------------------------------------------------------------------------------------
 
     def choose_file(self, path: Path) -> Action:
-        """Choose a file in the file selector that has opened, which may not be there yet."""
+        """Choose a file in the file selector; waits for it to open."""
         yield from self.until(lambda: self._selector() and self._selector().spaces.active.params, "a file selector")
         yield 0.3
         selector = self._selector()
@@ -192,7 +192,7 @@ class User(Hands):
     # --- looking ----------------------------------------------------------------------------------------------------
 
     def look(self) -> Generator[float, None, np.ndarray]:
-        """The picture of the window once two in a row are the same: what was drawn is on the screen by then."""
+        """The picture of the window once two in a row are equal, so that all drawing is on the screen."""
         before = None
         for _ in range(25):
             now = x11_capture.capture()
@@ -200,10 +200,10 @@ class User(Hands):
                 return now
             before = now
             yield 0.2
-        raise AssertionError("expected a window that comes to rest")
+        raise AssertionError("expected two equal pictures of the window in a row, found none in 25")
 
     def picture(self, name: str) -> Action:
-        """Keep a picture of the whole window under a name."""
+        """Save a picture of the whole window under a name."""
         for area in self.window.screen.areas:
             area.tag_redraw()
         if any(area.type == "VIEW_3D" for area in self.window.screen.areas):

@@ -1,6 +1,6 @@
-"""The picture on an X11 display, through Xlib itself.
+"""Captures the picture of an X11 display through Xlib.
 
-Blender's own screenshot operators give black pictures with the OpenGL backend in software, and still say FINISHED.
+With OpenGL in software, Blender's own screenshot operators give black pictures and still return FINISHED.
 """
 
 import ctypes
@@ -13,7 +13,7 @@ ALL_PLANES = 0xFFFFFFFF
 
 
 class XImage(ctypes.Structure):
-    """The first fields of Xlib's structure, as far as they are used here."""
+    """The first fields of Xlib's structure, up to the last one used here."""
 
     _fields_ = [
         *((name, ctypes.c_int) for name in ("width", "height", "xoffset", "format")),

@@ -7,7 +7,8 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.landmarks import Landmark
-from .solver import PoseEstimate, UndeterminedPose, solve_pose
+from .degeneracy import UndeterminedPose
+from .solver import PoseEstimate, solve_pose
 
 
 @dataclass(frozen=True)

@@ -24,26 +24,28 @@ from .reprojection import Correspondences, Poses, residuals
 __all__ = ["PoseEstimate", "UndeterminedPose", "solve_pose"]
 
 FEW_CORRESPONDENCES = 6
+"""Fewer inliers than this give a warning."""
+
 RIVAL_ODDS = 0.05
 """A second hypothesis is a rival if its probability relative to the best one is at least this."""
 
 RIVAL_MIN_DEG, RIVAL_MIN_SIGMAS = 3.0, 5.0
-"""Two poses closer than this, both in angle and in projected points over click noise, are the same to the user."""
+"""Poses that differ by less than both, in angle and in projected points over click noise, count as the same."""
 
 CONTRADICTION_MAX_DEG = 10.0
 """Rivals with other inliers that differ by at most this from the best pose give a warning, not a refusal."""
 
 NEAR_START_DEG, NEARER_START_RATIO = 30.0, 3.0
-"""The initial pose decides between rivals if one is within this angle of it, and all others farther by this ratio."""
+"""The initial pose decides between rivals if one is within this angle, and all others are this many times as far."""
 
 LARGE_NOISE_RATIO = 2.5
-"""Noise estimate over stated noise beyond which a warning is given."""
+"""Ratio of estimated to stated click noise beyond which a warning is given."""
 
 UNCERTAIN_ROTATION_DEG, UNCERTAIN_RELATIVE_DEPTH = 2.0, 0.03
 """Standard deviations of a rotation, and of the depth relative to the depth, beyond which a warning is given."""
 
 MIRROR_ODDS = 1000.0
-"""The mirror image is mentioned if it is more probable by this factor: mirrored meshes are rare."""
+"""A warning suggests a mirrored mesh if the mirror image is more probable by this factor: mirrored meshes are rare."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class PoseEstimate:
     cam_from_model
         ``(4, 4)``, mm, OpenCV axes.
     residuals_px
-        ``(N, 2)`` clicked minus predicted pixel; NaN for an outlier behind the camera.
+        ``(N, 2)`` clicked minus projected pixel; NaN for an outlier behind the camera.
     inliers
         ``(N,)`` bool: the correspondences that the pose was fitted to.
     rms_px
@@ -86,8 +88,8 @@ def solve_pose(
     """Estimate the pose from surface points and the pixels that show them.
 
     Closed-form solutions from all correspondences and from samples of three are refined (Levenberg-Marquardt). From 5
-    correspondences on, outliers are left out. The most probable hypothesis wins. Deterministic; takes of the order of
-    10 ms for 20 correspondences.
+    correspondences on, outliers are excluded. The most probable hypothesis wins. Deterministic; takes about 10 ms for
+    20 correspondences.
 
     Parameters
     ----------
@@ -100,16 +102,16 @@ def solve_pose(
     click_sigma_px
         Click noise: standard deviation in each image direction.
     start
-        ``(4, 4)`` the current cam_from_model, if there is one: decides between poses that fit equally well.
+        ``(4, 4)`` initial cam_from_model, if there is one: decides between poses that fit equally well.
     names
-        What messages call the correspondences; their numbers from 1 if left out.
+        Names of the correspondences in messages; by default their numbers from 1.
 
     Raises
     ------
     UndeterminedPose
         The correspondences do not determine a pose: see :mod:`.degeneracy`.
     InputError
-        Wrong shapes, coordinates that are not finite, a click noise that is not positive.
+        Shapes do not match, a coordinate is not finite, or the click noise is not positive.
     """
     points_model, pixels, names = _checked_input(points_model, pixels, names, click_sigma_px)
     check_correspondences(points_model, pixels, names)
@@ -172,7 +174,7 @@ def _start_poses(start: np.ndarray | None, correspondences: Correspondences) -> 
 def _mirror_hypothesis(
     correspondences: Correspondences, found: list[Hypothesis], click_sigma_px: float
 ) -> Hypothesis | None:
-    """The best hypothesis for the mirror image of the points, if it is much more probable than that for the points."""
+    """The best hypothesis for the mirror image of the points, if it is much more probable than the points' own."""
     if found and found[0].inliers.all() and found[0].noise_px <= LARGE_NOISE_RATIO * click_sigma_px:
         return None
     image = Correspondences(
@@ -191,7 +193,7 @@ def _choose(
     click_sigma_px: float,
     names: list[str],
 ) -> tuple[Hypothesis, list[str]]:
-    """The best hypothesis, or among rivals the one near the initial pose, and warnings.
+    """Choose the best hypothesis, or among rivals the one near the initial pose; returns it with warnings.
 
     Raises
     ------
@@ -260,9 +262,9 @@ def _warnings(
 ) -> list[str]:
     messages = []
     for index in np.flatnonzero(~chosen.inliers):
-        length = np.linalg.norm(residuals_px[index])
-        reason = f"is {length:.3g} px from where the others put it" if np.isfinite(length) else "lies behind the camera"
-        messages.append(f"{names[index]!r} {reason} and was left out: check it, or disable it.")
+        error_px = np.linalg.norm(residuals_px[index])
+        reason = f"has a reprojection error of {error_px:.3g} px" if np.isfinite(error_px) else "lies behind the camera"
+        messages.append(f"Outlier: {names[index]!r} {reason} and was excluded. Check or disable it.")
     if mirrored is not None:
         messages.append(
             "The mirror image of the surface fits much better than the surface: check whether the mesh is mirrored."
@@ -270,7 +272,7 @@ def _warnings(
     if chosen.noise_px > LARGE_NOISE_RATIO * click_sigma_px:
         messages.append(
             f"The residuals are larger than a click noise of {click_sigma_px:g} px explains; they suggest "
-            f"{format_two_digits(chosen.noise_px)} px: check the correspondences, K and the mesh."
+            f"{format_two_digits(chosen.noise_px)} px. Check the correspondences, K and the mesh."
         )
     rotation_deg, depth = uncertainty.largest_rotation_deg, uncertainty.relative_depth
     if rotation_deg > UNCERTAIN_ROTATION_DEG or depth > UNCERTAIN_RELATIVE_DEPTH:
@@ -278,7 +280,7 @@ def _warnings(
     count = int(chosen.inliers.sum())
     if count < FEW_CORRESPONDENCES:
         messages.append(
-            f"The pose rests on {count} correspondences, which hardly check each other: "
+            f"The pose rests on {count} correspondences, with little redundancy to reveal errors: "
             f"use {FEW_CORRESPONDENCES} or more."
         )
     return messages

@@ -23,7 +23,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Solver:
-    """How a solver is drawn; ``peer`` is its key in :attr:`LandmarkAccuracy.peers`, ``None`` for ours."""
+    """How a solver is drawn; ``peer`` is its key in ``LandmarkAccuracy.peers``, ``None`` for ours."""
 
     peer: str | None
     label: str

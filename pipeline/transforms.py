@@ -3,7 +3,7 @@
 Frames
 ------
 ``mesh``
-    The frame of the mesh file and of the pose beside it, ``cam_from_mesh``, in millimetres.
+    The frame of the mesh file and of the user's pose, ``cam_from_mesh``, in millimetres.
 ``model``
     ``mesh`` moved so that the mean of the surface's vertices is the origin (V' = V - mean(V), Zhang & Noble). All
     computation and every dataset file uses it; each dataset stores ``mesh_from_model`` (in ``dataset.json`` under the

@@ -31,7 +31,7 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_unconfigure(config: pytest.Config) -> None:
-    """Leave at once: after OpenGL renders the bpy module may wait for its own threads for ever when it is unloaded."""
+    """Exit at once: after OpenGL renders the bpy module may wait forever for its own threads when it is unloaded."""
     if "bpy" in sys.modules and _EXIT_STATUS in config.stash:
         sys.stdout.flush()
         sys.stderr.flush()
@@ -70,7 +70,7 @@ def grid_mesh(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> TriangleMesh:
 
 @pytest.fixture
 def bumpy_mesh() -> TriangleMesh:
-    """60 x 50 mm of hills and dales, 6 mm high: hides parts of itself from low angles; demeaned."""
+    """60 x 50 mm of hills and valleys, 6 mm high: hides parts of itself from low angles; demeaned."""
     x, y = np.meshgrid(np.linspace(-30, 30, 121), np.linspace(-25, 25, 101))
     z = 3 * np.sin(x / 3.1) * np.cos(y / 2.7) + 2 * np.exp(-((x / 8) ** 2) - (y / 8) ** 2)
     mesh = grid_mesh(x, y, z)

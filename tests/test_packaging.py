@@ -60,7 +60,7 @@ def wheel(built) -> Path:
 
 @pytest.fixture(scope="module")
 def installed(wheel, tmp_path_factory) -> Path:
-    """The folder of the programs in a fresh environment with this wheel, and with what the tests run on beside it."""
+    """The folder of the programs in a fresh environment with this wheel and the packages that the tests need."""
     folder = tmp_path_factory.mktemp("environment")
     venv.create(folder, with_pip=False, symlinks=os.name != "nt")
     programs = folder / ("Scripts" if os.name == "nt" else "bin")
@@ -109,7 +109,7 @@ def test_the_source_distribution_builds_the_same_wheel(built, wheel, tmp_path):
     assert names_in(again) == names_in(wheel)
 
 
-def test_the_version_stands_in_one_place():
+def test_the_version_is_in_one_place():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert "version" not in project
     assert "version" in project["dynamic"]

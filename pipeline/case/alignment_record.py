@@ -40,7 +40,7 @@ KEYS = (
     The least certain direction, in words.
 """
 
-_TEXTS, _AMOUNTS = ("method", "tool", "weakest"), ("rms_px", "click_sigma_px")
+_TEXTS, _LENGTHS_PX = ("method", "tool", "weakest"), ("rms_px", "click_sigma_px")
 
 
 def checked_alignment_record(table: object, where: str) -> dict[str, object]:
@@ -72,7 +72,7 @@ def _checked(key: str, value: Any, where: str) -> object:
         if not _is_number(value) or value != int(value) or value < 0:
             raise InputError(f"{where}: expected the number of landmarks, found {value!r}")
         return int(value)
-    if key in _AMOUNTS:
+    if key in _LENGTHS_PX:
         if not _is_number(value) or value < 0:
             raise InputError(f"{where}: expected a number of pixels, found {value!r}")
         return float(value)

@@ -192,14 +192,14 @@ def _structures(path: Path, entries: object) -> tuple[Structure, ...]:
 def _dataset(table: object, name: str) -> dict[str, object]:
     if not isinstance(table, dict):
         raise InputError(f"{name}: expected a table [dataset], found {table!r}")
-    return {key: _plain(value) for key, value in table.items()}
+    return {key: _with_plain_floats(value) for key, value in table.items()}
 
 
-def _plain(value: object) -> object:
+def _with_plain_floats(value: object) -> object:
     if isinstance(value, dict):
-        return {key: _plain(part) for key, part in value.items()}
+        return {key: _with_plain_floats(part) for key, part in value.items()}
     if isinstance(value, list):
-        return [_plain(part) for part in value]
+        return [_with_plain_floats(part) for part in value]
     return float(value) if isinstance(value, float) else value
 
 

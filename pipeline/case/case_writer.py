@@ -76,7 +76,7 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
     blocks += [_landmark_lines(landmark, case.mm_per_unit) for landmark in case.landmarks]
     blocks += [_structure_lines(structure, folder) for structure in case.structures]
     if case.dataset:
-        blocks.append(["[dataset]", *_pairs(_moved(case.dataset, case.path.parent, folder))])
+        blocks.append(["[dataset]", *_pairs(_relocated_options(case.dataset, case.path.parent, folder))])
     return "\n\n".join("\n".join(lines) for lines in blocks) + "\n"
 
 
@@ -128,7 +128,7 @@ def _pairs(table: Mapping[str, object]) -> list[str]:
     return [f"{_key(key)} = {toml_value(value)}" for key, value in table.items()]
 
 
-def _moved(dataset: Mapping[str, object], folder: Path, new_folder: Path) -> dict[str, object]:
+def _relocated_options(dataset: Mapping[str, object], folder: Path, new_folder: Path) -> dict[str, object]:
     """The table for a case file in another folder: ``poses`` names a file relative to the case file."""
     poses = dataset.get("poses")
     if folder == new_folder or not isinstance(poses, str):
@@ -146,10 +146,10 @@ def relative_name(path: Path, folder: Path) -> str:
         return path.relative_to(folder).as_posix()
     except ValueError:
         # ".." goes to the parent of a link's target, so no folder on the way may be a link
-        return walked(Path(os.path.realpath(path.parent)) / path.name, Path(os.path.realpath(folder)))
+        return path_from_folder(Path(os.path.realpath(path.parent)) / path.name, Path(os.path.realpath(folder)))
 
 
-def walked(path: PurePath, folder: PurePath) -> str:
+def path_from_folder(path: PurePath, folder: PurePath) -> str:
     """The relative path from an absolute folder to a file, with slashes."""
     if path.anchor != folder.anchor:
         return path.as_posix()

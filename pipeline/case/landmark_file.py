@@ -20,7 +20,7 @@ from ..files.tables import parsed_json, write_csv
 from .landmarks import Landmark, landmark_from_table, landmarks_from_tables
 
 COLUMNS = ("name", "x", "y", "z", "u", "v", "enabled")
-_TRUTHS = {"": True, "true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
+_BOOLEANS = {"": True, "true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
 
 
 def read_landmarks(path: Path, *, mm_per_unit: float = 1.0) -> tuple[Landmark, ...]:
@@ -145,9 +145,9 @@ def _table(names: list[str], cells: list[str], place: str) -> dict[str, object]:
     for key, parts in (("surface", ("x", "y", "z")), ("pixel", ("u", "v"))):
         if any(row[part] for part in parts):
             entry[key] = [_number(row[part], f"{place}{part}: ") for part in parts]
-    if row["enabled"].lower() not in _TRUTHS:
+    if row["enabled"].lower() not in _BOOLEANS:
         raise InputError(f"{place}expected enabled = true or false, found {row['enabled']!r}")
-    return entry | {"enabled": _TRUTHS[row["enabled"].lower()]}
+    return entry | {"enabled": _BOOLEANS[row["enabled"].lower()]}
 
 
 def _number(text: str, place: str) -> float:

@@ -92,9 +92,9 @@ class RunFolder:
                     "choose another folder (--out)"
                 )
             work.mkdir(parents=True, exist_ok=True)
-            self._common_lock = self._take(work / "lock", shared=shard.count > 1)
+            self._common_lock = self._acquire(work / "lock", shared=shard.count > 1)
             if shard.count > 1:
-                self._take(work / f"lock-{shard.index}-of-{shard.count}", shared=False)
+                self._acquire(work / f"lock-{shard.index}-of-{shard.count}", shared=False)
             if not record.exists():
                 write_bytes_atomically(record, _json(identity))
             check_identity(record, identity)
@@ -121,7 +121,7 @@ class RunFolder:
     def finish(self) -> None:
         """Remove locks and temporary files of a complete dataset, unless another process still works in the folder."""
         # other shards of a complete dataset are about to end as well; the last one cleans up
-        if self._alone(wait_seconds=LAST_SHARDS_SECONDS):
+        if self._try_exclusive(wait_seconds=LAST_SHARDS_SECONDS):
             self._remove_leftovers(shared=False)
             if os.name == "nt":
                 self._locks.close()  # Windows removes no open files
@@ -129,7 +129,7 @@ class RunFolder:
 
     def _discard(self) -> None:
         """Remove this run's files if unusable input stopped it before its first view was finished."""
-        if any((self.path / SPLIT).glob("*/frame/*.json")) or not self._alone():
+        if any((self.path / SPLIT).glob("*/frame/*.json")) or not self._try_exclusive():
             return
         for name in (SPLIT, "models", WORK):
             shutil.rmtree(self.path / name, ignore_errors=True)
@@ -139,7 +139,7 @@ class RunFolder:
             with suppress(OSError):  # it holds files of somebody else
                 folder.rmdir()
 
-    def _alone(self, *, wait_seconds: float = 0.0) -> bool:
+    def _try_exclusive(self, *, wait_seconds: float = 0.0) -> bool:
         """Try to turn the lock shared with other shards into an exclusive one; whether that succeeded.
 
         A failed attempt may lose the shared lock.
@@ -154,7 +154,7 @@ class RunFolder:
                     return False
                 time.sleep(0.05)
 
-    def _take(self, path: Path, *, shared: bool) -> int:
+    def _acquire(self, path: Path, *, shared: bool) -> int:
         stream = self._locks.enter_context(path.open("a+b"))
         try:
             _lock(stream.fileno(), shared=shared)

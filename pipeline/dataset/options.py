@@ -29,8 +29,8 @@ class DatasetOptions:
     count: int = _option(100, "number of views", least=1, most=10_000_000)
     seed: int = _option(0, "seed of the poses; view i depends only on the seed and i", least=0)
     poses: str | None = _option(
-        None, "explicit cam_from_mesh poses, for the coordinates of the mesh file: .npy (N x 4 x 4) or a JSON list; "
-        "they replace the sampler and --count"
+        None, "explicit poses cam_from_mesh, in the frame of the mesh file: .npy (N x 4 x 4) or a JSON list; they "
+        "replace the sampler and --count"
     )  # fmt: skip
     scale: float = _option(1.0, "size of the views relative to the frame's", least=1 / 64, most=8)
     engine: str = _option("cycles", "renderer; cycles is exact and needs no GPU or display", choices=ENGINES)
@@ -46,13 +46,11 @@ class DatasetOptions:
     video: bool = _option(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _option(120, "length of the video in frames (24 per second)", least=2)
     sampler: str = _option(
-        "cone", "distribution of poses around the frame's: cone of viewing directions; gaussian in se(3); shell: "
+        "cone", "distribution of poses around the frame's pose: cone of viewing directions; gaussian in se(3); shell: "
         "uniform in the volume of a spherical shell; trajectory: a smooth closed curve", choices=SAMPLERS,
     )  # fmt: skip
-    cone_deg: float = _option(
-        20.0, "cone, trajectory: largest tilt of the viewing direction, degrees", least=0, most=180
-    )
-    roll_deg: float = _option(15.0, "cone, shell, trajectory: largest in-plane roll, degrees", least=0, most=180)
+    cone_deg: float = _option(20.0, "cone, trajectory: largest tilt of the viewing direction", least=0, most=180)
+    roll_deg: float = _option(15.0, "cone, shell, trajectory: largest in-plane roll, either way", least=0, most=180)
     distance_min: float = _option(
         0.9, "cone, shell, trajectory: smallest distance, relative to the frame's", least=0.01
     )

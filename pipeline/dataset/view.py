@@ -32,7 +32,7 @@ class RenderedView:
         ``(H, W)`` float32 depth of the surface along the optical axis at the pixel's centre; 0 for none.
     observed
         ``(H, W)`` bool: the source frame saw the surface at the pixel's centre.
-    beside_unseen
+    near_unseen
         ``(H, W)`` bool: observed, but within about one frame pixel of the border of the observed surface; only scenes
         for anti-aliasing have it.
     """
@@ -40,7 +40,7 @@ class RenderedView:
     rgb: np.ndarray
     depth_mm: np.ndarray
     observed: np.ndarray
-    beside_unseen: np.ndarray
+    near_unseen: np.ndarray
 
     @property
     def mask(self) -> np.ndarray:

@@ -32,7 +32,7 @@ class GroundTruthInfo:
     px_count_valid, px_count_visib
         Its pixels in the image with depth; those that are visible.
     visib_fract
-        Visible share of the silhouette, 0..1.
+        Visible fraction of the silhouette, 0..1.
     """
 
     bbox_obj: Box

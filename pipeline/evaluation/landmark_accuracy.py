@@ -20,7 +20,7 @@ from ..files.content import read_content
 from ..files.tables import parsed_json
 from .landmark_trials import MICROSCOPE, LandmarkTrial, PoseErrors, box_trial, run_trials, surface_trial
 
-STATED_SIGMA_PX = 2.0
+ASSUMED_SIGMA_PX = 2.0
 """Click noise that the solver assumes, whatever the true one is."""
 COUNTS = (4, 6, 8, 10)
 """Numbers of correspondences."""
@@ -199,7 +199,7 @@ def accuracy(
     rng: np.random.Generator, draw: DrawTrial, camera: PinholeCamera, trials: int, count: int, sigma_px: float
 ) -> LandmarkAccuracy:
     """Accuracy and coverage of ``trials`` trials with ``count`` correspondences and click noise ``sigma_px``."""
-    ours, peers = run_trials(lambda: draw(rng, count, sigma_px), trials, camera=camera, click_sigma_px=STATED_SIGMA_PX)
+    ours, peers = run_trials(lambda: draw(rng, count, sigma_px), trials, camera=camera, click_sigma_px=ASSUMED_SIGMA_PX)
     return LandmarkAccuracy(
         pairs=count,
         sigma_px=sigma_px,
@@ -217,7 +217,7 @@ def outlier_rejection(
     """Move ``wrong`` of the clicks by ``shift_px`` in random directions; count how often the solver rejects them."""
     outcomes = Counter[str]()
     for _ in range(trials):
-        trial = box_trial(rng, pairs, STATED_SIGMA_PX)
+        trial = box_trial(rng, pairs, ASSUMED_SIGMA_PX)
         bad = rng.choice(pairs, wrong, replace=False)
         pixels, angle = trial.pixels.copy(), rng.uniform(0, 2 * np.pi, wrong)
         pixels[bad] += shift_px * np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -234,7 +234,7 @@ def solve_time(rng: np.random.Generator, pairs: int, wrong: int, solves: int = T
     """Measure the time of solves with ``wrong`` clicks that are 80 px off along both image axes."""
     times_ms = []
     for _ in range(solves):
-        trial = box_trial(rng, pairs, STATED_SIGMA_PX)
+        trial = box_trial(rng, pairs, ASSUMED_SIGMA_PX)
         trial.pixels[:wrong] += 80
         start = time.process_time()
         with suppress(UndeterminedPose):

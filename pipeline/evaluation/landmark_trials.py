@@ -90,7 +90,7 @@ def box_trial(
     pose = rigid(nearest_rotation(rng.normal(size=(3, 3))), np.array([0, 0, DISTANCE_MM]))
     points = (rng.random((count, 3)) - 0.5) * BOX_MM
     mesh_points = (rng.random((MESH_POINTS, 3)) - 0.5) * BOX_MM
-    return _clicked(rng, points, pose, mesh_points, camera, sigma_px)
+    return _click(rng, points, pose, mesh_points, camera, sigma_px)
 
 
 def surface_trial(
@@ -105,10 +105,10 @@ def surface_trial(
     """Draw correspondences from the ``(M, 3)`` visible points of a surface, at the frame's pose."""
     chosen = visible_points[rng.choice(len(visible_points), count, replace=False)]
     mesh_points = visible_points[rng.choice(len(visible_points), min(MESH_POINTS, len(visible_points)), replace=False)]
-    return _clicked(rng, chosen, cam_from_model, mesh_points, camera, sigma_px)
+    return _click(rng, chosen, cam_from_model, mesh_points, camera, sigma_px)
 
 
-def _clicked(
+def _click(
     rng: np.random.Generator,
     points: np.ndarray,
     pose: np.ndarray,

@@ -229,7 +229,7 @@ def read_trials(path: Path) -> tuple[RefinementTrial, ...]:
         The file is missing, or does not hold such trials.
     """
     text = decoded(read_content(path, "the trials of benchmark_refinement.py"))
-    convert: dict[object, Callable[[str], object]] = {str: str, float: float, bool: _TRUTH.__getitem__}
+    convert: dict[object, Callable[[str], object]] = {str: str, float: float, bool: _BOOLEANS.__getitem__}
     try:
         trials = tuple(
             RefinementTrial(**{field.name: convert[field.type](row[field.name]) for field in fields(RefinementTrial)})  # type: ignore[arg-type]
@@ -245,4 +245,4 @@ def read_trials(path: Path) -> tuple[RefinementTrial, ...]:
     return trials
 
 
-_TRUTH = {"True": True, "False": False}
+_BOOLEANS = {"True": True, "False": False}

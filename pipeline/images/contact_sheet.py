@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 GAP_PX = 4
-PAPER = 1.0
+BACKGROUND = 1.0
 
 
 def contact_sheet(images: Sequence[np.ndarray], *, columns: int, tile_width: int) -> np.ndarray:
@@ -14,7 +14,7 @@ def contact_sheet(images: Sequence[np.ndarray], *, columns: int, tile_width: int
     tile_height, tile_width = tiles[0].shape[:2]
     rows = -(-len(tiles) // columns)
     pitch = np.array([tile_height, tile_width]) + GAP_PX
-    sheet = np.full((rows * pitch[0] + GAP_PX, columns * pitch[1] + GAP_PX, 3), PAPER, np.float32)
+    sheet = np.full((rows * pitch[0] + GAP_PX, columns * pitch[1] + GAP_PX, 3), BACKGROUND, np.float32)
     for number, tile in enumerate(tiles):
         top, left = np.array(divmod(number, columns)) * pitch + GAP_PX
         sheet[top : top + tile_height, left : left + tile_width] = tile
@@ -33,7 +33,7 @@ def downscaled(image: np.ndarray, width: int) -> np.ndarray:
 
 
 def _area_weights(size_in: int, size_out: int) -> np.ndarray:
-    """``(size_out, size_in)``: the share of each input cell in each output cell; rows sum to 1."""
+    """``(size_out, size_in)`` weight of each input cell in each output cell; rows sum to 1."""
     edges = np.arange(size_out + 1) * size_in / size_out
     cells = np.arange(size_in)
     overlap = np.minimum(edges[1:, None], cells + 1) - np.maximum(edges[:-1, None], cells)

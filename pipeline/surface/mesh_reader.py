@@ -45,11 +45,11 @@ def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
         if (lengths < 3).any():
             short = f"{path.name}: dropped {(lengths < 3).sum()} of {len(lengths)} faces with less than 3 corners"
             messages = [*messages, short]
-        mesh, dropped = checked_mesh(vertices, _fans(lengths, corners), path.name)
+        mesh, dropped = checked_mesh(vertices, _fan_triangles(lengths, corners), path.name)
     return mesh, messages + dropped
 
 
-def _fans(lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:
+def _fan_triangles(lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Polygons with ``lengths`` (P,) corners each, concatenated in ``corners`` (sum,) -> ``(F, 3)`` triangles."""
     if (lengths == 3).all():
         return corners.reshape(-1, 3)

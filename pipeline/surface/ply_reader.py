@@ -147,7 +147,7 @@ def _columns(data: bytes, start: int, element: _Element, where: str, size: str) 
     if element.count == 0 or not element.properties:
         none = np.empty(0, np.int64)
         return {p.name: _Column(none, None if p.length is None else none) for p in element.properties}, start
-    offsets, lengths, stop = _walked(data, start, element, 1, where, size)
+    offsets, lengths, stop = _walk_lists(data, start, element, 1, where, size)
     stride = stop - start
     uniform = start + stride * element.count <= len(data)
     columns: dict[str, _Column] = {}
@@ -165,7 +165,7 @@ def _columns(data: bytes, start: int, element: _Element, where: str, size: str) 
         return columns, start + stride * element.count
     if all(prop.length is None for prop in element.properties):
         raise _truncated(element, (len(data) - start) // stride, where, size)
-    offsets, lengths, stop = _walked(data, start, element, element.count, where, size)
+    offsets, lengths, stop = _walk_lists(data, start, element, element.count, where, size)
     columns = {}
     octets = np.frombuffer(data, np.uint8)
     for prop, row_offsets, row_lengths in zip(element.properties, offsets, lengths, strict=True):
@@ -177,7 +177,7 @@ def _columns(data: bytes, start: int, element: _Element, where: str, size: str) 
     return columns, stop
 
 
-def _walked(
+def _walk_lists(
     data: bytes, position: int, element: _Element, rows: int, where: str, size: str
 ) -> tuple[list[list[int]], list[list[int]], int]:
     """Follow the lists of the first ``rows`` rows: offsets and numbers of values per property, and the end."""

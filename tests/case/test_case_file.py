@@ -1,4 +1,4 @@
-"""The case file: what it gives, and one clear sentence for everything that cannot be used."""
+"""The case file: its content, and one clear message for everything that cannot be used."""
 
 import json
 from pathlib import Path
@@ -85,7 +85,7 @@ def test_corner_origin_is_shifted_by_half_a_pixel(tmp_path):
     assert case.landmarks[0].pixel == (10.0, 19.5)
 
 
-def test_landmarks_are_read_half_or_whole(tmp_path):
+def test_complete_and_incomplete_landmarks_are_read(tmp_path):
     assert read_case(case_file(tmp_path, LANDMARKS)).landmarks == (
         Landmark("tip", (1.005, 2.0, -3.5), (10.5, 20.0)),
         Landmark("ridge", None, (3.0, 4.0), enabled=False),
@@ -109,7 +109,7 @@ def test_distortion_is_read_in_opencvs_order(tmp_path):
     assert case.distortion == Distortion(k1=0.1, k2=0.02, p1=0.003, p2=0.004, k3=0.05)
 
 
-def test_a_slightly_rounded_rotation_is_made_orthonormal_and_told(tmp_path):
+def test_a_slightly_rounded_rotation_is_made_orthonormal_and_reported(tmp_path):
     rounded = "cam_from_mesh = [[0.801, -0.6, 0, 0], [-0.6, -0.8, 0, 0], [0, 0, -1, 300], [0, 0, 0, 1]]"
     case = read_case(case_file(tmp_path, pose=rounded))
     rotation = case.cam_from_mesh[:3, :3]
@@ -245,8 +245,8 @@ def as_toml(value: object) -> str:
     return repr(value)
 
 
-def sentence(path: Path) -> str:
-    """What a user is told about a case file; any other exception is a defect."""
+def message_of(path: Path) -> str:
+    """The error message for a case file; any other exception is a defect."""
     try:
         checked_options(read_case(path).dataset, "case.toml: [dataset]")
     except InputError as error:
@@ -255,11 +255,11 @@ def sentence(path: Path) -> str:
 
 
 @given(key=st.sampled_from(sorted(PARTS)), value=values, option=st.sampled_from(["count", "scale", "engine", "video"]))
-def test_any_value_is_taken_or_refused_with_a_sentence(tmp_path_factory, key, value, option):
+def test_any_value_is_accepted_or_refused_with_a_message(tmp_path_factory, key, value, option):
     folder = tmp_path_factory.getbasetemp()
     name = PARTS[key].partition(" = ")[0]
-    assert sentence(case_file(folder, **{key: f"{name} = {as_toml(value)}"})).startswith("case.toml: ")
-    assert sentence(case_file(folder, f"[dataset]\n{option} = {as_toml(value)}")).startswith("case.toml: ")
+    assert message_of(case_file(folder, **{key: f"{name} = {as_toml(value)}"})).startswith("case.toml: ")
+    assert message_of(case_file(folder, f"[dataset]\n{option} = {as_toml(value)}")).startswith("case.toml: ")
 
 
 @given(
@@ -267,11 +267,11 @@ def test_any_value_is_taken_or_refused_with_a_sentence(tmp_path_factory, key, va
     value=values | st.lists(numbers, min_size=2, max_size=3),
     units=st.sampled_from(sorted(MM_PER_UNIT)),
 )
-def test_any_landmark_and_provenance_is_taken_or_refused_with_a_sentence(tmp_path_factory, key, value, units):
+def test_any_landmark_and_provenance_is_accepted_or_refused_with_a_message(tmp_path_factory, key, value, units):
     table = "[alignment]\n" if key in KEYS else "[[landmarks]]\n" + 'name = "a"\n' * (key != "name")
     more = f"{table}{key} = {as_toml(value)}"
     path = case_file(tmp_path_factory.getbasetemp(), more, units=f'units = "{units}"')
-    assert sentence(path).startswith("case.toml: ")
+    assert message_of(path).startswith("case.toml: ")
 
 
 @given(
@@ -281,13 +281,13 @@ def test_any_landmark_and_provenance_is_taken_or_refused_with_a_sentence(tmp_pat
     value=values,
     units=st.sampled_from(sorted(MM_PER_UNIT)),
 )
-def test_any_entry_of_a_matrix_is_taken_or_refused_with_a_sentence(tmp_path_factory, key, row, column, value, units):
+def test_any_entry_of_a_matrix_is_accepted_or_refused_with_a_message(tmp_path_factory, key, row, column, value, units):
     name, _, text = PARTS[key].partition(" = ")
     matrix = json.loads(text)
     matrix[row % len(matrix)][column % len(matrix)] = value
     parts = {key: f"{name} = {as_toml(matrix)}", "units": f'units = "{units}"'}
     path = case_file(tmp_path_factory.getbasetemp(), **parts)
-    assert sentence(path).startswith("case.toml: ")
+    assert message_of(path).startswith("case.toml: ")
 
 
 @pytest.mark.parametrize(

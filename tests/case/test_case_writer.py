@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pipeline.camera.distortion import Distortion
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.case.case_file import Case, Structure, read_case
-from pipeline.case.case_writer import relative_name, toml_value, walked, write_case
+from pipeline.case.case_writer import path_from_folder, relative_name, toml_value, write_case
 from pipeline.case.landmarks import Landmark
 from pipeline.errors import InputError
 from pipeline.files.numbers import WrittenFloat, length_text, millimetres
@@ -171,9 +171,9 @@ def test_a_linked_folder_does_not_lead_astray(tmp_path):
 
 def test_the_way_to_a_file_has_slashes_and_stays_on_its_drive():
     there = PureWindowsPath("C:/data/bones/surface.ply")
-    assert walked(there, PureWindowsPath("C:/data/cases/1")) == "../../bones/surface.ply"
-    assert walked(there, PureWindowsPath("D:/cases")) == "C:/data/bones/surface.ply"
-    assert walked(PurePosixPath("/data/a"), PurePosixPath("/database")) == "../data/a"
+    assert path_from_folder(there, PureWindowsPath("C:/data/cases/1")) == "../../bones/surface.ply"
+    assert path_from_folder(there, PureWindowsPath("D:/cases")) == "C:/data/bones/surface.ply"
+    assert path_from_folder(PurePosixPath("/data/a"), PurePosixPath("/database")) == "../data/a"
 
 
 BAD = {

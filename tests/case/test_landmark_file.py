@@ -93,11 +93,11 @@ def test_what_is_doubtful_is_refused_with_its_line(tmp_path, name):
 
 
 @given(text=st.text(st.sampled_from('name,xyzuv;\n"1.5-e[]{}: \r')), header=st.booleans())
-def test_any_text_is_taken_or_refused_with_a_sentence(tmp_path_factory, text, header):
-    assert sentence(tmp_path_factory.getbasetemp(), HEADER * header + text).startswith("pairs.csv: ")
+def test_any_text_is_accepted_or_refused_with_a_message(tmp_path_factory, text, header):
+    assert message_of(tmp_path_factory.getbasetemp(), HEADER * header + text).startswith("pairs.csv: ")
 
 
-def sentence(folder: Path, text: str) -> str:
+def message_of(folder: Path, text: str) -> str:
     try:
         read(folder, text)
     except InputError as error:

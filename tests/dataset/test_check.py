@@ -81,7 +81,7 @@ def swap(first: Path, second: Path) -> None:
 
 
 def replace_file(root: Path, index: int, kind: str, image: np.ndarray) -> None:
-    """Another image with a record that has its hash: only the content can tell."""
+    """Another image with a record that has its hash: only the content differs."""
     paths = ViewPaths(root, index)
     record = read_record(paths)
     kinds = [name.split("/")[2] for name in record.sha256]

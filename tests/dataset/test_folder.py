@@ -130,13 +130,13 @@ def test_foreign_folders_are_not_touched(tmp_path):
     assert sorted(tree(tmp_path)) == ["thesis.tex"]
 
 
-def test_a_damaged_record_is_told(tmp_path):
+def test_a_damaged_record_is_reported(tmp_path):
     (tmp_path / "dataset.json").write_text("{")
     with pytest.raises(RunError, match=r"dataset\.json: expected the record of a dataset, found no JSON"):
         RunFolder(tmp_path, IDENTITY, WHOLE)
 
 
-def test_a_file_in_place_of_a_folder_is_told(tmp_path):
+def test_a_file_in_place_of_a_folder_is_reported(tmp_path):
     (tmp_path / "file").write_text("x")
     for path in (tmp_path / "file", tmp_path / "file" / "out"):
         with pytest.raises(RunError, match=r": cannot write to the folder \(.+\)"):
@@ -144,13 +144,13 @@ def test_a_file_in_place_of_a_folder_is_told(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs Linux's /proc, where nobody can create folders")
-def test_an_unwritable_place_is_told():
+def test_an_unwritable_place_is_reported():
     with pytest.raises(RunError, match=r"/proc/out: cannot write to the folder \(No such file or directory\)"):
         RunFolder(Path("/proc/out"), IDENTITY, WHOLE)
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
-def test_a_protected_folder_is_told(tmp_path):
+def test_a_protected_folder_is_reported(tmp_path):
     for mode in (0o555, 0o000):
         out = tmp_path / f"{mode:o}"
         out.mkdir()

@@ -43,12 +43,12 @@ def test_every_option_has_a_flag_that_gives_the_value_back():
         assert getattr(checked_options({entry.name: value}, "table"), entry.name) == value
 
 
-def test_poses_of_the_table_lie_beside_the_case_and_those_of_the_command_line_do_not():
+def test_poses_of_the_table_are_relative_to_the_case_and_those_of_the_command_line_are_not():
     assert merged({"poses": "poses.npy"}).poses == str(Path("folder/poses.npy"))
     assert merged({"poses": "poses.npy"}, "--poses", "other.npy").poses == "other.npy"
 
 
-def test_the_command_line_may_mend_what_does_not_fit_together_in_the_table():
+def test_the_command_line_may_resolve_a_conflict_in_the_table():
     assert merged({"engine": "workbench"}, "--colour", "vertex").engine == "workbench"
     assert merged({"distance_min": 1.2}, "--distance-max", "1.3").distance_max == 1.3
 

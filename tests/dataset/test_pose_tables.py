@@ -1,4 +1,4 @@
-"""The tables of poses tell the same poses as the records, in their own conventions."""
+"""The tables of poses hold the same poses as the records, in their own conventions."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""Trials with known truth: what they promise whatever the solver."""
+"""Trials with known truth: properties that hold for any solver."""
 
 from collections import Counter
 

@@ -33,7 +33,7 @@ def film(path: Path) -> str:
 
 @pytest.mark.parametrize("where", [None, "case.toml: [frame] image"])
 @pytest.mark.parametrize("make", [missing, folder, empty, film])
-def test_what_cannot_be_read_is_one_sentence(tmp_path, make, where):
+def test_what_cannot_be_read_is_one_message(tmp_path, make, where):
     path = tmp_path / "frame.png"
     expected = make(path)
     with pytest.raises(InputError) as caught:

@@ -1,4 +1,4 @@
-"""Numbers in files are read exactly or refused; numbers in sentences are close, short and plain."""
+"""Numbers in files are read exactly or refused; numbers in messages are rounded, short and plain."""
 
 import io
 

@@ -1,4 +1,4 @@
-"""Image files: what is written is what others read; what is damaged, or turned by some programs only, is refused."""
+"""Image files: others read what is written; files that are damaged or have an EXIF orientation are refused."""
 
 import io
 from pathlib import Path
@@ -53,7 +53,7 @@ def test_an_image_with_an_exif_orientation_is_refused(tmp_path, kind, orientatio
 
 @pytest.mark.parametrize("kind", FORMATS)
 @pytest.mark.parametrize("orientation", [None, 0, 1, 9])
-def test_an_upright_image_is_taken(tmp_path, kind, orientation):
+def test_an_upright_image_is_accepted(tmp_path, kind, orientation):
     check(tmp_path, encoded(kind, orientation))
 
 
@@ -64,7 +64,7 @@ def test_the_other_byte_order_is_read(tmp_path):
 
 
 @given(data=st.binary(max_size=60), begin=st.sampled_from([b"II*\0", b"MM\0*", b"\xff\xd8\xff\xe1\0\x1eExif\0\0II*\0"]))
-def test_any_bytes_are_taken_or_refused(tmp_path_factory, data, begin):
+def test_any_bytes_are_accepted_or_refused(tmp_path_factory, data, begin):
     try:
         check(tmp_path_factory.getbasetemp(), begin + data + b"\xff\xd9")
     except InputError as error:

@@ -125,7 +125,7 @@ def test_useless_constraints_are_refused(options, message):
         Constraints(**options)
 
 
-def test_given_poses_are_kept_and_those_that_break_constraints_are_told():
+def test_given_poses_are_kept_and_those_that_break_constraints_are_reported():
     poses = np.stack([SHELL.draw(np.random.default_rng([1, index])) for index in range(40)])
     constraints = Constraints(min_observed=0.8, min_clearance_mm=1.5 * DISTANCE)
     planned, messages = plan_given_poses(poses, constraints, probe)
@@ -191,7 +191,7 @@ def test_metres_single_poses_and_other_number_types(tmp_path, dtype):
         assert np.array_equal(read, expected[None])
 
 
-def test_rounded_rotations_are_made_exact_and_told_once(tmp_path):
+def test_rounded_rotations_are_made_exact_and_reported_once(tmp_path):
     np.save(tmp_path / "rounded.npy", some_poses().round(4))
     poses, messages = read_poses(tmp_path / "rounded.npy", mesh_from_model=np.eye(4))
     rotation = poses[:, :3, :3]

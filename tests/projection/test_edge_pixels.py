@@ -63,7 +63,7 @@ def test_the_pattern_has_one_point_in_each_row_and_column(count):
 
 
 @pytest.mark.parametrize(("count", "bound"), [(4, 0.11), (8, 0.06), (16, 0.036), (64, 0.013)])
-def test_the_pattern_measures_the_area_beside_an_edge(rng, count, bound):
+def test_the_pattern_measures_the_area_next_to_an_edge(rng, count, bound):
     angle = rng.uniform(0, 2 * np.pi, 2000)
     normal = np.stack([np.cos(angle), np.sin(angle)])
     offset = rng.uniform(-1, 1, 2000) * np.abs(normal).sum(axis=0) / 2

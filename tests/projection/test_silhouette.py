@@ -1,4 +1,4 @@
-"""Laws of the silhouette: the same pixels as casting a ray through each of them, whatever the mesh and the pose."""
+"""Laws of the silhouette: the same pixels as by casting a ray through each pixel, for any mesh and pose."""
 
 import numpy as np
 import pytest
@@ -192,7 +192,7 @@ def test_projected_bounds_hold_the_silhouette(mesh, pose):
 @settings(max_examples=30, deadline=None)
 @given(seeds)
 def test_every_pixel_of_a_tiling_belongs_to_one_tile(rng):
-    """Vertices and edges exactly on pixel centres: no pixel twice, none left out, whatever the order of corners."""
+    """Vertices and edges exactly on pixel centres: no pixel twice, none left out, for any order of corners."""
     camera = PinholeCamera(20, 16, 1.0, 1.0, 0.0, 0.0)
     y, x = np.mgrid[0:17:4, 0:21:4].astype(float)
     x[:, 1:-1] += rng.integers(0, 2, x[:, 1:-1].shape)

@@ -25,7 +25,7 @@ FINE = "--click-sigma-px=0.1"
 
 @pytest.fixture
 def case_path(tmp_path, write_tiny_case) -> Path:
-    """The tiny case with a pose that does not show the surface at all; ``true.toml`` beside it has the true one."""
+    """The tiny case with a pose that does not show the surface; ``true.toml`` in the same folder has the true one."""
     path = write_tiny_case(tmp_path / "case")
     text = path.read_text()
     path.with_name("true.toml").write_text(text)
@@ -99,7 +99,7 @@ def test_pairs_become_a_case_a_record_and_a_picture(case_path, tmp_path, align):
 
 
 def test_the_script_says_what_the_operator_says(case_path, tmp_path, align, addon):
-    """Pose, landmarks left out, residuals, what lies off the surface, and the record in the case."""
+    """Pose, rejected landmarks, residuals, landmarks off the surface, and the record in the case."""
     import bpy
 
     from blender_addon.landmarks import solve

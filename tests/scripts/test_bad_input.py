@@ -1,4 +1,4 @@
-"""Everything that a user can give wrong: refused with one sentence that says where and what to do, nothing left."""
+"""Every kind of wrong input: refused with one message that says where and what to do; no files are left behind."""
 
 import dataclasses
 import io
@@ -123,7 +123,7 @@ def test_a_frame_of_another_size_than_the_cameras_is_refused(case):
         opened(case)
 
 
-def test_a_whole_jpeg_is_taken(case):
+def test_a_complete_jpeg_is_accepted(case):
     (case.parent / "frame.png").write_bytes(jpeg())
     assert opened(case).loaded.image.shape == (48, 64, 3)
 
@@ -166,7 +166,7 @@ def test_bad_meshes_are_refused(case, what):
         opened(case)
 
 
-def test_faces_without_area_are_dropped_and_told(case):
+def test_faces_without_area_are_dropped_and_reported(case):
     change_mesh(
         case.parent,
         lambda mesh: dataclasses.replace(mesh, faces=np.concatenate([mesh.faces, [[0, 0, 1], [5, 5, 5]]]).astype("i4")),
@@ -220,13 +220,13 @@ def test_mesh_in_metres_with_a_translation_in_millimetres_is_suspected(case):
         opened(case)
 
 
-def test_a_rounded_rotation_is_corrected_and_told(case):
+def test_a_rounded_rotation_is_corrected_and_reported(case):
     edit(case, "[[1, 0, 0, -12]", "[[1.002, 0, 0, -12]")
     assert "rotation made orthonormal (it was off by 4.0e-03)" in run_here(case)
 
 
 def test_a_surface_that_no_pixel_shows_is_refused_and_nothing_is_left(case):
-    """Its outline surrounds the frame, so that only a render can tell."""
+    """Its outline surrounds the frame, so that only a render can show it."""
     sides = np.array([[-200, 0, 40], [-190, 9, 40], [-200, 9, 40], [200, 0, 40], [190, 9, 40], [200, 9, 40.0]])
     write_ply(case.parent / "surface.ply", TriangleMesh(sides, np.array([[0, 1, 2], [3, 5, 4]], np.int32)))
     with pytest.raises(InputError, match=r"^case\.toml: expected the surface in the frame, no pixel shows it; align"):
@@ -308,7 +308,7 @@ def test_a_pickle_named_npy_is_not_loaded(case, tmp_path, monkeypatch):
     assert not (tmp_path / "pickle was loaded").exists()
 
 
-def test_explicit_poses_that_miss_the_surface_are_rendered_and_told(case, tmp_path):
+def test_explicit_poses_that_miss_the_surface_are_rendered_and_reported(case, tmp_path):
     away = rigid(rotation_from_vector(np.array([0, 1.0, 0]))) @ read_case(case).cam_from_mesh
     np.save(tmp_path / "poses.npy", away[None])
     messages = run_here(case, dataclasses.replace(OPTIONS, poses=str(tmp_path / "poses.npy")))
@@ -338,7 +338,7 @@ RUNS = {
 
 
 @pytest.mark.parametrize("what", RUNS)
-def test_the_script_tells_one_line_and_ends_with_2(case, tmp_path, render_command, run_command, what):
+def test_the_script_prints_one_line_and_exits_with_2(case, tmp_path, render_command, run_command, what):
     damage, arguments, message = RUNS[what]
     if damage:
         damage(case.parent)

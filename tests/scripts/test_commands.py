@@ -142,7 +142,7 @@ def test_a_missing_package_is_named(run_command, tmp_path):
 
 
 def test_values_that_look_like_options_are_values():
-    """What stands behind ``--`` is no option, and neither is a text with a space in it."""
+    """An argument after ``--`` is no option, and neither is one with a space in it."""
     with pytest.raises(InputError, match=r"--views: expected a number of views or 0 for all, found -1"):
         dispatch(["check", "--views", "-1", "--", "--dataset"])
     assert parser_of("colour").parse(["--out", "--a name with spaces.ply", "case.toml"]).out == Path(

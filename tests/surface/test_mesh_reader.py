@@ -46,7 +46,7 @@ def fans(polygons: list[list[int]]) -> np.ndarray:
 
 
 def read_or_refusal(path: Path) -> tuple[np.ndarray, list[str]] | str:
-    """``(F, 3, 3)`` triangles and what was told, or the message; any other exception or a warning fails the test."""
+    """``(F, 3, 3)`` triangles and the messages, or the error; any other exception or a warning fails the test."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
@@ -241,12 +241,12 @@ def test_several_text_solids_become_one_mesh(tmp_path):
         ("a.obj", SAMPLES["mesh.obj"] + b"v 1 2 2\n", r"a\.obj: dropped 1 of 7 vertices that no face uses"),
     ],
 )
-def test_what_was_passed_over_is_told(tmp_path, name, content, messages):
+def test_what_was_ignored_is_reported(tmp_path, name, content, messages):
     (tmp_path / name).write_bytes(content)
-    mesh, sentences = read_mesh(tmp_path / name)
+    mesh, found = read_mesh(tmp_path / name)
     assert len(mesh.faces) == 7
-    assert len(sentences) == 1
-    assert re.match(messages, sentences[0])
+    assert len(found) == 1
+    assert re.match(messages, found[0])
 
 
 # --- damage

@@ -1,4 +1,4 @@
-"""Burrs take away exactly their balls, whatever their order, and nothing but near them is touched."""
+"""Burrs remove exactly their balls, in any order, and change the field only near them."""
 
 import numpy as np
 import pytest

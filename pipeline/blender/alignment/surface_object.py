@@ -41,7 +41,7 @@ def new_surface_object(mesh: TriangleMesh, mesh_from_model: np.ndarray, cam_from
 
 def set_pose(camera_object: bpy.types.Object | None, surface: bpy.types.Object, cam_from_model: np.ndarray) -> None:
     """Move the surface so that its pose relative to the camera object is ``cam_from_model`` (4x4, mm)."""
-    world_from_opengl_cam = np.eye(4) if camera_object is None else _placed(camera_object)
+    world_from_opengl_cam = np.eye(4) if camera_object is None else _rigid_placement(camera_object)
     surface.parent = None
     surface.matrix_world = Matrix(world_from_opengl_cam @ CAM_FROM_OPENGL_CAM @ cam_from_model)
     set_exact(surface, POSE, cam_from_model)
@@ -55,7 +55,7 @@ def pose_of(camera_object: bpy.types.Object | None, surface: bpy.types.Object) -
     InputError
         The surface or the camera is scaled, sheared or mirrored: that is not a rigid pose.
     """
-    opengl_cam_from_world = np.eye(4) if camera_object is None else inverse_rigid(_placed(camera_object))
+    opengl_cam_from_world = np.eye(4) if camera_object is None else inverse_rigid(_rigid_placement(camera_object))
     world_from_model = np.array(surface.matrix_world, dtype=np.float64)
     _check_unscaled(world_from_model, surface.name)
     placed, _ = checked_rigid(CAM_FROM_OPENGL_CAM @ opengl_cam_from_world @ world_from_model, surface.name)
@@ -71,7 +71,7 @@ def make_rigid(camera_object: bpy.types.Object | None, surface: bpy.types.Object
     """Remove scale, shear and mirroring from the surface object; its origin keeps its place in the image."""
     world_from_model = np.array(surface.matrix_world, dtype=np.float64)
     rotation = nearest_rotation(world_from_model[:3, :3])
-    opengl_cam_from_world = np.eye(4) if camera_object is None else inverse_rigid(_placed(camera_object))
+    opengl_cam_from_world = np.eye(4) if camera_object is None else inverse_rigid(_rigid_placement(camera_object))
     cam_from_model = CAM_FROM_OPENGL_CAM @ opengl_cam_from_world @ rigid(rotation, world_from_model[:3, 3])
     surface.delta_scale = (1.0, 1.0, 1.0)
     set_pose(camera_object, surface, cam_from_model)
@@ -123,7 +123,7 @@ def radius_of(surface: bpy.types.Object) -> float:
     return float(np.sqrt((vertices.reshape(-1, 3).astype(float) ** 2).sum(axis=1).max(initial=0.0)))
 
 
-def _placed(camera_object: bpy.types.Object) -> np.ndarray:
+def _rigid_placement(camera_object: bpy.types.Object) -> np.ndarray:
     world_from_cam = np.array(camera_object.matrix_world, dtype=np.float64)
     _check_unscaled(world_from_cam, camera_object.name)
     return checked_rigid(world_from_cam, camera_object.name)[0]

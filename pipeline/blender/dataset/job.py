@@ -145,9 +145,9 @@ def render_views(
         A file cannot be written; all views reported as finished are on disk.
     """
 
-    def write(index: int, made: RenderedSample) -> None:
+    def write(index: int, sample: RenderedSample) -> None:
         paths = ViewPaths(out, index)
-        write_view(paths, *renderer.encode(paths, made))
+        write_view(paths, *renderer.encode(paths, sample))
         finished(index)
 
     waiting: deque[Future[None]] = deque()

@@ -121,11 +121,11 @@ class ViewRenderer:
         """``(video_frames, 4, 4)`` poses of the video's trajectory."""
         return self._trajectory.poses(self._options.video_frames)
 
-    def encode(self, paths: ViewPaths, made: RenderedSample) -> tuple[dict[str, bytes], ViewRecord]:
+    def encode(self, paths: ViewPaths, sample: RenderedSample) -> tuple[dict[str, bytes], ViewRecord]:
         """Encode a view's files, by kind, and its record; uses no Blender data, so any thread may call it."""
         return encode_view(
             paths,
-            made,
+            sample,
             self._edges,
             self.camera,
             depth_scale=self.depth_scale,

@@ -79,25 +79,25 @@ class WorkerPool:
             raise self._failure
 
     def _feed(self, process: subprocess.Popen[str], number: int) -> None:
-        given: set[int] = set()
+        assigned: set[int] = set()
         errors: deque[str] = deque(maxlen=20)
         reader = threading.Thread(target=lambda: errors.extend(process.stderr or ()), daemon=True)
         reader.start()
         try:
-            self._give(process, given)
+            self._assign(process, assigned)
             for line in process.stdout or ():
                 if line.startswith(_FINISHED):
                     index = int(line.removeprefix(_FINISHED))
-                    given.discard(index)
+                    assigned.discard(index)
                     self._finished(index)
-                    self._give(process, given)
+                    self._assign(process, assigned)
         except BrokenPipeError:
             # the worker died, and its exit code says more; or it no longer reads its input, so end it
             process.kill()
         code = process.wait()
         reader.join()
         # its unfinished views go back to the queue
-        self._views.extendleft(sorted(given, reverse=True))
+        self._views.extendleft(sorted(assigned, reverse=True))
         reported = [line for line in errors if line.startswith("error: ")] or [*errors]
         last = reported[-1].strip().removeprefix("error: ") if reported else ""
         if code == EXIT_INPUT:
@@ -108,18 +108,18 @@ class WorkerPool:
             how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
             self.messages.append(f"worker {number} {how}; the others continue {f'({last})' if last else ''}".rstrip())
 
-    def _give(self, process: subprocess.Popen[str], given: set[int]) -> None:
+    def _assign(self, process: subprocess.Popen[str], assigned: set[int]) -> None:
         stream = process.stdin
         if stream is None or stream.closed:
             return
-        while len(given) < AHEAD:
+        while len(assigned) < AHEAD:
             try:
                 index = self._views.popleft()
             except IndexError:
-                if not given:
+                if not assigned:
                     stream.close()
                 return
-            given.add(index)
+            assigned.add(index)
             stream.write(f"{index}\n")
         stream.flush()
 

@@ -79,7 +79,7 @@ class EdgeSampler:
         """Render a pose (4x4, mm): anti-aliased colour; depth and observed surface at the pixel centres."""
         filtered = self._fit_filter(cam_from_model)
         exact = render_view(self._surface_scene, cam_from_model)
-        edges = edge_pixels(exact.depth_mm, exact.observed, self._camera) | exact.beside_unseen
+        edges = edge_pixels(exact.depth_mm, exact.observed, self._camera) | exact.near_unseen
         rgb = np.array(exact.rgb) if filtered else mean_over_pixels(exact.rgb)
         rgb[edges] = self._mean_colours(edges, cam_from_model)
         return replace(exact, rgb=rgb)
@@ -118,10 +118,10 @@ class EdgeSampler:
         """The frame or atlas, filtered if a footprint is given; alpha marks the border of the observed region."""
         if isinstance(colour, TextureAtlas):
             known = colour.observed
-            beside = edge_pixels(known.astype(np.float32), known, self._source.camera)
+            border = edge_pixels(known.astype(np.float32), known, self._source.camera)
         else:
             known = colour.depth_mm > 0
-            beside = edge_pixels(colour.depth_mm, known, colour.camera)
+            border = edge_pixels(colour.depth_mm, known, colour.camera)
         rgb = colour.image if footprint is None else prefiltered(colour.image, known, footprint)
         with self._surface_scene.owning():
-            return new_float_image("filtered frame", np.concatenate([rgb, beside[..., None]], axis=2))
+            return new_float_image("filtered frame", np.concatenate([rgb, border[..., None]], axis=2))

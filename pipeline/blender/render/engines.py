@@ -47,7 +47,7 @@ def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> Rend
 
 
 def _render_cycles(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
-    with _open_result() as results, interrupts_held_back():
+    with _collected_passes() as results, delayed_interrupts():
         bpy.ops.render.render(scene=scene.name)
     if not results:
         raise RuntimeError("Cycles ended without a result")
@@ -55,7 +55,7 @@ def _render_cycles(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
 
 
 @contextmanager
-def _open_result() -> Iterator[list[dict[str, np.ndarray]]]:
+def _collected_passes() -> Iterator[list[dict[str, np.ndarray]]]:
     """Collect the passes of Cycles renders inside the block.
 
     Only the engine itself can read a render result. Cycles is an engine written in Python around a library, and Blender
@@ -117,7 +117,7 @@ def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
         path = Path(folder) / "view.exr"
         scene.render.filepath = str(path)
         try:
-            with interrupts_held_back():
+            with delayed_interrupts():
                 bpy.ops.render.render(scene=scene.name, write_still=True)
             channels = read_exr(path)
         except (RuntimeError, OSError, ExrError) as error:
@@ -135,7 +135,7 @@ def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
 
 
 @contextmanager
-def interrupts_held_back() -> Iterator[None]:
+def delayed_interrupts() -> Iterator[None]:
     """Delay Ctrl-C until a render has ended, then raise KeyboardInterrupt.
 
     Otherwise Python would raise it inside Cycles' own code, where Blender swallows it, and Blender's own handler would

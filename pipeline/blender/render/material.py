@@ -91,7 +91,7 @@ def _texture(nodes: Nodes, mesh_object: bpy.types.Object, atlas: TextureAtlas, f
     set_corner_uv(mesh_object, UV_MAP, atlas.uv)
     rgba = np.concatenate([atlas.image, atlas.observed[..., None]], axis=2)
     uv = nodes.add("ShaderNodeUVMap", uv_map=UV_MAP)
-    rgb, flag, addition = _looked_up(nodes, new_float_image("frame_atlas", rgba), uv.outputs["UV"], filtered)
+    rgb, flag, addition = _image_lookup(nodes, new_float_image("frame_atlas", rgba), uv.outputs["UV"], filtered)
     # a point is observed if all texels with non-zero weight are
     return rgb, nodes.math("GREATER_THAN", flag, OBSERVED_LEAST), addition
 
@@ -119,12 +119,12 @@ def _projection(
     nodes.link(homogeneous, separate.inputs[0])
     depth = separate.outputs["Z"]
     pixel = nodes.scaled(homogeneous, nodes.math("DIVIDE", 1.0, depth))
-    rgb, inverse_depth, addition = _looked_up(nodes, new_float_image("frame", rgba), pixel, filtered)
+    rgb, inverse_depth, addition = _image_lookup(nodes, new_float_image("frame", rgba), pixel, filtered)
     ratio = nodes.math("MULTIPLY", depth, inverse_depth)
     return rgb, nodes.math("COMPARE", ratio, 1.0, source.depth_tolerance), addition
 
 
-def _looked_up(nodes: Nodes, image: bpy.types.Image, coordinates: bpy.types.NodeSocket, filtered: bool) -> tuple:
+def _image_lookup(nodes: Nodes, image: bpy.types.Image, coordinates: bpy.types.NodeSocket, filtered: bool) -> tuple:
     """Colour and alpha of an image (alpha is 0 outside it), and the alpha of the filtered image or ``None``."""
     exact = nodes.add("ShaderNodeTexImage", name=FRAME_IMAGE, image=image, interpolation="Linear", extension="CLIP")
     nodes.link(coordinates, exact.inputs["Vector"])

@@ -77,7 +77,7 @@ def _ray_nodes(surface: bpy.types.Object, colour: SurfaceColour) -> tuple[bpy.ty
     nodes.link(origin.outputs["Vector"], hit.inputs["Source Position"])
     nodes.link(direction.outputs["Position"], hit.inputs["Ray Direction"])
     image = None if isinstance(colour, VertexColours) else _image_of(surface)
-    rgb, observed = _shaded(nodes, hit.outputs["Attribute"], colour, image)
+    rgb, observed = _shade(nodes, hit.outputs["Attribute"], colour, image)
     front = nodes.math("LESS_THAN", nodes.dot(hit.outputs["Hit Normal"], direction.outputs["Position"]), 0.0)
     rgb = nodes.mixed(nodes.math("MULTIPLY", observed, front), NEUTRAL_RGBA, rgb)
     moved, end = nodes.add("GeometryNodeSetPosition"), nodes.add("NodeGroupOutput")
@@ -101,12 +101,12 @@ def _image_of(surface: bpy.types.Object) -> bpy.types.Image:
     return surface.data.materials[0].node_tree.nodes[FRAME_IMAGE].image
 
 
-def _shaded(
+def _shade(
     nodes: Nodes, attribute: bpy.types.NodeSocket, colour: SurfaceColour, image: bpy.types.Image | None
 ) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
     """Colour and observed flag of a hit, as in :mod:`pipeline.blender.render.material`."""
 
-    def looked_up(coordinates: bpy.types.NodeSocket) -> bpy.types.Node:
+    def image_lookup(coordinates: bpy.types.NodeSocket) -> bpy.types.Node:
         node = nodes.add("GeometryNodeImageTexture", Image=image, interpolation="Linear", extension="CLIP")
         nodes.link(coordinates, node.inputs["Vector"])
         return node
@@ -117,12 +117,12 @@ def _shaded(
             nodes.link(attribute, channels.inputs["Color"])
             return attribute, nodes.math("GREATER_THAN", channels.outputs["Alpha"], OBSERVED_LEAST)
         case TextureAtlas():
-            texel = looked_up(attribute)
+            texel = image_lookup(attribute)
             return texel.outputs["Color"], nodes.math("GREATER_THAN", texel.outputs["Alpha"], OBSERVED_LEAST)
         case SourceView():
             separate = nodes.add("ShaderNodeSeparateXYZ")
             nodes.link(attribute, separate.inputs[0])
             depth = separate.outputs["Z"]
-            texel = looked_up(nodes.scaled(attribute, nodes.math("DIVIDE", 1.0, depth)))
+            texel = image_lookup(nodes.scaled(attribute, nodes.math("DIVIDE", 1.0, depth)))
             ratio = nodes.math("MULTIPLY", depth, texel.outputs["Alpha"])
             return texel.outputs["Color"], nodes.math("COMPARE", ratio, 1.0, colour.depth_tolerance)

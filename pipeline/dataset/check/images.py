@@ -114,26 +114,26 @@ def _float_depth(path: Path, where: str, shape: tuple[int, int]) -> np.ndarray:
 def _check_images(images: dict[str, np.ndarray], paths: ViewPaths, record: ViewRecord, identity: Identity) -> None:
     """Check the images against each other."""
     mask, depth = images["mask"] > 0, images["depth"]
-    _nothing(mask != (depth > 0), paths, "mask", "differ from where the depth image has surface")
+    _require_none(mask != (depth > 0), paths, "mask", "differ from where the depth image has surface")
     for kind in ("mask_visib", "mask_observed"):
-        _nothing((images[kind] > 0) & ~mask, paths, kind, "lie outside the mask")
+        _require_none((images[kind] > 0) & ~mask, paths, kind, "lie outside the mask")
     coloured = images["rgb"].any(axis=2)
     if not identity.anti_aliased:
-        _nothing(coloured & ~mask, paths, "rgb", "outside the mask are not black")
+        _require_none(coloured & ~mask, paths, "rgb", "outside the mask are not black")
     else:
         near = cv2.dilate(images["mask"], np.ones((3, 3), np.uint8)) > 0
         outside = coloured & ~near
         if outside.sum() > SOFT_EDGE_OUTLIERS * mask.sum():
-            _nothing(outside, paths, "rgb", "more than 1 px outside the mask are not black")
+            _require_none(outside, paths, "rgb", "more than 1 px outside the mask are not black")
     if "depth_mm" in images:
         exact = images["depth_mm"].astype(np.float64)
         # depths below half a unit are stored as 1, not 0
         rounding = np.where(depth == 1, 1.0, 0.5) * record.depth_scale + 1e-6 * exact
         wrong = ((exact > 0) != mask) | ~(np.abs(exact - depth * record.depth_scale) <= rounding)
-        _nothing(wrong, paths, "depth_mm", "are not those of the depth image before rounding")
+        _require_none(wrong, paths, "depth_mm", "are not those of the depth image before rounding")
 
 
-def _nothing(wrong: np.ndarray, paths: ViewPaths, kind: str, clause: str) -> None:
+def _require_none(wrong: np.ndarray, paths: ViewPaths, kind: str, clause: str) -> None:
     if wrong.any():
         v, u = np.argwhere(wrong)[0]
         raise DamagedFile(f"{paths.relative(kind)}: {int(wrong.sum())} px {clause} (first: u = {u}, v = {v})")
@@ -162,7 +162,7 @@ def _check_record(images: dict[str, np.ndarray], paths: ViewPaths, record: ViewR
     if (runs < 0).any() or runs.sum() != visible.size:
         raise DamagedFile(f"{record.where}: expected rle_counts of {visible.size} px, found {int(runs.sum())}")
     decoded = np.repeat(np.arange(len(runs)) % 2 == 1, runs).reshape(visible.shape[::-1]).T
-    _nothing(decoded != visible, paths, "mask_visib", f"differ from rle_counts of {record.where}")
+    _require_none(decoded != visible, paths, "mask_visib", f"differ from rle_counts of {record.where}")
 
 
 def _box(mask: np.ndarray) -> list[int]:

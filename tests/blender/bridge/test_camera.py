@@ -164,7 +164,7 @@ def test_silhouette_and_depth_of_a_free_form_surface(bumpy_mesh, oblique_pose, r
 
 
 @pytest.mark.render
-def test_a_view_larger_than_a_tile_of_the_renderer_is_whole(bumpy_mesh, frontal_pose):
+def test_a_view_larger_than_a_tile_of_the_renderer_is_complete(bumpy_mesh, frontal_pose):
     camera = PinholeCamera(2100, 2000, 14000.0, 14000.0, 1049.5, 999.5)
     with SurfaceScene(bumpy_mesh, camera, None) as scene:
         assert render_view(scene, frontal_pose).mask.all()

@@ -1,4 +1,4 @@
-"""Frames of every kind are read as their code values, whatever the file is called."""
+"""Frames of every format are read as their code values, whatever the file's name."""
 
 from pathlib import Path
 

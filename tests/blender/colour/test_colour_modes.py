@@ -92,7 +92,7 @@ def test_back_sides_are_not_painted(stepped_mesh, frontal_pose, sharp_image, loa
     assert not view.observed.any()
 
 
-def test_flipped_mesh_gives_the_same_views_and_is_told(
+def test_flipped_mesh_gives_the_same_views_and_a_message(
     bumpy_mesh, frontal_pose, oblique_pose, sharp_image, loaded_case
 ):
     image = sharp_image(CAMERA)

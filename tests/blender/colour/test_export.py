@@ -29,7 +29,7 @@ def loaded(bumpy_mesh, frontal_pose, loaded_case) -> LoadedCase:
 
 
 def glb_colours(path: Path) -> np.ndarray:
-    """``(V, 3)`` COLOR_0 of the only primitive, straight from the buffer (trimesh drops it beside a material)."""
+    """``(V, 3)`` COLOR_0 of the only primitive, straight from the buffer (trimesh drops it if there is a material)."""
     data = path.read_bytes()
     (length,) = struct.unpack_from("<I", data, 12)
     tables, start = json.loads(data[20 : 20 + length]), 28 + length

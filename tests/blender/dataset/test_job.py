@@ -58,7 +58,7 @@ def reference(case, tmp_path_factory, render_command, run_command) -> Path:
 
 
 def run_here(case: Path, out: Path, options: DatasetOptions = OPTIONS, shard: Shard = WHOLE) -> str:
-    """The same in this process, without workers; gives what was told."""
+    """The same in this process, without workers; returns the output."""
     stream = io.StringIO()
     dataset_run.run(Job(read_case(case), out, options, shard), workers=1, worker_command=(), stream=stream)
     return stream.getvalue()
@@ -73,7 +73,7 @@ def times(folder: Path) -> dict[str, int]:
 
 
 def assert_same_dataset(out: Path, reference: Path) -> None:
-    """Byte for byte, and nothing besides (.work, .partial-*)."""
+    """Byte for byte, and no other files (.work, .partial-*)."""
     found, expected = tree(out), tree(reference)
     assert sorted(found) == sorted(expected)
     assert [name for name in expected if found[name] != expected[name]] == []
@@ -115,7 +115,7 @@ def test_shards_in_one_folder_make_the_same_dataset(case, reference, tmp_path, r
     parts = [render_command(case, "--out", out, *ARGUMENTS, "--workers", 1, "--shard", f"{i}/3") for i in range(3)]
     ended = run_command(parts[2])
     assert (ended.returncode, ended.stderr) == (0, "")
-    assert "part 2/3: 10 views are finished" in ended.stdout
+    assert "shard 2/3: 10 views are finished" in ended.stdout
     assert finished_views(out) == 10
     # the other two at the same time
     processes = [subprocess.Popen(part, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) for part in parts[:2]]
@@ -124,11 +124,11 @@ def test_shards_in_one_folder_make_the_same_dataset(case, reference, tmp_path, r
     assert_same_dataset(out, reference)
 
 
-def test_shards_in_folders_of_their_own_are_merged_by_copying(case, reference, tmp_path):
+def test_shards_in_separate_folders_are_merged_by_copying(case, reference, tmp_path):
     out = tmp_path / "merged"
     for index in (1, 0, 2):
         part = tmp_path / f"part {index}"
-        assert "parts lie in one folder, the same command without --shard writes the tables" in run_here(
+        assert "shards are in one folder, run the same command without --shard to write the tables" in run_here(
             case, part, shard=Shard(index, 3)
         )
         shutil.copytree(part, out, dirs_exist_ok=True)
@@ -185,7 +185,7 @@ def wait_until(condition, process: subprocess.Popen | None = None) -> None:
 
 @pytest.fixture
 def start() -> Iterator:
-    """Starts a command in a session of its own, and ends what is left of it after the test."""
+    """Starts a command in a new session, and ends its remaining processes after the test."""
     started: list[subprocess.Popen] = []
 
     def begin(command: list[str]) -> subprocess.Popen:
@@ -203,7 +203,7 @@ def start() -> Iterator:
 
 
 @linux_only
-def test_killed_runs_go_on_to_the_same_dataset(case, reference, tmp_path, render_command, run_command, start, rng):
+def test_killed_runs_resume_to_the_same_dataset(case, reference, tmp_path, render_command, run_command, start, rng):
     out = tmp_path / "out"
     command = render_command(case, "--out", out, *ARGUMENTS, "--workers", 2)
     endings = []
@@ -312,7 +312,7 @@ def test_another_dataset_does_not_get_into_the_folder(case, reference, tmp_path,
     assert times(reference) == before
 
 
-def test_a_case_saved_anew_with_the_same_meaning_resumes(case, reference, tmp_path):
+def test_a_case_saved_again_with_the_same_meaning_resumes(case, reference, tmp_path):
     other, out = shutil.copytree(case.parent, tmp_path / "case"), shutil.copytree(reference, tmp_path / "out")
     edit(other / "case.toml", "[pose]", "# aligned by eye\n[pose]")
     shutil.rmtree(ViewPaths(out, 7).file("frame").parent)
@@ -330,7 +330,7 @@ def test_workers_refuse_inputs_that_changed_after_the_run_began(case, reference,
         assert worker.wait() == 3
 
 
-def test_a_run_ends_with_its_input_and_goes_on_later(case, tmp_path, render_command, run_command):
+def test_a_run_ends_with_its_input_and_resumes_later(case, tmp_path, render_command, run_command):
     out, views = tmp_path / "out", 10 * VIEWS
     command = render_command(case, "--out", out, "--count", views, "--workers", 2)
     running = subprocess.Popen(
@@ -384,7 +384,7 @@ def small_disk(tmp_path) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_a_full_disk_stops_the_run_and_more_room_lets_it_go_on(
+def test_a_full_disk_stops_the_run_and_more_space_lets_it_resume(
     case, reference, small_disk, render_command, run_command, workers
 ):
     out = small_disk / "out"

@@ -1,4 +1,4 @@
-"""Real photographs with known poses, where the test data lie beside the project; skipped elsewhere."""
+"""Real photographs with known poses, if the test data are next to the project; else skipped."""
 
 import json
 from pathlib import Path

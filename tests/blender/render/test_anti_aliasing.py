@@ -1,4 +1,4 @@
-"""Anti-aliased views: near to many samples in every pixel, exact where they must be, the same whatever came before."""
+"""Anti-aliased views: close to many samples per pixel, exact where they must be, independent of earlier views."""
 
 import bpy
 import numpy as np
@@ -111,11 +111,11 @@ def test_a_plain_frame_changes_at_edges_only(stepped_mesh, frontal_pose, oblique
     changed = np.abs(view.rgb - exact.rgb).max(axis=2) > 1e-5
     edges = edge_pixels(exact.depth_mm, exact.observed, VIEW)
     assert np.count_nonzero(changed) > 50
-    assert not (changed & ~edges & ~view.beside_unseen).any()
+    assert not (changed & ~edges & ~view.near_unseen).any()
     # what is mixed there are these three colours
     assert view.rgb.min() >= 0
     assert view.rgb.max() < 0.75 + 1e-5
-    inside = exact.mask & ~edges & ~view.beside_unseen
+    inside = exact.mask & ~edges & ~view.near_unseen
     assert np.isin(np.round(view.rgb[inside], 4), [NEUTRAL, 0.75]).all()
 
 

@@ -118,7 +118,7 @@ def test_missing_frames_and_folders_are_refused(case):
 
 def test_a_frame_of_another_size_than_the_cameras_is_refused(case):
     (case.parent / "frame.png").write_bytes(encode_png(np.zeros((96, 128, 3), np.uint8)))
-    message = r"expected a frame of 64x48 px as \[camera\] size says, frame\.png has 128x96; .*give the K of this image"
+    message = r"expected a frame of 64x48 px as in \[camera\] size, frame\.png has 128x96; .*give the K of this image"
     with pytest.raises(InputError, match=message):
         opened(case)
 

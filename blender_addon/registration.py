@@ -5,6 +5,7 @@ Blender takes a property from an annotation, ``width: IntProperty(min=1)``, whic
 set: that has no hash, or ``typing`` would remember it and keep the add-on in memory after it has been removed.
 """
 
+import inspect
 from collections.abc import Callable, Sequence
 from typing import Annotated, get_args, get_origin
 
@@ -22,8 +23,10 @@ def class_registration(classes: Sequence[type]) -> tuple[Callable[[], None], Cal
     """
     for kind in classes:
         for base in kind.__mro__:
-            annotations = vars(base).get("__annotations__", {})
-            annotations.update({name: _definition(annotation) for name, annotation in annotations.items()})
+            # not as an attribute, which may be a base's; from Python 3.14 on they are made when they are asked for
+            annotations = inspect.get_annotations(base)
+            if any(get_origin(annotation) is Annotated for annotation in annotations.values()):
+                base.__annotations__ = {name: _definition(annotation) for name, annotation in annotations.items()}
     register, unregister = bpy.utils.register_classes_factory(classes)
     return register, unregister
 

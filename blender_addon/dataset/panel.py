@@ -22,8 +22,8 @@ RENDERING = ("colour", "engine", "samples", "scale", "float_depth", "video")
 LABELS = {
     "cone_deg": "Max Tilt (°)",
     "roll_deg": "Max Roll (°)",
-    "distance_min": "Min Distance (×)",
-    "distance_max": "Max Distance (×)",
+    "distance_min": "Nearest (×)",
+    "distance_max": "Farthest (×)",
     "shift_mm": "Max Shift (mm)",
     "sigma_deg": "Rotation σ (°)",
     "sigma_mm": "Translation σ (mm)",

@@ -153,9 +153,9 @@ def _draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty) -> 
 
 def _row_text(scene: bpy.types.Scene, item: ONEFRAME_PG_landmark, index: int) -> tuple[str, str]:
     if not item.has_pixel:
-        return "No image point" if item.has_point else "No points", "NONE"
+        return "No pixel" if item.has_point else "Empty", "NONE"
     if not item.has_point:
-        return "No surface point", "NONE"
+        return "No 3D point", "NONE"
     try:
         residual = solve.residuals_px(scene)[index]
         outlier = item.enabled and solve.solution(scene).is_outlier(index)

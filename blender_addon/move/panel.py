@@ -15,8 +15,8 @@ _PAIRS = (
     ("x", -1, "Left", "Right", "TRIA_LEFT", "TRIA_RIGHT"),
     ("y", -1, "Up", "Down", "TRIA_UP", "TRIA_DOWN"),
     ("depth", -1, "Nearer", "Farther", "ZOOM_IN", "ZOOM_OUT"),
-    ("pitch", -1, "Pitch Up", "Pitch Down", "TRIA_UP_BAR", "TRIA_DOWN_BAR"),
-    ("yaw", 1, "Yaw Left", "Yaw Right", "TRIA_LEFT_BAR", "TRIA_RIGHT_BAR"),
+    ("pitch", -1, "Tilt Up", "Tilt Down", "TRIA_UP_BAR", "TRIA_DOWN_BAR"),
+    ("yaw", 1, "Turn Left", "Turn Right", "TRIA_LEFT_BAR", "TRIA_RIGHT_BAR"),
     ("roll", -1, "Roll Left", "Roll Right", "LOOP_BACK", "LOOP_FORWARDS"),
 )
 """Axis, sign of the first button's step, labels and icons of the two buttons."""

@@ -50,7 +50,7 @@ class ONEFRAME_PT_view(bpy.types.Panel):
         if view.contour:
             row = layout.row(align=True)
             row.prop(view, "contour_color", text="")
-            row.prop(view, "crease_deg", text="Min Crease (°)")
+            row.prop(view, "crease_deg", text="Crease (°)")
         if frame_image_of(context.scene) is None:
             draw_text(layout, "No frame is loaded, or its file has moved. Load the frame.", icon="INFO")
         _draw_toggle(layout, "oneframe.toggle_blink", view.comparison == "BLINK", "HIDE_OFF")

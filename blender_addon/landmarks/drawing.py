@@ -9,7 +9,7 @@ from ..state import from_scene
 from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
 from ..ui.strokes import Colour, Strokes
-from . import drag_loupe, edit, gestures, solve, tool, uncertainty_drawing
+from . import drag_loupe, gestures, solve, tool, uncertainty_drawing
 from .marks import LandmarkView, Mark, marks_of
 from .solve import Solution
 
@@ -127,7 +127,7 @@ def _draw_pointer(xy: tuple[int, int]) -> None:
     context = bpy.context
     if context.space_data is None or not tool.is_active(context) or not from_scene.is_set_up(context.scene):
         return
-    landmarks = edit.landmarks_model(context.scene)
+    landmarks = from_scene.landmarks_model(context.scene)
     if gestures.running() is not None or not is_unfinished(landmarks):
         return
     strokes = Strokes()

@@ -4,22 +4,8 @@ import bpy
 import numpy as np
 
 from ..pipeline.alignment.manual.picking import Half, landmark_for, new_name
-from ..pipeline.case.landmarks import Landmark
 from ..pipeline.errors import InputError
 from ..state import events, from_scene
-
-
-def landmarks_model(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
-    """All landmarks, points in the frame ``model``, mm."""
-    return tuple(
-        Landmark(
-            entry.name,
-            (entry.point[0], entry.point[1], entry.point[2]) if entry.has_point else None,
-            (entry.pixel[0], entry.pixel[1]) if entry.has_pixel else None,
-            entry.enabled,
-        )
-        for entry in scene.oneframe.landmarks
-    )
 
 
 def checked_index(scene: bpy.types.Scene, index: int) -> int:
@@ -42,7 +28,7 @@ def add(scene: bpy.types.Scene, name: str = "") -> int:
     """Add a landmark without points, make it the active one and return its index."""
     settings = scene.oneframe
     with events.muted():
-        unused_name = name or new_name(landmarks_model(scene))
+        unused_name = name or new_name(from_scene.landmarks_model(scene))
         settings.landmarks.add().name = unused_name
     settings.landmark_index = len(settings.landmarks) - 1
     return settings.landmark_index
@@ -50,7 +36,7 @@ def add(scene: bpy.types.Scene, name: str = "") -> int:
 
 def landmark_for_pick(scene: bpy.types.Scene, half: Half) -> int:
     """Index of the landmark that a newly picked point belongs to, which becomes active; adds one if none lacks it."""
-    found = landmark_for(half, landmarks_model(scene), scene.oneframe.landmark_index)
+    found = landmark_for(half, from_scene.landmarks_model(scene), scene.oneframe.landmark_index)
     if found is None:
         return add(scene)
     scene.oneframe.landmark_index = found

@@ -66,7 +66,7 @@ class _Snapshot:
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> "_Snapshot":
-        return cls(edit.landmarks_model(scene), scene.oneframe.landmark_index, from_scene.cam_from_model(scene))
+        return cls(from_scene.landmarks_model(scene), scene.oneframe.landmark_index, from_scene.cam_from_model(scene))
 
     def restore(self, scene: bpy.types.Scene) -> None:
         with events.muted():

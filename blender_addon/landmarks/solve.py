@@ -84,7 +84,7 @@ def solution(scene: bpy.types.Scene) -> Solution:
         There is no camera; or the landmarks are ambiguous and there is no valid current pose.
     """
     # six digits: a property holds 0.2 as 0.20000000298
-    given = landmarks_model(scene), from_scene.camera(scene), round(scene.oneframe.click_sigma_px, 6)
+    given = from_scene.landmarks_model(scene), from_scene.camera(scene), round(scene.oneframe.click_sigma_px, 6)
     solved = _solved(*given, None)
     if isinstance(solved, UndeterminedPose) and is_ambiguous(solved):
         # only then does the result depend on the current pose, which changes with every step
@@ -92,19 +92,6 @@ def solution(scene: bpy.types.Scene) -> Solution:
     if isinstance(solved, UndeterminedPose):
         return Solution(None, str(solved))
     return Solution(solved, "")
-
-
-def landmarks_model(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
-    """All landmarks of a scene, points in the frame ``model``, mm."""
-    return tuple(
-        Landmark(
-            entry.name,
-            (entry.point[0], entry.point[1], entry.point[2]) if entry.has_point else None,
-            (entry.pixel[0], entry.pixel[1]) if entry.has_pixel else None,
-            entry.enabled,
-        )
-        for entry in scene.oneframe.landmarks
-    )
 
 
 @lru_cache(maxsize=128)
@@ -121,7 +108,7 @@ def _solved(
 def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
     """A warning that names the enabled landmarks whose point is not on the surface, or nothing."""
     return surface_distance.off_surface(
-        landmarks_model(scene), surface_object.edited_mesh(from_scene.surface_of(scene))
+        from_scene.landmarks_model(scene), surface_object.edited_mesh(from_scene.surface_of(scene))
     )
 
 
@@ -177,7 +164,7 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
         from_scene.surface_of(scene),
         from_scene.camera(scene),
     )
-    points, pixels = landmark_arrays(tuple(complete_landmarks(landmarks_model(scene)).values()))
+    points, pixels = landmark_arrays(tuple(complete_landmarks(from_scene.landmarks_model(scene)).values()))
     pivot = visible_surface(surface, camera, cam_from_model).pivot_model
     if pivot is None:
         pivot = points.mean(axis=0)

@@ -5,7 +5,6 @@ import bpy
 from ..pipeline.alignment.manual.picking import next_step
 from ..state import from_scene
 from ..ui.frame_view import shows_frame
-from . import edit
 
 TOOL = "oneframe.landmark_tool"
 
@@ -62,7 +61,7 @@ def instruction(context: bpy.types.Context) -> str:
     scene = context.scene
     if not from_scene.is_set_up(scene):
         return "Set up camera and surface first"
-    landmarks = edit.landmarks_model(scene)
+    landmarks = from_scene.landmarks_model(scene)
     return next_step(landmarks, scene.oneframe.landmark_index, in_frame=shows_frame(context))
 
 

@@ -4,6 +4,7 @@ Files are cached until they, or the settings with which they are read, change. N
 """
 
 import json
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -103,21 +104,29 @@ def distortion(scene: bpy.types.Scene) -> Distortion | None:
     return Distortion(*json.loads(text)) if text else None
 
 
+def landmarks_model(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
+    """All landmarks, points in the frame ``model``, mm."""
+    return tuple(
+        Landmark(
+            entry.name,
+            (entry.point[0], entry.point[1], entry.point[2]) if entry.has_point else None,
+            (entry.pixel[0], entry.pixel[1]) if entry.has_pixel else None,
+            entry.enabled,
+        )
+        for entry in scene.oneframe.landmarks
+    )
+
+
 def landmarks_mesh(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
-    """All landmarks, in the frame of the mesh file, mm."""
+    """All landmarks, points in the frame of the mesh file, mm."""
     found = scene.oneframe.surface
     mesh_from_model = np.eye(4) if found is None else mesh_from_model_of(found)
     landmarks = []
-    for entry in scene.oneframe.landmarks:
-        point = transform_points(mesh_from_model, np.array([entry.point], float))[0]
-        landmarks.append(
-            Landmark(
-                entry.name,
-                (float(point[0]), float(point[1]), float(point[2])) if entry.has_point else None,
-                (float(entry.pixel[0]), float(entry.pixel[1])) if entry.has_pixel else None,
-                entry.enabled,
-            )
-        )
+    for landmark in landmarks_model(scene):
+        if landmark.point is not None:
+            x, y, z = transform_points(mesh_from_model, np.array([landmark.point], float))[0]
+            landmark = replace(landmark, point=(float(x), float(y), float(z)))
+        landmarks.append(landmark)
     return tuple(landmarks)
 
 

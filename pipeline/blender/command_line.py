@@ -18,7 +18,7 @@ from contextlib import suppress
 from typing import Any, NoReturn, TextIO
 
 from ..errors import InputError, RunError
-from ..files.tables import nearest_name
+from ..files.keys import nearest_name
 
 EXIT_INPUT, EXIT_RUN, EXIT_STOPPED = 2, 3, 130
 STOPPING_SECONDS = 5.0

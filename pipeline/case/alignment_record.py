@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..files.tables import check_keys
+from ..files.keys import check_keys
 
 KEYS = (
     "method",

@@ -13,8 +13,9 @@ from ..camera.distortion import Distortion, checked_distortion
 from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
 from ..files.content import read_content
+from ..files.keys import check_keys
 from ..files.numbers import MM_PER_UNIT, millimetres
-from ..files.tables import check_keys, parsed_toml
+from ..files.tables import parsed_toml
 from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY, pose_key
 from ..transforms import checked_rigid
 from .alignment_record import checked_alignment_record

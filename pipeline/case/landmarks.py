@@ -11,8 +11,8 @@ import numpy as np
 
 from ..camera.pinhole import PixelOrigin
 from ..errors import InputError
+from ..files.keys import check_keys
 from ..files.numbers import millimetres
-from ..files.tables import check_keys
 
 
 @dataclass(frozen=True)

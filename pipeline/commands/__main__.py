@@ -11,7 +11,7 @@ from typing import Any
 from .. import __version__
 from ..blender.command_line import ArgumentParser, run_script
 from ..errors import InputError
-from ..files.tables import nearest_name
+from ..files.keys import nearest_name
 from .parser import explained_imports, fill_parser
 
 COMMANDS = ("sample", "align", "render", "check", "compare", "colour")

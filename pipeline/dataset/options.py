@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from ..files.tables import nearest_name
+from ..files.keys import nearest_name
 
 ENGINES = ("cycles", "eevee", "workbench")
 COLOURS = ("projective", "texture", "vertex")

@@ -114,7 +114,7 @@ class ViewRecord:
         record = _Fields(content, where)
         info, rejections = record.object("gt_info"), record.object("rejections")
         return cls(
-            index=record.whole("index"),
+            index=record.integer("index"),
             cam_from_model=rigid(
                 np.reshape(record.numbers("cam_R_m2c", 9), (3, 3)), np.array(record.numbers("cam_t_m2c", 3))
             ),
@@ -122,15 +122,15 @@ class ViewRecord:
             gt_info=GroundTruthInfo(
                 bbox_obj=info.box("bbox_obj"),
                 bbox_visib=info.box("bbox_visib"),
-                px_count_all=info.whole("px_count_all"),
-                px_count_valid=info.whole("px_count_valid"),
-                px_count_visib=info.whole("px_count_visib"),
+                px_count_all=info.integer("px_count_all"),
+                px_count_valid=info.integer("px_count_valid"),
+                px_count_visib=info.integer("px_count_visib"),
                 visib_fract=info.number("visib_fract"),
             ),
-            px_count_observed=record.whole("px_count_observed"),
-            attempts=record.whole("attempts"),
-            rejections=Rejections(**{name: rejections.whole(name) for name in ("surface", "observed", "clearance")}),
-            rle_counts=record.wholes("rle_counts"),
+            px_count_observed=record.integer("px_count_observed"),
+            attempts=record.integer("attempts"),
+            rejections=Rejections(**{name: rejections.integer(name) for name in ("surface", "observed", "clearance")}),
+            rle_counts=record.integers("rle_counts"),
             sha256=record.texts("sha256"),
         )
 
@@ -171,8 +171,8 @@ class _Fields:
     def object(self, key: str) -> "_Fields":
         return _Fields(self._checked(key, isinstance(self._content.get(key), dict), "an object"), self._where)
 
-    def whole(self, key: str) -> int:
-        return self._checked(key, _is_whole(self._content.get(key)), "a whole number")
+    def integer(self, key: str) -> int:
+        return self._checked(key, _is_integer(self._content.get(key)), "a whole number")
 
     def number(self, key: str) -> float:
         return float(self._checked(key, _is_number(self._content.get(key)), "a number"))
@@ -182,12 +182,12 @@ class _Fields:
         fits = isinstance(values, list) and len(values) == count and all(map(_is_number, values))
         return self._checked(key, fits, f"{count} numbers")
 
-    def wholes(self, key: str) -> tuple[int, ...]:
+    def integers(self, key: str) -> tuple[int, ...]:
         values = self._content.get(key)
-        return tuple(self._checked(key, isinstance(values, list) and all(map(_is_whole, values)), "whole numbers"))
+        return tuple(self._checked(key, isinstance(values, list) and all(map(_is_integer, values)), "whole numbers"))
 
     def box(self, key: str) -> Box:
-        x, y, width, height = self._checked(key, len(self.wholes(key)) == 4, "4 whole numbers")
+        x, y, width, height = self._checked(key, len(self.integers(key)) == 4, "4 whole numbers")
         return x, y, width, height
 
     def texts(self, key: str) -> dict[str, str]:
@@ -196,9 +196,9 @@ class _Fields:
         return self._checked(key, fits, "strings by name")
 
 
-def _is_whole(value: object) -> bool:
+def _is_integer(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
 def _is_number(value: object) -> bool:
-    return _is_whole(value) or isinstance(value, float)
+    return _is_integer(value) or isinstance(value, float)

@@ -1,11 +1,10 @@
-"""Tables: parse JSON and TOML, check keys with a hint for a misspelt one, write JSON and CSV."""
+"""Tables: parse JSON and TOML, write JSON and CSV."""
 
 import csv
-import difflib
 import io
 import json
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -76,28 +75,3 @@ def _check_integers(value: object) -> None:
     if isinstance(value, dict | list):
         for part in value.values() if isinstance(value, dict) else value:
             _check_integers(part)
-
-
-def check_keys(table: Mapping, required: tuple[str, ...], optional: tuple[str, ...], where: str) -> None:
-    """Check the keys of a table; ``where`` begins the messages, such as ``"case.toml: [frame] "``.
-
-    Raises
-    ------
-    InputError
-        An unknown key, or a required one that is missing.
-    """
-    known = required + optional
-    for key in table:
-        if key not in known:
-            raise InputError(f"{where}unknown key {key!r}; {nearest_name(key, known)}")
-    for key in required:
-        if key not in table:
-            raise InputError(f"{where}expected a key {key!r}, it is missing")
-
-
-def nearest_name(name: str, known: tuple[str, ...]) -> str:
-    """A hint for a misspelt name: the nearest known one, or all of them."""
-    near = difflib.get_close_matches(name.lower(), [key.lower() for key in known], n=1, cutoff=0.5)
-    if near:
-        return f"did you mean {next(key for key in known if key.lower() == near[0])!r}?"
-    return "expected one of " + ", ".join(repr(key) for key in known)

@@ -14,8 +14,8 @@ from pipeline.case.case_file import Structure, read_case
 from pipeline.case.landmarks import Landmark
 from pipeline.dataset.options import checked_options
 from pipeline.errors import InputError
+from pipeline.files.keys import nearest_name
 from pipeline.files.numbers import MM_PER_UNIT
-from pipeline.files.tables import nearest_name
 
 PARTS = {
     "units": 'units = "mm"',

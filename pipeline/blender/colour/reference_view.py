@@ -84,7 +84,7 @@ def baked_colour_of(source: ReferenceView, mode: str) -> tuple[TextureAtlas | Ve
 
 
 def vertex_colours_of(source: ReferenceView) -> tuple[VertexColours, list[str]]:
-    """The colours of the vertices, and a message with how far apart these are."""
+    """The colours of the vertices, and a message with their spacing."""
     view, mesh = source.view, source.mesh
     colours = colour_vertices(mesh, view)
     spacing_px = (

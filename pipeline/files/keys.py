@@ -1,0 +1,34 @@
+"""Names in tables and on command lines: unknown and missing keys, and a hint for a misspelt one.
+
+Imports neither numpy nor Blender: ``--help`` must not wait for them.
+"""
+
+import difflib
+from collections.abc import Mapping
+
+from ..errors import InputError
+
+
+def check_keys(table: Mapping, required: tuple[str, ...], optional: tuple[str, ...], where: str) -> None:
+    """Check the keys of a table; ``where`` begins the messages, such as ``"case.toml: [frame] "``.
+
+    Raises
+    ------
+    InputError
+        An unknown key, or a required one that is missing.
+    """
+    known = required + optional
+    for key in table:
+        if key not in known:
+            raise InputError(f"{where}unknown key {key!r}; {nearest_name(key, known)}")
+    for key in required:
+        if key not in table:
+            raise InputError(f"{where}expected a key {key!r}, it is missing")
+
+
+def nearest_name(name: str, known: tuple[str, ...]) -> str:
+    """A hint for a misspelt name: the nearest known one, or all of them."""
+    near = difflib.get_close_matches(name.lower(), [key.lower() for key in known], n=1, cutoff=0.5)
+    if near:
+        return f"did you mean {next(key for key in known if key.lower() == near[0])!r}?"
+    return "expected one of " + ", ".join(repr(key) for key in known)

@@ -153,7 +153,10 @@ class PoseUncertainty:
         """d^T C^-1 d / 6, with d the twist from the estimated pose to ``pose`` and C the covariance."""
         scale = self._scale_to_mm()
         twist = twist_between(estimate, pose, self.pivot_model) * scale
-        return float(twist @ np.linalg.solve(self.covariance * np.outer(scale, scale), twist)) / 6
+        variances, axes = np.linalg.eigh(self.covariance * np.outer(scale, scale))
+        # a direction that the pairs do not determine makes the others vanish in rounding: they get a floor
+        variances = np.maximum(variances, 1e-15 * variances[-1])
+        return float(((axes.T @ twist) ** 2 / variances).sum()) / 6
 
     def _scale_to_mm(self) -> np.ndarray:
         """``(6,)`` factors that turn a twist into six lengths in mm."""

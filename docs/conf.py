@@ -14,7 +14,7 @@ from pipeline import __version__
 
 project = "OneFrame"
 version = release = __version__
-author = "The OneFrame developers"
+author = copyright = "The OneFrame developers"
 extensions = ["myst_parser", "autoapi.extension", "sphinx_copybutton"]
 exclude_patterns = ["img"]
 

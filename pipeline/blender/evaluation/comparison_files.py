@@ -1,13 +1,12 @@
 """A comparison with photographs as files: a table of similarities, a picture of each pair, a sheet of all pairs."""
 
-import csv
-import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from ...case.loaded_case import LoadedCase
 from ...evaluation.photographs import PosedPhotograph
 from ...files.content import write_bytes_atomically
+from ...files.tables import write_csv
 from ...images.contact_sheet import contact_sheet
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
@@ -52,16 +51,11 @@ def write_comparisons(
         name = f"{comparison.photograph.path.stem}.png"
         write_bytes_atomically(out / name, encode_png(to_uint8(pictures[-1])))
         yield comparison
-    write_bytes_atomically(out / TABLE, _table(comparisons).encode())
+    write_csv(out / TABLE, COLUMNS, map(_row, comparisons))
     sheet = contact_sheet(pictures, columns=2, tile_width=TILE_WIDTH)
     write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
 
 
-def _table(comparisons: Sequence[Comparison]) -> str:
-    text = io.StringIO(newline="")
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(COLUMNS)
-    for comparison in comparisons:
-        found, name = comparison.similarity, comparison.photograph.path.name
-        rows.writerow([name, f"{found.ssim:.4f}", f"{found.mean_error:.2f}", f"{found.correlation:.4f}", found.pixels])
-    return text.getvalue()
+def _row(comparison: Comparison) -> tuple[object, ...]:
+    found, name = comparison.similarity, comparison.photograph.path.name
+    return name, f"{found.ssim:.4f}", f"{found.mean_error:.2f}", f"{found.correlation:.4f}", found.pixels

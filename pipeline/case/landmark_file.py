@@ -81,7 +81,9 @@ def write_landmarks(path: Path, landmarks: Sequence[Landmark], *, mm_per_unit: f
 
 
 def _from_json(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
-    return landmarks_from_tables(parsed_json(text, name), f"{name}: landmark", mm_per_unit=mm_per_unit)
+    return landmarks_from_tables(
+        parsed_json(text, name, parse_float=WrittenFloat), f"{name}: landmark", mm_per_unit=mm_per_unit
+    )
 
 
 def _json_text(landmarks: Sequence[Landmark], mm_per_unit: float) -> str:

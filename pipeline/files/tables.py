@@ -13,15 +13,22 @@ from .content import write_bytes_atomically
 from .numbers import WrittenFloat
 
 
-def parsed_json(content: str | bytes, where: str, *, parse_int: Callable[[str], Any] = int) -> Any:
-    """Parse JSON; numbers with a decimal point or an exponent keep their digits (:class:`.WrittenFloat`).
+def parsed_json(
+    content: str | bytes,
+    where: str,
+    *,
+    parse_int: Callable[[str], Any] = int,
+    parse_float: Callable[[str], Any] = float,
+) -> Any:
+    """Parse JSON.
 
     Parameters
     ----------
     content, where
         The text; the beginning of messages.
-    parse_int
-        Converts the digits of a whole number.
+    parse_int, parse_float
+        Convert the digits of a whole number, and of one with a decimal point or an exponent; :class:`.WrittenFloat`
+        keeps the digits.
 
     Raises
     ------
@@ -29,7 +36,7 @@ def parsed_json(content: str | bytes, where: str, *, parse_int: Callable[[str], 
         Not JSON, or brackets nested too deeply.
     """
     try:
-        return json.loads(_text(content), parse_float=WrittenFloat, parse_int=parse_int)
+        return json.loads(_text(content), parse_float=parse_float, parse_int=parse_int)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{where}: expected JSON, found a mistake: {error}; correct it or write it again") from None
 

@@ -107,9 +107,8 @@ def _solved(
 
 def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
     """A warning that names the enabled landmarks whose point is not on the surface, or nothing."""
-    return surface_distance.off_surface(
-        from_scene.landmarks_model(scene), surface_object.edited_mesh(from_scene.surface_of(scene))
-    )
+    mesh = surface_object.edited_mesh(from_scene.surface_of(scene))
+    return surface_distance.off_surface(surface_distance.landmark_distances(from_scene.landmarks_model(scene), mesh))
 
 
 def residuals_px(scene: bpy.types.Scene) -> dict[int, np.ndarray]:

@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 
 from pipeline.alignment.landmarks.align_landmarks import align_landmarks
 from pipeline.alignment.landmarks.solver import UndeterminedPose
-from pipeline.alignment.landmarks.surface_distance import check_landmarks_belong, off_surface, surface_distance
+from pipeline.alignment.landmarks.surface_distance import (
+    check_landmarks_belong,
+    landmark_distances,
+    off_surface,
+    surface_distance,
+)
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.case.landmarks import Landmark
 from pipeline.errors import InputError
@@ -115,16 +120,17 @@ def test_distances_from_a_mesh_are_those_of_its_nearest_triangle(seed, faces, fa
 def test_landmarks_off_the_surface_are_named(bumpy_mesh):
     on = bumpy_mesh.vertices[bumpy_mesh.faces[:3]].mean(axis=1)
     marks = [Landmark(f"on {number}", tuple(point), None) for number, point in enumerate(on.tolist())]
-    assert off_surface(marks, bumpy_mesh) == ()
+    assert off_surface(landmark_distances(marks, bumpy_mesh)) == ()
     above = Landmark("above", (0.0, 0.0, float(bumpy_mesh.bounds[1, 2]) + 2.0), (1.0, 1.0))
     disabled = Landmark("disabled", (0.0, 0.0, 500.0), (1.0, 1.0), enabled=False)
-    (sentence,) = off_surface([*marks, above, disabled, Landmark("half", None, (1.0, 1.0))], bumpy_mesh)
+    every = [*marks, above, disabled, Landmark("half", None, (1.0, 1.0))]
+    (sentence,) = off_surface(landmark_distances(every, bumpy_mesh))
     assert quoted(sentence) == ["above"]
-    check_landmarks_belong([*marks, above], bumpy_mesh, "surface.ply")
-    check_landmarks_belong([], bumpy_mesh, "surface.ply")
+    check_landmarks_belong(landmark_distances([*marks, above], bumpy_mesh), bumpy_mesh, "surface.ply")
+    check_landmarks_belong({}, bumpy_mesh, "surface.ply")
     elsewhere = [Landmark(mark.name, tuple(np.array(mark.point) * 1000), None) for mark in marks]
     with pytest.raises(InputError, match=r"expected points on surface\.ply, all lie beside it"):
-        check_landmarks_belong(elsewhere, bumpy_mesh, "surface.ply")
+        check_landmarks_belong(landmark_distances(elsewhere, bumpy_mesh), bumpy_mesh, "surface.ply")
 
 
 def quoted(sentence: str) -> list[str]:

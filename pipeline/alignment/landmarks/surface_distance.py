@@ -1,6 +1,6 @@
 """Whether landmarks lie on the surface: those of another mesh, or in another frame or unit, do not."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -14,46 +14,45 @@ ELSEWHERE = 0.03
 """If all landmarks lie farther from the surface than this part of its diagonal, they belong to something else."""
 
 
-def off_surface(landmarks: Sequence[Landmark], mesh: TriangleMesh) -> tuple[str, ...]:
-    """A sentence that names the landmarks off the surface, or nothing.
+def landmark_distances(landmarks: Sequence[Landmark], mesh: TriangleMesh) -> dict[str, float]:
+    """Name -> distance from the surface, mm, of the landmarks that are enabled and have a point.
 
     Parameters
     ----------
     landmarks
-        Those that are enabled and have a point are looked at; in the frame of ``mesh``, mm.
+        In the frame of ``mesh``, mm.
     mesh
         The surface, mm.
     """
-    off = [
-        f"{name!r} ({distance:.1f} mm)"
-        for name, distance in _distances(landmarks, mesh).items()
-        if distance > OFF_SURFACE_MM
-    ]
+    return {
+        landmark.name: surface_distance(np.array(landmark.point), mesh)
+        for landmark in landmarks
+        if landmark.enabled and landmark.point is not None
+    }
+
+
+def off_surface(distances: Mapping[str, float]) -> tuple[str, ...]:
+    """A warning that names the landmarks off the surface, or nothing, from :func:`landmark_distances`."""
+    off = [f"{name!r} ({distance:.1f} mm)" for name, distance in distances.items() if distance > OFF_SURFACE_MM]
     if not off:
         return ()
     return (f"landmarks off the surface: {', '.join(off)}; check the mesh they were picked on, its frame and its unit",)
 
 
-def check_landmarks_belong(landmarks: Sequence[Landmark], mesh: TriangleMesh, name: str) -> None:
-    """Refuse landmarks that all lie far beside the surface called ``name``; arguments as :func:`off_surface`.
+def check_landmarks_belong(distances: Mapping[str, float], mesh: TriangleMesh, name: str) -> None:
+    """Refuse landmarks that all lie far from the surface called ``name``, by their :func:`landmark_distances` from it.
 
     Raises
     ------
     InputError
         They do: no pose that they give could be that of this surface.
     """
-    distances = _distances(landmarks, mesh)
     nearest = min(distances.values(), default=0.0)
     if nearest > ELSEWHERE * float(np.linalg.norm(np.ptp(mesh.bounds, axis=0))):
         raise InputError(
             f"landmarks: expected points on {name}, all lie beside it, {nearest:.3g} mm and more off; were they picked "
             "on this mesh, in this frame and unit?"
         )
-
-
-def _distances(landmarks: Sequence[Landmark], mesh: TriangleMesh) -> dict[str, float]:
-    points = {each.name: np.array(each.point) for each in landmarks if each.enabled and each.point is not None}
-    return {name: surface_distance(point, mesh) for name, point in points.items()}
 
 
 def surface_distance(point: np.ndarray, mesh: TriangleMesh) -> float:

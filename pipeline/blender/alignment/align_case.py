@@ -7,7 +7,7 @@ import numpy as np
 from ...alignment.landmarks.align_landmarks import Alignment, align_landmarks, complete_landmarks
 from ...alignment.landmarks.picture import marked
 from ...alignment.landmarks.report import alignment_record
-from ...alignment.landmarks.surface_distance import check_landmarks_belong, off_surface
+from ...alignment.landmarks.surface_distance import check_landmarks_belong, landmark_distances, off_surface
 from ...alignment.refinement.refine import Refinement, refine_pose
 from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase, check_pose
@@ -71,8 +71,9 @@ def align_case(case: Case, *, click_sigma_px: float, refine: bool, tool: str, da
         )
         mesh = loaded.mesh.moved(loaded.mesh_from_model[:3, 3])
         # before the check of the pose, which would report landmarks of another mesh as a wrong pose
-        check_landmarks_belong(case.landmarks, mesh, case.mesh.name)
-        messages = (*off_surface(case.landmarks, mesh), *alignment.estimate.messages)
+        distances = landmark_distances(case.landmarks, mesh)
+        check_landmarks_belong(distances, mesh, case.mesh.name)
+        messages = (*off_surface(distances), *alignment.estimate.messages)
         # the landmarks are in the frame of the mesh file, and so is the pose
         cam_from_mesh = alignment.estimate.cam_from_model
         loaded = _with_pose(loaded, cam_from_mesh, alignment_record(alignment, tool, date))

@@ -186,11 +186,7 @@ cam_from_mesh = [[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]]
 def tiny_surface() -> TriangleMesh:
     """60 x 50 mm of hills around :data:`OFFSET`, so that the mesh's own frame is not the demeaned one."""
     x, y = np.meshgrid(np.linspace(-30, 30, 31), np.linspace(-25, 25, 26))
-    vertices = np.stack([x, y, 3 * np.sin(x / 6) * np.cos(y / 5)], -1).reshape(-1, 3) + OFFSET
-    index = np.arange(len(vertices)).reshape(x.shape)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    return TriangleMesh(vertices, faces.astype(np.int32))
+    return grid_mesh(x, y, 3 * np.sin(x / 6) * np.cos(y / 5)).moved(OFFSET)
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ PYTHON ?= $(shell scripts/dev/find_python.sh 3.13 3.11)
 PLATFORM ?= all
 RUN = $(VENV)/bin/python
 
-.PHONY: setup demo extension dist addon-dev test lint bench bench-alignment docs screenshots clean
+.PHONY: setup demo extension dist addon-dev test test-outside lint bench bench-alignment docs screenshots clean
 .DEFAULT_GOAL := demo
 
 # the environment: Blender as a module, the commands, what tests and checks need; again when pyproject.toml has changed
@@ -44,6 +44,11 @@ addon-dev: setup
 # all tests, those in a Blender program if BLENDER is set; PYTEST_FLAGS=... for pytest itself
 test: setup
 	$(RUN) -m pytest $(PYTEST_FLAGS)
+
+# tests/outside in full: interruptions, tampering, bombs, mutations, and readers that others wrote; `make test` runs a sample
+test-outside: setup
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[outside]"
+	$(RUN) -m pytest --long tests/outside $(PYTEST_FLAGS)
 
 # format, rules, the contracts between the rooms, and types against the API of the environment's Blender
 lint: setup

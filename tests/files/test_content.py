@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import InputError
 from pipeline.files.content import read_content, reading, write_bytes_atomically
+from pipeline.files.numbers import WrittenFloat
 from pipeline.files.tables import parsed_json, parsed_toml
 
 
@@ -80,7 +81,8 @@ def test_tables_are_parsed_or_refused_with_their_place(parse, content):
 
 
 def test_numbers_remember_their_digits():
-    assert parsed_json("[0.10]", "a")[0].digits == parsed_toml("a = 0.10", "a")["a"].digits == "0.10"
+    assert parsed_json("[0.10]", "a", parse_float=WrittenFloat)[0].digits == "0.10"
+    assert parsed_toml("a = 0.10", "a")["a"].digits == "0.10"
 
 
 def test_integers_are_those_that_toml_holds():

@@ -8,7 +8,7 @@ view's other files. All tables of the dataset (:mod:`pipeline.dataset.bop`, :mod
 from dataclasses import dataclass
 from pathlib import Path
 
-FORMAT = "oneframe dataset 1"
+FORMAT = "oneframe dataset 2"
 """Name and version of the layout, in ``dataset.json``."""
 
 SPLIT = "train_pbr"

@@ -37,8 +37,8 @@ def write_poses(root: Path, views: Iterable[int], camera: PinholeCamera, mesh_fr
         paths = ViewPaths(root, index)
         cam_from_model = read_record(paths).cam_from_model
         cam_from_mesh = cam_from_model @ model_from_mesh
-        given = [repr(float(value)) for value in cam_from_mesh[:3, 3]]
-        rows.append([index, paths.relative("rgb"), *pose_cells(cam_from_model), *given])
+        from_mesh = [repr(float(value)) for value in cam_from_mesh[:3, 3]]
+        rows.append([index, paths.relative("rgb"), *pose_cells(cam_from_model), *from_mesh])
         model_from_opengl_cam = inverse_rigid(cam_from_model) @ CAM_FROM_OPENGL_CAM
         nerf_frames.append(
             {
@@ -48,7 +48,7 @@ def write_poses(root: Path, views: Iterable[int], camera: PinholeCamera, mesh_fr
                 "transform_matrix": model_from_opengl_cam.tolist(),
             }
         )
-    header = ("index", "image", *POSE_COLUMNS, "given_tx_mm", "given_ty_mm", "given_tz_mm")
+    header = ("index", "image", *POSE_COLUMNS, "mesh_tx_mm", "mesh_ty_mm", "mesh_tz_mm")
     write_csv(root / "poses.csv", header, rows)
     write_json(root / "transforms.json", _nerf_intrinsics(camera) | {"frames": nerf_frames}, indent=None)
 

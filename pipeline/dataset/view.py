@@ -1,6 +1,5 @@
 """One view of a dataset: the rendered arrays, and their encoding as the view's files and record."""
 
-import hashlib
 import io
 import json
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from ..images.png import encode_png
 from ..poses.constraints import PlannedPose
 from ..projection.silhouette import SilhouetteEdges, silhouette_statistics
 from .bop import bounding_box
+from .checksums import FileSum, sum_of
 from .coco import run_lengths
 from .layout import ViewPaths
 from .view_record import GroundTruthInfo, ViewRecord
@@ -123,6 +123,7 @@ def encode_view(
     edges: SilhouetteEdges,
     camera: PinholeCamera,
     *,
+    identity: str,
     depth_scale: float,
     float_depth: bool,
 ) -> tuple[dict[str, bytes], ViewRecord]:
@@ -138,6 +139,8 @@ def encode_view(
         Edges of the surface, for the part of the silhouette outside the image.
     camera
         Intrinsics of the view.
+    identity
+        Identity of the dataset.
     depth_scale
         Millimetres per unit of the depth image; a view whose surface is too far away for it gets its own scale.
     float_depth
@@ -154,6 +157,7 @@ def encode_view(
     whole = silhouette.px_count_all - silhouette.px_count_inside + inside
     record = ViewRecord(
         index=paths.index,
+        identity=identity,
         cam_from_model=planned.cam_from_model,
         depth_scale=depth_scale,
         gt_info=GroundTruthInfo(
@@ -167,15 +171,15 @@ def encode_view(
         px_count_observed=int(np.count_nonzero(view.observed)),
         attempts=planned.attempts,
         rejections=planned.rejections,
+        files=file_sums(paths, files),
         rle_counts=run_lengths(view.mask),
-        sha256=file_hashes(paths, files),
     )
     return files, record
 
 
-def file_hashes(paths: ViewPaths, files: dict[str, bytes]) -> dict[str, str]:
-    """SHA-256 of a view's files, by their paths relative to the dataset."""
-    return {paths.relative(kind): hashlib.sha256(data).hexdigest() for kind, data in files.items()}
+def file_sums(paths: ViewPaths, files: dict[str, bytes]) -> dict[str, FileSum]:
+    """Size and hash of a view's files, by their paths relative to the dataset."""
+    return {paths.relative(kind): sum_of(data) for kind, data in files.items()}
 
 
 def write_view(paths: ViewPaths, files: dict[str, bytes], record: ViewRecord) -> None:

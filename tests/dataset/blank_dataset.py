@@ -13,7 +13,7 @@ from pipeline.dataset.bop import bounding_box, write_camera, write_scene
 from pipeline.dataset.coco import run_lengths
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.pose_tables import write_poses
-from pipeline.dataset.view import file_hashes, write_view
+from pipeline.dataset.view import file_sums, write_view
 from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord
 from pipeline.poses.constraints import Rejections
 from pipeline.transforms import rigid, rotation_from_vector
@@ -32,14 +32,15 @@ def record_of(index: int) -> ViewRecord:
     mask = np.arange(CAMERA.width * CAMERA.height).reshape(CAMERA.shape_hw) < seen
     return ViewRecord(
         index=index,
+        identity="ab" * 32,
         cam_from_model=pose_of(index),
         depth_scale=0.002,
         gt_info=GroundTruthInfo((1, 2, 3, 4), bounding_box(mask), 80, seen, seen, seen / 80),
         px_count_observed=seen // 2,
         attempts=3,
         rejections=Rejections(observed=1, clearance=2),
+        files={},
         rle_counts=run_lengths(mask),
-        sha256={},
     )
 
 
@@ -49,7 +50,7 @@ def write_blank_dataset(root: Path) -> None:
         patch.setattr(layout, "VIEWS_PER_SCENE", 3)
         for index in range(5):
             paths, files = ViewPaths(root, index), {"rgb": b""}
-            write_view(paths, files, replace(record_of(index), sha256=file_hashes(paths, files)))
+            write_view(paths, files, replace(record_of(index), files=file_sums(paths, files)))
         write_camera(root, CAMERA, 0.002)
         write_scene(root, range(3), CAMERA)
         write_scene(root, range(3, 5), CAMERA)

@@ -9,10 +9,12 @@ import numpy as np
 
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.dataset.bop import bounding_box, write_camera, write_models, write_scene
+from pipeline.dataset.checksums import write_checksums
 from pipeline.dataset.coco import run_lengths
+from pipeline.dataset.identity import geometry_hash, identity_of
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.pose_tables import write_poses
-from pipeline.dataset.view import file_hashes, view_files, write_view
+from pipeline.dataset.view import file_sums, view_files, write_view
 from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord
 from pipeline.images.png import encode_png
 from pipeline.poses.constraints import Rejections
@@ -78,18 +80,19 @@ def make_dataset(root: Path) -> None:
     """What render_dataset.py would have written."""
     root.mkdir()
     options = {"samples": 1, "float_depth": True}
-    identity = {
-        "format": "oneframe dataset 1",
+    description = {
+        "format": "oneframe dataset 2",
         "count": COUNT,
         "options": options,
         "camera": {**asdict(CAMERA), "K": CAMERA.k.tolist()},
         "frame": {**asdict(CAMERA), "cam_from_model": pose_of(0).tolist()},
-        "given_from_model": rigid(translation=CENTRE).tolist(),
+        "mesh_from_model": rigid(translation=CENTRE).tolist(),
+        "geometry_sha256": geometry_hash(MESH),
     }
-    (root / "dataset.json").write_text(json.dumps(identity))
+    (root / "dataset.json").write_text(json.dumps(description))
     write_models(root, MESH, np.full((len(MESH.vertices), 3), 200, np.uint8))
     for index in range(COUNT):
-        write_one(root, index)
+        write_one(root, index, identity_of(description))
     write_tables(root, CAMERA)
     for picture in ("contact_sheet.png", "overlay.png"):
         (root / picture).write_bytes(encode_png(np.zeros((8, 8, 3), np.uint8)))
@@ -101,9 +104,17 @@ def make_dataset(root: Path) -> None:
     names = ["frame", *(f"r{i}{j}" for i in range(3) for j in range(3)), "tx_mm", "ty_mm", "tz_mm"]
     rows = [[i, *pose_of(i)[:3, :3].ravel().tolist(), *pose_of(i)[:3, 3].tolist()] for i in range(VIDEO_FRAMES)]
     (root / "video/poses.csv").write_text("\n".join(",".join(map(str, row)) for row in [names, *rows]) + "\n")
+    write_sums(root)
 
 
-def write_one(root: Path, index: int) -> None:
+def write_sums(root: Path) -> None:
+    """The sums of all files but the views', of the dataset as it is now."""
+    names = (path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
+    others = [name for name in names if name.count("/") != 3 and name != "checksums.json"]
+    write_checksums(root, identity_of(json.loads((root / "dataset.json").read_text())), others)
+
+
+def write_one(root: Path, index: int, identity: str) -> None:
     pose = pose_of(index)
     wide = cast_rays(MESH, CAMERA, pose, beyond=1)
     depth = wide[CAMERA.height : 2 * CAMERA.height, CAMERA.width : 2 * CAMERA.width].astype(np.float32)
@@ -119,14 +130,15 @@ def write_one(root: Path, index: int) -> None:
     files = view_files(colour, depth, observed, depth_scale=DEPTH_SCALE, float_depth=True)
     record = ViewRecord(
         index=index,
+        identity=identity,
         cam_from_model=pose,
         depth_scale=DEPTH_SCALE,
         gt_info=GroundTruthInfo(box, bounding_box(mask), whole, inside, inside, inside / whole),
         px_count_observed=int(observed.sum()),
         attempts=1,
         rejections=Rejections(),
+        files=file_sums(paths, files),
         rle_counts=run_lengths(mask),
-        sha256=file_hashes(paths, files),
     )
     write_view(paths, files, record)
 

@@ -22,7 +22,7 @@ from pipeline.dataset.check import check_dataset as dataset_check
 from pipeline.dataset.check.findings import Findings
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.pose_tables import write_poses
-from pipeline.dataset.view import file_hashes, write_view
+from pipeline.dataset.view import file_sums, write_view
 from pipeline.dataset.view_record import read_record
 from pipeline.images.png import encode_png
 from pipeline.transforms import rigid, rotation_from_vector
@@ -84,9 +84,9 @@ def replace_file(root: Path, index: int, kind: str, image: np.ndarray) -> None:
     """Another image with a record that has its hash: only the content differs."""
     paths = ViewPaths(root, index)
     record = read_record(paths)
-    kinds = [name.split("/")[2] for name in record.sha256]
+    kinds = [name.split("/")[2] for name in record.files]
     files = {name: paths.file(name).read_bytes() for name in kinds} | {kind: encode_png(image)}
-    write_view(paths, files, replace(record, sha256=file_hashes(paths, files)))
+    write_view(paths, files, replace(record, files=file_sums(paths, files)))
 
 
 def image_of(root: Path, index: int, kind: str) -> np.ndarray:
@@ -226,7 +226,7 @@ MUTATIONS = {
     ),
     "poses.csv given frame": (
         lambda root: write_poses(root, range(COUNT), CAMERA, rigid(translation=CENTRE * 1.000001)),
-        r"^poses\.csv: row 0: given_t",
+        r"^poses\.csv: row 0: mesh_t",
     ),
     "poses.csv order": (
         lambda root: write_poses(root, [1, 0, 2, 3], CAMERA, rigid(translation=CENTRE)),
@@ -278,8 +278,8 @@ MUTATIONS = {
         r"train_pbr/000000/\.partial-12ab: left by a run that was stopped",
     ),
     "record without a hash": (
-        lambda root: change_record(root, 1, lambda c: c["sha256"].popitem()),
-        r"frame/000001\.json: expected sha256 of the view's 6 files, missing or unexpected: \S+/depth_mm/000001\.npy",
+        lambda root: change_record(root, 1, lambda c: c["files"].popitem()),
+        r"frame/000001\.json: expected sums of the view's 6 files, missing or unexpected: \S+/depth_mm/000001\.npy",
     ),
     "record without depth scale": (
         lambda root: change_record(root, 1, lambda c: c.pop("depth_scale"), tables=False),
@@ -461,7 +461,7 @@ def test_a_stopped_run_is_unfinished_and_nothing_else(copied, run, capsys):
     [
         (["nowhere"], "expected the folder of a dataset"),
         (["."], "expected the folder of a dataset"),
-        (["other"], "expected the format 'oneframe dataset 1', found 'something'"),
+        (["other"], "expected the format 'oneframe dataset 2', found 'something'"),
     ],
 )
 def test_what_is_no_dataset_is_not_judged(tmp_path, monkeypatch, run, capsys, arguments, expected):

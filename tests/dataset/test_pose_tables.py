@@ -37,7 +37,7 @@ def test_poses_of_the_table_hold_in_both_frames(written):
     for index, row in enumerate(rows):
         rotation = np.array([[float(row[f"r{i}{j}"]) for j in range(3)] for i in range(3)])
         from_model, from_given = (
-            np.array([float(row[f"{prefix}t{axis}_mm"]) for axis in "xyz"]) for prefix in ("", "given_")
+            np.array([float(row[f"{prefix}t{axis}_mm"]) for axis in "xyz"]) for prefix in ("", "mesh_")
         )
         expected = POINTS @ pose_of(index)[:3, :3].T + pose_of(index)[:3, 3]
         np.testing.assert_array_equal(POINTS @ rotation.T + from_model, expected)

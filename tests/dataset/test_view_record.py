@@ -12,14 +12,14 @@ from pipeline.errors import RunError
 from tests.dataset.blank_dataset import record_of
 
 WHERE = "dataset/frame/000002.json"
-CONTENT = record_of(2).to_json() | {"sha256": {"rgb/000002.png": "00"}}
+CONTENT = record_of(2).to_json() | {"files": {"rgb/000002.png": {"sha256": "00" * 32, "bytes": 7}}}
 
 
 def test_the_file_has_the_keys_of_the_format():
     """docs: the layout of a dataset; readers of others depend on these names and their order."""
     assert list(CONTENT) == [
-        "index", "cam_R_m2c", "cam_t_m2c", "depth_scale", "gt_info", "px_count_observed", "attempts", "rejections",
-        "rle_counts", "sha256",
+        "index", "identity", "cam_R_m2c", "cam_t_m2c", "depth_scale", "gt_info", "px_count_observed", "attempts",
+        "rejections", "files", "rle_counts",
     ]  # fmt: skip
     assert list(CONTENT["gt_info"]) == [
         "bbox_obj", "bbox_visib", "px_count_all", "px_count_valid", "px_count_visib", "visib_fract",

@@ -8,7 +8,9 @@ import numpy as np
 
 from ...colour.vertex_colours import colour_vertices
 from ...dataset.bop import write_camera, write_models, write_scene
-from ...dataset.layout import VIEWS_PER_SCENE, ViewPaths, finished_views
+from ...dataset.checksums import CHECKSUMS, write_checksums
+from ...dataset.folder import RECORD
+from ...dataset.layout import OBJECT_ID, VIEWS_PER_SCENE, ViewPaths, finished_views
 from ...dataset.pose_tables import POSE_COLUMNS, pose_cells, write_poses
 from ...dataset.view_record import read_record
 from ...files.content import write_bytes_atomically
@@ -25,16 +27,33 @@ from .job import OpenJob
 from .view_renderer import ViewRenderer
 
 SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
-TABLES = ("camera.json", "models/models_info.json", "poses.csv", "transforms.json", "overlay.png", "contact_sheet.png")
+TABLES = (
+    "camera.json", f"models/obj_{OBJECT_ID:06d}.ply", "models/models_info.json", "poses.csv", "transforms.json",
+    "overlay.png", "contact_sheet.png",
+)  # fmt: skip
+VIDEO_FILES = ("video/trajectory.mp4", "video/poses.csv")
 SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "scene_gt_coco.json")
 
 
 def is_complete(job: OpenJob) -> bool:
     """Whether all views and all tables of the whole dataset exist."""
-    out, views = job.job.out, range(job.count)
-    scenes = [ViewPaths(out, first).scene for first in views[::VIEWS_PER_SCENE]]
-    tables = [out / name for name in TABLES] + [scene / name for scene in scenes for name in SCENE_TABLES]
-    return all(path.exists() for path in tables) and len(finished_views(out, views)) == job.count
+    out = job.job.out
+    tables = all((out / name).exists() for name in (*_tables(job), CHECKSUMS))
+    return tables and len(finished_views(out, range(job.count))) == job.count
+
+
+def write_sums(job: OpenJob) -> None:
+    """Write ``checksums.json`` of a dataset whose other files are all written."""
+    out = job.job.out
+    video = VIDEO_FILES if all((out / name).exists() for name in VIDEO_FILES) else ()
+    write_checksums(out, job.identity, (RECORD, *_tables(job), *video))
+
+
+def _tables(job: OpenJob) -> list[str]:
+    """The files of a dataset that are no view's, without its description, checksums and video."""
+    out = job.job.out
+    scenes = [ViewPaths(out, first).scene.relative_to(out) for first in range(0, job.count, VIEWS_PER_SCENE)]
+    return [*TABLES, *((scene / name).as_posix() for scene in scenes for name in SCENE_TABLES)]
 
 
 def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:

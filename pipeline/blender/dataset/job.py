@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 
 import bpy
@@ -16,6 +17,7 @@ from ... import __version__
 from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase
 from ...dataset.folder import Shard
+from ...dataset.identity import geometry_hash, identity_of
 from ...dataset.layout import FORMAT, VIEWS_PER_SCENE, ViewPaths
 from ...dataset.options import DatasetOptions
 from ...dataset.view import RenderedSample, write_view
@@ -76,9 +78,17 @@ class OpenJob:
     def renderer(self, *, threads: int) -> ViewRenderer:
         """Create the renderer of this job's views, with this number of render threads."""
         source = reference_view_of(self.loaded)
-        return ViewRenderer(self.loaded, source, self.job.options, self.given_poses, threads=threads)
+        return ViewRenderer(
+            self.loaded, source, self.job.options, self.given_poses, identity=self.identity, threads=threads
+        )
 
-    def identity(self) -> dict:
+    @cached_property
+    def identity(self) -> str:
+        """The dataset's identity: see :func:`.identity_of`."""
+        return identity_of(self.description)
+
+    @cached_property
+    def description(self) -> dict[str, object]:
         """The content of ``dataset.json``: everything that the dataset depends on, or that its users need."""
         case, options = self.loaded.case, self.job.options
         # the case file's values are below; its text may change, e.g. by landmarks, comments or a video
@@ -98,8 +108,9 @@ class OpenJob:
                 "distortion": None if case.distortion is None else asdict(case.distortion),
                 "cam_from_model": self.loaded.cam_from_model.tolist(),
             },
-            "given_from_model": self.loaded.mesh_from_model.tolist(),
-            "mm_per_given_unit": case.mm_per_unit,
+            "mesh_from_model": self.loaded.mesh_from_model.tolist(),
+            "mm_per_unit": case.mm_per_unit,
+            "geometry_sha256": geometry_hash(self.loaded.mesh),
             "structures": {structure.name: list(structure.colour) for structure in case.structures},
             "inputs_sha256": {name: _file_hash(path) for name, path in files.items()},
         }

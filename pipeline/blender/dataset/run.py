@@ -57,7 +57,7 @@ def run(
 
     check_engine(job.options.engine)
     opened = open_job(job)
-    with RunFolder(job.out, opened.identity(), job.shard) as folder:
+    with RunFolder(job.out, opened.description, job.shard) as folder:
         try:
             complete = finish.is_complete(opened)
             if not complete or finish.lacks_video(opened):
@@ -121,6 +121,8 @@ def _render_missing(
                     opened.job.options.video_frames, "video frames", stream=stream, line_seconds=progress_seconds
                 )
                 report(f"video: {_video(opened, renderer, shown)}")
+            if complete:
+                finish.write_sums(opened)
     finally:
         pool.stop()
     for message in pool.messages:
@@ -143,7 +145,7 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     keep_freed_memory()
     opened = open_job(job)
     # the files may have changed since the run began
-    check_identity(job.out / RECORD, opened.identity())
+    check_identity(job.out / RECORD, opened.description)
     with opened.renderer(threads=_threads(workers)) as renderer:
         render_views(renderer, job.out, views, lambda index: report_finished(index, stream))
 

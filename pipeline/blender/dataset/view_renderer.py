@@ -29,6 +29,7 @@ class ViewRenderer:
         options: DatasetOptions,
         given_poses: np.ndarray | None,
         *,
+        identity: str = "",
         threads: int = 0,
     ) -> None:
         """Prepare colour, scene, probe and pose distribution.
@@ -41,10 +42,12 @@ class ViewRenderer:
             The run's options.
         given_poses
             ``(N, 4, 4)`` explicit ``cam_from_model``, mm, or ``None`` to draw poses.
+        identity
+            Identity of the dataset, for the records of the views.
         threads
             Number of render threads, 0 for one per core.
         """
-        self._options = options
+        self._options, self._identity = options, identity
         self.camera = view_camera(loaded, options)
         self.source = source
         colour, messages = colour_of(source, options.colour)
@@ -128,6 +131,7 @@ class ViewRenderer:
             sample,
             self._edges,
             self.camera,
+            identity=self._identity,
             depth_scale=self.depth_scale,
             float_depth=self._options.float_depth,
         )

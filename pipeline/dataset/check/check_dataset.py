@@ -21,6 +21,7 @@ from ...progress import Progress
 from ...projection.silhouette import SilhouetteEdges
 from ...surface.mesh import diameter
 from ...surface.mesh_reader import read_mesh
+from ..checksums import CHECKSUMS
 from ..folder import RECORD, WORK
 from ..layout import OBJECT_ID, SPLIT, VIEWS_PER_SCENE, ViewPaths
 from .depth import DepthAgreement
@@ -180,7 +181,7 @@ def _check_files(root: Path, identity: Identity, findings: Findings) -> set[str]
 
 
 def _tables_beside_scenes(root: Path) -> Iterator[str]:
-    yield from ("camera.json", "poses.csv", "transforms.json", "contact_sheet.png", "overlay.png")
+    yield from (CHECKSUMS, "camera.json", "poses.csv", "transforms.json", "contact_sheet.png", "overlay.png")
     yield from (MODEL, MODELS_INFO)
     if (root / "video").is_dir():
         yield from (VIDEO, VIDEO_POSES)

@@ -112,8 +112,8 @@ def read_identity(root: Path) -> Identity:
     for name in ("fx", "fy", "cx", "cy"):
         if given.get(name) != getattr(camera, name):
             raise DamagedFile(f"{RECORD}: camera: {name} is {given.get(name)!r}, K has {getattr(camera, name)!r}")
-    mesh_from_model = numbers(content, "given_from_model", (4, 4), RECORD)
-    check_rotation(mesh_from_model[:3, :3], f"{RECORD}: given_from_model")
+    mesh_from_model = numbers(content, "mesh_from_model", (4, 4), RECORD)
+    check_rotation(mesh_from_model[:3, :3], f"{RECORD}: mesh_from_model")
     frame = numbers(mapping(content, "frame", RECORD), "cam_from_model", (4, 4), f"{RECORD}: frame")
     check_rotation(frame[:3, :3], f"{RECORD}: frame: cam_from_model")
     float_depth = ("depth_mm",) if options.get("float_depth") else ()
@@ -151,12 +151,13 @@ def read_view_record(paths: ViewPaths, kinds: tuple[str, ...]) -> ViewRecord:
     for name in ("bbox_obj", "bbox_visib"):
         numbers(gt_info, name, (4,), f"{where}: gt_info")
     numbers(gt_info, "visib_fract", (), f"{where}: gt_info")
-    sha256 = mapping(content, "sha256", where)
+    files = mapping(content, "files", where)
+    sha256 = {name: str(mapping(files, name, where).get("sha256")) for name in files}
     expected = {paths.relative(kind) for kind in kinds}
     if sha256.keys() != expected:
         different = ", ".join(sorted(sha256.keys() ^ expected)[:3])
         raise DamagedFile(
-            f"{where}: expected sha256 of the view's {len(expected)} files, missing or unexpected: {different}"
+            f"{where}: expected sums of the view's {len(expected)} files, missing or unexpected: {different}"
         )
     return ViewRecord(
         where=where,

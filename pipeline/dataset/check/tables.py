@@ -106,10 +106,10 @@ def check_pose_table(root: Path, records: Records, identity: Identity, findings:
             ):
                 raise DamagedFile(f"{here}: expected view {index} and its image, found {shortened(rows[index])}")
             _check_pose(_row_pose(rows[index], here), record, here)
-            given = _row_numbers(rows[index], [f"given_t{axis}_mm" for axis in "xyz"], here)
+            given = _row_numbers(rows[index], [f"mesh_t{axis}_mm" for axis in "xyz"], here)
             expected = (record.cam_from_model @ model_from_mesh)[:3, 3]
             if not _close(given, expected, np.abs(model_from_mesh[:3, 3]).max()):
-                raise DamagedFile(f"{here}: given_t is {given.tolist()}, {record.where} gives {expected.tolist()}")
+                raise DamagedFile(f"{here}: mesh_t is {given.tolist()}, {record.where} gives {expected.tolist()}")
     except DamagedFile as damage:
         findings.add(KIND, damage)
 

@@ -5,7 +5,7 @@ Source: thodan/bop_toolkit, docs/bop_datasets_format.md. Rotations are row-major
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from ..surface.mesh import TriangleMesh, diameter
 from ..surface.mesh_writer import write_ply
 from .coco import coco_table
 from .layout import OBJECT_ID, ViewPaths
-from .view_record import Box, read_record
+from .view_record import Box, ViewRecord
 
 
 def bounding_box(mask: np.ndarray) -> Box:
@@ -58,16 +58,9 @@ def write_camera(root: Path, camera: PinholeCamera, depth_scale: float) -> None:
     )
 
 
-def write_scene(root: Path, views: range, camera: PinholeCamera) -> None:
-    """Write the four JSON tables of one scene from the records of its views.
-
-    Raises
-    ------
-    RunError
-        A record is missing or damaged.
-    """
-    paths = [ViewPaths(root, index) for index in views]
-    records = [read_record(path) for path in paths]
+def write_scene(root: Path, records: Sequence[ViewRecord], camera: PinholeCamera) -> None:
+    """Write the four JSON tables of one scene from the records of all its views."""
+    paths = [ViewPaths(root, record.index) for record in records]
     scene_camera, scene_gt, scene_gt_info = {}, {}, {}
     for path, record in zip(paths, records, strict=True):
         key = str(path.image_id)

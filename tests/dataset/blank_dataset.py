@@ -14,7 +14,7 @@ from pipeline.dataset.coco import run_lengths
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.pose_tables import write_poses
 from pipeline.dataset.view import file_sums, write_view
-from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord
+from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord, read_record
 from pipeline.poses.constraints import Rejections
 from pipeline.transforms import rigid, rotation_from_vector
 
@@ -52,9 +52,10 @@ def write_blank_dataset(root: Path) -> None:
             paths, files = ViewPaths(root, index), {"rgb": b""}
             write_view(paths, files, replace(record_of(index), files=file_sums(paths, files)))
         write_camera(root, CAMERA, 0.002)
-        write_scene(root, range(3), CAMERA)
-        write_scene(root, range(3, 5), CAMERA)
-        write_poses(root, range(5), CAMERA, rigid(translation=CENTRE))
+        records = [read_record(ViewPaths(root, index)) for index in range(5)]
+        write_scene(root, records[:3], CAMERA)
+        write_scene(root, records[3:], CAMERA)
+        write_poses(root, records, CAMERA, rigid(translation=CENTRE))
 
 
 def scene_tables(root: Path, scene: int) -> dict[str, dict]:

@@ -15,7 +15,7 @@ from pipeline.dataset.identity import geometry_hash, identity_of
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.pose_tables import write_poses
 from pipeline.dataset.view import file_sums, view_files, write_view
-from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord
+from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord, read_record
 from pipeline.images.png import encode_png
 from pipeline.poses.constraints import Rejections
 from pipeline.surface.mesh import TriangleMesh
@@ -145,6 +145,7 @@ def write_one(root: Path, index: int, identity: str) -> None:
 
 def write_tables(root: Path, camera: PinholeCamera) -> None:
     write_camera(root, camera, DEPTH_SCALE)
+    records = [read_record(ViewPaths(root, index)) for index in range(COUNT)]
     for first in range(0, COUNT, PER_SCENE):
-        write_scene(root, range(first, min(first + PER_SCENE, COUNT)), camera)
-    write_poses(root, range(COUNT), camera, rigid(translation=CENTRE))
+        write_scene(root, records[first : first + PER_SCENE], camera)
+    write_poses(root, records, camera, rigid(translation=CENTRE))

@@ -33,6 +33,8 @@ class Identity:
     ----------
     count
         Number of views.
+    object_name
+        Name of the surface.
     camera
         Intrinsics of the views.
     mesh_from_model
@@ -44,6 +46,7 @@ class Identity:
     """
 
     count: int
+    object_name: str
     camera: PinholeCamera
     mesh_from_model: np.ndarray
     kinds: tuple[str, ...]
@@ -101,7 +104,9 @@ def read_identity(root: Path) -> Identity:
             f"{root / RECORD}: expected the format {FORMAT!r}, found {content.get('format')!r}; "
             "check the dataset with the version that made it"
         )
-    count = whole_number(content, "count", RECORD, least=1)
+    count, object_name = whole_number(content, "count", RECORD, least=1), content.get("object")
+    if not isinstance(object_name, str):
+        raise DamagedFile(f"{RECORD}: expected object to be a name, found {shortened(object_name)}")
     options, given = mapping(content, "options", RECORD), mapping(content, "camera", RECORD)
     width, height = (whole_number(given, side, f"{RECORD}: camera", least=1) for side in ("width", "height"))
     k = numbers(given, "K", (3, 3), f"{RECORD}: camera")
@@ -119,6 +124,7 @@ def read_identity(root: Path) -> Identity:
     float_depth = ("depth_mm",) if options.get("float_depth") else ()
     return Identity(
         count=count,
+        object_name=object_name,
         camera=camera,
         mesh_from_model=mesh_from_model,
         kinds=("rgb", "depth", "mask", "mask_visib", "mask_observed", *float_depth),

@@ -76,9 +76,43 @@ def read_checksums(root: Path, identity: str) -> dict[str, FileSum] | None:
         content = json.loads((root / CHECKSUMS).read_bytes())
         if content["identity"] != identity:
             return None
-        return {str(name): FileSum(str(known["sha256"]), int(known["bytes"])) for name, known in content["files"].items()}
+        return {
+            str(name): FileSum(str(known["sha256"]), int(known["bytes"])) for name, known in content["files"].items()
+        }
     except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError):
         return None
+
+
+@dataclass(frozen=True)
+class FileSurvey:
+    """Which files that are no view's can be relied on.
+
+    Attributes
+    ----------
+    intact
+        Names of the files that ``checksums.json`` lists and that are as it says.
+    damaged
+        Name of a file that it lists and that is not -> what is wrong, as a clause.
+    """
+
+    intact: frozenset[str]
+    damaged: dict[str, str]
+
+
+def survey_files(root: Path, identity: str, *, hashes: bool = False) -> FileSurvey:
+    """Compare the files that ``checksums.json`` lists with it; none is intact where there is no such file.
+
+    Parameters
+    ----------
+    root, identity
+        The dataset's folder and identity.
+    hashes
+        Compare the hashes too, not only the sizes.
+    """
+    known = read_checksums(root, identity) or {}
+    problems = {name: damaged_file(root, name, known[name], hashes=hashes) for name in known}
+    damaged = {name: why for name, why in problems.items() if why is not None}
+    return FileSurvey(frozenset(known.keys() - damaged.keys()), damaged)
 
 
 def damaged_file(root: Path, name: str, known: FileSum, *, hashes: bool = False) -> str | None:

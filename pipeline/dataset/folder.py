@@ -8,7 +8,6 @@ removed but files that a run writes itself, by their names.
 import json
 import os
 import re
-
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from ..errors import InputError, RunError
 from ..files.content import create_folder, partial_name, write_bytes_atomically
 from .checksums import keep_checksums
 from .identity import COUNT, check_description, description_bytes, identity_of, is_cut_off
-from .layout import RECORD, SPLIT, VIDEO_FILES, WORK, is_own_file, own_folders
+from .layout import MODEL_FOLDERS, RECORD, SPLIT, VIDEO_FILES, WORK, is_own_file, own_folders
 from .lock import Busy, FileLock, SystemLock, wait_for
 
 
@@ -237,7 +236,7 @@ class RunFolder:
 
 
 _ATTEMPTS = 10
-_TOP = ("models", "video", SPLIT)
+_TOP = (*MODEL_FOLDERS, "video", SPLIT)
 _WORK_FILES = r"lock(-[0-9]+-of-[0-9]+)?(\.[0-9a-f]{16}\.(claim|new))?"
 
 

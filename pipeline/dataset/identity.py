@@ -78,8 +78,8 @@ def check_description(root: Path, description: Mapping[str, object]) -> None:
         )
     if existing.get("format") != FORMAT == description.get("format"):
         raise RunError(
-            f"{root}: expected a dataset of the format {FORMAT!r}, found {_short(existing.get('format'))}, which another "
-            "version of OneFrame wrote; use that version, or choose another folder (--out)"
+            f"{root}: expected a dataset of the format {FORMAT!r}, found {_short(existing.get('format'))} of another "
+            "version of OneFrame; use that version, or choose another folder (--out)"
         )
     differences = described_differences(existing, description)
     if differences:

@@ -13,13 +13,20 @@ from pathlib import Path
 FORMAT = "oneframe dataset 2"
 """Name and version of the layout, in ``dataset.json``."""
 
-SPLIT = "train_pbr"
+SPLIT = "train_synt"
+"""BOP's name for rendered images to train on. Its toolkit expects PNG files in it, and JPEG files in ``train_pbr``."""
 VIEWS_PER_SCENE = 1000
 OBJECT_ID = 1
 
 RECORD, CHECKSUMS, WORK = "dataset.json", "checksums.json", ".work"
-MODEL_FILES = (f"models/obj_{OBJECT_ID:06d}.ply", "models/models_info.json")
-TABLES = ("camera.json", *MODEL_FILES, "poses.csv", "transforms.json", "overlay.png", "contact_sheet.png")
+MODEL_FOLDERS = ("models", "models_eval")
+MODEL_FILES = tuple(
+    f"{folder}/{name}" for folder in MODEL_FOLDERS for name in (f"obj_{OBJECT_ID:06d}.ply", "models_info.json")
+)
+TABLES = (
+    "camera.json", *MODEL_FILES, "poses.csv", "transforms.json", "test_targets_bop19.json", "dataset_info.md",
+    "overlay.png", "contact_sheet.png",
+)  # fmt: skip
 SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "scene_gt_coco.json")
 VIDEO_FILES = ("video/trajectory.mp4", "video/poses.csv")
 KINDS = ("rgb", "depth", "mask", "mask_visib", "mask_observed", "depth_mm", "frame")
@@ -59,6 +66,11 @@ class ViewPaths:
         return f"{SPLIT}/{self.scene_id:06d}/{kind}/{self.image_id:06d}{gt}{suffix}"
 
 
+def view_kinds(*, float_depth: bool) -> tuple[str, ...]:
+    """Kinds of the files that a view has beside its record."""
+    return tuple(kind for kind in KINDS if kind != "frame" and (float_depth or kind != "depth_mm"))
+
+
 def other_files(count: int) -> list[str]:
     """The files of a dataset of ``count`` views that are no view's, relative to its folder.
 
@@ -82,9 +94,9 @@ def is_own_file(name: str) -> bool:
 
 
 def own_folders(root: Path) -> Iterator[tuple[str, Path]]:
-    """The existing folders that a run writes into: relative to the dataset's folder, with a slash at the end, and whole."""
+    """The existing folders that a run writes into: the beginning of their files' names, and their path."""
     yield "", root
-    for name in ("models", "video", SPLIT):
+    for name in (*MODEL_FOLDERS, "video", SPLIT):
         if (root / name).is_dir():
             yield f"{name}/", root / name
     for scene in sorted((root / SPLIT).glob("[0-9]*")):

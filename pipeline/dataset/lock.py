@@ -29,7 +29,7 @@ class Busy(Exception):
 
 
 class FileLock:
-    """A lock on a file of the folder ``.work``, shared or exclusive, until :meth:`release` or the end of the process."""
+    """A lock on a file, shared or exclusive, until :meth:`release` or the end of the process."""
 
     def __init__(self, path: Path, *, shared: bool, system_lock: SystemLock | None = None) -> None:
         """Take the lock.

@@ -178,9 +178,9 @@ def _foreign_views(root: Path, foreign: dict[int, str], description: Mapping[str
     why = "" if known is None else f" ({'; '.join(described_differences(known, description)[:4])})"
     first = ViewPaths(root, min(foreign)).relative("frame")
     return RunError(
-        f"{root}: {view_ranges(foreign)} of the views belong to another run than {RECORD}{why}; put the shard of this run "
-        f"in their place, or remove the records of these views (the first is {first}) and run the same command again: it "
-        "renders them again"
+        f"{root}: views of another run are among those of {RECORD}{why}: {view_ranges(foreign)}; put the right shard "
+        f"in their place, or remove their records (the first is {first}) and run the same command again: it renders "
+        "them again"
     )
 
 

@@ -14,8 +14,7 @@ from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
 from ...files.content import read_content
 from ...files.tables import parsed_json
-from ..folder import RECORD
-from ..layout import FORMAT, ViewPaths
+from ..layout import FORMAT, RECORD, ViewPaths
 
 ROTATION_TOLERANCE = 1e-9
 GT_INFO_COUNTS = ("px_count_all", "px_count_valid", "px_count_visib")
@@ -33,6 +32,8 @@ class Identity:
     ----------
     count
         Number of views.
+    object_name
+        Name of the surface.
     camera
         Intrinsics of the views.
     mesh_from_model
@@ -44,6 +45,7 @@ class Identity:
     """
 
     count: int
+    object_name: str
     camera: PinholeCamera
     mesh_from_model: np.ndarray
     kinds: tuple[str, ...]
@@ -101,7 +103,9 @@ def read_identity(root: Path) -> Identity:
             f"{root / RECORD}: expected the format {FORMAT!r}, found {content.get('format')!r}; "
             "check the dataset with the version that made it"
         )
-    count = whole_number(content, "count", RECORD, least=1)
+    count, object_name = whole_number(content, "count", RECORD, least=1), content.get("object")
+    if not isinstance(object_name, str):
+        raise DamagedFile(f"{RECORD}: expected object to be a name, found {shortened(object_name)}")
     options, given = mapping(content, "options", RECORD), mapping(content, "camera", RECORD)
     width, height = (whole_number(given, side, f"{RECORD}: camera", least=1) for side in ("width", "height"))
     k = numbers(given, "K", (3, 3), f"{RECORD}: camera")
@@ -119,6 +123,7 @@ def read_identity(root: Path) -> Identity:
     float_depth = ("depth_mm",) if options.get("float_depth") else ()
     return Identity(
         count=count,
+        object_name=object_name,
         camera=camera,
         mesh_from_model=mesh_from_model,
         kinds=("rgb", "depth", "mask", "mask_visib", "mask_observed", *float_depth),

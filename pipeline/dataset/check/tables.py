@@ -17,7 +17,7 @@ from ...errors import InputError
 from ...files.content import read_content
 from ..layout import OBJECT_ID, ViewPaths
 from .findings import Findings
-from .records import DamagedFile, Identity, ViewRecord, check_rotation, numbers, read_object, shortened
+from .records import DamagedFile, Identity, ViewRecord, check_rotation, mapping, numbers, read_object, shortened
 
 SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "scene_gt_coco.json")
 KIND = "tables that disagree"
@@ -63,7 +63,7 @@ def check_scene_tables(
         try:
             content = read_object(scene / name, where)
             if name == "scene_gt_coco.json":
-                _check_coco(content, where, {index: paths[index] for index in records}, records, identity.camera, keys)
+                _check_coco(content, where, {index: paths[index] for index in records}, records, identity, keys)
                 continue
             _check_keys(content.keys(), keys, where)
         except DamagedFile as damage:
@@ -165,36 +165,62 @@ def _check_coco(
     where: str,
     paths: Mapping[int, ViewPaths],
     records: Records,
-    camera: PinholeCamera,
+    identity: Identity,
     keys: set[str],
 ) -> None:
+    camera = identity.camera
     images, annotations = (
         _by_number(content, "images", "id", where),
         _by_number(content, "annotations", "image_id", where),
     )
     _check_keys(images.keys(), keys, f"{where}: images")
-    _check_keys(annotations.keys(), keys, f"{where}: annotations")
-    if len({entry.get("id") for entry in annotations.values()}) != len(keys):
+    hidden = {str(paths[index].image_id) for index, record in records.items() if not record.gt_info["px_count_visib"]}
+    _check_keys(annotations.keys(), keys - hidden, f"{where}: annotations")
+    if len({entry.get("id") for entry in annotations.values()}) != len(annotations):
         raise DamagedFile(f"{where}: expected annotations with different ids")
     categories = _by_number(content, "categories", "id", where)
     if categories.keys() != {str(OBJECT_ID)}:
         raise DamagedFile(f"{where}: expected the one category {OBJECT_ID}, found {sorted(categories)}")
+    _check_values(categories[str(OBJECT_ID)], {"name": identity.object_name}, f"{where}: category {OBJECT_ID}")
     for index, record in records.items():
         path, info = paths[index], record.gt_info
         key, size = str(path.image_id), {"width": camera.width, "height": camera.height}
         image = {"id": path.image_id, "file_name": f"rgb/{path.file('rgb').name}", **size}
+        _check_values(images[key], image, f"{where}: image {key}")
+        if key in hidden:
+            continue
+        x, y, to_last_column, to_last_row = info["bbox_visib"]
+        here, found = f"{where}: annotation of image {key}", annotations[key]
         annotation = {
             "image_id": path.image_id,
             "category_id": OBJECT_ID,
             "iscrowd": 0,
             "area": info["px_count_visib"],
-            "bbox": info["bbox_obj"],
-            "segmentation": {"counts": record.run_lengths.tolist(), "size": [camera.height, camera.width]},
+            "bbox": [x, y, to_last_column + 1, to_last_row + 1],
             **size,
             "ignore": info["visib_fract"] < HIDDEN_BELOW,
         }
-        _check_values(images[key], image, f"{where}: image {key}")
-        _check_values(annotations[key], annotation, f"{where}: annotation of image {key}")
+        _check_values(found, annotation, here)
+        segmentation = mapping(found, "segmentation", here)
+        _check_values(segmentation, {"size": [camera.height, camera.width]}, here)
+        counts = {"counts": _decoded_counts(segmentation.get("counts"), here)}
+        _check_values(counts, {"counts": record.run_lengths.tolist()}, here)
+
+
+def _decoded_counts(text: object, where: str) -> list[int]:
+    """COCO's compressed run lengths as numbers: groups of 5 bits, each run less the one before the last."""
+    if not isinstance(text, str) or not text or not all("0" <= character <= "o" for character in text):
+        raise DamagedFile(f"{where}: expected compressed run lengths, found {shortened(text)}")
+    counts: list[int] = []
+    groups = [ord(character) - ord("0") for character in text]
+    while groups:
+        length = next((place for place, group in enumerate(groups, start=1) if group < 32), len(groups))
+        value = sum((group % 32) * 32**place for place, group in enumerate(groups[:length]))
+        if groups[length - 1] % 32 >= 16:
+            value -= 32**length
+        counts.append(value + (counts[-2] if len(counts) > 2 else 0))
+        groups = groups[length:]
+    return counts
 
 
 def _by_number(content: dict, name: str, number: str, where: str) -> dict[str, dict]:

@@ -32,8 +32,8 @@ EPILOG = """examples:
   %(prog)s case.toml --out dataset --count 100000 --shard 3/50      (shard 3 of 0..49, on any machine)
 
 Run the same command again to continue a stopped run, or with a larger --count to add views. To merge shards from
-separate folders, copy the folders into one and run the same command without --shard: it writes the tables. The case file
-may hold all options that affect the content, in a table [dataset] (count = 1000, cone_deg = 30, ...).
+separate folders, copy the folders into one and run the same command without --shard: it writes the tables. The case
+file may hold all options that affect the content, in a table [dataset] (count = 1000, cone_deg = 30, ...).
 """
 
 

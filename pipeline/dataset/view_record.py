@@ -179,6 +179,8 @@ def read_record(paths: ViewPaths, *, with_mask: bool = True) -> ViewRecord:
 _RUN_LENGTHS = b',"rle_counts":['
 
 
+LARGEST_NUMBER = 1e15
+"""No distance, count or index is near it; NaN is none at all."""
 _AGAIN = "run the same command again: it renders the view again"
 
 
@@ -230,8 +232,8 @@ class _Fields:
 
 
 def _is_integer(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
 
 
 def _is_number(value: object) -> bool:
-    return _is_integer(value) or isinstance(value, float)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER

@@ -144,8 +144,8 @@ class RunFolder:
         others = [name for name in names if name not in (WORK, RECORD) and partial_name(name) != RECORD]
         if was_run and not others:
             return True
-        # a loss of power may leave a part of the description, but whole views
-        if was_run and content.rstrip(b"\0") and all(name in _TOP or is_own_file(name) for name in others):
+        # a loss of power may leave a part of the description, but whole views; their records tell whose they are
+        if record.exists() and was_run and all(name in _TOP or is_own_file(name) for name in others):
             return False
         raise RunError(
             f"{self.path}: expected a new or empty folder or a dataset to resume, found other files; "

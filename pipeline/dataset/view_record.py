@@ -221,14 +221,23 @@ class _Fields:
         return x, y, width, height
 
     def hash(self, key: str) -> str:
-        value = self._content.get(key)
-        fits = isinstance(value, str) and re.fullmatch("[0-9a-f]{64}", value) is not None
-        return self._checked(key, fits, "64 hexadecimal digits")
+        return self._checked(key, _is_hash(self._content.get(key)), "64 hexadecimal digits")
 
     def files(self, key: str) -> dict[str, FileSum]:
-        entries = self.object(key)
-        named = {name: entries.object(name) for name in entries._content}
-        return {name: FileSum(entry.hash("sha256"), entry.integer("bytes")) for name, entry in named.items()}
+        entries = self._content.get(key)
+        fits = isinstance(entries, dict) and all(
+            isinstance(entry, dict) and _is_hash(entry.get("sha256")) and _is_integer(entry.get("bytes"))
+            for entry in entries.values()
+        )
+        checked = self._checked(key, fits, "sha256 and bytes by name of a file")
+        return {name: FileSum(entry["sha256"], entry["bytes"]) for name, entry in checked.items()}
+
+
+_HASH = re.compile("[0-9a-f]{64}")
+
+
+def _is_hash(value: object) -> bool:
+    return isinstance(value, str) and _HASH.fullmatch(value) is not None
 
 
 def _is_integer(value: object) -> bool:

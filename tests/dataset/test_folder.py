@@ -227,13 +227,6 @@ def test_a_description_that_a_loss_of_power_cut_off_is_written_again(tmp_path, k
     content = (tmp_path / "dataset.json").read_bytes()
     cut = int(keep * (len(content) - 2))
     (tmp_path / "dataset.json").write_bytes(content[:cut] + bytes(len(content) - cut))
-    if keep == 0:
-        # nothing says whose the views are
-        with pytest.raises(RunError, match="found other files"):
-            RunFolder(tmp_path, IDENTITY, WHOLE)
-        ViewPaths(tmp_path, 0).file("frame").unlink()
-        for folder in ("train_synt/000000/frame", "train_synt/000000", "train_synt"):
-            (tmp_path / folder).rmdir()
     with RunFolder(tmp_path, IDENTITY, WHOLE):
         assert (tmp_path / "dataset.json").read_bytes() == content
 

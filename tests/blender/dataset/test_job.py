@@ -92,10 +92,14 @@ def test_all_files_of_the_layout_are_there(reference):
     kinds = ("rgb", "depth", "mask", "mask_visib", "mask_observed", "depth_mm", "frame")
     views = {ViewPaths(reference, index).relative(kind) for index in range(VIEWS) for kind in kinds}
     scene = {f"train_synt/000000/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco")}
-    models = {"models/models_info.json", "models/obj_000001.ply"}
+    models = {
+        f"{folder}/{name}" for folder in ("models", "models_eval") for name in ("models_info.json", "obj_000001.ply")
+    }
     tables = {
         "camera.json",
         "dataset.json",
+        "dataset_info.md",
+        "test_targets_bop19.json",
         "checksums.json",
         "poses.csv",
         "transforms.json",

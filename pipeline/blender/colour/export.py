@@ -12,13 +12,13 @@ import numpy as np
 
 from ...case.loaded_case import LoadedCase
 from ...colour.texture_atlas import TextureAtlas
-from ...colour.vertex_colours import VertexColours
+from ...colour.vertex_colours import VertexColours, colour_vertices
 from ...errors import InputError
 from ...files.content import write_bytes_atomically
 from ...images.pixel_values import linear_from_codes, to_uint8
 from ...images.png import encode_png
 from ...surface.mesh import TriangleMesh
-from ...surface.mesh_writer import write_obj, write_ply
+from ...surface.mesh_writer import texture_path, write_obj, write_ply
 from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colors, temporary_data
 from ..bridge.versions import new_node_material
 from .reference_view import baked_colour_of, reference_view_of
@@ -61,10 +61,15 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["
         return [*source.messages, *messages]
     given = given.scaled(1 / loaded.case.mm_per_unit)
     if isinstance(surface_colour, TextureAtlas):
-        picture = path.with_suffix(".png")
+        picture = texture_path(path)
         write_bytes_atomically(picture, encode_png(to_uint8(surface_colour.image)))
-        write = write_ply if suffix == ".ply" else write_obj
-        write(path, given, uv=surface_colour.uv, texture=picture.name)
+        uv, texture = surface_colour.uv, picture.name
+        if suffix == ".obj":
+            write_obj(path, given, uv=uv, texture=texture)
+        else:
+            # for readers that know no textures in a PLY
+            colours = to_uint8(colour_vertices(source.mesh, source.view).rgb)
+            write_ply(path, given, colours=colours, normals=given.vertex_normals, uv=uv, texture=texture)
     else:
         write_ply(path, given, colours=to_uint8(surface_colour.rgb), normals=given.vertex_normals)
     return [*source.messages, *messages]

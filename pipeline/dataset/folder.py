@@ -131,7 +131,7 @@ class RunFolder:
         """Remove this run's files if unusable input stopped it before its first view was finished."""
         if any((self.path / SPLIT).glob("*/frame/*.json")) or not self._try_exclusive():
             return
-        for name in (SPLIT, "models", WORK):
+        for name in (SPLIT, "models", "models_eval", WORK):
             shutil.rmtree(self.path / name, ignore_errors=True)
         for name in ("camera.json", RECORD):
             (self.path / name).unlink(missing_ok=True)

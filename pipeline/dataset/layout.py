@@ -11,7 +11,8 @@ from pathlib import Path
 FORMAT = "oneframe dataset 2"
 """Name and version of the layout, in ``dataset.json``."""
 
-SPLIT = "train_pbr"
+SPLIT = "train_synt"
+"""BOP's name for rendered images to train on. Its toolkit expects PNG files in it, and JPEG files in ``train_pbr``."""
 VIEWS_PER_SCENE = 1000
 OBJECT_ID = 1
 

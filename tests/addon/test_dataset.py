@@ -68,7 +68,7 @@ def tree(folder: Path) -> dict[str, bytes]:
 
 
 def finished_views(out: Path) -> int:
-    return sum(1 for _ in out.glob("train_pbr/*/frame/*.json"))
+    return sum(1 for _ in out.glob("train_synt/*/frame/*.json"))
 
 
 def datablocks() -> set[str]:
@@ -213,7 +213,7 @@ def test_a_cancelled_run_keeps_its_views_and_can_be_resumed(opened, job_module, 
     assert job.cancelled
     assert job.error == ""
     assert process.returncode == 130
-    kept = {name: data for name, data in tree(out).items() if name.startswith("train_pbr")}
+    kept = {name: data for name, data in tree(out).items() if name.startswith("train_synt")}
     assert 2 <= finished_views(out) < 300
     # the user adds a landmark meanwhile, which does not change the views
     opened.oneframe.landmarks.add().name = "later"

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.dataset import layout
-from pipeline.dataset.bop import bounding_box, write_camera, write_scene
+from pipeline.dataset.bop import bounding_box, write_camera, write_scene, write_test_targets
 from pipeline.dataset.coco import run_lengths
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.pose_tables import write_poses
@@ -20,6 +20,9 @@ from pipeline.transforms import rigid, rotation_from_vector
 
 CAMERA = PinholeCamera(width=20, height=14, fx=31.7, fy=29.3, cx=8.2, cy=7.9)
 CENTRE = np.array([11.0, -7.0, 420.0])
+BOUNDS = np.array([[-31.0, -24.0, -6.0], [29.0, 26.0, 8.0]])
+DEPTH_SCALE = 0.002
+OBJECT_NAME = "lumpy bone"
 
 
 def pose_of(index: int) -> np.ndarray:
@@ -34,7 +37,8 @@ def record_of(index: int) -> ViewRecord:
         index=index,
         identity="ab" * 32,
         cam_from_model=pose_of(index),
-        depth_scale=0.002,
+        # the fifth view reaches farther than the scale of the others
+        depth_scale=DEPTH_SCALE if index < 4 else 0.005,
         gt_info=GroundTruthInfo((1, 2, 3, 4), bounding_box(mask), 80, seen, seen, seen / 80),
         px_count_observed=seen // 2,
         attempts=3,
@@ -51,12 +55,13 @@ def write_blank_dataset(root: Path) -> None:
         for index in range(5):
             paths, files = ViewPaths(root, index), {"rgb": b""}
             write_view(paths, files, replace(record_of(index), files=file_sums(paths, files)))
-        write_camera(root, CAMERA, 0.002)
-        write_scene(root, range(3), CAMERA)
-        write_scene(root, range(3, 5), CAMERA)
-        write_poses(root, range(5), CAMERA, rigid(translation=CENTRE))
+        write_camera(root, CAMERA, DEPTH_SCALE)
+        for views in (range(3), range(3, 5)):
+            write_scene(root, views, CAMERA, OBJECT_NAME)
+        write_poses(root, range(5), CAMERA, rigid(translation=CENTRE), bounds=BOUNDS, depth_scale=DEPTH_SCALE)
+        write_test_targets(root, range(5))
 
 
 def scene_tables(root: Path, scene: int) -> dict[str, dict]:
-    folder = root / "train_pbr" / f"{scene:06d}"
+    folder = root / "train_synt" / f"{scene:06d}"
     return {path.stem: json.loads(path.read_text()) for path in folder.glob("*.json")}

@@ -1,6 +1,7 @@
 """A tiny dataset as render_dataset.py would write it, rendered by casting a ray through every pixel."""
 
 import json
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 
@@ -8,9 +9,10 @@ import cv2
 import numpy as np
 
 from pipeline.camera.pinhole import PinholeCamera
-from pipeline.dataset.bop import bounding_box, write_camera, write_models, write_scene
+from pipeline.dataset.bop import bounding_box, write_camera, write_models, write_scene, write_test_targets
 from pipeline.dataset.checksums import write_checksums
 from pipeline.dataset.coco import run_lengths
+from pipeline.dataset.dataset_info import write_dataset_info
 from pipeline.dataset.identity import geometry_hash, identity_of
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.pose_tables import write_poses
@@ -25,6 +27,7 @@ CAMERA = PinholeCamera(width=64, height=48, fx=151.3, fy=147.9, cx=30.2, cy=25.1
 COUNT, PER_SCENE, DEPTH_SCALE = 4, 3, 0.01
 CENTRE = np.array([11.0, -7.0, 420.0])
 VIDEO_FRAMES = 3
+OBJECT_NAME = "lumpy sphere"
 
 
 def lumpy_sphere() -> TriangleMesh:
@@ -83,6 +86,7 @@ def make_dataset(root: Path) -> None:
     description = {
         "format": "oneframe dataset 2",
         "count": COUNT,
+        "object": OBJECT_NAME,
         "options": options,
         "camera": {**asdict(CAMERA), "K": CAMERA.k.tolist()},
         "frame": {**asdict(CAMERA), "cam_from_model": pose_of(0).tolist()},
@@ -146,5 +150,11 @@ def write_one(root: Path, index: int, identity: str) -> None:
 def write_tables(root: Path, camera: PinholeCamera) -> None:
     write_camera(root, camera, DEPTH_SCALE)
     for first in range(0, COUNT, PER_SCENE):
-        write_scene(root, range(first, min(first + PER_SCENE, COUNT)), camera)
-    write_poses(root, range(COUNT), camera, rigid(translation=CENTRE))
+        write_scene(root, range(first, min(first + PER_SCENE, COUNT)), camera, OBJECT_NAME)
+    write_pose_tables(root)
+    write_test_targets(root, range(COUNT))
+    write_dataset_info(root, OBJECT_NAME, COUNT, camera, MESH, DEPTH_SCALE)
+
+
+def write_pose_tables(root: Path, views: Iterable[int] = range(COUNT), centre: np.ndarray = CENTRE) -> None:
+    write_poses(root, views, CAMERA, rigid(translation=centre), bounds=MESH.bounds, depth_scale=DEPTH_SCALE)

@@ -20,13 +20,24 @@ from pipeline.dataset import layout as dataset
 from pipeline.dataset.bop import write_models
 from pipeline.dataset.check import check_dataset as dataset_check
 from pipeline.dataset.check.findings import Findings
+from pipeline.dataset.coco import compressed_counts, run_lengths
 from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.pose_tables import write_poses
 from pipeline.dataset.view import file_sums, write_view
 from pipeline.dataset.view_record import read_record
 from pipeline.images.png import encode_png
 from pipeline.transforms import rigid, rotation_from_vector
-from tests.dataset.synthetic_dataset import CAMERA, CENTRE, COUNT, MESH, PER_SCENE, make_dataset, pose_of, write_tables
+from tests.dataset.masks import coco_mask
+from tests.dataset.synthetic_dataset import (
+    CAMERA,
+    CENTRE,
+    COUNT,
+    MESH,
+    PER_SCENE,
+    make_dataset,
+    pose_of,
+    write_pose_tables,
+    write_tables,
+)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -100,6 +111,13 @@ def change_record(root: Path, index: int, change: Callable[[dict], object], *, t
         write_tables(root, CAMERA)
 
 
+def shift_mask(content: dict) -> None:
+    """Move the first mask down by a pixel."""
+    segmentation = content["annotations"][0]["segmentation"]
+    mask = np.roll(coco_mask(segmentation), 1, axis=0)
+    segmentation["counts"] = compressed_counts(run_lengths(mask))
+
+
 def nudge(values: list, place: int = 0, by: float = 1e-6) -> None:
     values[place] += by
 
@@ -118,7 +136,7 @@ def test_a_sound_dataset_passes_with_options(sound, run, arguments):
     assert run(sound, *arguments) == 0
 
 
-S0, S1 = "train_pbr/000000", "train_pbr/000001"
+S0, S1 = "train_synt/000000", "train_synt/000001"
 BESIDE = [
     "dataset.json", "camera.json", "poses.csv", "transforms.json", "contact_sheet.png", "overlay.png",
     "models/models_info.json",
@@ -191,10 +209,12 @@ MUTATIONS = {
         r"scene_gt_coco\.json: annotation of image 1: bbox\[2\]",
     ),
     "COCO runs": (
-        lambda root: edit(
-            root / S0 / "scene_gt_coco.json", lambda c: nudge(c["annotations"][0]["segmentation"]["counts"], 0, 1)
-        ),
+        lambda root: edit(root / S0 / "scene_gt_coco.json", shift_mask),
         r"scene_gt_coco\.json: annotation of image 0: counts\[0\]",
+    ),
+    "COCO category": (
+        lambda root: edit(root / S0 / "scene_gt_coco.json", lambda c: c["categories"][0].update(name="1")),
+        r'scene_gt_coco\.json: category 1: name is "1", expected "lumpy sphere"',
     ),
     "COCO image": (
         lambda root: edit(root / S0 / "scene_gt_coco.json", lambda c: c["images"][2].update(file_name="rgb/2.png")),
@@ -218,18 +238,18 @@ MUTATIONS = {
     ),
     "count in dataset.json": (
         lambda root: edit(root / "dataset.json", lambda c: c.update(count=COUNT - 1)),
-        r"train_pbr/000001/frame/000000\.json: expected no such file in a dataset of 3 views",
+        r"train_synt/000001/frame/000000\.json: expected no such file in a dataset of 3 views",
     ),
     "poses.csv number": (
         lambda root: substitute(root / "poses.csv", ",260.0,", ",260.001,"),
-        r"^poses\.csv: row 0: the translation differs from that of train_pbr/000000/frame/000000\.json by 0\.001",
+        r"^poses\.csv: row 0: the translation differs from that of train_synt/000000/frame/000000\.json by 0\.001",
     ),
     "poses.csv given frame": (
-        lambda root: write_poses(root, range(COUNT), CAMERA, rigid(translation=CENTRE * 1.000001)),
+        lambda root: write_pose_tables(root, centre=CENTRE * 1.000001),
         r"^poses\.csv: row 0: mesh_t",
     ),
     "poses.csv order": (
-        lambda root: write_poses(root, [1, 0, 2, 3], CAMERA, rigid(translation=CENTRE)),
+        lambda root: write_pose_tables(root, [1, 0, 2, 3]),
         r"^poses\.csv: row 0: expected view 0 and its image",
     ),
     "transforms.json axes": (
@@ -267,15 +287,15 @@ MUTATIONS = {
     ),
     "stray view": (
         lambda root: shutil.copy(root / S1 / "rgb/000000.png", root / S1 / "rgb/000001.png"),
-        r"train_pbr/000001/rgb/000001\.png: expected no such file in a dataset of 4 views",
+        r"train_synt/000001/rgb/000001\.png: expected no such file in a dataset of 4 views",
     ),
     "stray scene": (
-        lambda root: shutil.copytree(root / S1, root / "train_pbr/000002"),
-        r"train_pbr/000002/depth/000000\.png: expected no such file",
+        lambda root: shutil.copytree(root / S1, root / "train_synt/000002"),
+        r"train_synt/000002/depth/000000\.png: expected no such file",
     ),
     "temporary file": (
         lambda root: (root / S0 / ".partial-12ab").write_bytes(b""),
-        r"train_pbr/000000/\.partial-12ab: left by a run that was stopped",
+        r"train_synt/000000/\.partial-12ab: left by a run that was stopped",
     ),
     "record without a hash": (
         lambda root: change_record(root, 1, lambda c: c["files"].popitem()),

@@ -37,8 +37,8 @@ def test_a_finished_folder_holds_the_record_alone(tmp_path):
     out = tmp_path / "deep" / "out"
     with RunFolder(out, IDENTITY, WHOLE) as folder:
         (out / ".partial-1").write_text("half")
-        (out / "train_pbr").mkdir()
-        (out / "train_pbr" / ".partial-2").write_text("half")
+        (out / "train_synt").mkdir()
+        (out / "train_synt" / ".partial-2").write_text("half")
         folder.finish()
     assert sorted(tree(out)) == ["dataset.json"]
     assert not (out / ".work").exists()

@@ -83,13 +83,13 @@ def test_a_view_is_its_files_and_then_its_record(tmp_path):
 
     paths = ViewPaths(tmp_path, 1003)
     write_view(paths, files, replace(record_of(1003), files=file_sums(paths, files)))
-    assert paths.relative("mask_observed") == "train_pbr/000001/mask_observed/000003_000000.png"
+    assert paths.relative("mask_observed") == "train_synt/000001/mask_observed/000003_000000.png"
     record = read_record(paths)
     assert record.index == 1003
     assert {tmp_path / name for name in record.files} == {paths.file(kind) for kind in files}
     assert finished_views(tmp_path, range(1010)) == {1003}
     written = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
-    assert written == {*record.files, "train_pbr/000001/frame/000003.json"}
+    assert written == {*record.files, "train_synt/000001/frame/000003.json"}
 
 
 @pytest.mark.parametrize("index", [0, COUNT - 1])

@@ -71,4 +71,4 @@ def running():
 
 def views(out):
     """The finished views and their times."""
-    return {path.name: path.stat().st_mtime_ns for path in out.glob("train_pbr/*/frame/*.json")}
+    return {path.name: path.stat().st_mtime_ns for path in out.glob("train_synt/*/frame/*.json")}

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from ...colour.vertex_colours import colour_vertices
-from ...dataset.bop import write_camera, write_models, write_scene
+from ...dataset.bop import write_camera, write_models, write_scene, write_test_targets
 from ...dataset.checksums import CHECKSUMS, write_checksums
+from ...dataset.dataset_info import write_dataset_info
 from ...dataset.folder import RECORD
 from ...dataset.layout import OBJECT_ID, VIEWS_PER_SCENE, ViewPaths, finished_views
 from ...dataset.pose_tables import POSE_COLUMNS, pose_cells, write_poses
@@ -27,8 +28,13 @@ from .job import OpenJob
 from .view_renderer import ViewRenderer
 
 SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
+MODEL_FILES = tuple(
+    f"{folder}/{name}"
+    for folder in ("models", "models_eval")
+    for name in (f"obj_{OBJECT_ID:06d}.ply", "models_info.json")
+)
 TABLES = (
-    "camera.json", f"models/obj_{OBJECT_ID:06d}.ply", "models/models_info.json", "poses.csv", "transforms.json",
+    "camera.json", *MODEL_FILES, "poses.csv", "transforms.json", "test_targets_bop19.json", "dataset_info.md",
     "overlay.png", "contact_sheet.png",
 )  # fmt: skip
 VIDEO_FILES = ("video/trajectory.mp4", "video/poses.csv")
@@ -82,7 +88,7 @@ def write_finished_scenes(job: OpenJob, renderer: ViewRenderer) -> bool:
     for scene in touched:
         views = range(scene * VIEWS_PER_SCENE, min((scene + 1) * VIEWS_PER_SCENE, job.count))
         if done.issuperset(views):
-            write_scene(out, views, renderer.camera)
+            write_scene(out, views, renderer.camera, job.object_name)
     return len(done) == job.count
 
 
@@ -92,8 +98,18 @@ def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> None:
     for first in range(0, job.count, VIEWS_PER_SCENE):
         views = range(first, min(first + VIEWS_PER_SCENE, job.count))
         if not (ViewPaths(out, first).scene / SCENE_TABLES[-1]).exists():
-            write_scene(out, views, renderer.camera)
-    write_poses(out, range(job.count), renderer.camera, job.loaded.mesh_from_model)
+            write_scene(out, views, renderer.camera, job.object_name)
+    mesh, depth_scale = renderer.source.mesh, renderer.depth_scale
+    write_poses(
+        out,
+        range(job.count),
+        renderer.camera,
+        job.loaded.mesh_from_model,
+        bounds=mesh.bounds,
+        depth_scale=depth_scale,
+    )
+    write_test_targets(out, range(job.count))
+    write_dataset_info(out, job.object_name, job.count, renderer.camera, mesh, depth_scale)
     chosen = np.unique(np.linspace(0, job.count - 1, min(SHEET_VIEWS, job.count)).round().astype(int))
     images = [read_image(ViewPaths(out, int(index)).file("rgb"))[0] for index in chosen]
     columns = min(SHEET_COLUMNS, len(images))

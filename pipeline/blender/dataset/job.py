@@ -71,6 +71,11 @@ class OpenJob:
         return self.job.options.count if self.given_poses is None else len(self.given_poses)
 
     @property
+    def object_name(self) -> str:
+        """Name of the surface in the dataset's tables: that of its file, without folder and extension."""
+        return self.loaded.case.mesh.stem
+
+    @property
     def views(self) -> range:
         """The views of this job's shard."""
         return self.job.shard.views(self.count, VIEWS_PER_SCENE)
@@ -101,6 +106,7 @@ class OpenJob:
             "versions": {"oneframe": __version__, "blender": bpy.app.version_string},
             "conventions": "mm; OpenCV camera axes; pixel (0, 0): centre of the top-left pixel; b_from_a matrices",
             "count": self.count,
+            "object": self.object_name,
             "options": {name: value for name, value in asdict(options).items() if name not in NO_CONTENT},
             "camera": {**asdict(camera), "K": camera.k.tolist()},
             "frame": {

@@ -81,7 +81,7 @@ def assert_same_dataset(out: Path, reference: Path) -> None:
 
 
 def finished_views(out: Path) -> int:
-    return sum(1 for _ in out.glob("train_pbr/*/frame/*.json"))
+    return sum(1 for _ in out.glob("train_synt/*/frame/*.json"))
 
 
 def read_rgb(path: Path) -> np.ndarray:
@@ -91,7 +91,7 @@ def read_rgb(path: Path) -> np.ndarray:
 def test_all_files_of_the_layout_are_there(reference):
     kinds = ("rgb", "depth", "mask", "mask_visib", "mask_observed", "depth_mm", "frame")
     views = {ViewPaths(reference, index).relative(kind) for index in range(VIEWS) for kind in kinds}
-    scene = {f"train_pbr/000000/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco")}
+    scene = {f"train_synt/000000/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco")}
     models = {"models/models_info.json", "models/obj_000001.ply"}
     tables = {
         "camera.json",
@@ -153,7 +153,7 @@ def test_shards_write_the_tables_of_their_own_scenes(case, tmp_path, monkeypatch
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     run_here(case, whole, options)
     run_here(case, parts, options, Shard(0, 2))
-    scenes = [parts / "train_pbr" / f"{scene:06d}" / "scene_gt.json" for scene in range(3)]
+    scenes = [parts / "train_synt" / f"{scene:06d}" / "scene_gt.json" for scene in range(3)]
     assert [scene.exists() for scene in scenes] == [True, False, False]
     run_here(case, parts, options, Shard(1, 2))
     assert_same_dataset(parts, whole)
@@ -429,7 +429,7 @@ def test_a_complete_dataset_is_left_as_it_is_without_any_preparation(case, refer
 
 def test_a_lost_table_is_written_again(case, reference, tmp_path):
     out = shutil.copytree(reference, tmp_path / "out")
-    (out / "train_pbr/000000/scene_gt.json").unlink()
+    (out / "train_synt/000000/scene_gt.json").unlink()
     (out / "transforms.json").unlink()
     run_here(case, out)
     assert_same_dataset(out, reference)

@@ -1,4 +1,4 @@
-"""Comparing what a file holds with what it should hold: exact for values, within rounding for numbers computed again."""
+"""Comparing what a file holds with what it should: exact for values, within rounding for numbers computed again."""
 
 import math
 from collections.abc import Iterable

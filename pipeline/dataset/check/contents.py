@@ -14,11 +14,14 @@ from .. import layout
 from ..folder import RECORD, WORK
 from ..layout import SPLIT, ViewPaths
 from .findings import Findings
-from .model import MODEL, MODELS_INFO
+from .model import MODEL, MODELS_INFO, REDUCED, REDUCED_INFO
 
 CHECKSUMS = "checksums.json"
 VIDEO, VIDEO_POSES = "video/trajectory.mp4", "video/poses.csv"
-TABLES = (RECORD, "camera.json", "poses.csv", "transforms.json", "contact_sheet.png", "overlay.png", MODEL, MODELS_INFO)
+TABLES = (
+    RECORD, "camera.json", "poses.csv", "transforms.json", "test_targets_bop19.json", "dataset_info.md",
+    "contact_sheet.png", "overlay.png", MODEL, MODELS_INFO, REDUCED, REDUCED_INFO,
+)  # fmt: skip
 SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "scene_gt_coco.json")
 DESKTOP_FILES = {".DS_Store", "Thumbs.db", "desktop.ini"}
 NOTES = {"", ".md", ".txt"}
@@ -74,12 +77,16 @@ class SceneContents:
 
 
 def list_dataset(root: Path, count: int, findings: Findings) -> Contents:
-    """List the folders of a dataset of ``count`` views outside its scenes, and report what is missing or not its own."""
+    """List the folders of a dataset of ``count`` views outside its scenes; report what is missing or not its own."""
     unfinished = os.path.lexists(root / WORK)
     video = {VIDEO, VIDEO_POSES} if os.path.lexists(root / "video") else set()
     expected = {CHECKSUMS, *TABLES, *video}
-    numbers = range(-(-count // layout.VIEWS_PER_SCENE))
-    folders = {"models": set(), SPLIT: {_scene_folder(number) for number in numbers}}
+    numbers = range(scene_count(count))
+    folders: dict[str, set[str]] = {
+        "models": set(),
+        "models_eval": set(),
+        SPLIT: {_scene_folder(number) for number in numbers},
+    }
     folders |= {"video": set()} if video else {}
     stray = _Stray(findings, f"a dataset of {count} views", unfinished)
     files, found = _listed(root, "", findings)
@@ -129,6 +136,11 @@ def list_scene(
     return SceneContents(views, recorded, absent, frozenset(missing))
 
 
+def scene_count(count: int) -> int:
+    """Number of scenes of a dataset of ``count`` views."""
+    return -(-count // layout.VIEWS_PER_SCENE)
+
+
 def scene_views(number: int, count: int) -> range:
     """The views of a scene of a dataset of ``count`` views."""
     per_scene = layout.VIEWS_PER_SCENE
@@ -170,7 +182,8 @@ def _recorded(root: Path, number: int, count: int) -> set[int]:
 
 def _listed(root: Path, folder: str, findings: Findings) -> tuple[set[str], set[str]]:
     """Files and folders in a folder, relative to ``root``; anything that is no folder counts as a file."""
-    files, folders = set(), set()
+    files: set[str] = set()
+    folders: set[str] = set()
     try:
         with os.scandir(root / folder) as entries:
             for entry in entries:
@@ -217,4 +230,3 @@ class _Stray:
 
 def _suffix(name: str) -> str:
     return PurePosixPath(name).suffix.lower()
-

@@ -94,7 +94,9 @@ def _float_depth(paths: ViewPaths, where: str, shape: tuple[int, int]) -> np.nda
     return depth
 
 
-def _check_images(images: dict[str, np.ndarray], paths: ViewPaths, record: ViewRecord, description: Description) -> None:
+def _check_images(
+    images: dict[str, np.ndarray], paths: ViewPaths, record: ViewRecord, description: Description
+) -> None:
     """Check the images against each other."""
     mask, depth = images["mask"] > 0, images["depth"]
     _require_none(mask != (depth > 0), paths, "mask", "differ from where the depth image has surface")

@@ -1,4 +1,4 @@
-"""The pictures beside the views: the contact sheet shows them, the overlay has the frame's size, the video its poses."""
+"""The pictures beside the views: the contact sheet has them, the overlay the frame's size, the video its poses."""
 
 from pathlib import Path
 
@@ -74,8 +74,8 @@ def check_video(
         found = (info.frames, *info.size_wh)
         if found != (len(poses), width, height):
             raise DamagedFile(
-                f"{VIDEO}: expected {len(poses)} frames, as {VIDEO_POSES} has, of {width}x{height} px, found {found[0]} "
-                f"of {found[1]}x{found[2]}"
+                f"{VIDEO}: expected {len(poses)} frames, as {VIDEO_POSES} has, of {width}x{height} px, found "
+                f"{found[0]} of {found[1]}x{found[2]}"
             )
         if mesh is not None:
             _check_frames(root, camera, poses, mesh)
@@ -84,7 +84,7 @@ def check_video(
 
 
 def _check_frames(root: Path, camera: PinholeCamera, poses: list[np.ndarray], mesh: TriangleMesh) -> None:
-    """Check that a frame is black beside the surface, and that no other pose fits its outline better."""
+    """Check that frames are black beside the surface at their poses."""
     chosen = np.unique(np.linspace(0, len(poses) - 1, FRAMES_LOOKED_AT).round().astype(int)).tolist()
     bright = [
         read_video_frame(root / VIDEO, index)[: camera.height, : camera.width].max(axis=2) > DARK for index in chosen

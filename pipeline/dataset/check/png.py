@@ -86,7 +86,9 @@ def _header(data: bytes, name: str) -> PngHeader:
         raise DamagedFile(f"{name}: expected a whole PNG image, the file is cut off or damaged")
     width, height, bits, colour, compression, filtering, interlaced = struct.unpack(">IIBBBBB", data[16:29])
     if colour not in _CHANNELS or bits not in (8, 16) or compression or filtering or interlaced or not width * height:
-        raise DamagedFile(f"{name}: expected a plain grey or RGB image, found PNG's colour type {colour} of {bits} bits")
+        raise DamagedFile(
+            f"{name}: expected a plain grey or RGB image, found PNG's colour type {colour} of {bits} bits"
+        )
     return PngHeader(width, height, _CHANNELS[colour], bits)
 
 

@@ -78,9 +78,7 @@ def check_pose_table(root: Path, views: Views, description: Description, finding
             found = [finite_number(cell, here) for cell in row[14:]]
             expected = (cam_from_model @ model_from_mesh)[:3, 3]
             if not is_close(found, expected, float(np.abs(model_from_mesh[:3, 3]).max())):
-                raise DamagedFile(
-                    f"{here}: mesh_t is {found}, {paths.relative('frame')} gives {expected.tolist()}"
-                )
+                raise DamagedFile(f"{here}: mesh_t is {found}, {paths.relative('frame')} gives {expected.tolist()}")
         if count != description.count:
             raise DamagedFile(f"{where}: expected {description.count} rows, found {count}")
     except DamagedFile as damage:

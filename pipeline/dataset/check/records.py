@@ -1,4 +1,4 @@
-"""A dataset's description and the records of its views, read strictly: exactly the keys of the format, and their values.
+"""A dataset's description and the records of its views, read strictly: the keys of the format and no others.
 
 Written from the description of the format and, except for file names, independent of the code that writes it.
 """
@@ -36,8 +36,8 @@ MOST_VIEWS = 10_000_000
 LARGEST_RECORD = 16 << 20
 GT_INFO_COUNTS = ("px_count_all", "px_count_valid", "px_count_visib")
 DESCRIPTION_KEYS = {
-    "format", "versions", "conventions", "count", "options", "camera", "frame", "mesh_from_model", "mm_per_unit",
-    "geometry_sha256", "structures", "inputs_sha256",
+    "format", "versions", "conventions", "count", "object", "options", "camera", "frame", "mesh_from_model",
+    "mm_per_unit", "geometry_sha256", "structures", "inputs_sha256",
 }  # fmt: skip
 CAMERA_KEYS = {"width", "height", "fx", "fy", "cx", "cy"}
 ELSEWHERE = {"count", "poses", "video", "video_frames"}
@@ -60,6 +60,8 @@ class Description:
         Its identity, which every record repeats.
     count
         Number of views.
+    object_name
+        Name of the surface.
     camera
         Intrinsics of the views.
     mesh_from_model
@@ -73,6 +75,7 @@ class Description:
     content: dict[str, Any]
     identity: str
     count: int
+    object_name: str
     camera: PinholeCamera
     mesh_from_model: np.ndarray
     kinds: tuple[str, ...]
@@ -103,6 +106,8 @@ class ViewRecord:
         Its file, relative to the dataset, for messages.
     data
         The bytes of the file.
+    identity
+        The dataset's identity, if the view belongs to it.
     rotation, translation
         The record's lists of 9 and 3 numbers: ``cam_from_model``, row-major, mm.
     cam_from_model
@@ -121,6 +126,7 @@ class ViewRecord:
 
     where: str
     data: bytes
+    identity: object
     rotation: list[float]
     translation: list[float]
     cam_from_model: np.ndarray
@@ -154,6 +160,8 @@ def read_description(root: Path) -> Description:
         )
     require_keys(content, DESCRIPTION_KEYS, RECORD)
     count = whole_number(content, "count", RECORD, least=1, most=MOST_VIEWS)
+    if not isinstance(content["object"], str):
+        raise DamagedFile(f"{RECORD}: expected object to be a name, found {shortened(content['object'])}")
     options, given = mapping(content, "options", RECORD), mapping(content, "camera", RECORD)
     require_keys(options, set(option_names()) - ELSEWHERE, f"{RECORD}: options")
     camera = _camera(given)
@@ -175,6 +183,7 @@ def read_description(root: Path) -> Description:
         content=content,
         identity=identity_of(content),
         count=count,
+        object_name=content["object"],
         camera=camera,
         mesh_from_model=mesh_from_model,
         kinds=("rgb", "depth", "mask", "mask_visib", "mask_observed", *float_depth),
@@ -216,11 +225,6 @@ def read_view_record(paths: ViewPaths, description: Description) -> ViewRecord:
         found = shortened(content.get("index"))
         raise DamagedFile(f"{where}: expected the record of view {paths.index}, found index {found}")
     require_keys(content, RECORD_KEYS, where)
-    if content["identity"] != description.identity:
-        raise DamagedFile(
-            f"{where}: identity is {shortened(content['identity'])}, that of {RECORD} is {description.identity}: the "
-            f"view is of another run, or {RECORD} was changed"
-        )
     cam_from_model = np.eye(4)
     cam_from_model[:3, :3] = numbers(content, "cam_R_m2c", (9,), where).reshape(3, 3)
     cam_from_model[:3, 3] = numbers(content, "cam_t_m2c", (3,), where)
@@ -246,6 +250,7 @@ def read_view_record(paths: ViewPaths, description: Description) -> ViewRecord:
     return ViewRecord(
         where=where,
         data=data,
+        identity=content["identity"],
         rotation=content["cam_R_m2c"],
         translation=content["cam_t_m2c"],
         cam_from_model=cam_from_model,

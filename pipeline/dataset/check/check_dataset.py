@@ -7,12 +7,14 @@ and OpenCV's video reader.
 """
 
 import hashlib
-from dataclasses import dataclass
+import os
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
 
 import numpy as np
 
+from ...case.case_file import Case
 from ...errors import InputError
 from ...progress import Progress
 from ...projection.silhouette import SilhouetteEdges
@@ -36,6 +38,7 @@ from .depth import DepthAgreement
 from .files import DamagedFile
 from .findings import Findings
 from .images import check_view
+from .inputs import check_inputs
 from .model import check_model
 from .pictures import OVERLAY, SHEET, check_contact_sheet, check_overlay, check_video
 from .pose_tables import (
@@ -47,6 +50,7 @@ from .pose_tables import (
     read_video_poses,
 )
 from .records import Description, ViewRecord, read_description, read_view_record
+from .rerendered import Rerendering, check_rerendered
 from .scene_tables import check_scene_tables
 
 DEFAULT_VIEWS = 200
@@ -67,12 +71,15 @@ class CheckReport:
         Number of files whose hash was compared.
     compared
         Agreement of depth image and surface, for each view whose pixels were checked and fit.
+    rerendered
+        Number of views that were rendered again; 0 also if something else was wrong before.
     """
 
     count: int
     findings: Findings
     hashed: int
     compared: tuple[DepthAgreement, ...]
+    rerendered: int = 0
 
     def summary(self) -> str:
         """The result as one line."""
@@ -91,11 +98,20 @@ class CheckReport:
                 f"; the reprojected surface agrees with the depth images at {agreeing:.2%} of {pixels} px, "
                 f"median |dz| = {dz:.2g} mm, largest shift of a view {shift:.2g} px"
             )
+        if self.rerendered:
+            checked += f"; {self.rerendered} views rendered again from the case are the same"
         return f"dataset of {self.count} views: complete and consistent ({checked})"
 
 
 def check_dataset(
-    root: Path, *, views: int = DEFAULT_VIEWS, hashes: bool = True, stream: TextIO | None = None
+    root: Path,
+    *,
+    views: int = DEFAULT_VIEWS,
+    hashes: bool = True,
+    case: Case | None = None,
+    poses: Path | None = None,
+    rerendering: Rerendering | None = None,
+    stream: TextIO | None = None,
 ) -> CheckReport:
     """Check a dataset.
 
@@ -107,6 +123,12 @@ def check_dataset(
         Compare the pixels of this many views, evenly spaced; 0 for all.
     hashes
         Compare the hashes of all files.
+    case
+        The case that the dataset was rendered from, to compare its files.
+    poses
+        The file of the views' poses, if they were listed and the case does not name it.
+    rerendering
+        Renders views again, if nothing else is wrong.
     stream
         Stream for the progress.
 
@@ -125,7 +147,16 @@ def check_dataset(
     except DamagedFile as damage:
         findings.add("damaged files", damage)
         return CheckReport(0, findings, 0, ())
-    return _Check(root, description, findings, views=views, hashes=hashes).run(stream)
+    report = _Check(root, description, findings, views=views, hashes=hashes).run(stream)
+    if case is not None:
+        check_inputs(description, case, poses, findings)
+    if rerendering is None or findings:
+        return report
+    chosen = sorted(_evenly_spaced(description.count, rerendering.views))
+    frames = len(read_video_poses(root, findings)) if os.path.lexists(root / VIDEO_POSES) else 0
+    with rerendering.open(description, frames) as renderer:
+        check_rerendered(root, description, renderer, chosen, findings, stream)
+    return replace(report, rerendered=len(chosen))
 
 
 class _Check:

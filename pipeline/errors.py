@@ -1,6 +1,5 @@
 """The exceptions whose messages are for the user; any other exception is a defect of the program."""
 
-
 LONGEST_MESSAGE = 1200
 """Characters; what was found in a file may be as long as the file."""
 

@@ -116,14 +116,16 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
             "the translation belongs in the last column (transpose the matrix if it is in the last row)"
         )
     rotation = b_from_a[:3, :3]
-    determinant = np.linalg.det(rotation)
+    with np.errstate(over="ignore", invalid="ignore"):
+        determinant = np.linalg.det(rotation)
+        deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
     if determinant < 0:
         raise InputError(
             f"{where}: expected a rotation, found a reflection (determinant {determinant:.3f}); "
             "a mirrored axis convention, e.g. y up instead of y down, usually causes it"
         )
-    deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    if deviation > ORTHONORMAL_TOLERANCE:
+    # NaN, of numbers whose squares overflow, is not within it
+    if not deviation <= ORTHONORMAL_TOLERANCE:
         raise InputError(
             f"{where}: expected a rotation, found a matrix that deviates from orthonormal by {deviation:.2g} "
             f"(allowed {ORTHONORMAL_TOLERANCE:g}); remove scale or shear from the pose"

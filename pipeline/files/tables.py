@@ -19,10 +19,8 @@ MOST_LEVELS = 32
 MOST_KEY_PARTS = 16
 """Of a dotted key in TOML; the time that :mod:`tomllib` takes grows with their square."""
 
-_LONG_KEY = re.compile(
-    r"""(?<![\w"'-])(?:[\w-]+|"[^"\n]*"|'[^'\n]*')(?:[ \t]*\.[ \t]*(?:[\w-]+|"[^"\n]*"|'[^'\n]*')){%d}"""
-    % MOST_KEY_PARTS
-)
+_PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
+_LONG_KEY = re.compile(rf"""(?<![\w"'-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MOST_KEY_PARTS}}}""")
 
 
 def parsed_json(

@@ -25,6 +25,9 @@ from .errors import InputError
 ORTHONORMAL_TOLERANCE = 5e-3
 """Largest entry of |R Rt - 1| that counts as rounding: published ground truth reaches 2e-3 (LM-O)."""
 
+LONGEST_TRANSLATION = 1e12
+"""In the unit of the file; squares of longer ones may overflow."""
+
 ORTHONORMAL_TO_ROUNDING = 1e-14
 """Largest entry of |R Rt - 1| of a rotation rounded to float64; such a pose is kept to the last bit."""
 
@@ -106,8 +109,8 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
     Raises
     ------
     InputError
-        Wrong shape, not numbers, not finite, a last row other than 0 0 0 1, a reflection, or a rotation that is
-        off by more than :data:`ORTHONORMAL_TOLERANCE`.
+        Wrong shape, not numbers, not finite, a last row other than 0 0 0 1, a reflection, a rotation that is off by
+        more than :data:`ORTHONORMAL_TOLERANCE`, or a translation beyond :data:`LONGEST_TRANSLATION`.
     """
     b_from_a = checked_matrix(matrix, 4, where)
     if not np.allclose(b_from_a[3], [0, 0, 0, 1], atol=1e-9):
@@ -129,6 +132,10 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
         raise InputError(
             f"{where}: expected a rotation, found a matrix that deviates from orthonormal by {deviation:.2g} "
             f"(allowed {ORTHONORMAL_TOLERANCE:g}); remove scale or shear from the pose"
+        )
+    if np.abs(b_from_a[:3, 3]).max() > LONGEST_TRANSLATION:
+        raise InputError(
+            f"{where}: expected a shorter translation, found {b_from_a[:3, 3].tolist()}, which is too long"
         )
     if deviation > ORTHONORMAL_TO_ROUNDING:
         b_from_a[:3, :3] = nearest_rotation(rotation)

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 
 from ...errors import InputError
-from ...images.image_check import check_image_file
+from ...images.image_check import LARGEST_FRAME, check_image_file
 
 
 def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
@@ -23,12 +23,12 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
         The file is missing, cut off, or not an image that Blender can read.
     """
     where = where or str(path)
-    check_image_file(path, where)
+    data = check_image_file(path, where, most_pixels=LARGEST_FRAME)
+    image = bpy.data.images.new("image", 1, 1)
     try:
-        image = bpy.data.images.load(str(path.resolve()), check_existing=False)
-    except RuntimeError as error:
-        raise InputError(f"{where}: expected an image, Blender cannot read it ({_one_line(error)})") from None
-    try:
+        # the bytes that were checked, whatever the file is called and whatever has become of it
+        image.source = "FILE"
+        image.pack(data=data, data_len=len(data))
         image.colorspace_settings.name = "Non-Color"
         # straight alpha: else Blender multiplies 16-bit colours by alpha
         image.alpha_mode = "CHANNEL_PACKED"
@@ -64,7 +64,3 @@ def new_packed_image(name: str, png: bytes, *, width: int, height: int) -> bpy.t
     image.source = "FILE"
     image.pack(data=png, data_len=len(png))
     return image
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())

@@ -21,10 +21,11 @@ import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 
-from pipeline.blender.command_line import own_output, run_script
+from pipeline.blender.command_line import run_script
 from pipeline.blender.dataset.job import available_cores
 from pipeline.blender.evaluation.render_scaling import measure_anti_aliasing, measure_memory, measure_triangles
 from pipeline.blender.evaluation.render_speed import measure_speed, measure_start, measure_workers
+from pipeline.blender.process import own_output
 from pipeline.blender.render.engines import keep_freed_memory
 from pipeline.evaluation.benchmark_case import VIEW_CAMERA
 from pipeline.evaluation.charts.page import require_matplotlib

@@ -24,7 +24,8 @@ import cv2
 
 from pipeline.blender.case.load_case import load_case
 from pipeline.blender.colour.reference_view import reference_view_of
-from pipeline.blender.command_line import ArgumentParser, own_output, run_script
+from pipeline.blender.command_line import ArgumentParser, run_script
+from pipeline.blender.process import own_output
 from pipeline.case.case_file import read_case
 from pipeline.evaluation.charts.landmark_chart import landmark_accuracy_charts
 from pipeline.evaluation.charts.page import require_matplotlib

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from .. import __version__
-from ..blender.command_line import own_output
+from ..blender.process import own_output
 from ..errors import RunError
 from .parser import command_parser, explained_imports
 

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.command_line import own_output
+from ..blender.process import own_output
 from ..dataset.options import COLOURS
 from .parser import command_parser, explained_imports
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from ..blender.command_line import ArgumentParser
+from ..blender.process import check_memory
 from ..errors import RunError
 
 PACKAGES = {
@@ -52,13 +53,14 @@ def fill_parser(
 
 @contextmanager
 def explained_imports() -> Iterator[None]:
-    """Wrap imports of packages that a stock Blender lacks, so that a missing one is a clear error.
+    """Wrap imports of Blender, numpy and packages that a stock Blender lacks, so that what fails is a clear error.
 
     Raises
     ------
     RunError
-        A package is missing, e.g. OpenCV in a Blender program without the extension.
+        A package is missing, e.g. OpenCV in a Blender program without the extension; or there is too little memory.
     """
+    check_memory()
     try:
         yield
     except ModuleNotFoundError as error:

@@ -6,7 +6,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.command_line import end_with_input, own_output
+from ..blender.command_line import end_with_input
+from ..blender.process import own_output
 from ..dataset.options import add_option_arguments, option_names
 from ..errors import InputError
 from ..progress import LINE_SECONDS

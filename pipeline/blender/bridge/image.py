@@ -66,5 +66,10 @@ def new_packed_image(name: str, png: bytes, *, width: int, height: int) -> bpy.t
     return image
 
 
+def render_path(path: Path) -> str:
+    """A path for ``render.filepath``, where braces are a template and two slashes the folder of the .blend file."""
+    return str(path.resolve()).replace("{", "{{").replace("}", "}}")
+
+
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())

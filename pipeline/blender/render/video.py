@@ -13,6 +13,7 @@ from ...files.content import write_bytes_atomically
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ..bridge.data_blocks import temporary_data
+from ..bridge.image import render_path
 from ..bridge.versions import new_image_strip, set_mp4
 
 FRAMES_PER_SECOND = 24
@@ -40,7 +41,7 @@ def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
         with temporary_data():
             scene = bpy.data.scenes.new("oneframe video")
             _set_up(scene, files, width=width, height=height)
-            scene.render.filepath = str(written)
+            scene.render.filepath = render_path(written)
             bpy.ops.render.render(animation=True, scene=scene.name)
         data = written.read_bytes()
     # Blender reports no error when the disk is full

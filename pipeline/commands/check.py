@@ -1,4 +1,4 @@
-"""Check whether a dataset is complete and consistent: files, hashes, tables, images, and poses against pixels."""
+"""The command ``oneframe check``."""
 
 import argparse
 import sys
@@ -10,6 +10,8 @@ from .parser import command_parser, explained_imports
 
 EXIT_WRONG = 1
 
+ABOUT = "Check whether a dataset is complete and consistent: files, hashes, tables, images, and poses against pixels."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s dataset
   %(prog)s dataset --views 0            (the pixels of every view)
@@ -37,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str], prog: str = "oneframe check") -> int:
     """Parse the arguments and run."""
-    arguments = command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv)
+    arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
     if arguments.views < 0:
         raise InputError(f"command line: --views: expected a number of views or 0 for all, found {arguments.views}")
     return run(arguments)

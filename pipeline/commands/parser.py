@@ -18,7 +18,7 @@ PACKAGES = {
 
 
 def command_parser(
-    prog: str, about: str | None, epilog: str, add_arguments: Callable[[argparse.ArgumentParser], None]
+    prog: str, about: str, epilog: str, add_arguments: Callable[[argparse.ArgumentParser], None]
 ) -> ArgumentParser:
     """The parser of one command.
 
@@ -27,7 +27,7 @@ def command_parser(
     prog
         How the user calls it: ``oneframe render`` or ``render_dataset.py``.
     about
-        The docstring of the command's module; its first line is the description.
+        The description: one sentence.
     epilog
         Examples and notes at the end of ``--help``; ``%(prog)s`` stands for ``prog``.
     add_arguments
@@ -40,12 +40,12 @@ def command_parser(
 
 def fill_parser(
     parser: argparse.ArgumentParser,
-    about: str | None,
+    about: str,
     epilog: str,
     add_arguments: Callable[[argparse.ArgumentParser], None],
 ) -> None:
     """Set the description and the epilog of a parser and add its arguments; see :func:`command_parser`."""
-    parser.description = (about or "").partition("\n")[0]
+    parser.description = about
     parser.epilog = epilog
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     add_arguments(parser)

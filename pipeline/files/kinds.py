@@ -54,13 +54,27 @@ def json_object(*keys: str) -> Callable[[bytes], bool]:
     """A test for a JSON object that has all of these keys."""
 
     def matches(data: bytes) -> bool:
-        try:
-            table = json.loads(decoded(data) or "")
-        except (ValueError, RecursionError):
-            return False
+        table = _parsed(data)
         return isinstance(table, dict) and table.keys() >= set(keys)
 
     return matches
+
+
+def json_array(*keys: str) -> Callable[[bytes], bool]:
+    """A test for a JSON list of objects that have all of these keys."""
+
+    def matches(data: bytes) -> bool:
+        entries = _parsed(data)
+        return isinstance(entries, list) and all(isinstance(e, dict) and e.keys() >= set(keys) for e in entries)
+
+    return matches
+
+
+def _parsed(data: bytes) -> object:
+    try:
+        return json.loads(decoded(data) or "")
+    except (ValueError, RecursionError):
+        return None
 
 
 def csv_table(header: str) -> Callable[[bytes], bool]:

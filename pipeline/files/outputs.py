@@ -123,16 +123,8 @@ def made_folder(path: Path) -> Path:
 
 
 def unwritable(path: Path, error: OSError) -> RunError:
-    """The error to report if ``path`` cannot be written; a full disk of temporary files is named as such."""
-    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-    place = Path(os.fsdecode(error.filename)) if isinstance(error.filename, str | bytes) else path
-    temporary = Path(os.path.realpath(tempfile.gettempdir()))
-    if temporary in Path(os.path.realpath(place)).parents and temporary not in Path(os.path.realpath(path)).parents:
-        what = "the disk is full" if full else error.strerror
-        return RunError(
-            f"{temporary}: cannot write temporary files ({what}); set the environment variable TMPDIR to another folder"
-        )
-    if full:
+    """The error to report if ``path`` cannot be written."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RunError(f"{path}: cannot write the file (the disk is full); free space or choose another place")
     return RunError(f"{path}: cannot write the file ({error.strerror}); choose another place")
 

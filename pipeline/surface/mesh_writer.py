@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..files.content import write_bytes_atomically
+from ..files.signature import signed
 from .mesh import TriangleMesh
 
 
@@ -76,7 +77,7 @@ def write_ply(
     faces["count"], faces["indices"] = 3, mesh.faces
     if uv is not None:
         faces["uv_count"], faces["uv"] = 6, uv.reshape(-1, 6)
-    write_bytes_atomically(path, "\n".join(header).encode() + vertices.tobytes() + faces.tobytes())
+    write_bytes_atomically(path, signed("\n".join(header).encode() + vertices.tobytes() + faces.tobytes()))
 
 
 def write_obj(
@@ -107,9 +108,9 @@ def write_obj(
     _check_texture(uv, texture)
     parts: list[str] = []
     if texture is not None:
-        material = path.with_suffix(".mtl")
+        material = material_path(path)
         # the mesh comes second, so that it never refers to a missing material
-        write_bytes_atomically(material, f"newmtl surface\nKd 1 1 1\nillum 0\nmap_Kd {texture}\n".encode())
+        write_bytes_atomically(material, signed(f"newmtl surface\nKd 1 1 1\nillum 0\nmap_Kd {texture}\n".encode()))
         parts += [f"mtllib {material.name}\n", "usemtl surface\n"]
     parts.append(_format_rows("v %.9g %.9g %.9g\n", mesh.vertices))
     corners = mesh.faces + 1
@@ -122,6 +123,11 @@ def write_obj(
         texcoords = index.reshape(-1, 3) + 1
         parts.append(_format_rows("f %d/%d %d/%d %d/%d\n", np.stack([corners, texcoords], axis=2)))
     write_bytes_atomically(path, "".join(parts).encode())
+
+
+def material_path(path: Path) -> Path:
+    """The .mtl file of a textured OBJ."""
+    return Path(path).with_suffix(".mtl")
 
 
 def _format_rows(line_format: str, rows: np.ndarray) -> str:

@@ -8,18 +8,17 @@ import ctypes
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import bpy
 import numpy as np
 
 from ...colour.vertex_colours import NEUTRAL
 from ...dataset.view import RenderedView
-from ...errors import InputError, RunError
+from ...errors import InputError
+from ...files.temporary import temporary_folder, unwritable_temporary
 from ...images.exr import ExrError, read_exr
 from ..bridge.image import render_path
 from ..bridge.versions import ENGINE_IDS, set_multilayer_exr
@@ -115,18 +114,15 @@ def _render_workbench(surface_scene: SurfaceScene) -> dict[str, np.ndarray]:
 
 def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
     set_multilayer_exr(scene)
-    with tempfile.TemporaryDirectory(prefix="oneframe-") as folder:
-        path = Path(folder) / "view.exr"
+    with temporary_folder() as folder:
+        path = folder / "view.exr"
         scene.render.filepath = render_path(path)
         try:
             with delayed_interrupts():
                 bpy.ops.render.render(scene=scene.name, write_still=True)
             channels = read_exr(path)
         except (RuntimeError, OSError, ExrError) as error:
-            reason = " ".join(str(error).split())
-            raise RunError(
-                f"{folder}: cannot write a render ({reason}); is the disk of temporary files full?"
-            ) from error
+            raise unwritable_temporary(" ".join(str(error).split())) from error
     passes: dict[str, list[np.ndarray]] = {}
     for suffix in "RXVZGYBZA":
         for name, plane in channels.items():

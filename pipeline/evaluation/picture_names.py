@@ -1,5 +1,6 @@
 """Names of the pictures of a comparison: one for each photograph, also where the photographs share a name."""
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -22,12 +23,14 @@ def picture_names(photographs: Sequence[Path], taken: Sequence[str]) -> list[str
     Names that differ from each other and from ``taken`` also where a file system ignores case.
     """
     used, names = {name.casefold() for name in taken}, []
+    numbers: Counter[str] = Counter()
     for photograph in photographs:
         stem = photograph.stem.encode(errors="replace")[:LONGEST_NAME].decode(errors="ignore")
-        number, name = 1, f"{stem}.png"
+        name = f"{stem}.png"
         while name.casefold() in used:
-            number += 1
-            name = f"{stem}_{number}.png"
+            # goes on where the last photograph of this name stopped: a list may hold thousands
+            numbers[stem.casefold()] += 1
+            name = f"{stem}_{numbers[stem.casefold()] + 1}.png"
         used.add(name.casefold())
         names.append(name)
     return names

@@ -63,17 +63,23 @@ def check_outputs(outputs: Iterable[Output], inputs: Mapping[str, Path]) -> None
     RunError
         An output cannot be written, as far as that is known without writing it.
     """
+    protected = _Inputs(inputs)
     seen: dict[str, Path] = {}
+    folders: set[Path] = set()
     for output in outputs:
         path = output.path
-        _check_input(path, inputs)
+        if source := protected.same_as(path):
+            name, file = source
+            raise InputError(f"{path}: expected a new file, found the {name} ({file}), an input; choose another name")
         # also where cases differ: the two would be one file on another computer
         other = seen.setdefault(os.path.realpath(path).casefold(), path)
         if other is not path:
             raise InputError(f"{path}: expected different names for all files to write, {other} is the same one")
         with writing(path):
             _check_replaced(output)
-            _check_folder(path)
+            if path.parent not in folders:
+                _check_folder(path)
+                folders.add(path.parent)
 
 
 def check_folder(folder: Path, inputs: Mapping[str, Path]) -> None:
@@ -129,16 +135,25 @@ def unwritable(path: Path, error: OSError) -> RunError:
     return RunError(f"{path}: cannot write the file ({error.strerror}); choose another place")
 
 
-def _check_input(path: Path, inputs: Mapping[str, Path]) -> None:
-    for name, source in inputs.items():
+class _Inputs:
+    """Files that must not be replaced, found by what they are and not by how they are called."""
+
+    def __init__(self, inputs: Mapping[str, Path]) -> None:
+        self._by_number: dict[tuple[int, int], tuple[str, Path]] = {}
+        self._by_path: dict[str, tuple[str, Path]] = {}
+        for item in inputs.items():
+            self._by_path[os.path.realpath(item[1])] = item
+            with suppress(OSError):
+                found = item[1].stat()
+                self._by_number[found.st_dev, found.st_ino] = item
+
+    def same_as(self, path: Path) -> tuple[str, Path] | None:
+        """Name and path of the input that ``path`` is, if any."""
         try:
-            same = os.path.samefile(path, source)
+            found = path.stat()
         except OSError:
-            same = os.path.realpath(path) == os.path.realpath(source)
-        except ValueError:  # a null character
-            same = False
-        if same:
-            raise InputError(f"{path}: expected a new file, found the {name} ({source}), an input; choose another name")
+            return self._by_path.get(os.path.realpath(path))
+        return self._by_number.get((found.st_dev, found.st_ino))
 
 
 def _check_replaced(output: Output) -> None:

@@ -3,7 +3,10 @@
 PLY and OBJ keep the coordinates and units of the user's mesh; GLB is in metres with y up, as glTF requires.
 """
 
+import io
+import re
 from collections.abc import Mapping
+from contextlib import redirect_stderr
 from pathlib import Path
 from typing import Literal
 
@@ -123,7 +126,12 @@ def _glb(mesh: TriangleMesh, colour: VertexColours | TextureAtlas) -> bytes:
         surface.data.materials.append(_unlit_material(surface, colour, folder))
         path = folder / "surface.glb"
         try:
-            with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]), delayed_interrupts():
+            with (
+                bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]),
+                delayed_interrupts(),
+                # where Blender prints the exporter's traceback
+                redirect_stderr(io.StringIO()),
+            ):
                 bpy.ops.export_scene.gltf(
                     filepath=str(path),
                     export_format="GLB",
@@ -133,7 +141,9 @@ def _glb(mesh: TriangleMesh, colour: VertexColours | TextureAtlas) -> bytes:
                 )
             return path.read_bytes()
         except (RuntimeError, OSError) as error:
-            raise unwritable_temporary(str(error).strip().splitlines()[-1]) from None
+            if not (reason := re.search(r"\[Errno \d+\] ([^\n:]*)", str(error))):
+                raise
+            raise unwritable_temporary(reason[1]) from None
 
 
 def _unlit_material(

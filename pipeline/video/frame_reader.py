@@ -13,7 +13,9 @@ import numpy as np
 from ..errors import InputError
 from ..files.child_process import ChildError, called_apart
 from ..files.content import reading, write_bytes_atomically
+from ..files.kinds import PNG
 from ..files.numbers import npy_array
+from ..files.outputs import check_outputs, companion, writing
 from ..images.png import encode_png
 from .decoder import frame_as_npy, info_as_json
 
@@ -68,18 +70,21 @@ def write_video_frame(path: Path, index: int, *, image: Path | None = None) -> P
     ------
     InputError
         As :func:`read_video_frame`; or the file exists with other content, which is never overwritten.
-    OSError
+    RunError
         The file cannot be written.
     """
     path = Path(path)
-    data = encode_png(read_video_frame(path, index))
     image = image or path.with_name(f"{path.stem}_frame_{index:06d}.png")
+    # decoding takes long; its result alone says whether an existing image may stay
+    check_outputs([companion(image, PNG, lambda _: True)], {"video": path})
+    data = encode_png(read_video_frame(path, index))
     if image.exists() and image.read_bytes() != data:
         raise InputError(
             f"{image}: expected no such file, or one with this frame, found another image; "
             "use that one, rename it, or remove it"
         )
-    write_bytes_atomically(image, data)
+    with writing(image):
+        write_bytes_atomically(image, data)
     return image
 
 

@@ -64,3 +64,8 @@ def new_packed_image(name: str, png: bytes, *, width: int, height: int) -> bpy.t
     image.source = "FILE"
     image.pack(data=png, data_len=len(png))
     return image
+
+
+def render_path(path: Path) -> str:
+    """A path for ``render.filepath``, where braces are a template and two slashes the folder of the .blend file."""
+    return str(path.resolve()).replace("{", "{{").replace("}", "}}")

@@ -45,7 +45,8 @@ class CaseRenderer:
         RunError
             The engine does not work here.
         """
-        options = replace(_options(case, content, poses), video_frames=max(video_frames, 2))
+        self._video_frames = max(video_frames, 2)
+        options = _options(case, content, poses)
         check_engine(options.engine)
         # the dataset itself is never written to
         self._folder = tempfile.TemporaryDirectory(prefix="oneframe-check-")
@@ -83,7 +84,7 @@ class CaseRenderer:
 
     def video_poses(self) -> np.ndarray:
         """``(video_frames, 4, 4)`` poses of the video, mm."""
-        return self._renderer.video_poses()
+        return self._renderer.video_poses(self._video_frames)
 
     def picture(self, cam_from_model: np.ndarray) -> np.ndarray:
         """``(H, W, 3)`` uint8 view from a pose (4x4, mm)."""

@@ -21,9 +21,7 @@ from ...progress import Progress
 from ...projection.silhouette import SilhouetteEdges
 from ...surface.mesh import diameter
 from ...surface.mesh_reader import read_mesh
-from ..checksums import CHECKSUMS
-from ..folder import RECORD, WORK
-from ..layout import OBJECT_ID, SPLIT, VIEWS_PER_SCENE, ViewPaths
+from ..layout import CHECKSUMS, OBJECT_ID, RECORD, SPLIT, VIEWS_PER_SCENE, WORK, ViewPaths
 from .depth import DepthAgreement
 from .findings import Findings
 from .images import check_view

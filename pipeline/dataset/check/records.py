@@ -14,8 +14,7 @@ from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
 from ...files.content import read_content
 from ...files.tables import parsed_json
-from ..folder import RECORD
-from ..layout import FORMAT, ViewPaths
+from ..layout import FORMAT, RECORD, ViewPaths
 
 ROTATION_TOLERANCE = 1e-9
 GT_INFO_COUNTS = ("px_count_all", "px_count_valid", "px_count_visib")

@@ -97,8 +97,6 @@ def test_all_files_of_the_layout_are_there(reference):
     tables = {
         "camera.json",
         "dataset.json",
-        "dataset_info.md",
-        "test_targets_bop19.json",
         "checksums.json",
         "poses.csv",
         "transforms.json",

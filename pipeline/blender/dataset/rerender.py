@@ -14,7 +14,6 @@ from ...dataset.dataset_info import write_dataset_info
 from ...dataset.folder import Shard
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions, checked_options
-from ...errors import InputError
 from ...images.pixel_values import to_uint8
 from ..render.engines import check_engine
 from . import finish
@@ -41,7 +40,7 @@ class CaseRenderer:
         Raises
         ------
         InputError
-            An input cannot be used, or the file of poses is not known.
+            An input cannot be used.
         RunError
             The engine does not work here.
         """
@@ -96,6 +95,4 @@ def _options(case: Case, content: Mapping[str, Any], poses: Path | None) -> Data
         return options
     if poses is None and "poses" in case.dataset:
         poses = case.path.parent / str(case.dataset["poses"])
-    if poses is None:
-        raise InputError("command line: the views have listed poses: expected their file, give it with --poses")
-    return replace(options, poses=str(poses))
+    return replace(options, poses=None if poses is None else str(poses))

@@ -83,13 +83,15 @@ class Description:
 
     @property
     def poses_differ(self) -> bool:
-        """Whether no two views have the same pose: none of a sampler that draws, unless it cannot but repeat itself."""
+        """Whether no two views have the same pose: none of a sampler that draws, unless it cannot but repeat itself.
+
+        A trajectory may cross itself, and a list may hold a pose twice.
+        """
         options = self.content["options"]
         spread = {
             "cone": ("cone_deg", "roll_deg", "shift_mm"),
             "gaussian": ("sigma_deg", "sigma_mm"),
             "shell": ("polar_deg", "roll_deg"),
-            "trajectory": ("cone_deg",),
         }
         names = spread.get(str(options["sampler"]), ())
         distances = options["sampler"] in ("cone", "shell") and options["distance_min"] != options["distance_max"]

@@ -6,21 +6,21 @@ centre of its box as in BOP's own datasets; ``models_info.json`` holds where tha
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..files.content import write_bytes_atomically
+from ..files.content import create_folder, write_bytes_atomically, written_file
 from ..files.tables import write_json
 from ..surface.decimation import reduced_mesh
 from ..surface.mesh import TriangleMesh, diameter
 from ..surface.mesh_writer import write_ply
 from .coco import coco_table
 from .layout import OBJECT_ID, ViewPaths
-from .view_record import Box, read_record
+from .view_record import Box, ViewRecord
 
 
 def bounding_box(mask: np.ndarray) -> Box:
@@ -57,7 +57,7 @@ def write_models(root: Path, mesh: TriangleMesh, colours: np.ndarray) -> None:
     reduced = reduced_mesh(mesh, EVAL_VERTICES)
     for name, model, rgb in (("models", mesh, colours), ("models_eval", reduced, None)):
         folder = root / name
-        folder.mkdir(exist_ok=True)
+        create_folder(folder)
         write_ply(folder / f"obj_{OBJECT_ID:06d}.ply", model, colours=rgb, normals=model.vertex_normals)
         write_json(folder / "models_info.json", {str(OBJECT_ID): info})
 
@@ -78,21 +78,12 @@ def write_camera(root: Path, camera: PinholeCamera, depth_scale: float) -> None:
     )
 
 
-def write_scene(root: Path, views: range, camera: PinholeCamera, object_name: str) -> None:
-    """Write the four JSON tables of one scene from the records of its views.
+def write_scene(root: Path, records: Sequence[ViewRecord], camera: PinholeCamera, object_name: str) -> None:
+    """Write the four JSON tables of one scene from the records of all its views.
 
-    Parameters
-    ----------
-    object_name
-        Name of COCO's category.
-
-    Raises
-    ------
-    RunError
-        A record is missing or damaged.
+    ``object_name`` is the name of COCO's category.
     """
-    paths = [ViewPaths(root, index) for index in views]
-    records = [read_record(path) for path in paths]
+    paths = [ViewPaths(root, record.index) for record in records]
     scene_camera, scene_gt, scene_gt_info = {}, {}, {}
     for path, record in zip(paths, records, strict=True):
         key = str(path.image_id)
@@ -112,22 +103,23 @@ def write_scene(root: Path, views: range, camera: PinholeCamera, object_name: st
     write_json(folder / "scene_gt_coco.json", coco_table(paths, records, camera, object_name), indent=None)
 
 
+def is_test_target(record: ViewRecord) -> bool:
+    """Whether BOP would test on a view: it shows enough of the surface."""
+    return record.gt_info.visib_fract >= LEAST_VISIBLE
+
+
 def write_test_targets(root: Path, views: Iterable[int]) -> None:
-    """Write ``test_targets_bop19.json``: every view that shows enough of the surface, as BOP chooses them.
+    """Write ``test_targets_bop19.json`` with these views (see :func:`is_test_target`), as BOP chooses them.
 
     Source: thodan/bop_toolkit, scripts/enumerate_test_targets.py.
-
-    Raises
-    ------
-    RunError
-        A record is missing or damaged.
     """
-    targets = []
-    for paths in (ViewPaths(root, index) for index in views):
-        if read_record(paths).gt_info.visib_fract >= LEAST_VISIBLE:
-            targets.append({"im_id": paths.image_id, "inst_count": 1, "obj_id": OBJECT_ID, "scene_id": paths.scene_id})
-    rows = ",\n".join(f"  {json.dumps(target)}" for target in targets)
-    write_bytes_atomically(root / "test_targets_bop19.json", f"[\n{rows}\n]\n".encode())
+    with written_file(root / "test_targets_bop19.json") as file:
+        separator = "[\n"
+        for paths in (ViewPaths(root, index) for index in views):
+            target = {"im_id": paths.image_id, "inst_count": 1, "obj_id": OBJECT_ID, "scene_id": paths.scene_id}
+            file.write(f"{separator}  {json.dumps(target)}".encode())
+            separator = ",\n"
+        file.write(b"[\n\n]\n" if separator == "[\n" else b"\n]\n")
 
 
 def _write_rows(path: Path, content: Mapping[str, object]) -> None:

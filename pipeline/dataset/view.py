@@ -2,6 +2,7 @@
 
 import io
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
-from ..files.content import write_bytes_atomically
+from ..files.content import create_folder, write_files_atomically
 from ..images.png import encode_png
 from ..poses.constraints import PlannedPose
 from ..projection.silhouette import SilhouetteEdges, silhouette_statistics
@@ -183,15 +184,15 @@ def file_sums(paths: ViewPaths, files: dict[str, bytes]) -> dict[str, FileSum]:
 
 
 def write_view(paths: ViewPaths, files: dict[str, bytes], record: ViewRecord) -> None:
-    """Write a view's files and then its record: a view with a record is finished."""
-    for kind, data in files.items():
-        _write(paths.file(kind), data)
-    _write(paths.file("frame"), (json.dumps(record.to_json(), separators=(",", ":")) + "\n").encode())
+    """Write a view's files and then its record: a view with a record is finished, also after a loss of power."""
+    _write({paths.file(kind): data for kind, data in files.items()})
+    _write({paths.file("frame"): (json.dumps(record.to_json(), separators=(",", ":")) + "\n").encode()})
 
 
-def _write(path: Path, data: bytes) -> None:
+def _write(files: Mapping[Path, bytes]) -> None:
     try:
-        write_bytes_atomically(path, data)
+        write_files_atomically(files)
     except FileNotFoundError:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes_atomically(path, data)
+        for path in files:
+            create_folder(path.parent)
+        write_files_atomically(files)

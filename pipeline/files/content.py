@@ -1,16 +1,22 @@
 """Whole files: reading reports every failure as one kind of error, and writing never leaves a partial file."""
 
 import errno
+import hashlib
 import os
+import re
 import secrets
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from contextvars import ContextVar
 from pathlib import Path
+from typing import BinaryIO
 
 from ..errors import InputError
 
 LARGEST_FILE = 64 << 20
 """Bytes; a longer file cannot be one of numbers or settings, so the user chose it by mistake."""
+
+_HASHES: ContextVar[dict[Path, str] | None] = ContextVar("hashes", default=None)
 
 
 @contextmanager
@@ -67,7 +73,23 @@ def read_content(path: Path, what: str, where: str | None = None, most: int | No
         data = path.read_bytes()
     if not data:
         raise InputError(f"{place}: expected {what}, found an empty file; copy or export it again")
+    hashes = _HASHES.get()
+    if hashes is not None:
+        found = hashlib.sha256(data).hexdigest()
+        if hashes.setdefault(path, found) != found:
+            raise InputError(f"{place}: the file has changed while it was read; save it, and start again")
     return data
+
+
+@contextmanager
+def hashed_reading() -> Iterator[dict[Path, str]]:
+    """Collect the SHA-256 of the very bytes that :func:`read_content` gives inside the block, by path."""
+    hashes: dict[Path, str] = {}
+    token = _HASHES.set(hashes)
+    try:
+        yield hashes
+    finally:
+        _HASHES.reset(token)
 
 
 def decoded(data: bytes) -> str | None:
@@ -81,23 +103,110 @@ def decoded(data: bytes) -> str | None:
 
 
 def write_bytes_atomically(path: Path, data: bytes) -> None:
-    """Write a file through a temporary one named ``.partial-*`` in the same folder, which is removed on failure.
+    """Write a file, whole or not at all, and durably: see :func:`written_file`.
 
-    Safe against a crash of the program, not against a loss of power (the data is not flushed to the disk). The file
-    gets the permissions of any new file, unlike with :mod:`tempfile`.
+    Raises
+    ------
+    OSError
+        As for :func:`written_file`.
+    """
+    write_files_atomically({Path(path): data})
+
+
+def write_files_atomically(files: Mapping[Path, bytes]) -> None:
+    """Write several files, each whole or not at all; when this returns, a loss of power cannot take them away.
+
+    Raises
+    ------
+    OSError
+        As for :func:`written_file`; none of the files has been replaced then, unless replacing one failed.
+    """
+    with ExitStack() as stack:
+        streams = {path: stack.enter_context(_partial_file(path)) for path in files}
+        for path, data in files.items():
+            streams[path].write(data)
+        _replace_durably(streams)
+
+
+@contextmanager
+def written_file(path: Path) -> Iterator[BinaryIO]:
+    """A file to write to, which takes the place of ``path`` at the end of the block; nothing is left if that fails.
+
+    It is written through a temporary file ``.partial-<16 hexadecimal digits>-<name>`` in the same folder, with the
+    permissions of any new file, unlike with :mod:`tempfile`. File and folder are flushed to the disk.
 
     Raises
     ------
     OSError
         The folder does not exist or cannot be written to, the disk is full, or ``path`` is a folder.
     """
-    path = Path(path)
+    with _partial_file(path) as stream:
+        yield stream
+        _replace_durably({path: stream})
+
+
+def partial_name(name: str) -> str | None:
+    """The name of the file that a temporary file of :func:`written_file` was for; ``None`` for other files."""
+    match = re.fullmatch(r"\.partial-[0-9a-f]{16}-(.+)", name)
+    return match and match[1]
+
+
+def create_folder(path: Path) -> None:
+    """Create a folder and those above it, durably; nothing happens if it exists.
+
+    Raises
+    ------
+    OSError
+        It cannot be created.
+    """
+    new = [folder for folder in (path, *path.parents) if not folder.exists()]
+    path.mkdir(parents=True, exist_ok=True)
+    for folder in new:
+        _flush_folder(folder.parent)
+
+
+@contextmanager
+def _partial_file(path: Path) -> Iterator[BinaryIO]:
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    partial = path.with_name(f".partial-{secrets.token_hex(8)}")
+    # a name of 255 bytes is the longest that most file systems take
+    partial = path.with_name(f".partial-{secrets.token_hex(8)}-{path.name[-50:]}")
     try:
-        with open(partial, "xb") as file:
-            file.write(data)
-        os.replace(partial, path)
+        with open(partial, "xb") as stream:
+            yield stream
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _replace_durably(streams: Mapping[Path, BinaryIO]) -> None:
+    """Put written temporary files in their places: contents first, then names, so that no name is without content."""
+    for stream in streams.values():
+        stream.flush()
+        _flush(stream.fileno())
+        stream.close()  # Windows replaces no open files
+    for path, stream in streams.items():
+        os.replace(path.with_name(Path(stream.name).name), path)
+    for folder in {path.parent for path in streams}:
+        _flush_folder(folder)
+
+
+def _flush_folder(folder: Path) -> None:
+    if os.name == "nt":
+        return  # opens no folders, and keeps names in a journal
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except PermissionError:
+        return  # one that may be written to, but not read
+    try:
+        _flush(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _flush(descriptor: int) -> None:
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        # some file systems in memory or over a network cannot
+        if error.errno not in (errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP):
+            raise

@@ -9,12 +9,12 @@ import pytest
 
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.dataset import layout
-from pipeline.dataset.bop import bounding_box, write_camera, write_scene, write_test_targets
+from pipeline.dataset.bop import bounding_box, is_test_target, write_camera, write_scene, write_test_targets
 from pipeline.dataset.coco import run_lengths
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.pose_tables import write_poses
 from pipeline.dataset.view import file_sums, write_view
-from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord
+from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord, read_record
 from pipeline.poses.constraints import Rejections
 from pipeline.transforms import rigid, rotation_from_vector
 
@@ -56,10 +56,11 @@ def write_blank_dataset(root: Path) -> None:
             paths, files = ViewPaths(root, index), {"rgb": b""}
             write_view(paths, files, replace(record_of(index), files=file_sums(paths, files)))
         write_camera(root, CAMERA, DEPTH_SCALE)
-        for views in (range(3), range(3, 5)):
-            write_scene(root, views, CAMERA, OBJECT_NAME)
-        write_poses(root, range(5), CAMERA, rigid(translation=CENTRE), bounds=BOUNDS, depth_scale=DEPTH_SCALE)
-        write_test_targets(root, range(5))
+        records = [read_record(ViewPaths(root, index)) for index in range(5)]
+        for scene in (records[:3], records[3:]):
+            write_scene(root, scene, CAMERA, OBJECT_NAME)
+        write_poses(root, records, CAMERA, rigid(translation=CENTRE), bounds=BOUNDS, depth_scale=DEPTH_SCALE)
+        write_test_targets(root, [record.index for record in records if is_test_target(record)])
 
 
 def scene_tables(root: Path, scene: int) -> dict[str, dict]:

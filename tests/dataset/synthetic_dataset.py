@@ -9,7 +9,14 @@ import cv2
 import numpy as np
 
 from pipeline.camera.pinhole import PinholeCamera
-from pipeline.dataset.bop import bounding_box, write_camera, write_models, write_scene, write_test_targets
+from pipeline.dataset.bop import (
+    bounding_box,
+    is_test_target,
+    write_camera,
+    write_models,
+    write_scene,
+    write_test_targets,
+)
 from pipeline.dataset.checksums import write_checksums
 from pipeline.dataset.coco import run_lengths
 from pipeline.dataset.dataset_info import write_dataset_info
@@ -18,7 +25,7 @@ from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.options import DatasetOptions
 from pipeline.dataset.pose_tables import POSE_COLUMNS, pose_cells, write_poses
 from pipeline.dataset.view import file_sums, view_files, write_view
-from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord
+from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord, read_record
 from pipeline.files.tables import write_csv
 from pipeline.images.contact_sheet import contact_sheet
 from pipeline.images.pixel_values import to_uint8
@@ -170,12 +177,14 @@ def write_one(root: Path, index: int, identity: str) -> np.ndarray:
 
 def write_tables(root: Path, camera: PinholeCamera) -> None:
     write_camera(root, camera, DEPTH_SCALE)
+    records = [read_record(ViewPaths(root, index)) for index in range(COUNT)]
     for first in range(0, COUNT, PER_SCENE):
-        write_scene(root, range(first, min(first + PER_SCENE, COUNT)), camera, OBJECT_NAME)
+        write_scene(root, records[first : first + PER_SCENE], camera, OBJECT_NAME)
     write_pose_tables(root)
-    write_test_targets(root, range(COUNT))
+    write_test_targets(root, [record.index for record in records if is_test_target(record)])
     write_dataset_info(root, OBJECT_NAME, COUNT, camera, MESH, DEPTH_SCALE)
 
 
 def write_pose_tables(root: Path, views: Iterable[int] = range(COUNT), centre: np.ndarray = CENTRE) -> None:
-    write_poses(root, views, CAMERA, rigid(translation=centre), bounds=MESH.bounds, depth_scale=DEPTH_SCALE)
+    records = (read_record(ViewPaths(root, index)) for index in views)
+    write_poses(root, records, CAMERA, rigid(translation=centre), bounds=MESH.bounds, depth_scale=DEPTH_SCALE)

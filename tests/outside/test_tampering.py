@@ -23,7 +23,7 @@ from pipeline.blender.dataset.rerender import CaseRenderer
 from pipeline.blender.render.video import write_video
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.case.case_file import Case, read_case
-from pipeline.dataset.bop import write_models, write_scene, write_test_targets
+from pipeline.dataset.bop import is_test_target, write_models, write_scene, write_test_targets
 from pipeline.dataset.check.check_dataset import CheckReport, check_dataset
 from pipeline.dataset.check.rerendered import Rerendering
 from pipeline.dataset.folder import Shard
@@ -31,6 +31,7 @@ from pipeline.dataset.identity import geometry_hash
 from pipeline.dataset.layout import SPLIT, ViewPaths
 from pipeline.dataset.options import DatasetOptions
 from pipeline.dataset.pose_tables import write_poses
+from pipeline.dataset.view_record import read_record
 from pipeline.errors import InputError
 from pipeline.images.contact_sheet import contact_sheet
 from pipeline.images.pixel_values import to_uint8
@@ -83,9 +84,7 @@ def copies(untouched, tmp_path) -> Callable[[], Path]:
 
 
 def rerendering(case: Case) -> Rerendering:
-    return Rerendering(
-        lambda description, frames: CaseRenderer(case, description.content, None, video_frames=frames), views=0
-    )
+    return Rerendering(lambda description: CaseRenderer(case, description.content, None), views=0)
 
 
 def checked(root: Path, case: Path | None = None) -> CheckReport:
@@ -145,10 +144,7 @@ def test_merged_shards_and_listed_poses_raise_no_false_alarm(case, tmp_path):
     np.save(tmp_path / "poses.npy", np.stack([pose, pose]))
     listed = render(case, tmp_path / "listed", replace(options, poses=str(tmp_path / "poses.npy")))
     again = Rerendering(
-        lambda description, frames: CaseRenderer(
-            read_case(case), description.content, tmp_path / "poses.npy", video_frames=frames
-        ),
-        views=0,
+        lambda description: CaseRenderer(read_case(case), description.content, tmp_path / "poses.npy"), views=0
     )
     report = check_dataset(
         listed, case=read_case(case), poses=tmp_path / "poses.npy", rerendering=again, stream=io.StringIO()
@@ -352,10 +348,11 @@ def tables_again(root: Path) -> Path:
     sealed(root)
     mesh, _ = read_mesh(root / MODEL)
     depth_scale = json.loads((root / "camera.json").read_text())["depth_scale"]
-    write_scene(root, range(VIEWS), intrinsics, content["object"])
+    records = [read_record(ViewPaths(root, index)) for index in range(VIEWS)]
+    write_scene(root, records, intrinsics, content["object"])
     mesh_from_model = np.array(content["mesh_from_model"])
-    write_poses(root, range(VIEWS), intrinsics, mesh_from_model, bounds=mesh.bounds, depth_scale=depth_scale)
-    write_test_targets(root, range(VIEWS))
+    write_poses(root, records, intrinsics, mesh_from_model, bounds=mesh.bounds, depth_scale=depth_scale)
+    write_test_targets(root, [record.index for record in records if is_test_target(record)])
     images = [image_of(root, index, "rgb") / 255 for index in range(VIEWS)]
     (root / "contact_sheet.png").write_bytes(encode_png(to_uint8(contact_sheet(images, columns=6, tile_width=240))))
     return sealed(root)

@@ -120,9 +120,9 @@ class ViewRenderer:
             return self._sampler.render(cam_from_model)
         return render_view(self._scene, cam_from_model)
 
-    def video_poses(self) -> np.ndarray:
-        """``(video_frames, 4, 4)`` poses of the video's trajectory."""
-        return self._trajectory.poses(self._options.video_frames)
+    def video_poses(self, frames: int) -> np.ndarray:
+        """``(frames, 4, 4)`` poses of the video's trajectory."""
+        return self._trajectory.poses(frames)
 
     def encode(self, paths: ViewPaths, sample: RenderedSample) -> tuple[dict[str, bytes], ViewRecord]:
         """Encode a view's files, by kind, and its record; uses no Blender data, so any thread may call it."""

@@ -13,10 +13,10 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
-from ..folder import RECORD
-from ..layout import FORMAT, ViewPaths
+from ..layout import FORMAT, RECORD, ViewPaths
 from ..options import option_names
 from .checksums import FileSum, identity_of, read_sums
+from .comparison import require_equal
 from .files import (
     LARGEST_SMALL_FILE,
     DamagedFile,
@@ -165,7 +165,12 @@ def read_description(root: Path) -> Description:
     if not isinstance(content["object"], str):
         raise DamagedFile(f"{RECORD}: expected object to be a name, found {shortened(content['object'])}")
     options, given = mapping(content, "options", RECORD), mapping(content, "camera", RECORD)
-    require_keys(options, set(option_names()) - ELSEWHERE, f"{RECORD}: options")
+    names = set(option_names()) - ELSEWHERE
+    if options.get("sampler") == "trajectory" and "poses" not in mapping(content, "inputs_sha256", RECORD):
+        # each pose of a trajectory depends on their number
+        names.add("views")
+        require_equal(options.get("views"), count, f"{RECORD}: options: views")
+    require_keys(options, names, f"{RECORD}: options")
     camera = _camera(given)
     mesh_from_model = numbers(content, "mesh_from_model", (4, 4), RECORD)
     check_rotation(mesh_from_model[:3, :3], f"{RECORD}: mesh_from_model")

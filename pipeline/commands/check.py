@@ -76,10 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
         with explained_imports():
             from ..blender.dataset.rerender import CaseRenderer
         output = own_output()
-        again = Rerendering(
-            lambda description, frames: CaseRenderer(case, description.content, poses, video_frames=frames),
-            arguments.rerender,
-        )
+        again = Rerendering(lambda description: CaseRenderer(case, description.content, poses), arguments.rerender)
     report = check_dataset(
         arguments.dataset,
         views=arguments.views,

@@ -14,7 +14,6 @@ from ...dataset.dataset_info import write_dataset_info
 from ...dataset.folder import Shard
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions, checked_options
-from ...errors import InputError
 from ...images.pixel_values import to_uint8
 from ..render.engines import check_engine
 from . import finish
@@ -24,7 +23,7 @@ from .job import Job, OpenJob, available_cores, open_job
 class CaseRenderer:
     """Renders a dataset again: a :class:`pipeline.dataset.check.rerendered.Renderer`. Use as a context manager."""
 
-    def __init__(self, case: Case, content: Mapping[str, Any], poses: Path | None, *, video_frames: int) -> None:
+    def __init__(self, case: Case, content: Mapping[str, Any], poses: Path | None) -> None:
         """Load the case.
 
         Parameters
@@ -35,17 +34,14 @@ class CaseRenderer:
             The object in its ``dataset.json``.
         poses
             The file of its poses, if they were listed; that of the case if left out.
-        video_frames
-            Number of frames of its video; any if it has none.
 
         Raises
         ------
         InputError
-            An input cannot be used, or the file of poses is not known.
+            An input cannot be used.
         RunError
             The engine does not work here.
         """
-        self._video_frames = max(video_frames, 2)
         options = _options(case, content, poses)
         check_engine(options.engine)
         # the dataset itself is never written to
@@ -82,9 +78,9 @@ class CaseRenderer:
         )
         return {path.relative_to(root).as_posix(): path.read_bytes() for path in root.rglob("*") if path.is_file()}
 
-    def video_poses(self) -> np.ndarray:
-        """``(video_frames, 4, 4)`` poses of the video, mm."""
-        return self._renderer.video_poses(self._video_frames)
+    def video_poses(self, frames: int) -> np.ndarray:
+        """``(frames, 4, 4)`` poses of a video of so many frames, mm."""
+        return self._renderer.video_poses(frames)
 
     def picture(self, cam_from_model: np.ndarray) -> np.ndarray:
         """``(H, W, 3)`` uint8 view from a pose (4x4, mm)."""
@@ -92,11 +88,10 @@ class CaseRenderer:
 
 
 def _options(case: Case, content: Mapping[str, Any], poses: Path | None) -> DatasetOptions:
-    options = checked_options({**content["options"], "count": content["count"]}, "dataset.json: options")
+    values = {name: value for name, value in content["options"].items() if name != "views"}
+    options = checked_options({**values, "count": content["count"]}, "dataset.json: options")
     if "poses" not in content["inputs_sha256"]:
         return options
     if poses is None and "poses" in case.dataset:
         poses = case.path.parent / str(case.dataset["poses"])
-    if poses is None:
-        raise InputError("command line: the views have listed poses: expected their file, give it with --poses")
-    return replace(options, poses=str(poses))
+    return replace(options, poses=None if poses is None else str(poses))

@@ -7,7 +7,6 @@ and OpenCV's video reader.
 """
 
 import hashlib
-import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
@@ -152,8 +151,7 @@ def check_dataset(
     if rerendering is None or findings:
         return report
     chosen = sorted(_evenly_spaced(description.count, rerendering.views))
-    frames = len(read_video_poses(root, findings)) if os.path.lexists(root / VIDEO_POSES) else 0
-    with rerendering.open(description, frames) as renderer:
+    with rerendering.open(description) as renderer:
         check_rerendered(root, description, renderer, chosen, findings, stream)
     return replace(report, rerendered=len(chosen))
 

@@ -11,8 +11,7 @@ from itertools import pairwise
 from pathlib import Path, PurePosixPath
 
 from .. import layout
-from ..folder import RECORD, WORK
-from ..layout import SPLIT, ViewPaths
+from ..layout import RECORD, SPLIT, WORK, ViewPaths
 from .findings import Findings
 from .model import MODEL, MODELS_INFO, REDUCED, REDUCED_INFO
 

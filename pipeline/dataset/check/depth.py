@@ -62,7 +62,7 @@ class DepthAgreement:
     only_one, outline
         Number of pixels with surface in only one of the two; number of pixels of the outline.
     elsewhere
-        Number of pixels whose depth is that of no surface in the pixel or those next to it.
+        Number of pixels on an unbroken part of the surface whose depths differ by more than twice that rounding.
     """
 
     compared: int
@@ -83,7 +83,7 @@ class DepthAgreement:
         if self.agreeing < LEAST_AGREEING * self.compared:
             parts.append(f"only {self.agreeing / self.compared:.1%} of the depths agree")
         if self.elsewhere > PIXELS_OF_ROUNDING:
-            parts.append(f"{self.elsewhere} px have a depth at which no surface is near them")
+            parts.append(f"the depths of {self.elsewhere} px on unbroken surface differ")
         if np.hypot(*self.shift_px) > LARGEST_SHIFT_PX + 5 * self.shift_error_px:
             parts.append(f"the depths fit best with a shift of ({self.shift_px[0]:+.2f}, {self.shift_px[1]:+.2f}) px")
         return ", ".join(parts)
@@ -118,11 +118,6 @@ def agreement(depth: np.ndarray, depth_scale: float, surface: SurfaceDepth, foca
     tolerance = 0.5 * depth_scale + RAY_PX * per_px + RELATIVE * z
     shift, error = _best_shift(dz, slope, tolerance, z / focal_px, near=np.abs(dz) <= tolerance + 2 * per_px)
     outline = expected & (cv2.erode(expected.view(np.uint8), _CROSS, borderType=cv2.BORDER_REPLICATE) == 0)
-    # at an inner outline the ray may meet the surface on either side of it
-    nearest = cv2.erode(np.where(expected, surface.z, np.inf), _SQUARE)[both]
-    farthest = cv2.dilate(surface.z, _SQUARE)[both]
-    # beyond the image's border the surface goes on with its slope
-    found, allowed = depth[both] * depth_scale, tolerance + per_px
     return DepthAgreement(
         compared=int(both.sum()),
         agreeing=int((np.abs(dz) <= tolerance).sum()),
@@ -131,12 +126,26 @@ def agreement(depth: np.ndarray, depth_scale: float, surface: SurfaceDepth, foca
         shift_error_px=error,
         only_one=int((seen != expected).sum()),
         outline=int(outline.sum()),
-        elsewhere=int(((found < nearest - allowed) | (found > farthest + allowed)).sum()),
+        elsewhere=int((_smooth(surface)[both] & (np.abs(dz) > 2 * tolerance)).sum()),
     )
 
 
 _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
-_SQUARE = np.ones((3, 3), np.uint8)
+
+
+def _smooth(surface: SurfaceDepth) -> np.ndarray:
+    """``(H, W)`` bool: pixels that the surface's slopes lead to from all four neighbours: no outline is near."""
+    z, steepest = surface.z, np.abs(surface.slope).max(axis=0)
+    smooth = z > 0
+    for axis in (0, 1):
+        one, other = (np.moveaxis(z, axis, 0)[part] for part in (slice(None, -1), slice(1, None)))
+        slope = np.moveaxis(steepest, axis, 0)
+        reach = 1.5 * np.maximum(slope[:-1], slope[1:]) + RELATIVE * one
+        joined = (one > 0) & (other > 0) & (np.abs(one - other) <= reach)
+        along = np.moveaxis(smooth, axis, 0)
+        along[:-1] &= joined
+        along[1:] &= joined
+    return smooth
 
 
 def _best_shift(

@@ -22,6 +22,11 @@ def check_inputs(description: Description, case: Case, poses: Path | None, findi
     ----------
     poses
         The file of the views' poses, if they were listed and the case does not name it.
+
+    Raises
+    ------
+    InputError
+        The file of the poses is not known.
     """
     content = description.content
     files = {name: path for name, path in case.input_files().items() if name != "case"}
@@ -31,6 +36,8 @@ def check_inputs(description: Description, case: Case, poses: Path | None, findi
         files["poses"] = poses
     hashes = content["inputs_sha256"]
     for name in sorted(hashes.keys() | (files.keys() - {"poses"})):
+        if name == "poses" and name not in files:
+            raise InputError("command line: the views have listed poses: expected their file, give it with --poses")
         if name not in files:
             findings.add(KIND, f"dataset.json: expected the inputs of {case.path}, which names no {name}")
             continue

@@ -16,6 +16,7 @@ from ...errors import InputError
 from ..layout import FORMAT, RECORD, ViewPaths
 from ..options import option_names
 from .checksums import FileSum, identity_of, read_sums
+from .comparison import require_equal
 from .files import (
     LARGEST_SMALL_FILE,
     DamagedFile,
@@ -82,13 +83,15 @@ class Description:
 
     @property
     def poses_differ(self) -> bool:
-        """Whether no two views have the same pose: none of a sampler that draws, unless it cannot but repeat itself."""
+        """Whether no two views have the same pose: none of a sampler that draws, unless it cannot but repeat itself.
+
+        A trajectory may cross itself, and a list may hold a pose twice.
+        """
         options = self.content["options"]
         spread = {
             "cone": ("cone_deg", "roll_deg", "shift_mm"),
             "gaussian": ("sigma_deg", "sigma_mm"),
             "shell": ("polar_deg", "roll_deg"),
-            "trajectory": ("cone_deg",),
         }
         names = spread.get(str(options["sampler"]), ())
         distances = options["sampler"] in ("cone", "shell") and options["distance_min"] != options["distance_max"]
@@ -162,7 +165,12 @@ def read_description(root: Path) -> Description:
     if not isinstance(content["object"], str):
         raise DamagedFile(f"{RECORD}: expected object to be a name, found {shortened(content['object'])}")
     options, given = mapping(content, "options", RECORD), mapping(content, "camera", RECORD)
-    require_keys(options, set(option_names()) - ELSEWHERE, f"{RECORD}: options")
+    names = set(option_names()) - ELSEWHERE
+    if options.get("sampler") == "trajectory" and "poses" not in mapping(content, "inputs_sha256", RECORD):
+        # each pose of a trajectory depends on their number
+        names.add("views")
+        require_equal(options.get("views"), count, f"{RECORD}: options: views")
+    require_keys(options, names, f"{RECORD}: options")
     camera = _camera(given)
     mesh_from_model = numbers(content, "mesh_from_model", (4, 4), RECORD)
     check_rotation(mesh_from_model[:3, :3], f"{RECORD}: mesh_from_model")

@@ -49,8 +49,8 @@ class Renderer(Protocol):
     def files(self) -> dict[str, bytes]:
         """The files that are made from the case alone, by path relative to the dataset."""
 
-    def video_poses(self) -> np.ndarray:
-        """``(N, 4, 4)`` poses of the video, mm."""
+    def video_poses(self, frames: int) -> np.ndarray:
+        """``(frames, 4, 4)`` poses of a video of so many frames, mm."""
 
     def picture(self, cam_from_model: np.ndarray) -> np.ndarray:
         """``(H, W, 3)`` uint8 view from a pose (4x4, mm)."""
@@ -58,9 +58,9 @@ class Renderer(Protocol):
 
 @dataclass(frozen=True)
 class Rerendering:
-    """How to render a dataset again, from its description and the number of frames of its video; how many views."""
+    """How to render a dataset again, from its description; how many views."""
 
-    open: Callable[[Description, int], AbstractContextManager[Renderer]]
+    open: Callable[[Description], AbstractContextManager[Renderer]]
     views: int
 
 
@@ -146,9 +146,7 @@ def _compare_view(paths: ViewPaths, renderer: Renderer, same_versions: bool) -> 
 
 def _compare_video(root: Path, renderer: Renderer, frames: int) -> None:
     poses = read_video_poses(root, Findings())
-    expected = renderer.video_poses()
-    if len(expected) != len(poses):
-        raise DamagedFile(f"{VIDEO_POSES}: expected {len(expected)} poses, found {len(poses)}")
+    expected = renderer.video_poses(len(poses))
     for number, pose in enumerate(poses):
         require_pose(pose, expected[number], f"{VIDEO_POSES}: row {number}", "the trajectory of the case")
     for index in np.unique(np.linspace(0, len(poses) - 1, min(frames, len(poses))).round().astype(int)).tolist():

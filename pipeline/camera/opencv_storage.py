@@ -10,6 +10,11 @@ from ..errors import InputError
 from ..files.child_process import ChildError, called_apart
 from ..files.tables import parsed_json
 
+MOST_ENTRIES = 4096
+"""Of a list or table; longer ones are left out. OpenCV takes a time that grows with the square of their number."""
+
+CPU_SECONDS = 2.0
+
 
 def opencv_table(text: str, where: str) -> object:
     """The content of a text in OpenCV's YAML or XML as dictionaries, lists, numbers and strings.
@@ -20,7 +25,7 @@ def opencv_table(text: str, where: str) -> object:
         No such text; or the parser crashes, or takes too long.
     """
     try:
-        content = called_apart(json_from_opencv, text.encode(errors="replace"))
+        content = called_apart(json_from_opencv, text.encode(errors="replace"), cpu_seconds=CPU_SECONDS)
     except (InputError, ChildError) as error:
         raise InputError(f"{where}: expected YAML or XML as OpenCV writes it, cannot read it ({error})") from None
     return parsed_json(content, where)
@@ -47,6 +52,8 @@ def json_from_opencv(data: bytes) -> bytes:
 
 
 def _content(node: Any) -> object:
+    if node.size() > MOST_ENTRIES:
+        return None
     if node.isMap():
         return {key: _content(node.getNode(key)) for key in node.keys()}  # noqa: SIM118 - no dictionary
     if node.isSeq():

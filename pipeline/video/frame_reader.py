@@ -93,6 +93,8 @@ def _decoded(function: Callable[..., bytes], path: Path, *arguments: int) -> byt
     # OpenCV does not say why it cannot open a file
     with reading(path, "a video"), open(path, "rb"):
         megabytes = path.stat().st_size / 2**20
+    if not megabytes:
+        raise InputError(f"{path.name}: expected a video, cannot open it, it is empty; copy it again")
     cpu_seconds = CPU_SECONDS + CPU_SECONDS_PER_MB * megabytes
     try:
         return called_apart(

@@ -1,8 +1,7 @@
-"""Every sample input, changed at random, ends in a value or in a sentence: no traceback, no crash, 5 s, 1 GB at most."""
+"""Every sample input, changed at random, ends in a value or in a sentence: no traceback, no crash, 5 s and 1 GB."""
 
 import json
 import pickle
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -140,19 +139,19 @@ def mutated(data: bytes, rng: np.random.Generator) -> bytes:
     return bytes(changed)
 
 
-def faults(made: dict[str, tuple[str, bytes]], number: int, folder: Path, seed: int) -> list[str]:
-    rng, answers = np.random.default_rng(seed), []
-    names = list(made)
+def faults(made: dict[str, tuple[str, bytes]], times: int, folder: Path, seed: int) -> list[str]:
+    """What is wrong with the answers to a number of mutations of each file."""
+    answers = []
     with Victims() as victims:
-        for turn in range(number):
-            name = names[turn % len(names)]
-            reader, data = made[name]
-            place = folder / str(turn)
+        for number, (name, (reader, data)) in enumerate(made.items()):
+            # a file whose parser starts a process takes a hundred times as long
+            apart = reader == "video" or name.endswith((".yml", ".xml"))
+            rng, place = np.random.default_rng([seed, number]), folder / name
             place.mkdir()
-            changed = mutated(data, rng)
-            (place / name).write_bytes(changed)
-            answers.append((f"{name}, turn {turn}, seed {seed}", name, victims.opened(reader, place / name)))
-            shutil.rmtree(place)
+            for turn in range(times // 10 if apart and times > 100 else times):
+                (place / name).write_bytes(mutated(data, rng))
+                answer = victims.opened(reader, place / name)
+                answers.append((f"{name}, turn {turn}, seed {seed}", name, answer))
     return faults_of(answers)
 
 
@@ -162,11 +161,10 @@ def sample_files(tmp_path, write_tiny_case: Callable[[Path], Path]) -> dict[str,
 
 
 def test_mutations_end_in_a_value_or_a_sentence(tmp_path, long_form, sample_files):
-    number = 5000 * len(sample_files) if long_form else 200
-    assert faults(sample_files, number, tmp_path, seed=8) == []
+    assert faults(sample_files, 5000 if long_form else 6, tmp_path, seed=8) == []
 
 
 @pytest.mark.render
 def test_mutated_images_end_in_a_value_or_a_sentence_in_blender(tmp_path, long_form):
     made = {name: ("image", data) for name, data in pictures().items()}
-    assert faults(made, 5000 * len(made) if long_form else 60, tmp_path, seed=9) == []
+    assert faults(made, 5000 if long_form else 6, tmp_path, seed=9) == []

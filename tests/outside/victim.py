@@ -125,7 +125,7 @@ def main() -> None:
     # numbers that overflow would warn on the terminal
     warnings.simplefilter("error")
     warnings.filterwarnings("ignore", category=DeprecationWarning)
-    answers = open(int(sys.argv[1]), "w", buffering=1)
+    answers = open(int(sys.argv[1]), "w", buffering=1)  # noqa: SIM115 - as long as the process
     for line in sys.stdin:
         request = json.loads(line)
         forget_peak()

@@ -54,7 +54,7 @@ class Victims:
     def _start(self) -> None:
         ours, theirs = os.pipe()
         # no pipe: nobody would empty it
-        self._stderr = tempfile.TemporaryFile()
+        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115
         script = Path(__file__).with_name("victim.py")
         self._process = subprocess.Popen(
             [sys.executable, "-X", "faulthandler", str(script), str(theirs)],

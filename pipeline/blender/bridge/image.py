@@ -1,5 +1,9 @@
 """Image files read by Blender, and arrays as Blender images: code values without colour management."""
 
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
@@ -32,7 +36,8 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
         image.colorspace_settings.name = "Non-Color"
         # straight alpha: else Blender multiplies 16-bit colours by alpha
         image.alpha_mode = "CHANNEL_PACKED"
-        width, height = image.size
+        with _quiet_decoders():
+            width, height = image.size
         channels = image.channels
         if width == 0 or height == 0 or channels == 0:
             raise InputError(f"{where}: expected an image, Blender cannot decode it; open and save it again as PNG")
@@ -44,6 +49,20 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
     colours = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)
     valid = values[..., 3] > 0 if channels == 4 else np.ones((height, width), dtype=bool)
     return np.ascontiguousarray(colours), np.ascontiguousarray(valid)
+
+
+@contextmanager
+def _quiet_decoders() -> Iterator[None]:
+    """Discard what libraries print about damaged images: the caller reports it in one sentence."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
 
 
 def new_float_image(name: str, rgba: np.ndarray) -> bpy.types.Image:

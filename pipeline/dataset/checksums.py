@@ -45,7 +45,7 @@ def sums_to_json(files: Mapping[str, FileSum]) -> dict[str, dict[str, object]]:
 
 
 def write_checksums(root: Path, identity: str, names: Iterable[str]) -> None:
-    """Write ``checksums.json`` for the named files, given relative to ``root``.
+    """Write ``checksums.json`` for the named files, given relative to ``root``, and the records of their scenes.
 
     Raises
     ------
@@ -53,7 +53,17 @@ def write_checksums(root: Path, identity: str, names: Iterable[str]) -> None:
         A file is missing or cannot be read.
     """
     files = {name: sum_of_file(root / name) for name in sorted(names)}
-    write_json(root / CHECKSUMS, {"identity": identity, "files": sums_to_json(files)})
+    scenes = [name.removesuffix("/scene_gt.json") for name in files if name.endswith("/scene_gt.json")]
+    records = {scene: records_hash(root / scene) for scene in scenes}
+    write_json(root / CHECKSUMS, {"identity": identity, "files": sums_to_json(files), "records": records})
+
+
+def records_hash(scene: Path) -> str:
+    """SHA-256 of all records in the folder of a scene, one after the other in the order of the views."""
+    digest = hashlib.sha256()
+    for record in sorted((scene / "frame").glob("[0-9]*.json")):
+        digest.update(record.read_bytes())
+    return digest.hexdigest()
 
 
 def keep_checksums(root: Path, identity: str, names: Iterable[str]) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..files.content import write_bytes_atomically
+from ..files.signature import signed
 from .mesh import TriangleMesh
 
 SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
@@ -114,7 +115,7 @@ def write_ply(
     faces["count"], faces["indices"] = 3, mesh.faces
     if uv is not None:
         faces["uv_count"], faces["uv"] = 6, uv.reshape(-1, 6)
-    write_bytes_atomically(path, "\n".join(header).encode() + vertices.tobytes() + faces.tobytes())
+    write_bytes_atomically(path, signed("\n".join(header).encode() + vertices.tobytes() + faces.tobytes()))
 
 
 def write_obj(
@@ -147,7 +148,7 @@ def write_obj(
     if texture is not None:
         material = material_path(path)
         # the mesh comes second, so that it never refers to a missing material
-        write_bytes_atomically(material, MATERIAL.format(texture=texture).encode())
+        write_bytes_atomically(material, signed(MATERIAL.format(texture=texture).encode()))
         parts += [f"mtllib {material.name}\n", "usemtl surface\n"]
     parts.append(_format_rows("v %.9g %.9g %.9g\n", mesh.vertices))
     corners = mesh.faces + 1

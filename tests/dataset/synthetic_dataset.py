@@ -22,9 +22,13 @@ from pipeline.dataset.coco import run_lengths
 from pipeline.dataset.dataset_info import write_dataset_info
 from pipeline.dataset.identity import geometry_hash, identity_of
 from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.pose_tables import write_poses
+from pipeline.dataset.options import DatasetOptions
+from pipeline.dataset.pose_tables import POSE_COLUMNS, pose_cells, write_poses
 from pipeline.dataset.view import file_sums, view_files, write_view
 from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord, read_record
+from pipeline.files.tables import write_csv
+from pipeline.images.contact_sheet import contact_sheet
+from pipeline.images.pixel_values import to_uint8
 from pipeline.images.png import encode_png
 from pipeline.poses.constraints import Rejections
 from pipeline.surface.mesh import TriangleMesh
@@ -86,35 +90,50 @@ def pose_of(index: int) -> np.ndarray:
     return rigid(turn, [18.0 if index == COUNT - 1 else 1.5 * index - 2, 2.0 - index, 260.0 + 20 * index])
 
 
+def description_of() -> dict:
+    """The content of ``dataset.json``."""
+    options = DatasetOptions(count=COUNT, float_depth=True)
+    return {
+        "format": "oneframe dataset 2",
+        "versions": {"oneframe": "0.0", "blender": "0.0"},
+        "conventions": "mm",
+        "count": COUNT,
+        "object": OBJECT_NAME,
+        "options": {
+            name: value
+            for name, value in asdict(options).items()
+            if name not in ("count", "poses", "video", "video_frames")
+        },
+        "camera": {**asdict(CAMERA), "K": CAMERA.k.tolist()},
+        "frame": {**asdict(CAMERA), "distortion": None, "cam_from_model": pose_of(0).tolist()},
+        "mesh_from_model": rigid(translation=CENTRE).tolist(),
+        "mm_per_unit": 1.0,
+        "geometry_sha256": geometry_hash(MESH),
+        "structures": {},
+        "inputs_sha256": {"frame": "00" * 32, "surface": "11" * 32},
+    }
+
+
 def make_dataset(root: Path) -> None:
     """What render_dataset.py would have written."""
     root.mkdir()
-    options = {"samples": 1, "float_depth": True}
-    description = {
-        "format": "oneframe dataset 2",
-        "count": COUNT,
-        "object": OBJECT_NAME,
-        "options": options,
-        "camera": {**asdict(CAMERA), "K": CAMERA.k.tolist()},
-        "frame": {**asdict(CAMERA), "cam_from_model": pose_of(0).tolist()},
-        "mesh_from_model": rigid(translation=CENTRE).tolist(),
-        "geometry_sha256": geometry_hash(MESH),
-    }
+    description = description_of()
     (root / "dataset.json").write_text(json.dumps(description))
     write_models(root, MESH, np.full((len(MESH.vertices), 3), 200, np.uint8))
-    for index in range(COUNT):
-        write_one(root, index, identity_of(description))
+    colours = [write_one(root, index, identity_of(description)) for index in range(COUNT)]
     write_tables(root, CAMERA)
-    for picture in ("contact_sheet.png", "overlay.png"):
-        (root / picture).write_bytes(encode_png(np.zeros((8, 8, 3), np.uint8)))
+    sheet = contact_sheet([to_uint8(colour) / 255 for colour in colours], columns=COUNT, tile_width=240)
+    (root / "contact_sheet.png").write_bytes(encode_png(to_uint8(sheet)))
+    (root / "overlay.png").write_bytes(encode_png(np.zeros((*CAMERA.shape_hw, 3), np.uint8)))
     (root / "video").mkdir()
     video = cv2.VideoWriter(str(root / "video/trajectory.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 24, CAMERA.size_wh)
-    for _ in range(VIDEO_FRAMES):
-        video.write(np.zeros((*CAMERA.shape_hw, 3), np.uint8))
+    for index in range(VIDEO_FRAMES):
+        mask = cast_rays(MESH, CAMERA, pose_of(index)) > 0
+        video.write(np.repeat(np.where(mask, np.uint8(180), np.uint8(0))[..., None], 3, axis=2))
     video.release()
-    names = ["frame", *(f"r{i}{j}" for i in range(3) for j in range(3)), "tx_mm", "ty_mm", "tz_mm"]
-    rows = [[i, *pose_of(i)[:3, :3].ravel().tolist(), *pose_of(i)[:3, 3].tolist()] for i in range(VIDEO_FRAMES)]
-    (root / "video/poses.csv").write_text("\n".join(",".join(map(str, row)) for row in [names, *rows]) + "\n")
+    poses = [pose_of(index) for index in range(VIDEO_FRAMES)]
+    rows = [[number, repr(number / 24), *pose_cells(pose)] for number, pose in enumerate(poses)]
+    write_csv(root / "video/poses.csv", ("frame", "time_s", *POSE_COLUMNS), rows)
     write_sums(root)
 
 
@@ -125,7 +144,8 @@ def write_sums(root: Path) -> None:
     write_checksums(root, identity_of(json.loads((root / "dataset.json").read_text())), others)
 
 
-def write_one(root: Path, index: int, identity: str) -> None:
+def write_one(root: Path, index: int, identity: str) -> np.ndarray:
+    """Write a view; returns its colours, ``(H, W, 3)`` 0..1."""
     pose = pose_of(index)
     wide = cast_rays(MESH, CAMERA, pose, beyond=1)
     depth = wide[CAMERA.height : 2 * CAMERA.height, CAMERA.width : 2 * CAMERA.width].astype(np.float32)
@@ -152,6 +172,7 @@ def write_one(root: Path, index: int, identity: str) -> None:
         rle_counts=run_lengths(mask),
     )
     write_view(paths, files, record)
+    return colour
 
 
 def write_tables(root: Path, camera: PinholeCamera) -> None:

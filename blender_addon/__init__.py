@@ -57,13 +57,18 @@ _MODULES = tuple(
     import_module(f".{name}", __name__)
     for name in (
         "state.properties",
+        "landmarks.tool",
+        "move.tool",
         "setup.operators",
         "setup.panel",
+        "view.zoom",
+        "view.fit",
         "view.operators",
         "view.overlay",
         "view.swipe_gizmo",
         "landmarks.loupe",
         "view.second_view",
+        "view.workspace",
         "view.panel",
         "move.operators",
         "move.panel",
@@ -79,7 +84,6 @@ _MODULES = tuple(
         "landmarks.solve",
         "landmarks.gestures",
         "landmarks.operators",
-        "landmarks.tool",
         "landmarks.drawing",
         "landmarks.panel",
     )

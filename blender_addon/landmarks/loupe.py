@@ -13,7 +13,7 @@ from ..view.overlay import Composite, frame_image_of, picture_of, projection_of
 from . import gestures, tool
 
 TOOL = tool.TOOL
-"""The workspace tool that shows it."""
+"""A workspace tool that shows it."""
 
 MAGNIFICATION = 6.0
 """In the camera view: screen pixels per pixel of the frame. In other views: relative to the view."""

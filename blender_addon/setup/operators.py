@@ -18,7 +18,8 @@ from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.mesh_writer import write_ply
 from ..registration import class_registration, prop
-from ..state import from_scene, to_scene
+from ..state import from_scene, to_scene, workbench
+from ..state.camera_view import look_through_camera, show_shape
 from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
 from ..ui.operator import Messages, OperatorResult, Reporting, ReportingFile
@@ -42,9 +43,11 @@ class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
 
     def run(self, context: bpy.types.Context) -> Messages:
         loaded = load_case(read_case(self.chosen_file()), aligned=False)
-        to_scene.remember_case(context.scene, loaded, alignment_scene.set_up(context.scene, loaded))
-        remember_opened(context.scene, loaded.case.alignment, loaded.cam_from_model)
-        to_scene.look_through_camera(context)
+        scene = workbench.enter(context)
+        to_scene.remember_case(scene, loaded, alignment_scene.set_up(scene, loaded))
+        remember_opened(scene, loaded.case.alignment, loaded.cam_from_model)
+        show_shape(context)
+        look_through_camera(context)
         width, height = loaded.case.camera.size_wh
         return *loaded.messages, f"{self.filepath}: frame {width} x {height} px, {len(loaded.mesh.faces)} triangles"
 

@@ -67,8 +67,8 @@ class ONEFRAME_PT_view(bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("oneframe.zoom_frame", text="1 : 1").magnification = 1.0
         draw_key(row, "oneframe.zoom_frame", magnification=1.0)
-        row.operator("view3d.view_center_camera", text="Fit")
-        draw_key(row, "view3d.view_center_camera")
+        row.operator("oneframe.fit_frame", text="Fit")
+        draw_key(row, "oneframe.fit_frame")
         column = layout.column(align=True)
         column.enabled = False
         column.label(text="Wheel: Zoom to Pointer")

@@ -139,7 +139,6 @@ def test_blenders_camera_projects_points_as_k_and_pose_do(opened, camera, rng):
 @pytest.mark.parametrize("order", list(itertools.permutations("fcs")), ids="".join)
 def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, order):
     folder = case_path.parent
-    settings = bpy.context.scene.oneframe
     for step in order:
         if step == "f":
             bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
@@ -148,6 +147,7 @@ def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, o
         if step == "s":
             bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
     bpy.ops.oneframe.save_case(filepath=str(folder / "new.toml"))
+    settings = bpy.context.scene.oneframe
     made, given = read_case(folder / "new.toml"), read_case(case_path)
     assert made.camera == given.camera
     assert settings.camera_object.data.background_images[0].image is not None

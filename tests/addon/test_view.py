@@ -293,12 +293,20 @@ def test_every_view_operator_has_its_own_key_and_the_current_binding_is_shown(ad
     assert len(set(keys)) == len(keys)
     assert binding("oneframe.zoom_frame", magnification=1.0) not in ("", *keys)
     configuration = bpy.context.window_manager.keyconfigs.addon
-    items = configuration.keymaps["Object Mode"].keymap_items
+    items = configuration.keymaps["3D View Tool: Object, Pins"].keymap_items
     item = next(item for item in items if item.idname == "oneframe.toggle_contour")
     item.type, item.alt = "Q", True
     assert binding("oneframe.toggle_contour") == item.to_string()
-    item.active = False
+    for tool in ("Pins", "Landmarks", "Move Surface"):
+        for item in configuration.keymaps[f"3D View Tool: Object, {tool}"].keymap_items:
+            item.active = False
     assert binding("oneframe.toggle_contour") == ""
+
+
+def test_keys_are_bound_in_the_own_tools_only(addon):
+    keymaps = bpy.context.window_manager.keyconfigs.addon.keymaps
+    bound = {keymap.name for keymap in keymaps for item in keymap.keymap_items if item.idname.startswith("oneframe.")}
+    assert bound == {f"3D View Tool: Object, {tool}" for tool in ("Pins", "Landmarks", "Move Surface")}
 
 
 def test_unregister_leaves_nothing_behind(addon):

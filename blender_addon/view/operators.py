@@ -1,6 +1,7 @@
 """How the camera view shows surface and frame: opacity, wireframe, contour, comparisons.
 
-Opacity and wireframe are Blender's own display settings of the object; ``overlay`` draws the rest over the view.
+The wireframe is Blender's own display setting of the object; ``overlay`` draws the rest over the view. At first that is
+the contour alone, over the full frame.
 Nothing here changes the pose.
 """
 
@@ -34,17 +35,6 @@ def _surface(scene: bpy.types.Scene) -> bpy.types.Object | None:
     return from_scene.surface_of(scene) if from_scene.is_set_up(scene) else None
 
 
-def _opacity(self: bpy.types.PropertyGroup) -> float:
-    surface = _surface(self.id_data)
-    return 1.0 if surface is None else surface.color[3]
-
-
-def _set_opacity(self: bpy.types.PropertyGroup, value: float) -> None:
-    surface = _surface(self.id_data)
-    if surface is not None:
-        surface.color[3] = value
-
-
 def _wireframe(self: bpy.types.PropertyGroup) -> bool:
     surface = _surface(self.id_data)
     return surface is not None and surface.display_type == "WIRE"
@@ -60,8 +50,7 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     """Settings of the camera view."""
 
     opacity: float = prop(FloatProperty(
-        name="Opacity", description="Opacity of the surface over the frame", min=0, max=1, get=_opacity,
-        set=_set_opacity, subtype="FACTOR",
+        name="Opacity", description="Opacity of the surface over the frame", min=0, max=1, default=0, subtype="FACTOR",
     ))  # fmt: skip
     wireframe: bool = prop(
         BoolProperty(
@@ -69,7 +58,9 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
         )
     )
     contour: bool = prop(
-        BoolProperty(name="Contour", description="Draw outlines and creases of the surface over the frame")
+        BoolProperty(
+            name="Contour", description="Draw outlines and creases of the surface over the frame", default=True
+        )
     )
     crease_deg: float = prop(FloatProperty(
         name="Crease",
@@ -78,7 +69,7 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     ))  # fmt: skip
     contour_color: Sequence[float] = prop(FloatVectorProperty(
         name="Contour Colour", description="Colour of the contour", subtype="COLOR_GAMMA", size=3, min=0, max=1,
-        default=(0.1, 1.0, 0.95),
+        default=(1.0, 0.9, 0.15),
     ))  # fmt: skip
     comparison: str = prop(EnumProperty(name="Compare", description="Compare surface and frame", items=COMPARISONS))
     split: float = prop(FloatProperty(

@@ -90,7 +90,7 @@ def _arrive(window: bpy.types.Window, name: str) -> None:
         bpy.ops.wm.tool_set_by_id(name=PIN_TOOL)
         camera_view.show_shape(bpy.context)
         camera_view.look_through_camera(bpy.context)
-    _show_tab(area)
+    show_tab(area)
 
 
 def _leave(window: bpy.types.Window) -> None:
@@ -141,7 +141,7 @@ def _prepare(space: bpy.types.SpaceView3D) -> None:
     shading.background_type = "THEME"
 
 
-def _show_tab(area: bpy.types.Area) -> None:
+def show_tab(area: bpy.types.Area) -> None:
     """Show the add-on's tab in the sidebar, once that has been drawn and knows its tabs."""
     key = area.as_pointer()
 

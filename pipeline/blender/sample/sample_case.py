@@ -9,16 +9,12 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...case.case_file import Case, Structure
 from ...case.case_writer import write_case
+from ...case.structure_colour import structure_colour
 from ...files.content import write_bytes_atomically
 from ...sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses
 from ...surface.mesh_writer import write_ply
 from .photograph import take_photographs
 
-STRUCTURE_COLORS = {
-    "facial_nerve": (1.0, 0.0, 1.0),
-    "chorda_tympani": (0.0, 1.0, 0.0),
-    "ossicles": (0.0, 1.0, 1.0),
-}
 COMMENT = "A photograph of a drilled temporal bone: generated, not a patient"
 
 
@@ -70,7 +66,7 @@ def write_sample_case(
 def _case(path: Path, camera: PinholeCamera, cam_from_mesh: np.ndarray, surface: SampleSurface) -> Case:
     folder = path.parent
     structures = [
-        Structure(name, folder / f"structures/{name}.ply", STRUCTURE_COLORS[name]) for name in surface.structures
+        Structure(name, folder / f"structures/{name}.ply", structure_colour(name)) for name in surface.structures
     ]
     return Case(
         path=path,

@@ -57,9 +57,12 @@ _MODULES = tuple(
     import_module(f".{name}", __name__)
     for name in (
         "state.properties",
+        "state.file_watch",
         "landmarks.tool",
         "move.tool",
         "setup.operators",
+        "setup.sample",
+        "setup.drop",
         "setup.panel",
         "view.zoom",
         "view.fit",

@@ -4,6 +4,7 @@ import bpy
 
 from ..pipeline.alignment.manual.picking import next_step
 from ..state import from_scene
+from ..state.next_step import next_step as missing_step
 from ..ui.frame_view import shows_frame
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool
 
@@ -65,7 +66,7 @@ def instruction(context: bpy.types.Context) -> str:
     """The instruction for the next click, shown in the tool's header, in the panel and next to the pointer."""
     scene = context.scene
     if not from_scene.is_set_up(scene):
-        return "Set up camera and surface first"
+        return missing_step(scene)
     landmarks = from_scene.landmarks_model(scene)
     in_frame = shows_frame(context)
     if active_tool(context) == PIN_TOOL and in_frame:

@@ -33,7 +33,8 @@ class ONEFRAME_OT_side_by_side(_In3DView, Reporting, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     def run(self, context: bpy.types.Context) -> None:
-        window, screen, extra = context.window, context.screen, second_view(context.screen)
+        window, screen, scene = context.window, context.screen, context.scene
+        extra = second_view(screen)
         if extra is not None:
             with context.temp_override(area=extra, region=window_region(extra)):
                 bpy.ops.screen.area_close()
@@ -43,7 +44,7 @@ class ONEFRAME_OT_side_by_side(_In3DView, Reporting, bpy.types.Operator):
             with context.temp_override(window=window, area=left, region=window_region(left)):
                 space = left.spaces.active
                 space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = True
-                camera_view.through_camera(window.scene, left)
+                camera_view.through_camera(scene, left)
             show_tab(left)
             return
         area = context.area

@@ -9,10 +9,12 @@ Blender switches workspaces between two events, so this happens in steps of a ti
 import bpy
 from bpy.app.handlers import persistent
 
+from ..registration import class_registration
 from ..state import camera_view, workbench
 from ..state.camera_view import WORKSPACE
 from ..ui.frame_view import window_region
 from ..ui.keymap import PIN_TOOL
+from ..ui.operator import OperatorResult
 from . import fit
 
 NAME = "OneFrame"
@@ -184,11 +186,29 @@ def remove() -> None:
             bpy.ops.workspace.delete()
 
 
+class ONEFRAME_OT_enter_workbench(bpy.types.Operator):
+    """Return to the alignment in this file, in its own workspace"""
+
+    bl_idname = "oneframe.enter_workbench"
+    bl_label = "Back to OneFrame"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return workbench.existing() is not None
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        workbench.enter(context)
+        return {"FINISHED"}
+
+
+_register_classes, _unregister_classes = class_registration((ONEFRAME_OT_enter_workbench,))
 _HANDLERS = (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post, bpy.app.handlers.load_post)
 
 
 def register() -> None:
     """Follow the workbench's scene with the window's workspace."""
+    _register_classes()
     workbench.on_entered(_entered)
     camera_view.on_look(fit.fit_soon)
     for handlers in _HANDLERS:
@@ -206,3 +226,4 @@ def unregister() -> None:
             bpy.app.timers.unregister(timer)
     _entering.clear()
     remove()
+    _unregister_classes()

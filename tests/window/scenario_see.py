@@ -149,7 +149,7 @@ def magnify(user, scene):
         yield from user.redraw()
         yield 0.3
         pointer = np.round(user._place) + 0.5 - np.array([region.x, region.y])
-        left, below = loupe.corner(region, *pointer, size)
+        left, below = map(int, loupe.corner(user.area, pointer, size, []))
         window = x11_capture.capture()[::-1].astype(float)[region.y + below :, region.x + left :][:size, :size]
         y, x = (np.mgrid[:size, :size] + 0.5 - size / 2) / loupe.MAGNIFICATION
         at = seen(user).px_from_region(pointer)

@@ -44,6 +44,7 @@ class ONEFRAME_OT_side_by_side(_In3DView, Reporting, bpy.types.Operator):
             with context.temp_override(window=window, area=left, region=window_region(left)):
                 space = left.spaces.active
                 space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = True
+                space.overlay.show_extras = True
                 camera_view.through_camera(scene, left)
             show_tab(left)
             return
@@ -60,6 +61,8 @@ class ONEFRAME_OT_side_by_side(_In3DView, Reporting, bpy.types.Operator):
             space.show_region_ui = each == left
             space.show_region_toolbar = space.show_region_tool_header = each == left
             space.lock_camera = False
+        # the frame's camera would stand before the surface
+        right.spaces.active.overlay.show_extras = False
         camera_view.through_camera(context.scene, left)
         orbit_surface(context.scene, right.spaces.active)
 

@@ -13,6 +13,7 @@ from ..pipeline.errors import InputError
 from ..registration import class_registration, prop
 from ..state import events, from_scene, to_scene
 from ..state.inputs import input_files
+from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, Keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
 from . import edit, solve
 from .gestures import is_alignment_view, landmark_under
@@ -282,4 +283,29 @@ _CLASSES = (
     ONEFRAME_OT_import_landmarks,
     ONEFRAME_OT_export_landmarks,
 )
-register, unregister = class_registration(_CLASSES)
+_register_classes, _unregister_classes = class_registration(_CLASSES)
+
+
+def _on_mark(operator: str, key: str, *, alt: bool = False) -> Key:
+    return Key(operator, key, alt=alt, properties=(("at_pointer", True),), tools=(PIN_TOOL, LANDMARK_TOOL))
+
+
+KEYS = Keys(
+    [
+        _on_mark("oneframe.landmark_toggle", "LEFTMOUSE", alt=True),
+        _on_mark("oneframe.landmark_remove", "X"),
+        _on_mark("oneframe.landmark_remove", "DEL"),
+    ]
+)
+
+
+def register() -> None:
+    """Register operators and keys."""
+    _register_classes()
+    KEYS.register()
+
+
+def unregister() -> None:
+    """Undo :func:`register`."""
+    KEYS.unregister()
+    _unregister_classes()

@@ -19,10 +19,10 @@ from ..pipeline.errors import InputError, RunError
 from ..registration import class_registration
 from ..setup.alignment_record import remember_refined
 from ..state import from_scene
-from ..ui.keymap import OBJECT_MODE, Key, Keys
+from ..ui.keymap import Key, Keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, redraw
 
-KEYS = Keys([Key("oneframe.refine", "F", keymap=OBJECT_MODE)])
+KEYS = Keys([Key("oneframe.refine", "F")])
 POLL_SECONDS = 0.1
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WHEELINMOUSE", "WHEELOUTMOUSE", "MOUSEMOVE"}
 NAVIGATION |= {"INBETWEEN_MOUSEMOVE", "TRACKPADPAN", "TRACKPADZOOM", "WINDOW_DEACTIVATE"}

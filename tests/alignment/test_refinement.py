@@ -80,7 +80,9 @@ def test_converges_from_a_rough_pose(mesh, frame, rng, angle_deg, percent):
     assert rotated < 0.5
     assert moved < 1.0
     assert result.after.score > result.before.score
-    assert result.after.edge_distance_px < result.before.edge_distance_px or np.isnan(result.before.edge_distance_px)
+    # pixels mean pixels: the errors of both poses, without knowing the truth
+    assert result.before.error_px == pytest.approx(error(mesh, start)[1], rel=0.15)
+    assert moved / 3 < result.after.error_px < 3
     assert fractions == sorted(fractions)
     assert fractions[0] == 0
     assert fractions[-1] == 1

@@ -10,6 +10,7 @@ from ..registration import class_registration
 from ..setup.alignment_record import pose_record
 from ..state import from_scene, pose_evidence
 from ..ui.wrapped_text import draw_text
+from . import operator
 
 KINDS = {
     "landmarks": ("From landmarks", "EYEDROPPER"),
@@ -37,6 +38,9 @@ class ONEFRAME_PT_evidence(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         try:
+            if operator.is_previewed(scene):
+                layout.label(text="Preview of the refinement", icon="SNAP_ON")
+                return
             record = pose_record(scene)
             given = pose_evidence.remembered(scene) == {} and record["method"] == "manual"
         except InputError:

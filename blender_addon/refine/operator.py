@@ -12,7 +12,7 @@ from ..pipeline.alignment.refinement.refine import Refinement
 from ..pipeline.errors import InputError, RunError
 from ..registration import class_registration, prop
 from ..setup.alignment_record import pose_record
-from ..state import from_scene
+from ..state import from_scene, pose_evidence
 from ..ui.keymap import OBJECT_MODE, Key, Keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
 from .preview import Preview, show_status, take
@@ -130,7 +130,7 @@ class ONEFRAME_OT_take_refused(NeedsAlignment, Reporting, Preview, bpy.types.Ope
 
 def _refused(scene: bpy.types.Scene) -> Refinement:
     result = outcome(scene)
-    if result is None or not result.can_be_taken or is_taken(scene, result):
+    if result is None or not result.can_be_taken or is_taken(scene):
         raise InputError("expected a refinement that was refused at this pose, found none; press Refine Against Image")
     return result
 
@@ -154,13 +154,21 @@ def outcome(scene: bpy.types.Scene) -> Refinement | None:
     """
     if _last is None:
         return None
-    valid = np.array_equal(from_scene.cam_from_model(scene), _last.cam_from_model) or is_taken(scene, _last)
-    return _last if valid else None
+    pose = from_scene.cam_from_model(scene)
+    return _last if any(np.array_equal(pose, each) for each in (_last.cam_from_model, _last.found)) else None
 
 
-def is_taken(scene: bpy.types.Scene, result: Refinement) -> bool:
-    """Whether the current pose is one that the refinement has refused."""
-    return result.can_be_taken and np.array_equal(from_scene.cam_from_model(scene), result.found)
+def is_previewed(scene: bpy.types.Scene) -> bool:
+    """Whether the current pose is that of a refinement that the user has not taken yet."""
+    result = outcome(scene)
+    if result is None or np.array_equal(from_scene.cam_from_model(scene), result.cam_from_model) != result.accepted:
+        return False
+    return pose_evidence.remembered(scene) is None
+
+
+def is_taken(scene: bpy.types.Scene) -> bool:
+    """Whether the current pose was refused by the refinement, and taken all the same."""
+    return "refused" in (pose_evidence.remembered(scene) or {})
 
 
 _CLASSES = (ONEFRAME_OT_refine, ONEFRAME_OT_take_refused)

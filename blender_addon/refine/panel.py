@@ -35,7 +35,7 @@ class ONEFRAME_PT_refine(bpy.types.Panel):
             return  # the panel Set up says what is wrong with the pose
         if found is None:
             return
-        refused, taken = found.can_be_taken, operator.is_taken(scene, found)
+        refused, taken = found.can_be_taken, operator.is_taken(scene)
         table = layout.column(align=True)
         head = table.split(factor=0.35)
         for name in ("", "Before", "Refused" if refused else "After"):
@@ -51,7 +51,7 @@ class ONEFRAME_PT_refine(bpy.types.Panel):
             draw_text(layout, f"Taken although refused: {found.objection}", icon="ERROR")
         else:
             draw_text(layout, found.message, icon="CHECKMARK" if found.accepted else "ERROR")
-        if refused and not taken:
+        if refused and not taken and not operator.is_previewed(scene):
             layout.operator("oneframe.take_refused", icon="HIDE_OFF")
 
 

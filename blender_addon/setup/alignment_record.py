@@ -41,7 +41,8 @@ def remember_opened(scene: bpy.types.Scene, record: dict[str, object], cam_from_
 def remember_refined(scene: bpy.types.Scene, refinement: Refinement, start: dict[str, object]) -> None:
     """Store the pose that a refinement has found, and how; ``start`` is the record of its initial pose."""
     record = refinement_record(refinement, start, *_tool_and_date())
-    pose_evidence.remember(scene, record, refinement.found, refinement.uncertainty)
+    uncertainty = refinement.uncertainty if refinement.verified else None
+    pose_evidence.remember(scene, record, refinement.found, uncertainty)
 
 
 def _tool_and_date() -> tuple[str, str]:

@@ -165,7 +165,10 @@ def test_a_refused_pose_is_taken_later_and_undone(opened, gather, refine, case_f
     assert bpy.ops.oneframe.take_refused() == {"FINISHED"}
     bpy.ops.ed.undo_push(message="taken")
     assert np.array_equal(gather.cam_from_model(opened), found)
-    assert refine.is_taken(opened, refine.outcome(opened))
+    assert refine.is_taken(opened)
+    drawing = importlib.import_module("blender_addon.landmarks.uncertainty_drawing")
+    solve = importlib.import_module("blender_addon.landmarks.solve")
+    assert drawing.current_uncertainty(opened, solve.solution(opened)) is None
     assert any("at least" in line for line in evidence_of(opened))
     bpy.ops.ed.undo()
     assert np.array_equal(gather.cam_from_model(bpy.context.scene), start)

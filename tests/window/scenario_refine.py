@@ -23,6 +23,9 @@ def scenario(user):
         bpy.ops.oneframe.open_case("EXEC_DEFAULT", True, filepath=str(user.case))
     yield from user.redraw()
     yield from user.open_sidebar("OneFrame")
+    # to the panels that change
+    with user.context("UI"):
+        bpy.ops.view2d.pan(deltax=0, deltay=-10_000)
     true = pose()
     camera = from_scene.camera(bpy.context.scene)
     rng = np.random.default_rng(5)
@@ -34,7 +37,6 @@ def scenario(user):
     yield from user.redraw()
     by_landmarks = pose()
     assert method() == "landmarks"
-    yield from show_evidence(user)
     yield from user.picture("1_by_landmarks")
 
     yield from user.key("F", user.middle())
@@ -49,7 +51,6 @@ def scenario(user):
     seen = [camera.project(transform_points(each, np.array(points))) for each in (pose(), true)]
     user.facts["refined to"] = round(float(np.linalg.norm(seen[0] - seen[1], axis=1).mean()), 2)
     user.facts["said to be"] = round(float(operator.outcome(bpy.context.scene).after.error_px), 2)
-    yield from show_evidence(user)
     yield from user.picture("3_refined")
 
     # a landmark dragged in the frame does not move the surface; Solve asks first
@@ -60,15 +61,13 @@ def scenario(user):
     yield from user.drag(start, (start[0] + 12, start[1] + 8))
     assert tuple(bpy.context.scene.oneframe.landmarks[0].pixel) != before
     assert np.array_equal(pose(), refined)
-    yield from user.press("oneframe.solve_landmarks")
-    yield 0.5
+    yield from call(user, bpy.ops.oneframe.solve_landmarks)
     yield from user.picture("4_question")
     assert np.array_equal(pose(), refined)
     yield from user.key("ESC")
     yield 0.3
     assert np.array_equal(pose(), refined)
-    yield from user.press("oneframe.solve_landmarks")
-    yield 0.5
+    yield from call(user, bpy.ops.oneframe.solve_landmarks)
     yield from user.key("RET")
     yield from user.until(lambda: method() == "landmarks", "the landmarks' pose")
     yield from user.key("Z", user.middle(), ctrl=True)
@@ -98,11 +97,10 @@ def scenario(user):
     yield 0.3
     assert np.array_equal(pose(), start)
     assert method() == "manual"
-    yield from user.press("oneframe.take_refused")
+    yield from call(user, bpy.ops.oneframe.take_refused)
     yield from user.until(lambda: np.array_equal(pose(), refused), "the refused pose once more")
     yield from user.key("RET", user.middle(), ctrl=True)
     yield from user.until(lambda: "refused" in pose_record(bpy.context.scene), "the refused pose taken")
-    yield from show_evidence(user)
     yield from user.picture("6_taken")
 
 
@@ -114,9 +112,9 @@ def method():
     return pose_record(bpy.context.scene)["method"]
 
 
-def show_evidence(user):
-    """Scroll the sidebar to the panel Refine, which what the pose rests on follows."""
-    yield from user.find("oneframe.refine()")
-    with user.context("UI"):
-        bpy.ops.view2d.pan(deltax=0, deltay=-user.region("UI").height // 2)
+def call(user, action):
+    """Call an operator as its button does."""
     yield from user.move(user.middle())
+    with user.context():
+        action("INVOKE_DEFAULT", True)
+    yield 0.5

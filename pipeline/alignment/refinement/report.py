@@ -24,7 +24,8 @@ def refinement_record(refinement: Refinement, start: Mapping[str, object], tool:
         Program and version; day in ISO 8601.
     """
     start = {f"start_{key}": start[key] for key in KEPT_OF_START if key in start}
-    uncertainty = refinement.uncertainty
+    # a pose that failed the verification may be anywhere: standard deviations would promise too much
+    uncertainty = refinement.uncertainty if refinement.verified else None
     numbers: dict[str, float] = {
         "error_px": refinement.after.error_px,
         "start_error_px": refinement.before.error_px,
@@ -68,7 +69,7 @@ def refinement_table(refinement: Refinement, mesh_from_model: np.ndarray, *, tak
         Whether the pose is the refined one although that was refused.
     """
     cam_from_mesh = refinement.found @ inverse_rigid(mesh_from_model)
-    uncertainty, tests = refinement.uncertainty, refinement.verification
+    uncertainty, tests = refinement.uncertainty if refinement.verified else None, refinement.verification
     return {
         "accepted": refinement.accepted,
         "taken_although_refused": taken,

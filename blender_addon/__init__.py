@@ -78,6 +78,7 @@ _MODULES = tuple(
         "move.gizmo",
         "refine.operator",
         "refine.panel",
+        "refine.evidence_panel",
         "dataset.background_job",
         "colour.operators",
         "colour.panel",

@@ -45,8 +45,10 @@ def landmark_strokes(context: bpy.types.Context) -> Strokes:
     view = LandmarkView.of(context)
     solved = solve.solution(scene)
     marks = marks_of(scene, view)
-    if solved.estimate is not None:
-        uncertainty_drawing.add_uncertainty(strokes, scene, view, solved)
+    uncertainty_drawing.add_uncertainty(strokes, scene, view, solved)
+    if not solve.is_current(scene, solved):
+        # outliers are those of the solution: at another pose they mean nothing
+        solved = Solution(None, solved.refusal)
     hidden = _hidden(scene, view, marks)
     residuals = solve.residuals_px(scene)
     for mark in marks:

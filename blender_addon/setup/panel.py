@@ -99,8 +99,8 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         name
         for name, present in (
             ("a frame", settings.frame_path),
-            ("a camera K", settings.camera_object),
-            ("a surface", settings.surface),
+            ("a camera K", from_scene.present_camera(scene)),
+            ("a surface", from_scene.present_surface(scene)),
         )
         if not present
     ]
@@ -109,7 +109,7 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     for message in frame_warnings(scene):
         draw_text(layout, message, icon="ERROR")
         layout.operator("oneframe.rescale_camera", icon="FULLSCREEN_ENTER")
-    if settings.surface is not None and settings.camera_object is not None:
+    if from_scene.is_set_up(scene):
         try:
             from_scene.cam_from_model(scene)
         except InputError as error:

@@ -90,7 +90,10 @@ def updated_text(path: Path, text: str, case: Case) -> str:
 
 
 def differing_fields(one: Case, other: Case) -> tuple[str, ...]:
-    """Names of the fields in which two cases differ; files by what they name, without ``path`` and ``messages``."""
+    """Names of the fields in which two cases differ, other than ``path`` and ``messages``.
+
+    Files are compared by what they name. The order of structures does not count, since nothing depends on it.
+    """
     names = [field.name for field in fields(Case) if field.name not in ("path", "messages")]
     return tuple(name for name in names if not _EQUAL.get(name, _same)(one, other, name))
 
@@ -178,7 +181,7 @@ def _with_entries(
                     continue  # the default
                 text = new.value_text((section, number, key)) or toml_value(value)
                 document = document.with_value((section, place, key), text)
-    return document.with_order(section, places)
+    return document if section == "structures" else document.with_order(section, places)
 
 
 def _entry_leaves(entry: Landmark | Structure) -> dict[str, Any]:
@@ -190,6 +193,10 @@ def _entry_leaves(entry: Landmark | Structure) -> dict[str, Any]:
     if entry.pixel is not None:
         leaves["pixel"] = entry.pixel
     return leaves | {"enabled": entry.enabled}
+
+
+def _by_name(structures: Sequence[Structure]) -> dict[str, Any]:
+    return {structure.name: _entry_leaves(structure) for structure in structures}
 
 
 def _options(case: Case) -> dict[str, Any]:
@@ -219,8 +226,6 @@ _EQUAL: Mapping[str, Callable[[Case, Case, str], bool]] = {
     "cam_from_mesh": lambda one, other, name: np.array_equal(one.cam_from_mesh, other.cam_from_mesh),
     "image": _same_file,
     "mesh": _same_file,
-    "structures": lambda one, other, name: (
-        [*map(_entry_leaves, one.structures)] == [*map(_entry_leaves, other.structures)]
-    ),
+    "structures": lambda one, other, name: _by_name(one.structures) == _by_name(other.structures),
     "dataset": lambda one, other, name: _options(one) == _options(other),
 }

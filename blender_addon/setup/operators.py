@@ -82,6 +82,10 @@ class ONEFRAME_OT_discard_case(bpy.types.Operator):
     bl_label = "Open Another Case"
     bl_options = {"INTERNAL"}
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return not bpy.app.background
+
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         return context.window_manager.invoke_confirm(
             self, event, title=QUESTION, message=unsaved_text(context.scene), confirm_text=ANSWER, icon="WARNING"

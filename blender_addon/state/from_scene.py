@@ -127,20 +127,20 @@ def distortion(scene: bpy.types.Scene) -> Distortion | None:
 
 
 def landmarks_model(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
-    """All landmarks, points in the frame ``model``, mm."""
-    landmarks = []
-    for entry in scene.oneframe.landmarks:
-        point = (entry.point[0], entry.point[1], entry.point[2]) if entry.has_point else None
-        pixel = None
-        if entry.has_pixel:
-            u, v = _exact_values(entry, "pixel", np.eye(4)) or map(shortest, entry.pixel)
-            pixel = (u, v)
-        landmarks.append(Landmark(entry.name, point, pixel, entry.enabled))
-    return tuple(landmarks)
+    """All landmarks as Blender stores them in single precision, points in the frame ``model``, mm."""
+    return tuple(
+        Landmark(
+            entry.name,
+            (entry.point[0], entry.point[1], entry.point[2]) if entry.has_point else None,
+            (entry.pixel[0], entry.pixel[1]) if entry.has_pixel else None,
+            entry.enabled,
+        )
+        for entry in scene.oneframe.landmarks
+    )
 
 
 def landmarks_mesh(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
-    """All landmarks, points in the frame of the mesh file, mm."""
+    """All landmarks as files hold them, points in the frame of the mesh file, mm: in every digit that was read."""
     found = scene.oneframe.surface
     mesh_from_model = np.eye(4) if found is None else mesh_from_model_of(found)
     landmarks = []
@@ -149,6 +149,9 @@ def landmarks_mesh(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
             moved = transform_points(mesh_from_model, np.array([landmark.point], float))[0].tolist()
             x, y, z = _exact_values(entry, "point", inverse_rigid(mesh_from_model)) or moved
             landmark = replace(landmark, point=(x, y, z))
+        if landmark.pixel is not None:
+            u, v = _exact_values(entry, "pixel", np.eye(4)) or map(shortest, landmark.pixel)
+            landmark = replace(landmark, pixel=(u, v))
         landmarks.append(landmark)
     return tuple(landmarks)
 

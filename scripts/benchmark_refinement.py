@@ -23,8 +23,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import argparse
 from collections.abc import Sequence
 
+from pipeline.case.case_file import read_case
 from pipeline.errors import InputError, RunError
-from pipeline.evaluation.charts.page import require_matplotlib
+from pipeline.evaluation.charts.page import chart_outputs, require_matplotlib
 from pipeline.evaluation.charts.refinement_chart import refinement_charts
 from pipeline.evaluation.refinement_basin import (
     disturbances,
@@ -35,11 +36,15 @@ from pipeline.evaluation.refinement_basin import (
 )
 from pipeline.evaluation.refinement_scenes import case_scene, lmo_scenes
 from pipeline.files.content import write_bytes_atomically
+from pipeline.files.kinds import Kind, csv_table
+from pipeline.files.outputs import check_outputs, companion, made_folder, writing
 from pipeline.progress import Progress
+
+TRIALS = Kind("the trials of this script", csv_table(trials_to_csv(()).decode().strip()))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="benchmark_refinement.py", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="benchmark_refinement.py", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("case", metavar="CASE.toml", type=Path, nargs="?")
     parser.add_argument("--lmo", metavar="FOLDER", type=Path, help="LINEMOD-Occluded, instead of a case")
     parser.add_argument("--out", metavar="FOLDER", type=Path, required=True)
@@ -55,6 +60,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     table = arguments.out / "refinement.csv"
     try:
         require_matplotlib()
+        inputs = {"table": table} if arguments.redraw else {}
+        if arguments.case:
+            inputs |= read_case(arguments.case).input_files()
+        own_table = [] if arguments.redraw else [companion(table, TRIALS, TRIALS.is_of)]
+        check_outputs([*own_table, *chart_outputs(table)], inputs)
         if not arguments.redraw:
             measure(arguments, table)
         trials = read_trials(table)
@@ -73,12 +83,13 @@ def measure(arguments: argparse.Namespace, table: Path) -> None:
     """Run all trials; write the table of the finished ones after each."""
     scenes = [case_scene(arguments.case)] if arguments.case else lmo_scenes(arguments.lmo)
     planned = disturbances(arguments.degrees, arguments.percent, arguments.trials, arguments.wrong)
-    table.parent.mkdir(parents=True, exist_ok=True)
+    made_folder(table)
     progress = Progress(len(planned), "trials", stream=sys.stderr)
     finished = []
     for trial in run_trials(scenes, planned, arguments.seed):
         finished.append(trial)
-        write_bytes_atomically(table, trials_to_csv(finished))
+        with writing(table):
+            write_bytes_atomically(table, trials_to_csv(finished))
         progress.advance()
     progress.close()
 

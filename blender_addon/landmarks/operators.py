@@ -12,6 +12,7 @@ from ..pipeline.case.landmark_file import read_landmarks, write_landmarks
 from ..pipeline.errors import InputError
 from ..registration import class_registration, prop
 from ..state import events, from_scene, to_scene
+from ..state.inputs import input_files
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
 from . import edit, solve
 from .gestures import is_alignment_view, landmark_under
@@ -260,7 +261,12 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Opera
         scene = context.scene
         path = self.chosen_file()
         try:
-            write_landmarks(path, from_scene.landmarks_mesh(scene), mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
+            write_landmarks(
+                path,
+                from_scene.landmarks_mesh(scene),
+                mm_per_unit=MM_PER_UNIT[scene.oneframe.units],
+                inputs=input_files(scene),
+            )
         except OSError as error:
             raise InputError(f"{path}: cannot write the file ({error.strerror}); choose another folder") from None
         return (f"saved {path}: {len(scene.oneframe.landmarks)} landmarks",)

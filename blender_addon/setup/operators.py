@@ -14,11 +14,14 @@ from ..pipeline.camera.plausibility import fit_of
 from ..pipeline.case.case_file import MM_PER_UNIT, read_case
 from ..pipeline.case.case_writer import write_case
 from ..pipeline.errors import InputError
+from ..pipeline.files.kinds import PLY
+from ..pipeline.files.outputs import Output, check_outputs
 from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.mesh_writer import write_ply
 from ..registration import class_registration, prop
 from ..state import from_scene, to_scene
+from ..state.inputs import input_files
 from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
 from ..ui.operator import Messages, OperatorResult, Reporting, ReportingFile
@@ -255,6 +258,7 @@ class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportH
         scene, path = context.scene, self.chosen_file()
         if path.suffix.lower() != ".ply":
             raise InputError(f"{path}: expected a file name *.ply, found {path.name!r}; choose another name")
+        check_outputs([Output(path, PLY)], input_files(scene))
         surface = from_scene.surface_of(scene)
         mesh = surface_object.edited_mesh(surface)
         given = mesh.moved(surface_object.mesh_from_model_of(surface)[:3, 3])

@@ -12,7 +12,7 @@ import numpy as np
 from ..camera.distortion import Distortion, checked_distortion
 from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
-from ..files.content import read_content
+from ..files.content import LARGEST_TEXT, read_content
 from ..files.keys import check_keys
 from ..files.numbers import MM_PER_UNIT, millimetres
 from ..files.tables import parsed_toml
@@ -97,7 +97,7 @@ def read_case(path: Path) -> Case:
     InputError
         The file is missing or not TOML, a key is unknown or missing, or a value is of the wrong kind.
     """
-    return case_from_text(read_content(path, "a case file"), path)
+    return case_from_text(read_content(path, "a case file", most=LARGEST_TEXT), path)
 
 
 def case_from_text(text: str | bytes, path: Path) -> Case:

@@ -1,16 +1,18 @@
-"""Check whether a dataset is complete and consistent: files, hashes, tables, images, and poses against pixels."""
+"""The command ``oneframe check``."""
 
 import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.command_line import own_output
+from ..blender.process import own_output
 from ..errors import InputError
 from .parser import command_parser, explained_imports
 
 EXIT_WRONG = 1
 
+ABOUT = "Check whether a dataset is complete and consistent: files, hashes, tables, images, and poses against pixels."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s dataset
   %(prog)s dataset --views 0            (the pixels of every view)
@@ -51,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str], prog: str = "oneframe check") -> int:
     """Parse the arguments and run."""
-    arguments = command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv)
+    arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
     for name in ("views", "rerender"):
         number = getattr(arguments, name)
         if number is not None and number < 0:

@@ -1,4 +1,4 @@
-"""Render a dataset of posed views from one aligned frame."""
+"""The command ``oneframe render``."""
 
 import argparse
 import os
@@ -6,7 +6,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.command_line import end_with_input, own_output
+from ..blender.command_line import end_with_input
+from ..blender.process import own_output
 from ..dataset.options import add_option_arguments, option_names
 from ..errors import InputError
 from ..progress import LINE_SECONDS
@@ -25,6 +26,8 @@ GROUPS = {
 }  # fmt: skip
 """Headings of ``--help`` -> the dataset options under each; all other options come last."""
 
+ABOUT = "Render a dataset of posed views from one aligned frame."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s case.toml --out dataset --count 1000
   %(prog)s case.toml --out dataset --cone-deg 30 --distance-min 0.8 --distance-max 1.3 --video
@@ -65,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str], prog: str = "oneframe render", *, own_command: Sequence[str] = OWN_COMMAND) -> int:
     """Parse the arguments and run; ``own_command`` starts this command again, for the worker processes."""
-    arguments = command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv)
+    arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
     if arguments.workers < 0:
         raise InputError(f"command line: --workers: expected 0 (one per core) or more, found {arguments.workers}")
     try:
@@ -85,9 +88,11 @@ def run(arguments: argparse.Namespace, *, worker_command: Sequence[str]) -> int:
         from ..case.case_file import read_case
         from ..dataset.folder import parse_shard
         from ..dataset.options import merged_options
+        from ..files.outputs import check_folder
     output = own_output()
     case = read_case(arguments.case)
     options = merged_options(case.dataset, arguments, arguments.case)
+    check_folder(arguments.out, case.input_files() | ({} if options.poses is None else {"poses": Path(options.poses)}))
     job = Job(case, arguments.out, options, parse_shard(arguments.shard))
     if arguments.worker:
         work(job, workers=arguments.workers, stream=output)

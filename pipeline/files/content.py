@@ -5,6 +5,7 @@ import hashlib
 import os
 import re
 import secrets
+import stat
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
@@ -13,8 +14,14 @@ from typing import BinaryIO
 
 from ..errors import InputError
 
-LARGEST_FILE = 64 << 20
-"""Bytes; a longer file cannot be one of numbers or settings, so the user chose it by mistake."""
+LARGEST_TEXT = 1 << 20
+"""Bytes; a longer file cannot be one of settings, so the user chose it by mistake."""
+
+LARGEST_FILE = 32 << 20
+"""Bytes; the largest file of numbers."""
+
+LARGEST_INPUT = 1 << 30
+"""Bytes; the largest file of all that is read whole, such as a mesh."""
 
 _HASHES: ContextVar[dict[Path, str] | None] = ContextVar("hashes", default=None)
 
@@ -35,13 +42,16 @@ def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
     Raises
     ------
     InputError
-        Missing, a folder, or unreadable.
+        Missing, a folder, a pipe or a device (which may never end), a name that no file can have, or unreadable.
     """
     place, it = (str(path), "it") if where is None else (where, str(path))
     try:
-        if path.is_dir():
-            # Windows would report a lack of permission
+        # before it is opened: a pipe would wait for its other end, and Windows reports no folder as such
+        mode = _status(path).st_mode
+        if stat.S_ISDIR(mode):
             raise InputError(f"{place}: expected {what}, cannot read {it} (a folder); give the path of a file in it")
+        if not stat.S_ISREG(mode):
+            raise InputError(f"{place}: expected {what}, cannot read {it} (no regular file); copy it to a file first")
         yield
     except FileNotFoundError:
         raise InputError(f"{place}: expected {what}, {it} does not exist; correct the path") from None
@@ -51,7 +61,19 @@ def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
         ) from None
 
 
-def read_content(path: Path, what: str, where: str | None = None, most: int | None = None) -> bytes:
+def _status(path: Path) -> os.stat_result:
+    try:
+        return path.stat()
+    except ValueError as error:  # a NUL or half a surrogate pair
+        raise OSError(errno.EINVAL, str(error)) from None
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    """Open a file, or a pipe that has taken its place, without waiting."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def read_content(path: Path, what: str, where: str | None = None, most: int = LARGEST_INPUT) -> bytes:
     """Read the bytes of a file that the user named.
 
     Parameters
@@ -59,18 +81,20 @@ def read_content(path: Path, what: str, where: str | None = None, most: int | No
     path, what, where
         As for :func:`reading`.
     most
-        Largest number of bytes that is accepted; any if left out.
+        Largest number of bytes that is accepted.
 
     Raises
     ------
     InputError
-        Missing, a folder, unreadable, empty, or longer than ``most``.
+        As for :func:`reading`; or the file is empty, or longer than ``most``.
     """
     place = path.name if where is None else where
-    with reading(path, what, where):
-        if most is not None and (size := path.stat().st_size) > most:
+    with reading(path, what, where), open(path, "rb", opener=_open_at_once) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size > most:
             raise InputError(f"{place}: expected {what}, found one of {size >> 20} MB; choose another")
-        data = path.read_bytes()
+        # no more than that: a file may grow while it is read, and those of /proc have no size and no end
+        data = file.read(size)
     if not data:
         raise InputError(f"{place}: expected {what}, found an empty file; copy or export it again")
     hashes = _HASHES.get()

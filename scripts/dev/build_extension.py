@@ -22,6 +22,8 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from pipeline import __version__
 from pipeline.errors import InputError, RunError
+from pipeline.files.kinds import Kind, beginning
+from pipeline.files.outputs import Output, check_outputs
 
 WHEEL_TAGS = {
     "linux-x64": "manylinux2014_x86_64",
@@ -35,12 +37,13 @@ OLDEST_PYTHON = "3.11"
 """Python of Blender 4.5; the wheel uses the stable ABI (abi3), so it serves all later Pythons as well."""
 SCRIPTS = ("render_dataset.py", "check_dataset.py")
 """Scripts that the add-on runs in a background Blender; each finds the package in the folder above its own."""
+ZIP = Kind("a zip", beginning(b"PK"))
 VERSION_LINE = 'version = "0.0.0"'
 """The line of the manifest that the build fills in."""
 
 
 def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="build_extension.py", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="build_extension.py", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument(
         "--platform",
         metavar="NAME",
@@ -114,6 +117,7 @@ def build(names: Sequence[str], out: Path, *, blender: str | None = None) -> Ite
         built.mkdir()
         _run([*tool, "build", "--source-dir", staged, "--output-dir", built, "--split-platforms", *tags])
         out.mkdir(parents=True, exist_ok=True)
+        check_outputs([Output(out / path.name, ZIP) for path in built.glob("*.zip")], {})
         for path in sorted(built.glob("*.zip")):
             _run([*tool, "validate", path])
             partial = out / f".partial-{path.name}"

@@ -181,7 +181,7 @@ def test_metres_are_millimetres_inside(case_path, tmp_path, align):
         ("none", 2, "at least 4 enabled correspondences, found 0"),
         ("shuffled", 2, "no pose fits these 7 correspondences"),
         ("no file", 2, "it does not exist"),
-        ("no folder", 3, "cannot write the file"),
+        ("no folder", 3, "cannot write the file (Not a directory)"),
         ("sigma", 2, "click noise: expected a positive number"),
         ("option", 2, "did you mean '--pairs'"),
     ],
@@ -199,7 +199,7 @@ def test_what_cannot_be_used_ends_with_one_line(case_path, tmp_path, align, kind
     if kind != "no file":
         write_landmarks(pairs, landmarks)
     further = {
-        "no folder": ["--json", tmp_path / "missing" / "pose.json"],
+        "no folder": ["--json", pairs / "pose.json"],
         "sigma": ["--click-sigma-px", "-1"],
         "option": ["--pair", "x"],
     }

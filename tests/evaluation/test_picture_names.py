@@ -19,6 +19,7 @@ def test_names_differ_and_are_short_enough(names):
     assert len(found) == len(names)
     assert len(set(folded)) == len(folded)
     assert all(len(name.encode(errors="surrogateescape")) <= 255 for name in found)
+    assert all(map(str.isprintable, found))
     assert all(name.endswith(".png") and Path(name).name == name for name in found)
 
 

@@ -25,11 +25,8 @@ def picture_names(photographs: Sequence[Path], taken: Sequence[str]) -> list[str
     used, names = {name.casefold() for name in taken}, []
     numbers: Counter[str] = Counter()
     for photograph in photographs:
-        stem = (
-            "".join(letter if letter.isprintable() else "_" for letter in photograph.stem)
-            .encode(errors="replace")[:LONGEST_NAME]
-            .decode(errors="ignore")
-        )
+        stem = "".join(letter if letter.isprintable() else "_" for letter in photograph.stem)
+        stem = stem.encode(errors="replace")[:LONGEST_NAME].decode(errors="ignore")
         name = f"{stem}.png"
         while name.casefold() in used:
             # goes on where the last photograph of this name stopped: a list may hold thousands

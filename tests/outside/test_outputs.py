@@ -230,16 +230,8 @@ def test_own_outputs_are_replaced_until_somebody_changes_them(case, tmp_path, ru
 def test_photographs_of_one_name_get_pictures_of_their_own(case, tmp_path, run_all):
     """And names that a spreadsheet, a shell or a terminal would misread stay one cell and one line."""
     folder, out = case.parent, tmp_path / "out"
-    names = [
-        "a/x.png",
-        "b/x.png",
-        "b/X.png",
-        "sheet.png",
-        "likeness.csv.png",
-        "=1+1.png",
-        'new\nline, "quoted".png',
-        "ä.png",
-    ]
+    names = ["a/x.png", "b/x.png", "b/X.png", "sheet.png", "likeness.csv.png", "=1+1.png", "ä.png"]
+    names.append('new\nline, "quoted".png')
     for name in names:
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes((folder / "frame.png").read_bytes())

@@ -16,12 +16,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # the repository's root: scripts are run from a checkout
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import argparse
 import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 
-from pipeline.blender.command_line import run_script
+from pipeline.blender.command_line import ArgumentParser, run_script
 from pipeline.blender.dataset.job import available_cores
 from pipeline.blender.evaluation.render_scaling import measure_anti_aliasing, measure_memory, measure_triangles
 from pipeline.blender.evaluation.render_speed import measure_speed, measure_start, measure_workers
@@ -46,14 +45,14 @@ Figures = dict[str, Mapping[str, float] | Mapping[str, list[float]]]
 
 
 def main(argv: Sequence[str]) -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser = ArgumentParser(prog="benchmark.py", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES, metavar="NAME", help=" ".join(NAMES))
     parser.add_argument("--quick", action="store_true", help="fewer rounds, 300 instead of 2000 views for memory")
     parser.add_argument("--out", type=Path, help="also write the figures to this JSON file, and a chart next to it")
     parser.add_argument(
         "--redraw", action="store_true", help="measure nothing; draw the chart again from the file --out"
     )
-    arguments = parser.parse_args(argv)
+    arguments = parser.parse(argv)
     if arguments.redraw and arguments.out is None:
         parser.error("expected --out FILE with --redraw, found none")
     if arguments.out:

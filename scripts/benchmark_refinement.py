@@ -25,8 +25,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import argparse
 from collections.abc import Sequence
 
+from pipeline.blender.command_line import ArgumentParser, run_script
 from pipeline.case.case_file import read_case
-from pipeline.errors import InputError, RunError
 from pipeline.evaluation.charts.page import chart_outputs, require_matplotlib
 from pipeline.evaluation.charts.refinement_chart import refinement_charts
 from pipeline.evaluation.refinement_basin import (
@@ -45,8 +45,8 @@ from pipeline.progress import Progress
 TRIALS = Kind("the trials of this script", csv_table(trials_to_csv(()).decode().strip()))
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="benchmark_refinement.py", description=(__doc__ or "").partition("\n")[0])
+def main(argv: Sequence[str]) -> int:
+    parser = ArgumentParser(prog="benchmark_refinement.py", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("case", metavar="CASE.toml", type=Path, nargs="?")
     parser.add_argument("--lmo", metavar="FOLDER", type=Path, help="LINEMOD-Occluded, instead of a case")
     parser.add_argument("--bloster", metavar="FOLDER", type=Path, help="photographs of a cushion, instead of a case")
@@ -58,28 +58,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--wrong", type=int, default=5, help="trials with each wrong image")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--redraw", action="store_true", help="measure nothing; draw the chart again from --out")
-    arguments = parser.parse_args(argv)
+    arguments = parser.parse(argv)
     given = (arguments.case, arguments.lmo, arguments.bloster)
     if sum(source is not None for source in given) + arguments.redraw != 1:
         parser.error("expected exactly one of a case file, --lmo, --bloster and --redraw")
     table = arguments.out / "refinement.csv"
-    try:
-        require_matplotlib()
-        inputs = {"table": table} if arguments.redraw else {}
-        if arguments.case:
-            inputs |= read_case(arguments.case).input_files()
-        own_table = [] if arguments.redraw else [companion(table, TRIALS, TRIALS.is_of)]
-        check_outputs([*own_table, *chart_outputs(table)], inputs)
-        if not arguments.redraw:
-            measure(arguments, table)
-        trials = read_trials(table)
-        refinement_charts(trials, table)
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    except RunError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 3
+    require_matplotlib()
+    inputs = {"table": table} if arguments.redraw else {}
+    if arguments.case:
+        inputs |= read_case(arguments.case).input_files()
+    own_table = [] if arguments.redraw else [companion(table, TRIALS, TRIALS.is_of)]
+    check_outputs([*own_table, *chart_outputs(table)], inputs)
+    if not arguments.redraw:
+        measure(arguments, table)
+    trials = read_trials(table)
+    refinement_charts(trials, table)
     print("\n".join(summary(trials)))
     return 0
 
@@ -105,4 +98,4 @@ def measure(arguments: argparse.Namespace, table: Path) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run_script(main)

@@ -145,11 +145,28 @@ def handle_signals() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def interrupt(number: int, _frame: FrameType | None) -> None:
-    """The handler of the signals that end a process: raises ``KeyboardInterrupt``, once."""
-    if not _received:
-        _received.append(number)
-        raise KeyboardInterrupt
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """The handler of the signals that end a process: raises ``KeyboardInterrupt``, once, and not inside an import.
+
+    An extension module that is interrupted while it is loaded may crash, as Blender does.
+    """
+    if _received:
+        return
+    if _is_importing(frame):
+        again = threading.Timer(0.05, os.kill, (os.getpid(), number))
+        again.daemon = True
+        again.start()
+        return
+    _received.append(number)
+    raise KeyboardInterrupt
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
 
 
 def stop_signal() -> int | None:

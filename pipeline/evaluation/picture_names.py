@@ -20,12 +20,13 @@ def picture_names(photographs: Sequence[Path], taken: Sequence[str]) -> list[str
 
     Returns
     -------
-    Names that differ from each other and from ``taken`` also where a file system ignores case.
+    Printable names that differ from each other and from ``taken`` also where a file system ignores case.
     """
     used, names = {name.casefold() for name in taken}, []
     numbers: Counter[str] = Counter()
     for photograph in photographs:
-        stem = photograph.stem.encode(errors="replace")[:LONGEST_NAME].decode(errors="ignore")
+        stem = "".join(letter if letter.isprintable() else "_" for letter in photograph.stem)
+        stem = stem.encode(errors="replace")[:LONGEST_NAME].decode(errors="ignore")
         name = f"{stem}.png"
         while name.casefold() in used:
             # goes on where the last photograph of this name stopped: a list may hold thousands

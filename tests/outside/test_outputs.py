@@ -5,6 +5,7 @@ limits) starts its own.
 """
 
 import contextlib
+import csv
 import hashlib
 import itertools
 import json
@@ -223,6 +224,31 @@ def test_own_outputs_are_replaced_until_somebody_changes_them(case, tmp_path, ru
             assert "changed" in errors
     unchanged = {path: digest for path, digest in before.items() if "c.glb" not in path}
     assert {path: hashes(out)[path] for path in unchanged} == unchanged
+
+
+@pytest.mark.render
+def test_photographs_of_one_name_get_pictures_of_their_own(case, tmp_path, run_all):
+    """And names that a spreadsheet, a shell or a terminal would misread stay one cell and one line."""
+    folder, out = case.parent, tmp_path / "out"
+    names = ["a/x.png", "b/x.png", "b/X.png", "sheet.png", "likeness.csv.png", "=1+1.png", "ä.png"]
+    names.append('new\nline, "quoted".png')
+    for name in names:
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_bytes((folder / "frame.png").read_bytes())
+    listed = folder / "many.json"
+    listed.write_text(json.dumps([{"image": name, "cam_from_mesh": POSE} for name in names]))
+    before = hashes(folder)
+    ((code, errors),) = run_all([("compare", case, listed, "--out", out)])
+    assert (code, errors) == (0, "")
+    assert hashes(folder) == before
+    text = (out / "likeness.csv").read_text()
+    assert len(text.splitlines()) == 1 + len(names)
+    rows = list(csv.DictReader(text.splitlines()))
+    assert len({row["picture"].casefold() for row in rows}) == len(names)
+    pictures = {row["picture"].removeprefix("./") for row in rows}
+    assert pictures | {"likeness.csv", "sheet.png"} == {path.name for path in out.iterdir()}
+    assert len(list(out.iterdir())) == len(names) + 2
+    assert not [row for row in rows if row["image"][0] in "=+-@"]
 
 
 UNWRITABLE = {

@@ -50,6 +50,9 @@ def scenario(user):
     surface.color = (1.0, 1.0, 1.0, 1.0)
     # the surface as Blender draws it
     scene.oneframe_view.opacity, scene.oneframe_view.contour = 1.0, False
+    with user.context():
+        # no loupe over the dots
+        bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
     space.show_gizmo = False
     background = scene.oneframe.camera_object.data.background_images[0]
 

@@ -53,9 +53,10 @@ def draw(context: bpy.types.Context, gesture: Gesture) -> None:
 def _loupe_centre(at: np.ndarray, area: bpy.types.Area, unit: float) -> np.ndarray:
     """``(2,)`` centre of the loupe in the region: above and right of the point, or opposite if there is no room."""
     distance = (DISTANCE + SIDE / 2) * unit
-    _, high = free_rectangle(area)
-    direction = np.where(at + distance + SIDE * unit / 2 < high, 1.0, -1.0)
-    return np.asarray(at, float) + direction * distance
+    low, high = free_rectangle(area)
+    half = SIDE * unit / 2
+    direction = np.where(at + distance + half < high, 1.0, -1.0)
+    return np.clip(np.asarray(at, float) + direction * distance, low + half, np.maximum(high - half, low + half))
 
 
 def _draw_image(

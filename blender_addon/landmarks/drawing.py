@@ -133,7 +133,7 @@ def _draw_next_step(context: bpy.types.Context) -> None:
     """Say in the middle of an empty view what comes next."""
     strokes, text = Strokes(), next_step(context.scene)
     low, high = free_rectangle(context.area)
-    strokes.text((low + high) / 2 - np.array([3.2 * len(text) * strokes.unit, 0.0]), text, INCOMPLETE)
+    strokes.text((low + high) / 2 - np.array([strokes.width_of(text) / 2, 0.0]), text, INCOMPLETE)
     strokes.draw()
 
 
@@ -146,7 +146,11 @@ def _draw_pointer(xy: tuple[int, int]) -> None:
     if gestures.running() is not None or not is_unfinished(landmarks):
         return
     strokes = Strokes()
-    strokes.text(np.array(xy) + np.array([18, -26]) * strokes.unit, tool.instruction(context), INCOMPLETE)
+    text, region = tool.instruction(context), frame_view.window_region(context.area)
+    at = np.array(xy) + np.array([18, -26]) * strokes.unit
+    # not under the sidebar
+    room = region.x + free_rectangle(context.area)[1][0] - strokes.width_of(text) - 6 * strokes.unit
+    strokes.text(np.array([min(at[0], room), at[1]]), text, INCOMPLETE)
     strokes.draw()
 
 

@@ -24,6 +24,9 @@ TOOL = tool.TOOL
 MAGNIFICATION = 6.0
 """In the camera view: screen pixels per pixel of the frame. In other views: relative to the view."""
 
+SURFACE_MAGNIFICATION = 3.0
+"""Of the surface in the camera view: without the frame's detail, its shape is recognised by more of it."""
+
 MIN_MAGNIFICATION = 1.5
 """Least magnification relative to the camera view; a view that is zoomed in further shows no loupe."""
 
@@ -95,7 +98,7 @@ def _draw(
     loupe_view, magnification = None, MAGNIFICATION
     if in_frame:
         frame_view = FrameView.of(scene, region, context.region_data)
-        magnification = MAGNIFICATION / frame_view.magnification
+        magnification = (SURFACE_MAGNIFICATION if shows_surface else MAGNIFICATION) / frame_view.magnification
         if magnification < MIN_MAGNIFICATION:
             # the view itself is a loupe
             return

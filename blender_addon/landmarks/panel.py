@@ -9,6 +9,7 @@ from ..pipeline.files.numbers import format_two_digits
 from ..registration import class_registration
 from ..state import from_scene, pose_evidence
 from ..state.properties import ONEFRAME_PG_landmark, ONEFRAME_PG_scene
+from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, active_tool
 from ..ui.wrapped_text import draw_text
 from . import solve, tool
 from .solve import Solution
@@ -63,12 +64,12 @@ class ONEFRAME_PT_landmarks(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.oneframe
         layout.operator_context = "INVOKE_DEFAULT"
-        row = layout.row()
+        row = layout.row(align=True)
         row.enabled = context.mode == "OBJECT"
-        is_active = tool.is_active(context)
-        pick = row.operator("wm.tool_set_by_id", text="Pick Landmarks", icon="EYEDROPPER", depress=is_active)
-        pick.name = tool.TOOL
-        if is_active:
+        active = active_tool(context)
+        for name, text, icon in ((PIN_TOOL, "Pull Pins", "PINNED"), (LANDMARK_TOOL, "Pick Landmarks", "EYEDROPPER")):
+            row.operator("wm.tool_set_by_id", text=text, icon=icon, depress=active == name).name = name
+        if tool.is_active(context):
             draw_text(layout, tool.instruction(context), icon="INFO")
         row = layout.row()
         row.template_list(

@@ -33,7 +33,7 @@ class PinTool(bpy.types.WorkSpaceTool):
         "Drag a point of the surface to where the frame shows it; the surface follows, and earlier pins hold it.\n"
         "Drag a pin again to correct it. Alt + Click: enable or disable. X: delete"
     )
-    bl_icon = "ops.generic.cursor"
+    bl_icon = "ops.curve.pen"
     bl_cursor = "CROSSHAIR"
     bl_keymap = ()
 

@@ -25,6 +25,8 @@ def scenario(user):
     surface_object.set_pose(bpy.context.scene.oneframe.camera_object, bpy.context.scene.oneframe.surface, start)
     with user.context():
         bpy.ops.wm.tool_set_by_id(name=TOOL)
+        # at the rough pose some features lie outside the frame
+        bpy.ops.oneframe.zoom_frame(factor=0.7)
         bpy.ops.ed.undo_push(message="rough pose")
     yield from user.redraw()
     yield from pull(user, points)

@@ -46,7 +46,8 @@ ns-train depth-nerfacto --data . nerfstudio-data --depth-unit-scale-factor {dept
 ```
 
 By default Nerfstudio takes a unit of depth for a thousandth of a unit of the poses, and centres the scene among the
-cameras. It trains on the white pixels of the masks, which are those with surface.
+cameras. It trains on the white pixels of the masks, which are those with surface. It has one scale for all depths:
+leave out views with their own.
 
 ## Instant NGP
 

@@ -1,7 +1,7 @@
 """Two datasets for readers that others wrote: one made without Blender, one rendered by the command."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -42,16 +42,22 @@ def ray_cast_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def rendered_dataset(tmp_path_factory, write_tiny_case, render_command, run_command) -> Path:
-    """What ``render_dataset.py`` writes for :func:`listed_poses` and a mesh with an awkward name."""
-    pytest.importorskip("bpy")
-    folder = tmp_path_factory.mktemp("rendered")
-    case = write_tiny_case(folder / "case")
+def awkward_case(tmp_path_factory: pytest.TempPathFactory, write_tiny_case: Callable[[Path], Path]) -> Path:
+    """The tiny case; its mesh has a name with a space and a letter beyond ASCII."""
+    case = write_tiny_case(tmp_path_factory.mktemp("case") / "case")
     (case.parent / "surface.ply").rename(case.parent / f"{OBJECT}.ply")
     case.write_text(case.read_text().replace("surface.ply", f"{OBJECT}.ply"), encoding="utf-8")
+    return case
+
+
+@pytest.fixture(scope="session")
+def rendered_dataset(tmp_path_factory, awkward_case, render_command, run_command) -> Path:
+    """What ``render_dataset.py`` writes for :func:`listed_poses`."""
+    pytest.importorskip("bpy")
+    folder = tmp_path_factory.mktemp("rendered")
     (folder / "poses.json").write_text(json.dumps([pose.tolist() for pose in listed_poses()]))
     out = folder / "dataset"
-    ended = run_command(render_command(case, "--out", out, "--poses", folder / "poses.json", "--workers", 1))
+    ended = run_command(render_command(awkward_case, "--out", out, "--poses", folder / "poses.json", "--workers", 1))
     assert ended.returncode == 0, ended.stderr
     return out
 

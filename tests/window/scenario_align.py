@@ -17,12 +17,10 @@ MOST_ACTIONS = 16
 
 
 def scenario(user):
-    scene = bpy.context.scene
     true = read_case(user.case)
     rough = user.case.parent / "rough.toml"
-    with user.context():
-        bpy.ops.oneframe.open_case(filepath=str(user.case))
-    yield from user.redraw()
+    yield from user.open_case()
+    scene = bpy.context.scene
     camera = from_scene.camera(scene)
     true_pose = from_scene.cam_from_model(scene)
     points = [surface_point_at(scene, pixel) for pixel in FEATURES]
@@ -42,6 +40,7 @@ def scenario(user):
     # a file is chosen by a double click
     counted.actions += 2
     yield from user.choose_file(rough)
+    yield from user.at_workbench()
     scene = bpy.context.scene
     yield from user.until(lambda: scene.oneframe.case_path == str(rough), "the case to be open")
     user.facts["start_px"] = round(error_px(scene, camera, shown, true_pose), 1)

@@ -1,8 +1,11 @@
 """Operators that load frame, camera, surface, structures and pose, and open and save the case."""
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
+import numpy as np
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
@@ -11,8 +14,8 @@ from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.blender.case.load_case import load_case
 from ..pipeline.camera.intrinsics_file import read_camera
 from ..pipeline.camera.plausibility import fit_of
-from ..pipeline.case.case_file import MM_PER_UNIT, read_case
-from ..pipeline.case.case_writer import write_case
+from ..pipeline.case.case_file import MM_PER_UNIT, Case, read_case
+from ..pipeline.case.case_update import update_case
 from ..pipeline.case.structure_colour import structure_colour
 from ..pipeline.errors import InputError
 from ..pipeline.files.kinds import PLY
@@ -26,14 +29,16 @@ from ..state.camera_view import look_through_camera, show_shape
 from ..state.inputs import input_files
 from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
-from ..ui.operator import Messages, OperatorResult, Reporting, ReportingFile
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
 from .alignment_record import recorded_case, remember_opened
+from .unsaved import unsaved_text
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
 VIDEOS = "*.mp4;*.avi;*.mov;*.mkv;*.m4v;*.mpg;*.mpeg;*.webm"
 CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.xml;*.npy;*.txt;*.pkl;*.pickle"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"
+QUESTION, ANSWER = "Open Another Case?", "Open Without Saving"
 
 
 class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
@@ -44,6 +49,27 @@ class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_options = {"REGISTER", "UNDO"}
 
     filter_glob: str = prop(StringProperty(default="*.toml", options={"HIDDEN"}))
+    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
+    discard: bool = prop(
+        BoolProperty(
+            name="Discard Changes",
+            description="Open the case even if the present one has changes that its file lacks",
+            default=False,
+            options={"SKIP_SAVE", "HIDDEN"},
+        )
+    )
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        question = "" if self.discard else unsaved_text(context.scene)
+        if question and not self.filepath:
+            bpy.ops.oneframe.discard_case("INVOKE_DEFAULT")  # type: ignore[attr-defined]  # the add-on's own
+            return {"CANCELLED"}
+        if question:
+            # a file that was dropped on the window
+            return context.window_manager.invoke_confirm(
+                self, event, title=QUESTION, message=question, confirm_text=ANSWER, icon="WARNING"
+            )
+        return self.execute(context) if self.filepath else super().invoke(context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:
         loaded = load_case(read_case(self.chosen_file()), aligned=False)
@@ -54,6 +80,27 @@ class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
         look_through_camera(context)
         width, height = loaded.case.camera.size_wh
         return *loaded.messages, f"{self.filepath}: frame {width} x {height} px, {len(loaded.mesh.faces)} triangles"
+
+
+class ONEFRAME_OT_discard_case(bpy.types.Operator):
+    """Ask whether to open another case, although the present one has changes that its file lacks"""
+
+    bl_idname = "oneframe.discard_case"
+    bl_label = "Open Another Case"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return not bpy.app.background
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        return context.window_manager.invoke_confirm(
+            self, event, title=QUESTION, message=unsaved_text(context.scene), confirm_text=ANSWER, icon="WARNING"
+        )
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        bpy.ops.oneframe.open_case("INVOKE_DEFAULT", discard=True)  # type: ignore[attr-defined]  # the add-on's own
+        return {"FINISHED"}
 
 
 class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):
@@ -82,10 +129,20 @@ class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):
 
     def run(self, context: bpy.types.Context) -> Messages:
         from_scene.check_mesh_unedited(context.scene)
-        path = self.chosen_file()
-        write_case(path, recorded_case(context.scene, path))
-        context.scene.oneframe.case_path = str(path)
+        path, settings = self.chosen_file(), context.scene.oneframe
+        update_case(path, _with_kept_record(recorded_case(context.scene, path)))
+        settings.case_path, settings.case_dataset_text = str(path), json.dumps(read_case(path).dataset)
         return (f"saved {path}",)
+
+
+def _with_kept_record(case: Case) -> Case:
+    """The case with the record of its file, or with none if that has none, while the pose is the file's."""
+    try:
+        saved = read_case(case.path)
+    except InputError:
+        return case
+    is_same = np.array_equal(saved.cam_from_mesh, case.cam_from_mesh)
+    return replace(case, alignment=saved.alignment) if is_same else case
 
 
 class ONEFRAME_OT_load_frame(ReportingFile, bpy.types.Operator, ImportHelper):
@@ -231,7 +288,7 @@ class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
         return (message,) if message else ()
 
 
-class ONEFRAME_OT_remove_scale(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_remove_scale(NeedsAlignment, Reporting, bpy.types.Operator):
     """Remove scale, shear and mirroring from the surface: a pose is a rotation and a translation only"""
 
     bl_idname = "oneframe.remove_scale"
@@ -267,6 +324,7 @@ class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportH
 
 _CLASSES = (
     ONEFRAME_OT_open_case,
+    ONEFRAME_OT_discard_case,
     ONEFRAME_OT_save_case,
     ONEFRAME_OT_load_frame,
     ONEFRAME_OT_load_video_frame,

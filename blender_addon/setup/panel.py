@@ -96,7 +96,6 @@ class ONEFRAME_PT_structures(bpy.types.Panel):
 
 
 def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    settings = scene.oneframe
     step = next_step(scene)
     if step:
         draw_text(layout, step, icon="INFO")
@@ -107,7 +106,7 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     for message in frame_warnings(scene):
         draw_text(layout, message, icon="ERROR")
         layout.operator("oneframe.rescale_camera", icon="FULLSCREEN_ENTER")
-    if settings.surface is not None and settings.camera_object is not None:
+    if from_scene.is_set_up(scene):
         try:
             from_scene.cam_from_model(scene)
         except InputError as error:

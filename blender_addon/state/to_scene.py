@@ -35,6 +35,7 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
     settings.camera_object, settings.surface = objects.camera, objects.surface
     _remember_camera(scene, case.camera, case.distortion)
     objects.surface.oneframe.role, objects.surface.oneframe.mesh_path = "SURFACE", str(case.mesh.resolve())
+    set_exact(objects.surface, from_scene.READ_POSE, np.stack([loaded.cam_from_model, case.cam_from_mesh]))
     for structure, child in zip(case.structures, objects.structures, strict=True):
         child.oneframe.role, child.oneframe.mesh_path = "STRUCTURE", str(structure.mesh.resolve())
     settings.case_dataset_text = json.dumps(case.dataset)
@@ -63,6 +64,7 @@ def replace_landmarks(scene: bpy.types.Scene, landmarks: tuple[Landmark, ...]) -
                 entry.point = transform_points(model_from_mesh, np.array([landmark.point]))[0]
             if landmark.pixel is not None:
                 entry.pixel = landmark.pixel
+            entry.exact_text = json.dumps({"point": landmark.point, "pixel": landmark.pixel})
         settings.landmark_index = 0
 
 
@@ -80,7 +82,7 @@ def set_frame(context: bpy.types.Context, path: Path, width: int, height: int) -
     typed = settings.camera
     if settings.camera_object is None:
         typed.width, typed.height = width, height
-        typed.cx, typed.cy = (width - 1) / 2, (height - 1) / 2
+        typed.cx, typed.cy = number_text((width - 1) / 2), number_text((height - 1) / 2)
     else:
         _show_frame(scene)
     look_through_camera(context)
@@ -110,7 +112,8 @@ def typed_camera(scene: bpy.types.Scene) -> tuple[PinholeCamera, Distortion | No
         A value is not possible for a camera.
     """
     typed = scene.oneframe.camera
-    k = [[typed.fx, 0, typed.cx], [0, typed.fy, typed.cy], [0, 0, 1]]
+    fx, fy, cx, cy = (_number(getattr(typed, name), name) for name in ("fx", "fy", "cx", "cy"))
+    k = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
     camera = PinholeCamera.from_matrix(k, size=(typed.width, typed.height), pixel_origin=typed.pixel_origin, where="K")
     if not typed.distortion.strip():
         return camera, None
@@ -119,6 +122,18 @@ def typed_camera(scene: bpy.types.Scene) -> tuple[PinholeCamera, Distortion | No
     except ValueError:
         raise InputError(f"distortion: expected numbers k1, k2, p1, p2, k3, found {typed.distortion!r}") from None
     return camera, checked_distortion(values, camera, "distortion")
+
+
+def number_text(value: float) -> str:
+    """The shortest text of a number, without a decimal point for whole ones: what a user would type."""
+    return repr(float(value)).removesuffix(".0")
+
+
+def _number(text: str, name: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"{name}: expected a number of pixels such as 1081.37, found {text!r}") from None
 
 
 def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Distortion | None) -> None:
@@ -189,10 +204,11 @@ def relink_surface(context: bpy.types.Context, path: Path) -> None:
 def _remember_camera(scene: bpy.types.Scene, camera: PinholeCamera, distortion: Distortion | None) -> None:
     typed = scene.oneframe.camera
     typed.width, typed.height = camera.size_wh
-    typed.fx, typed.fy, typed.cx, typed.cy = camera.fx, camera.fy, camera.cx, camera.cy
+    for name in ("fx", "fy", "cx", "cy"):
+        setattr(typed, name, number_text(getattr(camera, name)))
     typed.pixel_origin = "center"
     values = () if distortion is None else astuple(distortion)
-    typed.distortion = ", ".join(f"{value:g}" for value in values)
+    typed.distortion = ", ".join(map(number_text, values))
     scene.oneframe.distortion_text = json.dumps(values) if values else ""
 
 

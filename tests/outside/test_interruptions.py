@@ -1,7 +1,7 @@
 """Runs that are killed, stopped or lose their power at any moment: the same command again makes the same files.
 
-The moments are placed by what a run does, not by a clock: before the n-th file that it creates, renames or removes, be
-it in a view, a table, the video or the description, in the parent or in a worker.
+The moments are placed by what a run does, not by a clock: before the n-th file that it creates, renames or removes,
+be it in a view, a table, the video or the description, in the parent or in a worker.
 """
 
 import os

@@ -102,6 +102,8 @@ def test_all_files_of_the_layout_are_there(reference):
         "transforms.json",
         "contact_sheet.png",
         "overlay.png",
+        "test_targets_bop19.json",
+        "dataset_info.md",
     }
     assert tree(reference).keys() == views | scene | models | tables
     assert json.loads((reference / "dataset.json").read_text())["count"] == VIEWS

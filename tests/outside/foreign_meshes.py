@@ -6,9 +6,11 @@ and colours of file number N to ``OUT/N.npz``; the exit code is 3 if the reader 
 
 import importlib
 import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 NOT_INSTALLED = 3
@@ -61,16 +63,21 @@ def by_open3d(path: Path) -> Read:
 
 
 def by_meshlab(path: Path) -> Read:
-    """MeshLab itself looks the colours up in the texture."""
+    """Colours of the image that MeshLab holds: an image of its own if it found no texture."""
     pymeshlab = importlib.import_module("pymeshlab")
     meshes = pymeshlab.MeshSet()
     meshes.load_new_mesh(str(path))
-    if meshes.current_mesh().has_wedge_tex_coord():
-        meshes.compute_texcoord_transfer_wedge_to_vertex()
-        meshes.compute_color_from_texture_per_vertex()
     mesh = meshes.current_mesh()
     faces = mesh.face_matrix()
-    return Read(mesh.vertex_matrix()[faces], mesh.vertex_color_matrix()[faces][..., :3].mean(axis=1))
+    if mesh.has_wedge_tex_coord():
+        (image,) = mesh.textures().values()
+        with tempfile.TemporaryDirectory() as folder:
+            image.save(f"{folder}/texture.png")
+            pixels = cv2.imread(f"{folder}/texture.png")[..., ::-1] / 255
+        colours = sampled(pixels, mesh.wedge_tex_coord_matrix().reshape(-1, 3, 2).mean(axis=1))
+    else:
+        colours = mesh.vertex_color_matrix()[faces][..., :3].mean(axis=1)
+    return Read(mesh.vertex_matrix()[faces], colours)
 
 
 def by_blender(path: Path) -> Read:
@@ -124,7 +131,6 @@ def by_bop(path: Path) -> Read:
     if image is None:
         rgb = np.stack([vertices[channel] for channel in ("red", "green", "blue")], axis=1) / 255
         return Read(corners, rgb[faces["vertex_indices"]].mean(axis=1))
-    cv2 = importlib.import_module("cv2")
     pixels = cv2.imread(str(path.parent / image))[..., ::-1] / 255
     return Read(corners, sampled(pixels, faces["texcoord"].reshape(-1, 3, 2).mean(axis=1)))
 

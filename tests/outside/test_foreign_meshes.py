@@ -79,7 +79,7 @@ COMPLAINT = re.compile(r"(?i)warn|error|fail|cannot")
 
 @pytest.mark.parametrize("reader", READERS)
 def test_textured_surfaces_are_read_with_their_colours(tmp_path, reader, long_form):
-    """The same triangles, and the same colours to 8 bits, whatever the name; MeshLab takes the nearest texel."""
+    """The same triangles, and the same colours to 8 bits, whatever the name."""
     suffixes = (".ply",) if reader == "BOP" else (".obj", ".ply")
     folders = [tmp_path / str(number) for number, _ in enumerate(STEMS if long_form else SHORT)]
     files = []

@@ -164,7 +164,7 @@ def interrupt(number: int, frame: FrameType | None) -> None:
 
 def _send_again(number: int) -> None:
     if os.name == "nt":
-        _thread.interrupt_main(number)
+        _thread.interrupt_main(signal.Signals(number))
     else:
         os.kill(os.getpid(), number)
 

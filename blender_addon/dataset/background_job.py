@@ -18,6 +18,7 @@ import bpy
 from ..pipeline.blender.command_line import EXIT_STOPPED, script_command
 from ..pipeline.errors import InputError, RunError
 from ..pipeline.progress import ProgressLine, read_progress
+from .wording import in_window_words
 
 POLL_SECONDS = 0.25
 STOP_SECONDS = 8.0
@@ -104,7 +105,7 @@ class BackgroundJob:
                 reader.join(timeout=1.0)
             self.code = self.process.returncode
             if self.code != 0 and not self.cancelled:
-                self.error = self._error_message()
+                self.error = in_window_words(self._error_message())
         return self.running
 
     def cancel(self) -> None:
@@ -213,7 +214,21 @@ def _follow() -> float | None:
     running = job.check()
     for listener in _listeners:
         listener(job)
+    if running:
+        _ask_before_quitting()
     return POLL_SECONDS if running else None
+
+
+def _ask_before_quitting() -> None:
+    """Keep the file "modified" while a job runs, so that Blender asks before it quits, which would end the job.
+
+    Only an undo step sets Blender's mark; it is removed by saving the file, and then set again.
+    """
+    manager = bpy.context.window_manager
+    if bpy.app.background or bpy.data.is_dirty or not manager.windows:
+        return
+    with bpy.context.temp_override(window=manager.windows[0]):
+        bpy.ops.ed.undo_push(message="Render Dataset")
 
 
 def register() -> None:

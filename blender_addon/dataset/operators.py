@@ -1,8 +1,6 @@
 """Operators of the dataset: preview poses and one view, run in the background, open the result."""
 
-import argparse
 import textwrap
-from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -11,15 +9,14 @@ from bpy.props import BoolProperty
 
 from ..pipeline.blender.colour.reference_view import reference_view_of
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
-from ..pipeline.case.case_file import Case, read_case
-from ..pipeline.case.case_writer import case_text, write_case
-from ..pipeline.dataset.options import DatasetOptions, merged_options
 from ..pipeline.errors import InputError
 from ..registration import class_registration, prop
-from ..setup.alignment_record import recorded_case
 from ..state import from_scene
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
+from ..ui.operator import Messages, NeedsAlignment, Reporting
 from . import background_job, pose_preview
+from .existing_dataset import check_folder, existing_views
+from .snapshot import write_snapshot
+from .wording import in_window_words
 
 SCRIPT = "render_dataset.py"
 PREVIEW_IMAGE = "OneFrame preview"
@@ -115,7 +112,7 @@ class ONEFRAME_OT_enlarge_preview(Reporting, bpy.types.Operator):
 
 
 class ONEFRAME_OT_render_dataset(NeedsAlignment, Reporting, bpy.types.Operator):
-    """Save the case and render the dataset in the background; continues a stopped run"""
+    """Render the dataset in the background; continues a stopped run, and extends a dataset if Views has grown"""
 
     bl_idname = "oneframe.render_dataset"
     bl_label = "Render Dataset"
@@ -129,29 +126,27 @@ class ONEFRAME_OT_render_dataset(NeedsAlignment, Reporting, bpy.types.Operator):
             return False
         return super().poll(context)
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if not context.scene.oneframe.case_path:
-            self.report({"INFO"}, "save the case first, then press Render Dataset again")
-            bpy.ops.oneframe.save_case("INVOKE_DEFAULT")  # type: ignore[attr-defined]  # the add-on's own
-            return {"CANCELLED"}
-        return self.execute(context)
-
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
-        settings = scene.oneframe
-        if not settings.case_path:
-            raise InputError("expected a saved case, found none; press Save Case first")
         # before anything is written: check everything that the run would refuse
-        from_scene.loaded_case(scene)
-        pose_preview.dataset_options(scene)
-        case_path = from_scene.absolute_path(settings.case_path)
-        messages = _save_if_changed(scene, case_path)
-        if not settings.dataset_out:
-            settings.dataset_out = str(case_path.parent / "dataset")
-        out = from_scene.absolute_path(settings.dataset_out)
+        loaded = from_scene.loaded_case(scene)
+        try:
+            options = pose_preview.dataset_options(scene)
+        except InputError as error:
+            raise InputError(in_window_words(str(error))) from None
+        listed = pose_preview.listed_poses(loaded, options)
+        out = output_folder(scene)
+        count = options.count if listed is None else len(listed)
+        check_folder(out, loaded, options, count)
+        had = existing_views(out)
+        case_path = write_snapshot(scene, out)
+        scene.oneframe.dataset_out = str(out)
         arguments = [str(case_path), "--out", str(out), "--progress-seconds", "1", "--end-with-input"]
         background_job.start(SCRIPT, arguments, out)
-        return *messages, f"rendering to {out} in the background; you can continue to work"
+        if had is not None:
+            how = f"extending the dataset from {had} to {count} views" if had < count else "continuing the dataset"
+            return (f"{how} in {out} in the background; you can continue to work",)
+        return (f"rendering to {out} in the background; you can continue to work",)
 
 
 class ONEFRAME_OT_cancel_dataset(Reporting, bpy.types.Operator):
@@ -205,6 +200,14 @@ def result_folder(scene: bpy.types.Scene) -> Path | None:
     return path if path is not None and path.is_dir() else None
 
 
+def output_folder(scene: bpy.types.Scene) -> Path:
+    """The dataset's folder: the chosen one, or ``dataset`` beside the case or else beside the frame."""
+    settings = scene.oneframe
+    if settings.dataset_out:
+        return from_scene.absolute_path(settings.dataset_out)
+    return from_scene.absolute_path(settings.case_path or settings.frame_path).parent / "dataset"
+
+
 def preview(scene: bpy.types.Scene) -> tuple[bpy.types.Image, str, bool] | None:
     """The previewed view's image, its summary, and whether it is outdated; ``None`` if there is no preview."""
     image = bpy.data.images.get(PREVIEW_IMAGE)
@@ -233,6 +236,8 @@ def _put_preview(rgb: np.ndarray, key: str, summary: str) -> bpy.types.Image:
     rgba[..., :3] = rgb[::-1]
     image.pixels.foreach_set(rgba.ravel())
     image.update()
+    # else Blender would count it among the user's images that are not saved
+    image.pack()
     step = max(1, -(-max(width, height) // THUMBNAIL_PX))
     small = np.ascontiguousarray(rgba[::step, ::step])
     thumbnail = image.preview_ensure()
@@ -253,26 +258,6 @@ def _show_in_image_editors(context: bpy.types.Context, image: bpy.types.Image) -
                     space.image, found = image, True
                     area.tag_redraw()
     return found
-
-
-def _save_if_changed(scene: bpy.types.Scene, path: Path) -> tuple[str, ...]:
-    """Save the case, unless its file has the same content: saving would lose the user's comments."""
-    current = recorded_case(scene, path)
-    if path.exists():
-        try:
-            is_saved = _content(path, read_case(path)) == _content(path, current)
-        except InputError:
-            is_saved = False
-        if is_saved:
-            return ()
-    write_case(path, current)
-    return (f"saved {path}",)
-
-
-def _content(path: Path, case: Case) -> tuple[str, DatasetOptions]:
-    """A case's content, without the record of its pose, the order of its options, and whether it states defaults."""
-    bare = replace(case, dataset={}, alignment={})
-    return case_text(path, bare), merged_options(case.dataset, argparse.Namespace(), case.path)
 
 
 def _job_changed(job: background_job.BackgroundJob) -> None:

@@ -8,6 +8,7 @@ from ..pipeline.errors import InputError
 from ..registration import class_registration
 from ..ui.wrapped_text import draw_text
 from . import background_job, operators, pose_preview
+from .wording import LABELS, in_window_words
 
 SAMPLER_OPTIONS = {
     "cone": ("cone_deg", "roll_deg", "distance_min", "distance_max", "shift_mm"),
@@ -19,25 +20,6 @@ SAMPLER_OPTIONS = {
 
 CONSTRAINTS = ("min_observed", "min_surface", "min_clearance_mm")
 RENDERING = ("colour", "engine", "samples", "scale", "float_depth", "video")
-LABELS = {
-    "cone_deg": "Max Tilt (°)",
-    "roll_deg": "Max Roll (°)",
-    "distance_min": "Nearest (×)",
-    "distance_max": "Farthest (×)",
-    "shift_mm": "Max Shift (mm)",
-    "sigma_deg": "Rotation σ (°)",
-    "sigma_mm": "Translation σ (mm)",
-    "polar_deg": "Max Angle (°)",
-    "min_observed": "Min Observed",
-    "min_surface": "Min Surface",
-    "min_clearance_mm": "Clearance (mm)",
-    "samples": "Rays at Edges",
-    "scale": "Image Size (×)",
-    "float_depth": "Float Depth",
-    "video": "Video",
-    "video_frames": "Video Frames",
-}
-
 PanelOptions = set[Literal["DEFAULT_CLOSED", "HIDE_HEADER", "INSTANCED", "HEADER_LAYOUT_EXPAND"]]
 
 
@@ -69,7 +51,7 @@ class ONEFRAME_PT_dataset(_DatasetPanel, bpy.types.Panel):
         try:
             pose_preview.dataset_options(context.scene)
         except InputError as error:
-            draw_text(layout, str(error), icon="ERROR")
+            draw_text(layout, in_window_words(str(error)), icon="ERROR")
 
 
 class ONEFRAME_PT_dataset_options(_DatasetPanel, bpy.types.Panel):

@@ -1,9 +1,12 @@
 """Operators that load frame, camera, surface, structures and pose, and open and save the case."""
 
-from collections.abc import Sequence
+import json
+from dataclasses import replace
+from pathlib import Path
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
+import numpy as np
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ..pipeline.blender.alignment import alignment_scene, surface_object
@@ -11,8 +14,9 @@ from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.blender.case.load_case import load_case
 from ..pipeline.camera.intrinsics_file import read_camera
 from ..pipeline.camera.plausibility import fit_of
-from ..pipeline.case.case_file import MM_PER_UNIT, read_case
-from ..pipeline.case.case_writer import write_case
+from ..pipeline.case.case_file import MM_PER_UNIT, Case, read_case
+from ..pipeline.case.case_update import update_case
+from ..pipeline.case.structure_colour import structure_colour
 from ..pipeline.errors import InputError
 from ..pipeline.files.kinds import PLY
 from ..pipeline.files.outputs import Output, check_outputs
@@ -20,18 +24,21 @@ from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.mesh_writer import write_ply
 from ..registration import class_registration, prop
-from ..state import from_scene, to_scene
+from ..state import from_scene, to_scene, workbench
+from ..state.camera_view import look_through_camera, show_shape
 from ..state.inputs import input_files
 from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
-from ..ui.operator import Messages, OperatorResult, Reporting, ReportingFile
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
 from .alignment_record import recorded_case, remember_opened
+from .unsaved import unsaved_text
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
 VIDEOS = "*.mp4;*.avi;*.mov;*.mkv;*.m4v;*.mpg;*.mpeg;*.webm"
 CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.xml;*.npy;*.txt;*.pkl;*.pickle"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"
+QUESTION, ANSWER = "Open Another Case?", "Open Without Saving"
 
 
 class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
@@ -42,14 +49,58 @@ class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
     bl_options = {"REGISTER", "UNDO"}
 
     filter_glob: str = prop(StringProperty(default="*.toml", options={"HIDDEN"}))
+    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
+    discard: bool = prop(
+        BoolProperty(
+            name="Discard Changes",
+            description="Open the case even if the present one has changes that its file lacks",
+            default=False,
+            options={"SKIP_SAVE", "HIDDEN"},
+        )
+    )
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        question = "" if self.discard else unsaved_text(context.scene)
+        if question and not self.filepath:
+            bpy.ops.oneframe.discard_case("INVOKE_DEFAULT")  # type: ignore[attr-defined]  # the add-on's own
+            return {"CANCELLED"}
+        if question:
+            # a file that was dropped on the window
+            return context.window_manager.invoke_confirm(
+                self, event, title=QUESTION, message=question, confirm_text=ANSWER, icon="WARNING"
+            )
+        return self.execute(context) if self.filepath else super().invoke(context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:
         loaded = load_case(read_case(self.chosen_file()), aligned=False)
-        to_scene.remember_case(context.scene, loaded, alignment_scene.set_up(context.scene, loaded))
-        remember_opened(context.scene, loaded.case.alignment, loaded.cam_from_model)
-        to_scene.look_through_camera(context)
+        scene = workbench.enter(context)
+        to_scene.remember_case(scene, loaded, alignment_scene.set_up(scene, loaded))
+        remember_opened(scene, loaded.case.alignment, loaded.cam_from_model)
+        show_shape(context)
+        look_through_camera(context)
         width, height = loaded.case.camera.size_wh
         return *loaded.messages, f"{self.filepath}: frame {width} x {height} px, {len(loaded.mesh.faces)} triangles"
+
+
+class ONEFRAME_OT_discard_case(bpy.types.Operator):
+    """Ask whether to open another case, although the present one has changes that its file lacks"""
+
+    bl_idname = "oneframe.discard_case"
+    bl_label = "Open Another Case"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return not bpy.app.background
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        return context.window_manager.invoke_confirm(
+            self, event, title=QUESTION, message=unsaved_text(context.scene), confirm_text=ANSWER, icon="WARNING"
+        )
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        bpy.ops.oneframe.open_case("INVOKE_DEFAULT", discard=True)  # type: ignore[attr-defined]  # the add-on's own
+        return {"FINISHED"}
 
 
 class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):
@@ -78,10 +129,20 @@ class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):
 
     def run(self, context: bpy.types.Context) -> Messages:
         from_scene.check_mesh_unedited(context.scene)
-        path = self.chosen_file()
-        write_case(path, recorded_case(context.scene, path))
-        context.scene.oneframe.case_path = str(path)
+        path, settings = self.chosen_file(), context.scene.oneframe
+        update_case(path, _with_kept_record(recorded_case(context.scene, path)))
+        settings.case_path, settings.case_dataset_text = str(path), json.dumps(read_case(path).dataset)
         return (f"saved {path}",)
+
+
+def _with_kept_record(case: Case) -> Case:
+    """The case with the record of its file, or with none if that has none, while the pose is the file's."""
+    try:
+        saved = read_case(case.path)
+    except InputError:
+        return case
+    is_same = np.array_equal(saved.cam_from_mesh, case.cam_from_mesh)
+    return replace(case, alignment=saved.alignment) if is_same else case
 
 
 class ONEFRAME_OT_load_frame(ReportingFile, bpy.types.Operator, ImportHelper):
@@ -187,35 +248,29 @@ class ONEFRAME_OT_load_surface(ReportingFile, bpy.types.Operator, ImportHelper):
 
 
 class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper):
-    """Load a structure (facial nerve, ossicles, ...) given in the frame and units of the surface's file"""
+    """Load structures (facial nerve, ossicles, ...) given in the frame and units of the surface's file"""
 
     bl_idname = "oneframe.add_structure"
-    bl_label = "Add Structure"
+    bl_label = "Add Structures"
     bl_options = {"REGISTER", "UNDO"}
 
     filter_glob: str = prop(StringProperty(default=MESHES, options={"HIDDEN"}))
-    color: Sequence[float] = prop(
-        FloatVectorProperty(
-            name="Colour",
-            subtype="COLOR_GAMMA",
-            size=3,
-            min=0,
-            max=1,
-            default=(1.0, 0.0, 1.0),
-            description="Colour of the structure",
-        )
+    directory: str = prop(StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"}))
+    files: "bpy.types.bpy_prop_collection_idprop[bpy.types.OperatorFileListElement]" = prop(
+        CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     )
 
     def run(self, context: bpy.types.Context) -> Messages:
         surface = from_scene.surface_of(context.scene)
-        path = self.chosen_file()
-        given, messages = read_mesh(path)
+        folder = Path(bpy.path.abspath(self.directory))
+        paths = [folder / entry.name for entry in self.files if entry.name] or [self.chosen_file()]
+        read = [(path, *read_mesh(path)) for path in paths]
         offset = surface_object.mesh_from_model_of(surface)[:3, 3]
-        mesh = given.scaled(MM_PER_UNIT[context.scene.oneframe.units]).moved(-offset)
-        red, green, blue = self.color
-        structure = alignment_scene.put_structure(surface, mesh, path.stem, (red, green, blue))
-        structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path)
-        return messages
+        for path, given, _ in read:
+            mesh = given.scaled(MM_PER_UNIT[context.scene.oneframe.units]).moved(-offset)
+            structure = alignment_scene.put_structure(surface, mesh, path.stem, structure_colour(path.stem))
+            structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path)
+        return [message for *_, messages in read for message in messages]
 
 
 class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
@@ -233,7 +288,7 @@ class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
         return (message,) if message else ()
 
 
-class ONEFRAME_OT_remove_scale(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_remove_scale(NeedsAlignment, Reporting, bpy.types.Operator):
     """Remove scale, shear and mirroring from the surface: a pose is a rotation and a translation only"""
 
     bl_idname = "oneframe.remove_scale"
@@ -269,6 +324,7 @@ class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportH
 
 _CLASSES = (
     ONEFRAME_OT_open_case,
+    ONEFRAME_OT_discard_case,
     ONEFRAME_OT_save_case,
     ONEFRAME_OT_load_frame,
     ONEFRAME_OT_load_video_frame,

@@ -4,9 +4,11 @@ Files are cached until they, or the settings with which they are read, change. N
 """
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Literal
 
 import bpy
 import numpy as np
@@ -14,6 +16,7 @@ import numpy as np
 from ..pipeline.blender.alignment.alignment_scene import camera_of
 from ..pipeline.blender.alignment.surface_object import mesh_from_model_of, pose_of
 from ..pipeline.blender.bridge.data_blocks import absolute_path
+from ..pipeline.blender.bridge.exact_values import exact
 from ..pipeline.blender.case.load_case import load_frame
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
@@ -24,6 +27,10 @@ from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.transforms import inverse_rigid, transform_points
+
+READ_POSE = "oneframe_read_pose"
+"""Custom property of the surface: ``cam_from_model`` and ``cam_from_mesh`` of the opened case. Computing one from the
+other rounds; so the latter is the pose to save while the former is the surface's."""
 
 EDIT_TOLERANCE = 1e-5
 """Vertices count as unedited up to this difference from the file, relative to the mesh's size: single precision."""
@@ -98,6 +105,21 @@ def cam_from_model(scene: bpy.types.Scene) -> np.ndarray:
     return pose_of(camera_object_of(scene), surface_of(scene))
 
 
+def cam_from_mesh(scene: bpy.types.Scene) -> np.ndarray:
+    """``(4, 4)`` the current pose in the frame of the mesh file, mm; an opened case's own until the surface moves.
+
+    Raises
+    ------
+    InputError
+        As :func:`cam_from_model`.
+    """
+    pose, surface = cam_from_model(scene), surface_of(scene)
+    read = exact(surface, READ_POSE)
+    if read is not None and read.shape == (2, 4, 4) and np.array_equal(read[0], pose):
+        return read[1]
+    return pose @ inverse_rigid(mesh_from_model_of(surface))
+
+
 def distortion(scene: bpy.types.Scene) -> Distortion | None:
     """The frame's lens distortion; ``None`` if it has none."""
     text = scene.oneframe.distortion_text
@@ -105,7 +127,7 @@ def distortion(scene: bpy.types.Scene) -> Distortion | None:
 
 
 def landmarks_model(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
-    """All landmarks, points in the frame ``model``, mm."""
+    """All landmarks as Blender stores them in single precision, points in the frame ``model``, mm."""
     return tuple(
         Landmark(
             entry.name,
@@ -118,20 +140,42 @@ def landmarks_model(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
 
 
 def landmarks_mesh(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
-    """All landmarks, points in the frame of the mesh file, mm."""
+    """All landmarks as files hold them, points in the frame of the mesh file, mm: in every digit that was read."""
     found = scene.oneframe.surface
     mesh_from_model = np.eye(4) if found is None else mesh_from_model_of(found)
     landmarks = []
-    for landmark in landmarks_model(scene):
+    for entry, landmark in zip(scene.oneframe.landmarks, landmarks_model(scene), strict=True):
         if landmark.point is not None:
-            x, y, z = transform_points(mesh_from_model, np.array([landmark.point], float))[0]
-            landmark = replace(landmark, point=(float(x), float(y), float(z)))
+            moved = transform_points(mesh_from_model, np.array([landmark.point], float))[0].tolist()
+            x, y, z = _exact_values(entry, "point", inverse_rigid(mesh_from_model)) or moved
+            landmark = replace(landmark, point=(x, y, z))
+        if landmark.pixel is not None:
+            u, v = _exact_values(entry, "pixel", np.eye(4)) or map(shortest, landmark.pixel)
+            landmark = replace(landmark, pixel=(u, v))
         landmarks.append(landmark)
     return tuple(landmarks)
 
 
+def shortest(value: float) -> float:
+    """The number with the fewest digits that Blender stores as this one: 0.9 for 0.8999999762."""
+    return float(str(np.float32(value)))
+
+
+def _exact_values(
+    entry: "bpy.types.PropertyGroup", name: Literal["point", "pixel"], stored_from_read: np.ndarray
+) -> list[float] | None:
+    """A landmark's point or pixel as it was read, in every digit; ``None`` if it has changed since."""
+    text = entry.exact_text  # type: ignore[attr-defined]  # of ONEFRAME_PG_landmark
+    read = json.loads(text).get(name) if text else None
+    if read is None:
+        return None
+    padded = np.array([[*read, 0.0][:3]])
+    stored = transform_points(stored_from_read, padded)[0, : len(read)].astype(np.float32)
+    return read if np.array_equal(stored, np.array(getattr(entry, name)[:], np.float32)) else None
+
+
 def case(scene: bpy.types.Scene, path: Path) -> Case:
-    """The scene as a case, to be saved at ``path``.
+    """The scene as a case; its path is that of the opened file, or ``path`` if none was opened.
 
     Raises
     ------
@@ -151,18 +195,18 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
     if not surface.oneframe.mesh_path:
         raise InputError(f"{surface.name}: expected a surface that was loaded from a file; load it with Load Surface")
     structures = tuple(
-        Structure(child.name, absolute_path(child.oneframe.mesh_path), tuple(child.color[:3]))
+        Structure(child.name, absolute_path(child.oneframe.mesh_path), _of_codes(child.color))
         for child in sorted(surface.children, key=lambda child: child.name)
         if child.oneframe.role == "STRUCTURE"
     )
     return Case(
-        path=path,
+        path=absolute_path(settings.case_path) if settings.case_path else path,
         mm_per_unit=MM_PER_UNIT[settings.units],
         image=absolute_path(settings.frame_path),
         camera=camera(scene),
         distortion=distortion(scene),
         mesh=absolute_path(surface.oneframe.mesh_path),
-        cam_from_mesh=cam_from_model(scene) @ inverse_rigid(mesh_from_model_of(surface)),
+        cam_from_mesh=cam_from_mesh(scene),
         structures=structures,
         dataset=dataset_table(scene),
         landmarks=landmarks_mesh(scene),
@@ -170,19 +214,27 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
 
 
 def dataset_table(scene: bpy.types.Scene) -> dict[str, object]:
-    """The case's [dataset] table: options that differ from the defaults, and keys that the panel does not show."""
+    """The case's [dataset] table: what the opened file states, and options that differ from the defaults."""
     options = scene.oneframe.dataset
     text = scene.oneframe.case_dataset_text
-    table = {key: value for key, value in (json.loads(text) if text else {}).items() if not hasattr(options, key)}
+    read: dict[str, object] = json.loads(text) if text else {}
+    table = {key: value for key, value in read.items() if not hasattr(options, key)}
     for key, declared in options.bl_rna.properties.items():
         if key in ("rna_type", "name"):
             continue
         value = getattr(options, key)
-        if value == declared.default:
-            continue
-        # a property returns 0.9 as 0.8999999762: write the shortest number that equals it in single precision
-        table[key] = float(str(np.float32(value))) if declared.type == "FLOAT" else value
+        given = read.get(key)
+        if declared.type == "FLOAT" and isinstance(given, int | float) and np.float32(given) == np.float32(value):
+            table[key] = given
+        elif key in read or value != declared.default:
+            table[key] = shortest(value) if declared.type == "FLOAT" else value
     return table
+
+
+def _of_codes(rgba: Sequence[float]) -> tuple[float, float, float]:
+    """A colour in single precision as the 8-bit codes that files hold, 0..1."""
+    red, green, blue = (round(255 * min(max(value, 0.0), 1.0)) / 255 for value in rgba[:3])
+    return red, green, blue
 
 
 def loaded_case(scene: bpy.types.Scene, *, aligned: bool = True) -> LoadedCase:

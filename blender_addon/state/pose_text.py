@@ -11,8 +11,7 @@ from . import from_scene
 
 def cam_from_mesh_of(scene: bpy.types.Scene) -> np.ndarray:
     """``(4, 4)`` cam_from_mesh in the frame and units of the mesh file, as in a case file."""
-    surface = from_scene.surface_of(scene)
-    cam_from_mesh = from_scene.cam_from_model(scene) @ inverse_rigid(surface_object.mesh_from_model_of(surface))
+    cam_from_mesh = from_scene.cam_from_mesh(scene).copy()
     cam_from_mesh[:3, 3] /= MM_PER_UNIT[scene.oneframe.units]
     return cam_from_mesh
 

@@ -68,10 +68,22 @@ class ONEFRAME_PG_landmark(bpy.types.PropertyGroup):
             precision=3,
         )
     )
+    exact_text: str = prop(
+        StringProperty(
+            description="Surface point (frame of the mesh file, mm) and image point as read (JSON); they hold while "
+            "the values above are their rounded ones",
+            options={"HIDDEN"},
+        )
+    )
+
+
+def _typed_number(name: str, description: str, default: str) -> Any:
+    """A number as text: Blender's own have seven digits, a calibration has more."""
+    return prop(StringProperty(name=name, description=description, default=default))
 
 
 class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
-    """K as typed in the panel; Set Camera applies it."""
+    """K as typed in the panel, in every digit; Set Camera applies it."""
 
     width: int = prop(
         IntProperty(name="Width", description="Width of the frame in pixels", min=1, max=65536, default=1920)
@@ -79,14 +91,10 @@ class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
     height: int = prop(
         IntProperty(name="Height", description="Height of the frame in pixels", min=1, max=65536, default=1080)
     )
-    fx: float = prop(
-        FloatProperty(name="fx", description="Focal length in pixels, along x", default=12800.0, precision=4)
-    )
-    fy: float = prop(
-        FloatProperty(name="fy", description="Focal length in pixels, along y", default=12800.0, precision=4)
-    )
-    cx: float = prop(FloatProperty(name="cx", description="Principal point in pixels, x", default=959.5, precision=4))
-    cy: float = prop(FloatProperty(name="cy", description="Principal point in pixels, y", default=539.5, precision=4))
+    fx: str = _typed_number("fx", "Focal length in pixels, along x", "12800")
+    fy: str = _typed_number("fy", "Focal length in pixels, along y", "12800")
+    cx: str = _typed_number("cx", "Principal point in pixels, x", "959.5")
+    cy: str = _typed_number("cy", "Principal point in pixels, y", "539.5")
     pixel_origin: PixelOrigin = prop(
         EnumProperty(
             name="Pixel Origin",
@@ -144,9 +152,6 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     distortion_text: str = prop(StringProperty(description="Distortion in use (JSON), exact", options={"HIDDEN"}))
     case_dataset_text: str = prop(
         StringProperty(description="The case's [dataset] table as read (JSON)", options={"HIDDEN"})
-    )
-    case_alignment_text: str = prop(
-        StringProperty(description="The case's [alignment] table as read (JSON)", options={"HIDDEN"})
     )
     camera_object: bpy.types.Object | None = prop(
         PointerProperty(type=bpy.types.Object, name="Camera", description="The frame's camera")

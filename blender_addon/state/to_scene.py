@@ -19,7 +19,8 @@ from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.transforms import inverse_rigid, rigid, transform_points
-from . import events, from_scene
+from . import events, from_scene, workbench
+from .camera_view import look_through_camera, show_shape
 
 INITIAL_POSE = "oneframe_first_pose"
 """Custom property of the surface: its automatic initial pose, found again when K is set while it is still in use."""
@@ -34,6 +35,7 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
     settings.camera_object, settings.surface = objects.camera, objects.surface
     _remember_camera(scene, case.camera, case.distortion)
     objects.surface.oneframe.role, objects.surface.oneframe.mesh_path = "SURFACE", str(case.mesh.resolve())
+    set_exact(objects.surface, from_scene.READ_POSE, np.stack([loaded.cam_from_model, case.cam_from_mesh]))
     for structure, child in zip(case.structures, objects.structures, strict=True):
         child.oneframe.role, child.oneframe.mesh_path = "STRUCTURE", str(structure.mesh.resolve())
     settings.case_dataset_text = json.dumps(case.dataset)
@@ -62,6 +64,7 @@ def replace_landmarks(scene: bpy.types.Scene, landmarks: tuple[Landmark, ...]) -
                 entry.point = transform_points(model_from_mesh, np.array([landmark.point]))[0]
             if landmark.pixel is not None:
                 entry.pixel = landmark.pixel
+            entry.exact_text = json.dumps({"point": landmark.point, "pixel": landmark.pixel})
         settings.landmark_index = 0
 
 
@@ -73,13 +76,13 @@ def frame_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
 
 def set_frame(context: bpy.types.Context, path: Path, width: int, height: int) -> tuple[str, ...]:
     """Use an image file as the frame; returns warnings if K does not fit it."""
-    scene = context.scene
+    scene = workbench.enter(context)
     settings = scene.oneframe
     settings.frame_path, settings.frame_size = str(path.resolve()), (width, height)
     typed = settings.camera
     if settings.camera_object is None:
         typed.width, typed.height = width, height
-        typed.cx, typed.cy = (width - 1) / 2, (height - 1) / 2
+        typed.cx, typed.cy = number_text((width - 1) / 2), number_text((height - 1) / 2)
     else:
         _show_frame(scene)
     look_through_camera(context)
@@ -109,7 +112,8 @@ def typed_camera(scene: bpy.types.Scene) -> tuple[PinholeCamera, Distortion | No
         A value is not possible for a camera.
     """
     typed = scene.oneframe.camera
-    k = [[typed.fx, 0, typed.cx], [0, typed.fy, typed.cy], [0, 0, 1]]
+    fx, fy, cx, cy = (_number(getattr(typed, name), name) for name in ("fx", "fy", "cx", "cy"))
+    k = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
     camera = PinholeCamera.from_matrix(k, size=(typed.width, typed.height), pixel_origin=typed.pixel_origin, where="K")
     if not typed.distortion.strip():
         return camera, None
@@ -120,6 +124,18 @@ def typed_camera(scene: bpy.types.Scene) -> tuple[PinholeCamera, Distortion | No
     return camera, checked_distortion(values, camera, "distortion")
 
 
+def number_text(value: float) -> str:
+    """The shortest text of a number, without a decimal point for whole ones: what a user would type."""
+    return repr(float(value)).removesuffix(".0")
+
+
+def _number(text: str, name: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"{name}: expected a number of pixels such as 1081.37, found {text!r}") from None
+
+
 def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Distortion | None) -> None:
     """Set the frame's intrinsics and distortion; the pose stays.
 
@@ -128,10 +144,10 @@ def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Di
     InputError
         The frame's file no longer exists.
     """
-    scene = context.scene
+    if context.scene.oneframe.frame_path:
+        from_scene.stamp(absolute_path(context.scene.oneframe.frame_path))
+    scene = workbench.enter(context)
     settings = scene.oneframe
-    if settings.frame_path:
-        from_scene.stamp(absolute_path(settings.frame_path))
     existing, surface = from_scene.present_camera(scene), from_scene.present_surface(scene)
     pose = None if surface is None else surface_object.pose_of(existing, surface)
     alignment_scene.set_alignment_units(scene)
@@ -151,7 +167,7 @@ def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Di
 
 def set_surface(context: bpy.types.Context, path: Path, given: TriangleMesh, units: str) -> None:
     """Use a mesh (frame of its file, mm) as the surface; removes the old one, its structures and landmarks."""
-    scene = context.scene
+    scene = workbench.enter(context)
     settings = scene.oneframe
     old = settings.surface
     if old is not None:
@@ -163,6 +179,7 @@ def set_surface(context: bpy.types.Context, path: Path, given: TriangleMesh, uni
     settings.surface, settings.units = surface, units
     _set_initial_pose(scene, surface)
     replace_landmarks(scene, ())
+    show_shape(context)
     look_through_camera(context)
 
 
@@ -184,29 +201,14 @@ def relink_surface(context: bpy.types.Context, path: Path) -> None:
     replace_landmarks(scene, landmarks)
 
 
-def look_through_camera(context: bpy.types.Context) -> None:
-    """Look through the camera in the context's 3D view, or else in the largest one; nothing if one already does."""
-    scene = context.scene
-    if scene.oneframe.camera_object is None or context.screen is None:
-        return
-    views = [area for area in context.screen.areas if area.type == "VIEW_3D"]
-    if not views or any(area.spaces.active.region_3d.view_perspective == "CAMERA" for area in views):
-        return
-    area = context.area if context.area in views else max(views, key=lambda area: area.width * area.height)
-    space = area.spaces.active
-    space.region_3d.view_perspective = "CAMERA"
-    # a lock would move the camera with the view
-    space.lock_camera = False
-    space.shading.color_type = "OBJECT"
-
-
 def _remember_camera(scene: bpy.types.Scene, camera: PinholeCamera, distortion: Distortion | None) -> None:
     typed = scene.oneframe.camera
     typed.width, typed.height = camera.size_wh
-    typed.fx, typed.fy, typed.cx, typed.cy = camera.fx, camera.fy, camera.cx, camera.cy
+    for name in ("fx", "fy", "cx", "cy"):
+        setattr(typed, name, number_text(getattr(camera, name)))
     typed.pixel_origin = "center"
     values = () if distortion is None else astuple(distortion)
-    typed.distortion = ", ".join(f"{value:g}" for value in values)
+    typed.distortion = ", ".join(map(number_text, values))
     scene.oneframe.distortion_text = json.dumps(values) if values else ""
 
 

@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple
 from datetime import date, time
@@ -21,6 +20,7 @@ from ..poses.pose_file import POSE_KEY
 from .alignment_record import checked_alignment_record
 from .case_file import Case, Structure, case_from_text
 from .landmarks import Landmark
+from .toml_document import key_text
 
 UNIT_OF = {factor: unit for unit, factor in MM_PER_UNIT.items()}
 
@@ -50,12 +50,23 @@ def write_case(path: Path, case: Case, *, comment: str = "") -> None:
     """
     check_outputs([case_output(path)], {name: file for name, file in case.input_files().items() if name != "case"})
     text = case_text(path, case, comment=comment)
-    try:
-        data = text.encode()
-    except UnicodeEncodeError:
-        raise InputError(f"{path.name}: expected names in Unicode, found one that is not; rename the file") from None
+    data = encoded(path, text)
     case_from_text(text, path)
     write_bytes_atomically(path, data)
+
+
+def encoded(path: Path, text: str) -> bytes:
+    """The bytes of a case file.
+
+    Raises
+    ------
+    InputError
+        A name in it is no Unicode.
+    """
+    try:
+        return text.encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{path.name}: expected names in Unicode, found one that is not; rename the file") from None
 
 
 def case_output(path: Path) -> Output:
@@ -101,7 +112,7 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
     blocks += [_landmark_lines(landmark, case.mm_per_unit) for landmark in case.landmarks]
     blocks += [_structure_lines(structure, folder) for structure in case.structures]
     if case.dataset:
-        blocks.append(["[dataset]", *_pairs(_relocated_options(case.dataset, case.path.parent, folder))])
+        blocks.append(["[dataset]", *_pairs(relocated_options(case.dataset, case.path.parent, folder))])
     return "\n\n".join("\n".join(lines) for lines in blocks) + "\n"
 
 
@@ -150,10 +161,10 @@ def _rows(texts: Iterable[Sequence[str]]) -> str:
 
 
 def _pairs(table: Mapping[str, object]) -> list[str]:
-    return [f"{_key(key)} = {toml_value(value)}" for key, value in table.items()]
+    return [f"{key_text(key)} = {toml_value(value)}" for key, value in table.items()]
 
 
-def _relocated_options(dataset: Mapping[str, object], folder: Path, new_folder: Path) -> dict[str, object]:
+def relocated_options(dataset: Mapping[str, object], folder: Path, new_folder: Path) -> dict[str, object]:
     """The table for a case file in another folder: ``poses`` names a file relative to the case file."""
     poses = dataset.get("poses")
     if folder == new_folder or not isinstance(poses, str):
@@ -204,7 +215,3 @@ def toml_value(value: Any) -> str:
         case np.generic() | np.ndarray():
             return toml_value(value.tolist())
     raise InputError(f"expected a value that TOML can hold, found {value!r}")
-
-
-def _key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else toml_value(key)

@@ -14,14 +14,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ..errors import InputError
-from ..files.content import LARGEST_FILE, decoded, read_content, write_bytes_atomically
+from ..files.content import LARGEST_TEXT, decoded, read_content, write_bytes_atomically
 from ..files.kinds import Kind
 from ..files.numbers import WrittenFloat, length_text
 from ..files.outputs import Output, check_outputs
 from ..files.tables import parsed_json, write_csv
-from .landmarks import Landmark, landmark_from_table, landmarks_from_tables
+from .landmarks import MOST_LANDMARKS, Landmark, landmark_from_table, landmarks_from_tables
 
 COLUMNS = ("name", "x", "y", "z", "u", "v", "enabled")
+MOST_COLUMNS = 1000
 _BOOLEANS = {"": True, "true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
 
 
@@ -46,7 +47,7 @@ def read_landmarks(path: Path, *, mm_per_unit: float = 1.0) -> tuple[Landmark, .
         the line.
     """
     path = Path(path)
-    text = decoded(read_content(path, "a file with landmarks", most=LARGEST_FILE))
+    text = decoded(read_content(path, "a file with landmarks", most=LARGEST_TEXT))
     if text is None:
         raise InputError(f"{path.name}: expected landmarks as CSV or JSON, found another kind of file")
     return _parsed(text, path.name, mm_per_unit)
@@ -141,6 +142,8 @@ def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
                     "write decimal points, not commas"
                 )
             landmark = landmark_from_table(_table(names, cells, place), place, mm_per_unit=mm_per_unit)
+            if len(found) == MOST_LANDMARKS:
+                raise InputError(f"{place}expected up to {MOST_LANDMARKS} landmarks, found more; keep the best")
             line, _ = found.setdefault(landmark.name, (rows.line_num, landmark))
             if line != rows.line_num:
                 raise InputError(f"{place}expected another name, {landmark.name!r} is also in line {line}; rename one")
@@ -152,6 +155,8 @@ def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
 
 
 def _checked_header(cells: list[str], place: str) -> list[str]:
+    if len(cells) > MOST_COLUMNS:
+        raise InputError(f"{place}expected a header {','.join(COLUMNS)}, found {len(cells)} columns; leave only these")
     names = [cell.strip().lower() for cell in cells]
     for wanted in COLUMNS:
         if names.count(wanted) > 1:

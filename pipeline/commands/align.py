@@ -17,6 +17,7 @@ EPILOG = """examples:
   %(prog)s case.toml --landmarks landmarks.csv --out aligned.toml --picture overlay.png
   %(prog)s case.toml --json pose.json           (the landmarks of the case file)
   %(prog)s rough.toml --refine --out refined.toml
+  %(prog)s rough.toml --refine --take-refused --out refined.toml --picture overlay.png
 
 Landmarks are 2D-3D correspondences: a name, a point in the frame of the mesh file and a pixel of the undistorted
 frame. They come from --landmarks (CSV or JSON) or else from the case file. The command prints the pose in both
@@ -44,6 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--refine", action="store_true",
         help="refine the pose against the image, from the pose of the landmarks or, without any, of the case",
     )  # fmt: skip
+    method.add_argument(
+        "--take-refused", action="store_true",
+        help="take the pose that the refinement has found even if it refuses it; look at --picture",
+    )  # fmt: skip
     output = parser.add_argument_group("output")
     output.add_argument("--out", metavar="FILE", type=Path, help="write the case with the new pose and the landmarks")
     output.add_argument("--json", metavar="FILE", type=Path, help="write pose, residuals and covariance")
@@ -52,7 +57,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str], prog: str = "oneframe align") -> int:
     """Parse the arguments and run."""
-    arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
+    parser = command_parser(prog, ABOUT, EPILOG, add_arguments)
+    arguments = parser.parse(argv)
+    if arguments.take_refused and not arguments.refine:
+        parser.error("--take-refused: expected --refine with it")
     return run(arguments, tool=f"OneFrame {__version__}, {prog.removeprefix('oneframe ')}")
 
 
@@ -60,6 +68,7 @@ def run(arguments: argparse.Namespace, *, tool: str) -> int:
     """Align the case, print the report and write the requested files; the case file records ``tool``."""
     with explained_imports():
         from ..alignment.landmarks.report import pose_lines, pose_table, report_lines, report_table
+        from ..alignment.refinement.report import refinement_table
         from ..blender.alignment.align_case import align_case, alignment_picture
         from ..case.case_file import read_case
         from ..case.case_writer import case_output, write_case
@@ -87,6 +96,7 @@ def run(arguments: argparse.Namespace, *, tool: str) -> int:
         case,
         click_sigma_px=arguments.click_sigma_px,
         refine=arguments.refine,
+        take_refused=arguments.take_refused,
         tool=tool,
         date=datetime.date.today().isoformat(),
     )
@@ -95,11 +105,19 @@ def run(arguments: argparse.Namespace, *, tool: str) -> int:
     lines += [f"note: {message}" for message in aligned.messages]
     if refinement and refinement.accepted:
         lines += [refinement.message, *pose_lines(found.cam_from_mesh)]
+    elif refinement and aligned.took_refused:
+        lines += [f"warning: taken although refused: {refinement.objection}", *pose_lines(found.cam_from_mesh)]
     elif refinement:
         lines.append(f"note: {refinement.message}")
     output.write("\n".join(lines) + "\n")
     if arguments.json:
-        table = report_table(alignment) if alignment else {}
+        table: dict[str, object] = report_table(alignment) if alignment else {}
+        if aligned.is_refined:
+            # residuals and uncertainty of the landmarks belong to their own pose
+            table = {"start": table} if alignment else {}
+        if refinement:
+            mesh_from_model = aligned.loaded.mesh_from_model
+            table["refinement"] = refinement_table(refinement, mesh_from_model, taken=aligned.took_refused)
         text = json.dumps({**table, **pose_table(found.cam_from_mesh)}, indent=2, allow_nan=False) + "\n"
         with writing(made_folder(arguments.json)):
             write_bytes_atomically(arguments.json, text.encode())
@@ -107,7 +125,9 @@ def run(arguments: argparse.Namespace, *, tool: str) -> int:
         picture = encode_png(to_uint8(alignment_picture(aligned)))
         with writing(made_folder(arguments.picture)):
             write_bytes_atomically(arguments.picture, picture)
-        drawn = "frame, overlay, residuals (10 times their length), 95 % ellipses" if alignment else "frame, overlay"
+        drawn = "frame, overlay"
+        if alignment and not aligned.is_refined:
+            drawn += ", residuals (10 times their length), 95 % ellipses"
         output.write(f"{drawn}: {arguments.picture}\n")
     if arguments.out:
         with writing(made_folder(arguments.out)):

@@ -34,9 +34,9 @@ EPILOG = """examples:
   %(prog)s case.toml --out dataset --poses poses.npy --samples 8
   %(prog)s case.toml --out dataset --count 100000 --shard 3/50      (shard 3 of 0..49, on any machine)
 
-Run the same command again to continue a stopped run. To merge shards from separate folders, copy the folders into
-one and run the same command without --shard: it writes the tables. The case file may hold all options that affect
-the content, in a table [dataset] (count = 1000, cone_deg = 30, ...).
+Run the same command again to continue a stopped run, or with a larger --count to add views. To merge shards from
+separate folders, copy the folders into one and run the same command without --shard: it writes the tables. The case
+file may hold all options that affect the content, in a table [dataset] (count = 1000, cone_deg = 30, ...).
 """
 
 
@@ -56,6 +56,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--workers", metavar="N", type=int, default=0, help="number of processes (default: one per core)"
     )
     machines.add_argument("--shard", metavar="I/N", default="0/1", help="render only shard I of N, counted from 0")
+    machines.add_argument(
+        "--verify", action="store_true", help="compare the hashes of all finished files, not only that they are there "
+        "with their sizes; what has changed is rendered again"
+    )  # fmt: skip
     machines.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     # for a program that runs this command and shows its progress
     machines.add_argument("--progress-seconds", type=float, default=LINE_SECONDS, help=argparse.SUPPRESS)
@@ -100,6 +104,7 @@ def run(arguments: argparse.Namespace, *, worker_command: Sequence[str]) -> int:
         workers=arguments.workers,
         worker_command=worker_command,
         stream=output,
+        verify=arguments.verify,
         progress_seconds=arguments.progress_seconds,
     )
     return 0

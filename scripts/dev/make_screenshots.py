@@ -66,7 +66,7 @@ def script(path: Path, *arguments: object) -> None:
 
 def first_page(case: Path, dataset: Path) -> Image.Image:
     """The frame and, next to it, the overlay and three views of the dataset at half its size."""
-    views = [dataset / "train_pbr" / "000000" / "rgb" / f"{number:06d}.png" for number in SHOWN_VIEWS]
+    views = [dataset / "train_synt" / "000000" / "rgb" / f"{number:06d}.png" for number in SHOWN_VIEWS]
     frame, *small = (
         Image.open(path).convert("RGB") for path in (case.parent / "frame.png", dataset / "overlay.png", *views)
     )

@@ -68,7 +68,7 @@ def tree(folder: Path) -> dict[str, bytes]:
 
 
 def finished_views(out: Path) -> int:
-    return sum(1 for _ in out.glob("train_pbr/*/frame/*.json"))
+    return sum(1 for _ in out.glob("train_synt/*/frame/*.json"))
 
 
 def datablocks() -> set[str]:
@@ -213,7 +213,7 @@ def test_a_cancelled_run_keeps_its_views_and_can_be_resumed(opened, job_module, 
     assert job.cancelled
     assert job.error == ""
     assert process.returncode == 130
-    kept = {name: data for name, data in tree(out).items() if name.startswith("train_pbr")}
+    kept = {name: data for name, data in tree(out).items() if name.startswith("train_synt")}
     assert 2 <= finished_views(out) < 300
     # the user adds a landmark meanwhile, which does not change the views
     opened.oneframe.landmarks.add().name = "later"
@@ -227,7 +227,7 @@ def test_a_cancelled_run_keeps_its_views_and_can_be_resumed(opened, job_module, 
     counts = [count for count in counts if count is not None]
     assert counts[0] >= 2
     assert counts == sorted(counts)
-    assert [landmark.name for landmark in read_case(case_path).landmarks] == ["later"]
+    assert read_case(case_path).landmarks == ()
 
 
 def test_disabling_the_addon_stops_the_run(opened, addon, job_module, tmp_path):
@@ -283,28 +283,135 @@ def is_alive(pid: int) -> bool:
     return status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z"
 
 
-def other_dataset(scene, out):
-    out.mkdir()
-    (out / "notes.txt").write_text("not a dataset")
-
-
-def impossible(scene, out):
-    scene.oneframe.dataset.min_clearance_mm = 5000
-
-
-@pytest.mark.parametrize(
-    ("spoil", "message"),
-    [(other_dataset, "expected a new or empty folder"), (impossible, "found no pose that meets the constraints")],
-)
-def test_the_message_of_a_failed_run_reaches_the_user(opened, job_module, tmp_path, spoil, message):
-    out = tmp_path / "out"
-    opened.oneframe.dataset_out = str(out)
-    spoil(opened, out)
+def test_the_message_of_a_failed_run_reaches_the_user(opened, job_module, tmp_path):
+    opened.oneframe.dataset_out = str(tmp_path / "out")
+    opened.oneframe.dataset.min_clearance_mm = 5000
     bpy.ops.oneframe.render_dataset()
     job = followed(job_module, ended)
-    assert message in job.error
+    assert "found no pose that meets the constraints" in job.error
     assert "\n" not in job.error
     assert not job.cancelled
+
+
+def test_a_run_never_writes_the_users_case(opened, job_module, case_path, tmp_path):
+    """A snapshot beside the dataset holds what the window shows; it is the same bytes for the same case."""
+    text, out = case_path.read_bytes(), tmp_path / "elsewhere" / "out"
+    opened.oneframe.dataset_out = str(out)
+    opened.oneframe.dataset.count = 2
+    bpy.ops.oneframe.nudge(axis="x")
+    opened.oneframe.landmarks.add().name = "new"
+    bpy.ops.oneframe.render_dataset()
+    assert followed(job_module, ended).code == 0
+    assert case_path.read_bytes() == text
+    snapshot = tmp_path / "elsewhere" / "out.case.toml"
+    before, case = snapshot.read_bytes(), read_case(snapshot)
+    assert np.array_equal(case.cam_from_mesh, from_scene().cam_from_mesh(opened))
+    assert (case.image.resolve(), case.mesh.resolve()) == tuple(
+        path.resolve() for path in (read_case(case_path).image, read_case(case_path).mesh)
+    )
+    bpy.ops.oneframe.render_dataset()
+    assert followed(job_module, ended).code == 0
+    assert snapshot.read_bytes() == before
+    # refused: neither the case nor a file of the user's at the snapshot's place is written
+    snapshot.write_text("# mine\n")
+    refused(bpy.ops.oneframe.render_dataset, "a file that Render Dataset has not written")
+    assert snapshot.read_text() == "# mine\n"
+    assert case_path.read_bytes() == text
+
+
+def test_a_snapshot_elsewhere_finds_the_listed_poses(addon, write_tiny_case, job_module, tmp_path):
+    path = write_tiny_case(tmp_path / "case")
+    np.save(tmp_path / "case" / "poses.npy", read_case(path).cam_from_mesh[None])
+    path.write_text(path.read_text() + '\n[dataset]\nposes = "poses.npy"\n')
+    bpy.ops.oneframe.open_case(filepath=str(path))
+    bpy.context.scene.oneframe.dataset_out = str(tmp_path / "far" / "out")
+    bpy.ops.oneframe.render_dataset()
+    assert followed(job_module, ended).error == ""
+    (tmp_path / "copy").mkdir()
+    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "copy" / "case.toml"))
+    assert read_case(tmp_path / "copy" / "case.toml").dataset["poses"] == "../case/poses.npy"
+
+
+def from_scene():
+    return importlib.import_module("blender_addon.state.from_scene")
+
+
+def seed(scene):
+    scene.oneframe.dataset.seed = 6
+
+
+def fewer(scene):
+    scene.oneframe.dataset.count = 1
+
+
+def other_pose(scene):
+    bpy.ops.oneframe.nudge(axis="x")
+
+
+def other_image(scene):
+    path = Path(scene.oneframe.frame_path)
+    path.write_bytes(path.read_bytes() + b" ")
+
+
+DIFFERENCES = {
+    seed: "Seed was 5, is 6",
+    fewer: "a dataset of 2 views, 1 are wanted",
+    other_pose: "the pose has changed",
+    other_image: r"the frame's image \(frame.png\) has changed",
+}
+
+
+def test_what_a_dataset_cannot_become_is_said_before_anything_starts(opened, job_module, case_path, tmp_path):
+    out = tmp_path / "out"
+    opened.oneframe.dataset_out = str(out)
+    opened.oneframe.dataset.count = 2
+    bpy.ops.oneframe.render_dataset()
+    assert followed(job_module, ended).code == 0
+    job_module.forget()
+    before, snapshot = tree(out), (tmp_path / "out.case.toml").read_bytes()
+    for change, message in DIFFERENCES.items():
+        bpy.ops.oneframe.open_case(filepath=str(case_path))
+        opened.oneframe.dataset.count = 2
+        change(opened)
+        with pytest.raises(RuntimeError, match=message) as caught:
+            bpy.ops.oneframe.render_dataset()
+        assert "--" not in str(caught.value)
+        assert job_module.current() is None
+    assert tree(out) == before
+    assert (tmp_path / "out.case.toml").read_bytes() == snapshot
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("not a dataset")
+    opened.oneframe.dataset_out = str(tmp_path / "mine")
+    refused(bpy.ops.oneframe.render_dataset, "found other files; choose another folder")
+    assert not (tmp_path / "mine.case.toml").exists()
+
+
+def test_a_larger_number_of_views_extends_the_dataset(opened, job_module, case_path, tmp_path):
+    out = tmp_path / "out"
+    opened.oneframe.dataset_out = str(out)
+    for count in (2, 5):
+        opened.oneframe.dataset.count = count
+        bpy.ops.oneframe.render_dataset()
+        job = followed(job_module, ended)
+        assert (job.code, job.error) == (0, "")
+        assert finished_views(out) == count
+
+
+def test_messages_of_the_command_line_become_the_windows():
+    words = importlib.import_module("blender_addon.dataset.wording").in_window_words
+    assert words("found projective; add --colour vertex, or use --engine cycles") == (
+        "found projective; add Colour Vertex, or use Engine Cycles"
+    )
+    assert words("is in use; choose another folder (--out)") == "is in use; choose another folder"
+    assert words("use a smaller frame or --scale") == "use a smaller frame or Image Size (×)"
+
+
+def test_previews_are_no_unsaved_images(opened):
+    for number in range(2):
+        opened.oneframe.preview_view = number
+        bpy.ops.oneframe.preview_view()
+    bpy.ops.oneframe.project_colour(mode="texture")
+    assert [image.name for image in bpy.data.images if image.is_dirty] == []
 
 
 def test_settings_that_a_run_would_refuse_are_refused_at_once(opened, job_module, case_path):
@@ -318,8 +425,6 @@ def test_settings_that_a_run_would_refuse_are_refused_at_once(opened, job_module
     refused(bpy.ops.oneframe.render_dataset, "Remove Scale")
     opened.oneframe.surface.scale = (1, 1, 1)
     bpy.context.view_layer.update()
-    opened.oneframe.case_path = ""
-    refused(bpy.ops.oneframe.render_dataset, "press Save Case first")
     assert job_module.current() is None
     assert case_path.read_bytes() == text
 

@@ -84,11 +84,63 @@ def test_a_case_that_is_opened_and_saved_is_the_same_to_the_last_bit(opened, cas
         (s.name, s.colour, s.mesh.resolve()) for s in second.structures
     }
     assert (second.image.resolve(), second.mesh.resolve()) == (first.image.resolve(), first.mesh.resolve())
-    for one, other in zip(first.landmarks, second.landmarks, strict=True):
-        assert (one.name, one.enabled) == (other.name, other.enabled)
-        # Blender keeps points in single precision
-        assert one.point == other.point or np.allclose(one.point, other.point, rtol=0, atol=1e-5)
-        assert np.allclose(one.pixel, other.pixel, rtol=0, atol=1e-5)
+    assert second.landmarks == first.landmarks
+
+
+def test_saving_keeps_the_authors_file(opened, case_path):
+    """Only what the window has changed is written; what it holds in single precision keeps its digits."""
+    text = case_path.read_text().replace("count = 12", "count = 100 # the default, but meant").replace("1.25", "1.3")
+    case_path.write_text("# left ear\n" + text)
+    bpy.ops.oneframe.open_case(filepath=str(case_path))
+    bpy.ops.oneframe.save_case(filepath=str(case_path))
+    assert case_path.read_text() == "# left ear\n" + text
+    bpy.context.scene.oneframe.landmarks[1].pixel = (10.1, 12.0)
+    bpy.context.scene.oneframe.dataset.cone_deg = 0.9
+    bpy.ops.oneframe.save_case(filepath=str(case_path))
+    assert case_path.read_text() == "# left ear\n" + text.replace("[10.0, 12.0]", "[10.1, 12.0]").replace(
+        "cone_deg = 30.5", "cone_deg = 0.9"
+    )
+
+
+def test_typed_numbers_keep_every_digit(opened, case_path):
+    typed = opened.oneframe.camera
+    typed.fx, typed.fy, typed.cx, typed.distortion = "1081.37", "1081.370000123456", "31.4", "0.0123456789, 0, 0, 0, 0"
+    bpy.ops.oneframe.set_camera()
+    bpy.ops.oneframe.save_case(filepath=str(case_path))
+    assert "1081.37," in case_path.read_text()
+    case = read_case(case_path)
+    assert (case.camera.fx, case.camera.fy, case.camera.cx) == (1081.37, 1081.370000123456, 31.4)
+    bpy.ops.oneframe.open_case(filepath=str(case_path))
+    bpy.ops.oneframe.set_camera()
+    bpy.ops.oneframe.save_case(filepath=str(case_path))
+    assert (read_case(case_path).camera, read_case(case_path).distortion) == (case.camera, case.distortion)
+
+
+def test_a_case_with_changes_that_its_file_lacks_is_known(opened, case_path):
+    from blender_addon.setup.unsaved import unsaved_parts, unsaved_text
+
+    assert unsaved_parts(opened) == ()
+    bpy.ops.oneframe.nudge(axis="x")
+    opened.oneframe.landmarks[0].name = "other"
+    opened.oneframe.dataset.seed = 3
+    assert set(unsaved_parts(opened)) == {"pose", "landmarks", "dataset options"}
+    assert "case.toml" in unsaved_text(opened)
+    bpy.ops.oneframe.save_case(filepath=str(case_path))
+    assert unsaved_parts(opened) == ()
+    case_path.unlink()
+    assert unsaved_parts(opened) == ("all of it",)
+
+
+def test_a_case_never_saved_is_lost_once_it_is_aligned(addon, case_path):
+    from blender_addon.setup.unsaved import unsaved_parts
+
+    folder, scene = case_path.parent, bpy.context.scene
+    bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
+    bpy.ops.oneframe.load_camera(filepath=str(case_path))
+    bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
+    assert unsaved_parts(scene) == ()
+    bpy.ops.oneframe.nudge(axis="x")
+    assert unsaved_parts(scene) == ("pose",)
 
 
 def test_the_record_of_a_pose_holds_until_the_surface_moves(addon, case_path):
@@ -139,7 +191,6 @@ def test_blenders_camera_projects_points_as_k_and_pose_do(opened, camera, rng):
 @pytest.mark.parametrize("order", list(itertools.permutations("fcs")), ids="".join)
 def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, order):
     folder = case_path.parent
-    settings = bpy.context.scene.oneframe
     for step in order:
         if step == "f":
             bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
@@ -148,6 +199,7 @@ def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, o
         if step == "s":
             bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
     bpy.ops.oneframe.save_case(filepath=str(folder / "new.toml"))
+    settings = bpy.context.scene.oneframe
     made, given = read_case(folder / "new.toml"), read_case(case_path)
     assert made.camera == given.camera
     assert settings.camera_object.data.background_images[0].image is not None
@@ -295,8 +347,18 @@ def _zero_k(folder):
 
 
 def _typed_zero_k(folder):
-    bpy.context.scene.oneframe.camera.fy = 0
+    bpy.context.scene.oneframe.camera.fy = "0"
     return bpy.ops.oneframe.set_camera, {}, "positive focal lengths"
+
+
+def _typed_word(folder):
+    bpy.context.scene.oneframe.camera.cx = "31,5"
+    return bpy.ops.oneframe.set_camera, {}, "cx: expected a number of pixels such as 1081.37, found '31,5'"
+
+
+def _name_of_another_toml(folder):
+    (folder / "pyproject.toml").write_text("[project]")
+    return bpy.ops.oneframe.save_case, {"filepath": str(folder / "pyproject.toml")}, "under another name"
 
 
 def _moved_files(folder):
@@ -332,7 +394,8 @@ def _lost_frame(folder):
 
 
 MISTAKES = (
-    *(_no_image, _no_video, _no_faces, _zero_k, _typed_zero_k, _moved_files, _mirrored_pose),
+    *(_no_image, _no_video, _no_faces, _zero_k, _typed_zero_k, _typed_word, _moved_files, _mirrored_pose),
+    _name_of_another_toml,
     *(_no_name, _name_of_the_frame, _name_of_the_mesh, _name_of_the_case, _lost_frame),
 )
 
@@ -371,16 +434,25 @@ def test_a_folder_that_does_not_exist_is_reported(opened, tmp_path):
     assert "Traceback" not in str(caught.value)
 
 
-def test_structures_follow_the_surface(opened, case_path):
-    write_ply(case_path.parent / "nerve.ply", _tiny_surface())
-    bpy.ops.oneframe.add_structure(filepath=str(case_path.parent / "nerve.ply"), color=(0.0, 1.0, 1.0))
+def test_structures_are_loaded_together_and_follow_the_surface(opened, case_path):
+    from blender_addon.view.overlay_passes import world_from_structure
+
+    folder, names = case_path.parent, ["facial_nerve", "ossicles"]
+    for name in names:
+        write_ply(folder / f"{name}.ply", _tiny_surface())
+    bpy.ops.oneframe.add_structure(directory=str(folder), files=[{"name": f"{name}.ply"} for name in names])
     surface = opened.oneframe.surface
-    nerve = next(child for child in surface.children if child.name == "nerve")
+    added = {child.name: child for child in surface.children if child.name in names}
+    assert {name: tuple(child.color[:3]) for name, child in added.items()} == {
+        "facial_nerve": (1, 0, 1),
+        "ossicles": (0, 1, 1),
+    }
     surface.location.x += 5
     bpy.context.view_layer.update()
-    assert np.allclose(nerve.matrix_world, surface.matrix_world)
+    assert all(np.allclose(world_from_structure(child), surface.matrix_world) for child in added.values())
     bpy.ops.oneframe.save_case(filepath=str(case_path))
-    assert [structure.name for structure in read_case(case_path).structures] == ["antrum", "nerve", "zygoma"]
+    saved = [structure.name for structure in read_case(case_path).structures]
+    assert saved == ["zygoma", "antrum", "facial_nerve", "ossicles"]
 
 
 def _tiny_surface():

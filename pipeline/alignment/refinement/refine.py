@@ -3,7 +3,8 @@
 A local search (:mod:`.local_search`) starts from the rough pose. If its result fails the verification, a search over
 tilts, rolls, distances and shifts on a coarse image (:mod:`.pose_search`) gives further initial poses, which are
 refined from coarse to fine. The result is accepted only if it explains the image better than the rough pose, has a low
-second peak ratio, and agrees between two halves of the image (:mod:`.verification`). Needs ``cv2``.
+second peak ratio, agrees between two halves of the image (:mod:`.verification`), and has a small estimated error
+(:mod:`.jackknife`). Needs ``cv2``.
 """
 
 from collections.abc import Callable
@@ -13,6 +14,7 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
+from ...files.numbers import format_two_digits
 from ...projection.z_buffer import rasterise_depth
 from ...surface.decimation import cluster_vertices
 from ...surface.mesh import TriangleMesh
@@ -24,11 +26,13 @@ from ...transforms import (
     transform_points,
     turned_about,
 )
+from ..landmarks.covariance import PoseUncertainty
 from .image_pyramid import PyramidLevel, pyramid
-from .local_search import LocalResult, refine_on_level
+from .jackknife import jackknife, root_mean_square_px
+from .local_search import LocalResult, refine_on_level, score
 from .pose_search import REACH, search_poses, second_peak_ratio
 from .shading_features import RIM, Surface
-from .verification import ImageAgreement, Verification, agreement, contrast, mean_distance_px, verify
+from .verification import ImageAgreement, Verification, contrast, mean_distance_px, verify
 
 SIDES_PX = (70.0, 125.0, 220.0)
 """Square roots of the surface's area on the pyramid levels."""
@@ -63,6 +67,9 @@ Rotations beyond the second are refused: slanted views begin to fit anything."""
 MAX_SPLIT_HALF_PX, MAX_SPLIT_HALF_LEVEL_PX = 2.0, 0.7
 """In pixels of the full image, and of the finest level; the larger bound applies."""
 
+MAX_ERROR_PX, MAX_ERROR_LEVEL_PX = 3.0, 1.0
+"""Estimated error, in pixels of the full image and of the finest level; the larger bound applies."""
+
 MIN_SURFACE_PX = 64
 """Pixels that must show the surface at the rough pose, in an image of 160 px."""
 
@@ -78,9 +85,12 @@ class Refinement:
     accepted
         Whether the refined pose passed the verification and has a higher score than the rough one.
     before, after
-        Agreement of the rough and of the refined pose with the image, whether accepted or not.
+        Agreement of the rough and of the refined pose with the image, whether accepted or not. If ``found`` failed the
+        verification, the error of the rough pose is unknown, and that of ``found`` a lower bound.
     message
         Why the refined pose was accepted or refused, with numbers.
+    objection
+        The reason alone if it was refused, otherwise empty.
     found
         ``(4, 4)`` the refined pose, also if it was refused.
     verified
@@ -89,6 +99,8 @@ class Refinement:
         From the rough pose to ``found``: mean shift of the visible points, and angle of rotation.
     verification
         Measures of the verification; ``None`` if there was no refined pose to test.
+    uncertainty
+        Uncertainty of ``found``; ``None`` if there is none, or if the image does not determine it.
     """
 
     cam_from_model: np.ndarray
@@ -96,11 +108,18 @@ class Refinement:
     before: ImageAgreement
     after: ImageAgreement
     message: str
+    objection: str
     found: np.ndarray
     verified: bool
     moved_px: float
     rotation_deg: float
     verification: Verification | None
+    uncertainty: PoseUncertainty | None
+
+    @property
+    def can_be_taken(self) -> bool:
+        """Whether it was refused, but found a pose to look at and to take all the same."""
+        return not self.accepted and not self.verified and self.verification is not None
 
 
 def refine_pose(
@@ -148,7 +167,7 @@ def refine_pose(
         )
     if contrast(levels[0]) < MIN_CONTRAST:
         return _refuse_unsearched(start, "the image shows no detail there; use a frame with more contrast")
-    before = agreement(levels[-1], start)
+    before = score(levels[-1], start)
     report(0.05)
 
     def assess(pose: np.ndarray) -> Refinement:
@@ -177,7 +196,7 @@ def refine_pose(
 def _refuse_unsearched(start: np.ndarray, reason: str) -> Refinement:
     none = ImageAgreement(0.0, np.nan)
     message = f"Refused, the pose is unchanged: {reason}."
-    return Refinement(start, False, none, none, message, start, False, 0.0, 0.0, None)
+    return Refinement(start, False, none, none, message, reason, start, False, 0.0, 0.0, None, None)
 
 
 def _check(
@@ -288,20 +307,23 @@ def _multistart(
 def _accept(
     start: np.ndarray,
     pose: np.ndarray,
-    before: ImageAgreement,
+    before: float,
     levels: list[PyramidLevel],
     points: np.ndarray,
     camera: PinholeCamera,
 ) -> Refinement:
     """Verify a refined pose, and accept or refuse it."""
-    after = agreement(levels[-1], pose)
+    after = score(levels[-1], pose)
     tests = verify(levels[0], levels[-1], pose, points, camera)
     moved_px = mean_distance_px(camera, points, start, pose)
     rotation_deg = rotation_angle_deg(pose[:3, :3] @ start[:3, :3].T)
+    uncertainty = jackknife(levels[-1], pose, points, camera)
+    error_px = np.inf if uncertainty is None else root_mean_square_px(uncertainty, points, camera, pose)
+    limit_error_px = max(MAX_ERROR_PX, MAX_ERROR_LEVEL_PX * levels[-1].px)
     limit_px = max(MAX_SPLIT_HALF_PX, MAX_SPLIT_HALF_LEVEL_PX * levels[-1].px)
-    explained = f"the shape explains {after.score:.0%} of the image's variation ({before.score:.0%} before)"
-    objection = None
-    if after.score < MIN_SCORE:
+    explained = f"the shape explains {after:.0%} of the image's variation ({before:.0%} before)"
+    objection = ""
+    if after < MIN_SCORE:
         objection = f"{explained}, which is too little (at least {MIN_SCORE:.0%})"
     elif tests.second_peak_ratio > MAX_SECOND_PEAK_RATIO:
         objection = (
@@ -315,25 +337,37 @@ def _accept(
             f"{explained}, but the poses from two halves of the image differ by {tests.split_half_px:.1f} px "
             f"(at most {limit_px:.1f} px)"
         )
-    accepted = objection is None and after.score > before.score
-    if objection is not None:
+    elif error_px > limit_error_px:
+        objection = (
+            f"{explained}, but without parts of the image the surface would move by {_px(error_px)} "
+            f"(at most {limit_error_px:.1f} px)"
+        )
+    accepted = not objection and after > before
+    if objection:
         message = f"Refused, the pose is unchanged: {objection}; bring the surface nearer by hand or with landmarks."
     elif accepted:
         message = (
             f"Refined by {moved_px:.1f} px and {rotation_deg:.2f}°: {explained}, two halves of the image agree within "
-            f"{tests.split_half_px:.1f} px, and the next best place fits {tests.second_peak_ratio:.0%} as well."
+            f"{tests.split_half_px:.1f} px, and the next best place fits {tests.second_peak_ratio:.0%} as well. "
+            f"The surface is off by about {_px(error_px)}."
         )
     else:
         message = f"The pose is unchanged: the best pose nearby, {moved_px:.1f} px away, is no better ({explained})."
     return Refinement(
         cam_from_model=pose if accepted else start,
         accepted=accepted,
-        before=before,
-        after=after,
+        before=ImageAgreement(before, np.nan if objection else float(np.hypot(moved_px, error_px))),
+        after=ImageAgreement(after, error_px),
         message=message,
+        objection=objection,
         found=pose,
-        verified=objection is None,
+        verified=not objection,
         moved_px=moved_px,
         rotation_deg=rotation_deg,
         verification=tests,
+        uncertainty=uncertainty,
     )
+
+
+def _px(distance_px: float) -> str:
+    return f"{format_two_digits(distance_px)} px" if np.isfinite(distance_px) else "any distance"

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...case.loaded_case import LoadedCase
 from ...colour.texture_atlas import TextureAtlas
-from ...colour.vertex_colours import VertexColours
+from ...colour.vertex_colours import VertexColours, colour_vertices
 from ...errors import InputError
 from ...files.content import write_bytes_atomically
 from ...files.kinds import GLB, MTL, OBJ, PLY, PNG
@@ -25,7 +25,7 @@ from ...files.temporary import temporary_folder, unwritable_temporary, writing_t
 from ...images.pixel_values import linear_from_codes, to_uint8
 from ...images.png import encode_png
 from ...surface.mesh import TriangleMesh
-from ...surface.mesh_writer import material_path, write_obj, write_ply
+from ...surface.mesh_writer import material_path, texture_path, write_obj, write_ply
 from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colors, temporary_data
 from ..bridge.versions import new_node_material
 from ..render.engines import delayed_interrupts
@@ -58,7 +58,7 @@ def check_export(path: Path, inputs: Mapping[str, Path], *, colour: str) -> None
         raise InputError(f"{path}: a {suffix} file cannot hold {colour} colours; use texture")
     outputs = [Output(path, FORMATS[suffix])]
     if colour == "texture" and suffix != ".glb":
-        outputs.append(companion(_texture_path(path), PNG))
+        outputs.append(companion(texture_path(path), PNG))
     if suffix == ".obj":
         outputs.append(companion(material_path(path), MTL))
     check_outputs(outputs, inputs)
@@ -100,21 +100,21 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["
         return [*source.messages, *messages]
     given = given.scaled(1 / loaded.case.mm_per_unit)
     if isinstance(surface_colour, TextureAtlas):
-        picture = _texture_path(path)
+        picture = texture_path(path)
         with writing(picture):
             write_bytes_atomically(picture, signed(encode_png(to_uint8(surface_colour.image))))
-        write = write_ply if suffix == ".ply" else write_obj
+        uv, texture = surface_colour.uv, picture.name
         with writing(path):
-            write(path, given, uv=surface_colour.uv, texture=picture.name)
+            if suffix == ".obj":
+                write_obj(path, given, uv=uv, texture=texture)
+            else:
+                # for readers that know no textures in a PLY
+                colours = to_uint8(colour_vertices(source.mesh, source.view).rgb)
+                write_ply(path, given, colours=colours, normals=given.vertex_normals, uv=uv, texture=texture)
     else:
         with writing(path):
             write_ply(path, given, colours=to_uint8(surface_colour.rgb), normals=given.vertex_normals)
     return [*source.messages, *messages]
-
-
-def _texture_path(path: Path) -> Path:
-    """The image of a textured OBJ or PLY."""
-    return path.with_suffix(".png")
 
 
 def _glb(mesh: TriangleMesh, colour: VertexColours | TextureAtlas) -> bytes:

@@ -160,7 +160,8 @@ def delayed_interrupts() -> Iterator[None]:
 def check_engine(engine: str) -> None:
     """Check by a trial render in a separate process that an engine works on this machine.
 
-    Without an OpenGL context Blender does not report an error: the process ends at once.
+    Without an OpenGL context Blender does not report an error: the process ends at once, while it sets up OpenGL, by a
+    segmentation fault (5.2, also in ``gpu.init()``) or an abort (4.5).
 
     Raises
     ------

@@ -74,6 +74,10 @@ def _set_up(scene: bpy.types.Scene, files: list[Path], *, width: int, height: in
     render.fps, render.fps_base = FRAMES_PER_SECOND, 1.0
     render.use_sequencer, render.use_compositing = True, False
     scene.frame_start, scene.frame_end = 1, len(files)
+    # the same images make the same bytes: Blender would note day, duration, memory and paths in the file
+    for name in dir(render):
+        if name.startswith("use_stamp"):
+            setattr(render, name, False)
     # both ends are sRGB code values: nothing to convert
     scene.view_settings.view_transform = "Standard"
     scene.sequencer_colorspace_settings.name = "sRGB"

@@ -9,6 +9,7 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...case.case_file import Case, Structure
 from ...case.case_writer import CASE_FILE, case_text, write_case
+from ...case.structure_colour import structure_colour
 from ...files.content import write_bytes_atomically
 from ...files.kinds import PLY, PNG, Kind, json_array
 from ...files.outputs import check_outputs, companion, made_folder, writing
@@ -16,11 +17,7 @@ from ...sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_
 from ...surface.mesh_writer import write_ply
 from .photograph import take_photographs
 
-STRUCTURE_COLORS = {
-    "facial_nerve": (1.0, 0.0, 1.0),
-    "chorda_tympani": (0.0, 1.0, 0.0),
-    "ossicles": (0.0, 1.0, 1.0),
-}
+STRUCTURES = ("facial_nerve", "chorda_tympani", "ossicles")
 HELD_OUT = "held_out.json"
 PHOTOGRAPHS = Kind("a list of photographs", json_array("image", "cam_from_mesh"))
 COMMENT = "A photograph of a drilled temporal bone: generated, not a patient"
@@ -38,7 +35,7 @@ def check_sample_case(folder: Path, *, camera: PinholeCamera = MICROSCOPE, held_
     """
     text = case_text(folder / "case.toml", _case(folder, camera), comment=COMMENT)
     images = ("frame.png", *(_held_out_views() if held_out else ()))
-    outputs = [companion(folder / name, PLY) for name in ("surface.ply", *map(_structure_file, STRUCTURE_COLORS))]
+    outputs = [companion(folder / name, PLY) for name in ("surface.ply", *map(_structure_file, STRUCTURES))]
     outputs += [companion(folder / name, PNG) for name in images]
     outputs.append(companion(folder / "case.toml", CASE_FILE, lambda path: path.read_bytes() == text.encode()))
     if held_out:
@@ -110,7 +107,7 @@ def _held_out_list() -> bytes:
 
 
 def _case(folder: Path, camera: PinholeCamera) -> Case:
-    structures = [Structure(name, folder / _structure_file(name), colour) for name, colour in STRUCTURE_COLORS.items()]
+    structures = [Structure(name, folder / _structure_file(name), structure_colour(name)) for name in STRUCTURES]
     return Case(
         path=folder / "case.toml",
         mm_per_unit=1.0,

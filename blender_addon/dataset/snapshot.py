@@ -1,0 +1,52 @@
+"""The case as a run renders it, in a file beside the dataset; the user's own case file is never written."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import bpy
+
+from ..pipeline.case.case_file import case_from_text
+from ..pipeline.case.case_writer import case_text, encoded
+from ..pipeline.errors import InputError
+from ..pipeline.files.content import write_bytes_atomically
+from ..state import from_scene
+
+SUFFIX = ".case.toml"
+COMMENT = (
+    "Written by Render Dataset: the case of the dataset beside it. Changes are overwritten; Save Case writes yours."
+)
+
+
+def snapshot_path(out: Path) -> Path:
+    """The snapshot's file: beside the dataset's folder, which holds nothing but the dataset."""
+    return out.with_name(out.name + SUFFIX)
+
+
+def write_snapshot(scene: bpy.types.Scene, out: Path) -> Path:
+    """Write the scene's case beside the dataset's folder and return its path; the same case gives the same bytes.
+
+    Raises
+    ------
+    InputError
+        The scene is no complete case, or the file exists and is not a snapshot.
+    OSError
+        The file cannot be written.
+    """
+    path = snapshot_path(out)
+    # the record of the pose holds the date, and no view depends on it
+    case = replace(from_scene.case(scene, path), alignment={})
+    text = case_text(path, case, comment=COMMENT)
+    case_from_text(text, path)
+    data = encoded(path, text)
+    if path.exists():
+        before = path.read_bytes()
+        if not before.startswith(f"# {COMMENT}\n".encode()):
+            raise InputError(
+                f"{path}: expected to write the case of the dataset here, found a file that Render Dataset has not "
+                "written; move it, or choose another folder for the dataset"
+            )
+        if before == data:
+            return path
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes_atomically(path, data)
+    return path

@@ -1,0 +1,183 @@
+"""Saving over a case file: what is written is read back, and everything else in the file stays as it was."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.case.case_file import case_from_text, read_case
+from pipeline.case.case_update import differing_fields, update_case, updated_text
+from pipeline.case.case_writer import case_text
+from pipeline.case.landmarks import Landmark
+from pipeline.case.toml_document import TomlDocument
+from pipeline.errors import InputError
+from pipeline.transforms import rigid
+from tests.case.test_case_writer import cases
+
+SECTIONS = ("frame", "camera", "surface", "pose", "alignment", "landmarks", "structures", "dataset")
+
+
+def changed(data, case, other):
+    """A case with some fields of another one; its landmarks in part the same."""
+    names = [field.name for field in fields(case) if field.name not in ("path", "messages")]
+    taken = data.draw(st.sets(st.sampled_from(names)))
+    new = replace(case, **{name: getattr(other, name) for name in taken})
+    if "landmarks" not in taken and case.landmarks:
+        kept = data.draw(st.permutations(case.landmarks))[: data.draw(st.integers(0, len(case.landmarks)))]
+        new = replace(new, landmarks=tuple(kept))
+    return new
+
+
+def by_hand(data, text):
+    """The text as somebody would write it: other order of sections, comments, spaces, line breaks."""
+    document = TomlDocument(text)
+    lines, comments = [], []
+    sections = data.draw(st.permutations(SECTIONS))
+    order = sorted(document.statements, key=lambda each: each.path[0] in SECTIONS and 1 + sections.index(each.path[0]))
+    for number, statement in enumerate(order):
+        if data.draw(st.booleans()):
+            comments.append(f"# {number} [of] the = author's")
+            lines.append(data.draw(st.sampled_from(["", "  "])) + comments[-1])
+        line = text[statement.start : statement.end].rstrip("\n")
+        if data.draw(st.booleans()) and "#" not in line:
+            line = line + f"   # behind {number}"
+        lines += [line] + [""] * data.draw(st.integers(0, 1))
+    newline = data.draw(st.sampled_from(["\n", "\r\n"]))
+    end = data.draw(st.sampled_from(["", newline]))
+    return newline.join("\n".join(lines).split("\n")) + end, comments
+
+
+@settings(deadline=None, max_examples=60)
+@given(data=st.data())
+def test_only_what_has_changed_is_rewritten(data, tmp_path_factory):
+    folder = tmp_path_factory.getbasetemp()
+    case, other = data.draw(cases(folder)), data.draw(cases(folder))
+    path, new = case.path, changed(data, case, other)
+    text, comments = by_hand(data, case_text(path, case))
+    assert updated_text(path, text, case) == text + ("" if text.endswith("\n") else TomlDocument(text).newline)
+    result = updated_text(path, text, new)
+    assert differing_fields(case_from_text(result, path), new) == ()
+    # those within a landmark go with it to its new place
+    assert sorted(line.strip() for line in result.split("\n") if line.strip() in comments) == sorted(comments)
+    # what has not changed is the same text, at its place
+    same = set(SECTIONS) - set(map(section_of, differing_fields(case, new)))
+    if case.mm_per_unit == new.mm_per_unit:
+        assert parts(text, same) == parts(result, same)
+
+
+def section_of(field):
+    return {"image": "frame", "mesh": "surface", "distortion": "camera", "cam_from_mesh": "pose"}.get(field, field)
+
+
+def parts(text, sections):
+    return [text[each.start : each.end].rstrip() for each in TomlDocument(text).statements if each.path[0] in sections]
+
+
+BY_HAND = """# Left ear, second visit
+units = "mm"          # as exported
+pose = {cam_from_mesh = [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 300], [0, 0, 0, 1]]}
+
+[frame]
+image = './frame.png' # cropped
+
+[dataset]             # for the first paper
+cone_deg = 25.00      # as they did
+"my key" = [1, 2]
+count = 100
+
+[camera]
+K = [ # calibrated twice
+    [1_081.370, 0.0, 31.5],   # fx
+    [0.0, 330, 23.5],
+    [0.0, 0.0, 1],
+]
+size = [64, 48]
+
+[[landmarks]]
+name = "A"
+pixel = [20.25, 30.50] # blurred
+[[landmarks]]
+name = "B"
+surface = [1, 2, 3]
+
+[surface]
+mesh = "surface.ply"
+"""
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(BY_HAND)
+    return path
+
+
+def saved(path, **changes):
+    """The lines that a save has removed and added."""
+    case = replace(read_case(path), **changes)
+    update_case(path, case)
+    assert differing_fields(read_case(path), case) == ()
+    old, new = BY_HAND.splitlines(), path.read_text().splitlines()
+    return [line for line in old if line not in new], [line for line in new if line not in old]
+
+
+def test_saving_the_same_case_changes_no_byte(path):
+    assert saved(path) == ([], [])
+    assert path.read_text() == BY_HAND
+
+
+def test_one_number_of_a_matrix_changes_alone(path):
+    camera = replace(read_case(path).camera, fx=1090.5)
+    assert saved(path, camera=camera) == (
+        ["    [1_081.370, 0.0, 31.5],   # fx"],
+        ["    [1090.5, 0.0, 31.5],   # fx"],
+    )
+
+
+def test_an_inline_table_becomes_a_section_when_it_changes(path):
+    pose = rigid(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.25, 300.0]))
+    removed, added = saved(path, cam_from_mesh=pose)
+    assert removed == ["pose = {cam_from_mesh = [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 300], [0, 0, 0, 1]]}"]
+    assert added[0] == "[pose]"
+
+
+def test_landmarks_are_changed_one_by_one(path):
+    a, b = read_case(path).landmarks
+    assert saved(path, landmarks=(b, replace(a, pixel=(20.25, 31.0)), Landmark("C", None, (1.5, 2.5), False))) == (
+        ["pixel = [20.25, 30.50] # blurred"],
+        ["pixel = [20.25, 31.0] # blurred", 'name = "C"', "pixel = [1.5, 2.5]", "enabled = false"],
+    )
+    renamed = replace(read_case(path).landmarks[0], name="short process")
+    update_case(path, replace(read_case(path), landmarks=(renamed,)))
+    assert path.read_text().count("[[landmarks]]") == 1
+
+
+def test_pixels_counted_from_the_corner_are_written_from_the_centre_only_if_one_changes(path):
+    path.write_text(BY_HAND.replace("size = [64, 48]", 'size = [64, 48]\npixel_origin = "corner" # COLMAP'))
+    before, case = path.read_text(), read_case(path)
+    update_case(path, replace(case, dataset={"count": 7}))
+    assert 'pixel_origin = "corner"' in path.read_text()
+    path.write_text(before)
+    new = replace(case, camera=replace(case.camera, cy=20.0))
+    update_case(path, new)
+    assert 'pixel_origin = "center" # COLMAP' in path.read_text()
+    assert differing_fields(read_case(path), new) == ()
+
+
+def test_metres_keep_every_bit(path):
+    path.write_text(BY_HAND.replace('"mm"', '"m"').replace("300]", "0.3]"))
+    case = read_case(path)
+    new = replace(case, cam_from_mesh=rigid(case.cam_from_mesh[:3, :3], np.array([0.1, 1 / 3, 300.00000000000006])))
+    update_case(path, new)
+    assert np.array_equal(read_case(path).cam_from_mesh, new.cam_from_mesh)
+
+
+@pytest.mark.parametrize("text", ['[project]\nname = "mine"\n', "units = mm\n", BY_HAND.replace("units", "unit")])
+def test_a_file_that_is_no_case_is_never_replaced(path, text):
+    case = read_case(path)
+    path.write_text(text)
+    with pytest.raises(InputError, match="Save the case under another name"):
+        update_case(path, case)
+    assert path.read_text() == text

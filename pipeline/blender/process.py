@@ -5,6 +5,7 @@ stream would pass its number on to the next file that Blender opens, and a limit
 Nothing here imports Blender.
 """
 
+import _thread
 import io
 import os
 import shutil
@@ -153,12 +154,19 @@ def interrupt(number: int, frame: FrameType | None) -> None:
     if _received:
         return
     if _is_importing(frame):
-        again = threading.Timer(0.05, os.kill, (os.getpid(), number))
+        again = threading.Timer(0.05, _send_again, (number,))
         again.daemon = True
         again.start()
         return
     _received.append(number)
     raise KeyboardInterrupt
+
+
+def _send_again(number: int) -> None:
+    if os.name == "nt":
+        _thread.interrupt_main(signal.Signals(number))
+    else:
+        os.kill(os.getpid(), number)
 
 
 def _is_importing(frame: FrameType | None) -> bool:

@@ -447,6 +447,30 @@ def test_signals_end_a_command_with_a_sentence_and_without_leavings(case, tmp_pa
     assert not list(out.rglob(".partial-*"))
 
 
+@pytest.mark.render
+@pytest.mark.skipif(sys.platform != "linux", reason="looks at processes in /proc")
+def test_signals_during_the_start_leave_nothing(case, tmp_path, long_form):
+    """While Python, numpy and Blender load: extension modules that are interrupted there crash."""
+    rng = np.random.default_rng(5)
+    commands = (["colour", case, "--out", tmp_path / "a.glb"], ["align", case, "--refine"], ["sample", "--out", case])
+    for number in range(60 if long_form else 6):
+        temporary = tmp_path / f"tmp{number}"
+        temporary.mkdir()
+        process = subprocess.Popen(
+            [*PROGRAM, *map(str, commands[number % 3])], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+            text=True, env=os.environ | {"TMPDIR": str(temporary)},
+        )  # fmt: skip
+        while not list(temporary.iterdir()) and process.poll() is None:
+            time.sleep(0.01)
+        time.sleep(rng.uniform(0.05, 0.6))
+        process.send_signal(signal.SIGTERM)
+        _, errors = process.communicate(timeout=60)
+        # some have ended before
+        assert process.returncode in (0, 2, 143), errors
+        assert process.returncode != 143 or errors == "error: stopped by SIGTERM\n"
+        assert not list(temporary.iterdir())
+
+
 def process_group(number: int) -> list[int]:
     """Processes of a group that still run."""
     found = []

@@ -25,6 +25,7 @@ from ...files.content import hashed_reading
 from ...poses.pose_file import read_poses
 from ..case.load_case import load_case
 from ..colour.reference_view import reference_view_of
+from ..process import STDOUT
 from .view_renderer import ViewRenderer, view_camera
 
 NO_CONTENT = ("count", "poses", "video", "video_frames")
@@ -201,13 +202,14 @@ def render_views(
 
 def write_error(error: OSError, out: Path) -> RunError:
     """The error to report if a file of the dataset cannot be written."""
+    if error.filename == STDOUT or isinstance(error, BrokenPipeError):
+        return RunError(
+            f"{STDOUT}: cannot write to it ({error.strerror}); "
+            "the views finished so far are safe: run the same command again"
+        )
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RunError(
             f"{out}: the disk is full; the views finished so far are safe: free space and run the same command again"
-        )
-    if isinstance(error, BrokenPipeError):
-        return RunError(
-            "the standard output was closed; the views finished so far are safe: run the same command again"
         )
     return RunError(
         f"{out}: cannot write {error.filename or 'a file'} ({error.strerror}); "

@@ -110,7 +110,7 @@ def error_text(result: Refinement, *, refined: bool) -> str:
     error_px = (result.after if refined else result.before).error_px
     if not np.isfinite(error_px):
         return "unknown"
-    return f"{'' if result.verified else 'at least '}{format_two_digits(error_px)} px"
+    return f"{'' if result.verified else '≥ '}{format_two_digits(error_px)} px"
 
 
 def _figures(result: Refinement, *, refined: bool) -> str:

@@ -5,7 +5,7 @@ from typing import Literal
 import bpy
 import numpy as np
 
-from ..pipeline.alignment.refinement.refine import Refinement
+from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.blender.alignment.surface_object import set_pose
 from ..pipeline.errors import InputError, RunError
 from ..pipeline.files.numbers import format_two_digits

@@ -205,7 +205,7 @@ def _columns(
 
 def _walk_lists(
     data: bytes | memoryview, position: int, element: _Element, rows: int, where: str, size: str
-) -> tuple[list[array[int]], list[array[int]], int]:
+) -> "tuple[list[array[int]], list[array[int]], int]":
     """Follow the lists of the first ``rows`` rows: offsets and numbers of values per property, and the end."""
     offsets = [array("q") for _ in element.properties]
     lengths = [array("q") for _ in element.properties]

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
-from ..pipeline.alignment.refinement.refine import Refinement
+from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.errors import InputError, RunError
 from ..registration import class_registration, prop
 from ..setup.alignment_record import pose_record

@@ -5,7 +5,7 @@ from typing import Literal
 import bpy
 import numpy as np
 
-from ..pipeline.alignment.refinement.refine import Refinement
+from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.blender.alignment.surface_object import set_pose
 from ..pipeline.errors import InputError, RunError
 from ..pipeline.files.numbers import format_two_digits
@@ -110,7 +110,7 @@ def error_text(result: Refinement, *, refined: bool) -> str:
     error_px = (result.after if refined else result.before).error_px
     if not np.isfinite(error_px):
         return "unknown"
-    return f"{'' if result.verified else 'at least '}{format_two_digits(error_px)} px"
+    return f"{'' if result.verified else '≥ '}{format_two_digits(error_px)} px"
 
 
 def _figures(result: Refinement, *, refined: bool) -> str:

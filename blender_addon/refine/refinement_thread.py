@@ -6,7 +6,8 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
-from ..pipeline.alignment.refinement.refine import Refinement, refine_pose
+from ..pipeline.alignment.refinement.refine import refine_pose
+from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.blender.colour.surface_colour import colour_record, vertex_codes
 from ..pipeline.case.loaded_case import LoadedCase
 from ..state import from_scene

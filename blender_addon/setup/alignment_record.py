@@ -10,8 +10,8 @@ import numpy as np
 from ..landmarks import solve
 from ..pipeline import __version__
 from ..pipeline.alignment.landmarks.report import alignment_record
-from ..pipeline.alignment.refinement.refine import Refinement
 from ..pipeline.alignment.refinement.report import refinement_record
+from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.case.case_file import Case
 from ..state import from_scene, pose_evidence
 

@@ -258,7 +258,7 @@ def read_trials(path: Path) -> tuple[RefinementTrial, ...]:
             RefinementTrial(**{field.name: convert[field.type](row[field.name]) for field in fields(RefinementTrial)})  # type: ignore[arg-type]
             for row in csv.DictReader(io.StringIO(text or "", newline=""))
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, csv.Error) as error:
         raise InputError(
             f"{path.name}: expected the trials of benchmark_refinement.py, found something else ({error!r}); "
             "measure them again"

@@ -17,6 +17,7 @@ from ..case.case_file import read_case
 from ..errors import InputError
 from ..files.content import read_content
 from ..files.tables import parsed_json
+from ..images.image_check import check_image_file
 from ..projection.z_buffer import rasterise_depth
 from ..surface.mesh import TriangleMesh
 from ..surface.mesh_reader import read_mesh
@@ -199,9 +200,10 @@ def visible_points(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np
 
 
 def _read_image(path: Path) -> np.ndarray:
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    data = check_image_file(path, str(path))
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
-        raise InputError(f"{path}: expected an image, found none or another kind of file")
+        raise InputError(f"{path}: expected an image, cannot decode it; save it as PNG")
     return np.ascontiguousarray(image[:, :, ::-1], np.float32) / 255
 
 

@@ -96,6 +96,8 @@ def answer(module: str, function: str, cpu_seconds: float, arguments: Sequence[s
         result = _VALUE + call(data, *arguments)
     except InputError as error:
         result = _REFUSED + str(error).encode(errors="backslashreplace")
+    except ImportError as error:
+        result = _REFUSED + f"it needs the Python package {error.name}, which is not installed".encode()
     out.write(result)
     out.flush()
     os._exit(0)

@@ -21,8 +21,8 @@ from .image_header import (
 LARGEST_IMAGE = 1 << 26
 """Pixels of the largest image that is decoded."""
 
-LARGEST_FRAME = 1 << 25
-"""Pixels of the largest frame: 8K video has 33.2 million. Reading it takes up to 1 GB."""
+LARGEST_FRAME = 25_000_000
+"""Pixels of the largest frame: 4K video has 8.3 million. Reading it takes up to 1 GB."""
 
 MOST_PIXEL_BYTES = 64
 """Four channels of 32 bits take 16; EXR files may hold some layers more."""

@@ -6,6 +6,7 @@ Sources: Wavefront, "Object Files (.obj)" 3.0; 3D Systems, "StereoLithography In
 see :mod:`pipeline.surface.ply_reader`.
 """
 
+import itertools
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -88,22 +89,28 @@ def _read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarr
     vertices: list[np.ndarray] = [np.empty((0, 3))]
     corners: list[np.ndarray] = []
     lengths: list[np.ndarray] = []
-    face_lines: list[np.ndarray] = []
+    blocks: list[tuple[int, bytes]] = []
     first_line = vertex_count = 0
     for block in _blocks_of_lines(text, where):
-        rows = _obj_rows(block)
-        found, faces = _obj_vertices(rows, first_line, where), _obj_faces(rows, first_line, vertex_count, where)
+        if b"#" in block:
+            block = re.sub(rb"#[^\n]*", b"", block)
+        found, faces = _obj_vertices(block, first_line, where), _obj_faces(block, first_line, vertex_count, where)
         vertices.append(found)
         vertex_count += len(found)
-        for parts, part in zip((corners, lengths, face_lines), faces, strict=True):
-            parts.append(part)
-        first_line += len(rows)
+        corners.append(faces[0])
+        lengths.append(faces[1])
+        blocks.append((first_line, block))
+        first_line += block.count(b"\n")
     all_corners, all_lengths = np.concatenate(corners), np.concatenate(lengths)
     wrong = all_corners >= vertex_count
     if wrong.any():
         first = int(np.argmax(wrong))
-        line = np.concatenate(face_lines)[int(np.searchsorted(np.cumsum(all_lengths), first, side="right"))]
-        raise _no_such_vertex(where, int(line), vertex_count, int(all_corners[first]) + 1)
+        face = int(np.searchsorted(np.cumsum(all_lengths), first, side="right"))
+        for found_lengths, (first_line, block) in zip(lengths, blocks, strict=True):
+            if face < len(found_lengths):
+                line = first_line + _line_of(_OBJ_FACE, block, face)
+                raise _no_such_vertex(where, line, vertex_count, int(all_corners[first]) + 1)
+            face -= len(found_lengths)
     return np.concatenate(vertices), all_lengths, all_corners, unfinished_warnings(data, where)
 
 
@@ -120,67 +127,68 @@ def _blocks_of_lines(text: bytes, where: str) -> Iterator[bytes]:
         start = stop or len(text)
 
 
-def _obj_rows(block: bytes) -> list[bytes]:
-    """The lines of a block, without comments and indentation."""
-    text = re.sub(rb"#[^\n]*", b"", block) if b"#" in block else block
-    rows = text.removesuffix(b"\n").split(b"\n")
-    if text.startswith((b" ", b"\t")) or b"\n " in text or b"\n\t" in text:
-        rows = [row.lstrip() for row in rows]
-    return rows
+_OBJ_VERTEX = re.compile(rb"^[ \t]*v[ \t]([^\n]*)", re.MULTILINE)
+_OBJ_FACE = re.compile(rb"^[ \t]*f[ \t]([^\n]*)", re.MULTILINE)
 
 
-def _obj_vertices(rows: list[bytes], first_line: int, where: str) -> np.ndarray:
+def _obj_vertices(block: bytes, first_line: int, where: str) -> np.ndarray:
     """``(V, 3)``, of the lines ``v``."""
-    lines = [line for line, row in enumerate(rows) if row[:2] in (b"v ", b"v\t")]
-    numbers, counts = _obj_numbers([rows[line][2:] for line in lines], np.float64, lines, first_line, where)
+    rows = _OBJ_VERTEX.findall(block)
+    numbers, counts = _obj_numbers(rows, np.float64, _OBJ_VERTEX, block, first_line, where)
     if (counts < 3).any():
-        line = first_line + lines[int(np.argmax(counts < 3))] + 1
+        line = first_line + _line_of(_OBJ_VERTEX, block, int(np.argmax(counts < 3)))
         raise InputError(
             f"{where}: line {line}: expected 'v x y z', found {counts.min()} numbers; copy or export the file again"
         )
     return numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)]  # w or a colour may follow
 
 
-def _obj_faces(
-    rows: list[bytes], first_line: int, vertex_count: int, where: str
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of the lines ``f``: vertex indices from 0, corners per face, and the faces' lines.
+def _obj_faces(block: bytes, first_line: int, vertex_count: int, where: str) -> tuple[np.ndarray, np.ndarray]:
+    """Of the lines ``f``: vertex indices from 0, and corners per face.
 
     ``vertex_count`` is the number of vertices before the block.
     """
-    lines = [line for line, row in enumerate(rows) if row[:2] in (b"f ", b"f\t")]
-    vertex_lines = [line for line, row in enumerate(rows) if row[:2] in (b"v ", b"v\t")]
-    faces = [rows[line][2:] for line in lines]
-    if any(b"/" in face for face in faces):
-        faces = re.sub(rb"(?<=[0-9])/\S*", b"", b"\n".join(faces)).split(b"\n")  # v/vt/vn -> v
-    given, lengths = _obj_numbers(faces, np.int64, lines, first_line, where)
-    before = np.repeat(vertex_count + np.searchsorted(vertex_lines, lines), lengths)
+    rows = _OBJ_FACE.findall(block)
+    if any(b"/" in row for row in rows):
+        rows = re.sub(rb"(?<=[0-9])/\S*", b"", b"\n".join(rows)).split(b"\n")  # v/vt/vn -> v
+    given, lengths = _obj_numbers(rows, np.int64, _OBJ_FACE, block, first_line, where)
+    if (given > 0).all():
+        return given - 1, lengths
+    vertices, faces = (np.array([match.start() for match in kind.finditer(block)]) for kind in (_OBJ_VERTEX, _OBJ_FACE))
+    before = np.repeat(vertex_count + np.searchsorted(vertices, faces), lengths)
     corners = np.where(given > 0, given - 1, given + before)
     wrong = (given == 0) | (corners < 0)
     if wrong.any():
         first = int(np.argmax(wrong))
-        line = first_line + lines[int(np.searchsorted(np.cumsum(lengths), first, side="right"))]
+        face = int(np.searchsorted(np.cumsum(lengths), first, side="right"))
+        line = first_line + _line_of(_OBJ_FACE, block, face)
         raise _no_such_vertex(where, line, int(before[first]), int(given[first]))
-    return corners, lengths, np.array(lines, np.int64) + first_line
+    return corners, lengths
 
 
 def _no_such_vertex(where: str, line: int, vertices: int, found: int) -> InputError:
     return InputError(
-        f"{where}: line {line + 1}: expected vertex numbers 1..{vertices} or negative ones that count back, found "
+        f"{where}: line {line}: expected vertex numbers 1..{vertices} or negative ones that count back, found "
         f"{found}; the file is truncated or corrupt: copy or export it again"
     )
 
 
+def _line_of(kind: re.Pattern[bytes], block: bytes, index: int) -> int:
+    """The line, from 1, of the match with an index."""
+    start = next(itertools.islice(kind.finditer(block), index, None)).start()
+    return 1 + block.count(b"\n", 0, start)
+
+
 def _obj_numbers(
-    rows: list[bytes], dtype: type, lines: list[int], first_line: int, where: str
+    rows: list[bytes], dtype: type, kind: re.Pattern[bytes], block: bytes, first_line: int, where: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """All numbers in the rows, and their count per row; ``lines`` are those of the rows in their block."""
+    """All numbers in the rows, and their count per row; ``kind`` finds the rows in their block."""
     text = b"\n".join(rows)
     numbers = parsed_numbers(text, dtype)
     if numbers is None:
         index, word = first_wrong_word(text, dtype)
         raise InputError(
-            f"{where}: line {first_line + lines[index] + 1}: expected numbers, found {word!r}; "
+            f"{where}: line {first_line + _line_of(kind, block, index)}: expected numbers, found {word!r}; "
             "the file is corrupt: copy or export it again"
         )
     return numbers, np.array([len(row.split()) for row in rows], dtype=np.int64)

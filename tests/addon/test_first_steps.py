@@ -30,7 +30,7 @@ def test_files_dropped_together_are_a_case(addon, folder):
     (folder / "k.toml").write_text(text)
     settings = drop(folder, "ossicles.ply", "surface.ply", "k.toml", "facial_nerve.ply", "frame.png")
     assert settings.frame_path == str(folder / "frame.png")
-    assert settings.camera.fx == 320.0
+    assert settings.camera.fx == "320"
     assert settings.surface.oneframe.mesh_path == str(folder / "surface.ply")
     assert {child.name for child in settings.surface.children} == {"ossicles", "facial_nerve"}
 

@@ -134,10 +134,11 @@ def test_a_case_with_changes_that_its_file_lacks_is_known(opened, case_path):
 def test_a_case_never_saved_is_lost_once_it_is_aligned(addon, case_path):
     from blender_addon.setup.unsaved import unsaved_parts
 
-    folder, scene = case_path.parent, bpy.context.scene
+    folder = case_path.parent
     bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
     bpy.ops.oneframe.load_camera(filepath=str(case_path))
     bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
+    scene = bpy.context.scene
     assert unsaved_parts(scene) == ()
     bpy.ops.oneframe.nudge(axis="x")
     assert unsaved_parts(scene) == ("pose",)

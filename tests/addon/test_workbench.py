@@ -35,7 +35,7 @@ def state(scene):
 def load_all(folder):
     bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
     typed = bpy.context.scene.oneframe.camera
-    typed.fx = typed.fy = 320.0
+    typed.fx = typed.fy = "320"
     bpy.ops.oneframe.set_camera()
     bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
 
@@ -72,10 +72,10 @@ def test_undoing_the_first_step_returns_to_the_users_scene(users_scene, write_ti
 def test_the_workbench_is_found_again(users_scene, write_tiny_case, tmp_path):
     """From the user's scene, and after saving and opening the file: there is one, and typed values come along."""
     folder = write_tiny_case(tmp_path).parent
-    bpy.context.scene.oneframe.camera.fx = 321.0
+    bpy.context.scene.oneframe.camera.fx = "321"
     bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
     bench = bpy.context.scene
-    assert bench.oneframe.camera.fx == 321.0
+    assert bench.oneframe.camera.fx == "321"
     bpy.context.window.scene = users_scene
     bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
     assert bpy.context.scene == bench

@@ -90,6 +90,11 @@ def pose_of(index: int) -> np.ndarray:
     return rigid(turn, [18.0 if index == COUNT - 1 else 1.5 * index - 2, 2.0 - index, 260.0 + 20 * index])
 
 
+def video_pose(index: int) -> np.ndarray:
+    """The surface moves across the image from frame to frame."""
+    return rigid(translation=[12.0 * index - 12, 0, 0]) @ pose_of(index)
+
+
 def description_of() -> dict:
     """The content of ``dataset.json``."""
     options = DatasetOptions(count=COUNT, float_depth=True)
@@ -128,10 +133,10 @@ def make_dataset(root: Path) -> None:
     (root / "video").mkdir()
     video = cv2.VideoWriter(str(root / "video/trajectory.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 24, CAMERA.size_wh)
     for index in range(VIDEO_FRAMES):
-        mask = cast_rays(MESH, CAMERA, pose_of(index)) > 0
+        mask = cast_rays(MESH, CAMERA, video_pose(index)) > 0
         video.write(np.repeat(np.where(mask, np.uint8(180), np.uint8(0))[..., None], 3, axis=2))
     video.release()
-    poses = [pose_of(index) for index in range(VIDEO_FRAMES)]
+    poses = [video_pose(index) for index in range(VIDEO_FRAMES)]
     rows = [[number, repr(number / 24), *pose_cells(pose)] for number, pose in enumerate(poses)]
     write_csv(root / "video/poses.csv", ("frame", "time_s", *POSE_COLUMNS), rows)
     write_sums(root)

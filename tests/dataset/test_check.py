@@ -26,6 +26,8 @@ from pipeline.dataset.view_record import read_record
 from pipeline.images.contact_sheet import contact_sheet
 from pipeline.images.pixel_values import to_uint8
 from pipeline.images.png import encode_png
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.surface.mesh_writer import write_ply
 from pipeline.transforms import rigid, rotation_from_vector
 from tests.dataset.masks import coco_mask
 from tests.dataset.sealing import sealed
@@ -407,6 +409,81 @@ def test_damage_is_found_and_named(copied, run, capsys, name):
     assert "NOT complete and consistent" in messages.splitlines()[-1]
 
 
+def swap_video_poses(root: Path) -> None:
+    header, first, *others, last = (root / "video/poses.csv").read_text().splitlines()
+    one, other = first.split(","), last.split(",")
+    rows = [one[:2] + other[2:], *(row.split(",") for row in others), other[:2] + one[2:]]
+    (root / "video/poses.csv").write_text("\n".join([header, *map(",".join, rows)]) + "\n")
+
+
+def swap_pictures(root: Path) -> None:
+    sheet = cv2.imread(str(root / "contact_sheet.png"))[..., ::-1]
+    across = CAMERA.width + 4
+    first, second, rest = sheet[:, 4 : 4 + across], sheet[:, 4 + across : 4 + 2 * across], sheet[:, 4 + 2 * across :]
+    (root / "contact_sheet.png").write_bytes(encode_png(np.concatenate([sheet[:, :4], second, first, rest], axis=1)))
+
+
+def write_model(root: Path, folder: str, mesh: TriangleMesh, normals: np.ndarray) -> None:
+    colours = np.zeros((len(mesh.vertices), 3), np.uint8) if folder == "models" else None
+    write_ply(root / folder / "obj_000001.ply", mesh, colours=colours, normals=normals)
+
+
+def moved_vertex() -> TriangleMesh:
+    vertices = MESH.vertices.copy()
+    vertices[60] *= 1.05
+    return replace(MESH, vertices=vertices)
+
+
+SEALED = {
+    "poses of the video": (swap_video_poses, r"^video/trajectory\.mp4: \d+ px of frame 0 lie beside the surface"),
+    "pictures of the sheet": (swap_pictures, r"^contact_sheet\.png: the picture in row 1, column 1 is not \S+0\.png"),
+    "a vertex": (
+        lambda root: write_model(root, "models", moved_vertex(), moved_vertex().vertex_normals),
+        r"^models/obj_000001\.ply: its vertices and faces do not have the geometry_sha256",
+    ),
+    "normals": (
+        lambda root: write_model(root, "models", MESH, -MESH.vertex_normals),
+        r"^models/obj_000001\.ply: 222 of 222 normals are not those of the surface",
+    ),
+    "the model for errors": (
+        lambda root: write_model(root, "models_eval", moved_vertex(), moved_vertex().vertex_normals),
+        r"^models_eval/obj_000001\.ply: expected the surface of models/obj_000001\.ply",
+    ),
+    "a key of transforms.json": (
+        lambda root: edit(root / "transforms.json", lambda c: c.update(k1=0.1)),
+        r"^transforms\.json: expected other keys: unknown \[\"k1\"\]",
+    ),
+    "a key of a frame": (
+        lambda root: edit(root / "transforms.json", lambda c: c["frames"][1].update(fl_x=0.1)),
+        r"^transforms\.json: frame 1: unexpected key \"fl_x\"",
+    ),
+    "a column": (
+        lambda root: (root / "poses.csv").write_text((root / "poses.csv").read_text().replace("\n", ",1\n")),
+        r"^poses\.csv: expected the columns index, image, r00",
+    ),
+    "an option": (
+        lambda root: edit(root / "dataset.json", lambda c: c["options"].update(speed=1)),
+        r"^dataset\.json: options: expected other keys: unknown",
+    ),
+    "a pose twice": (
+        lambda root: change_record(root, 3, lambda c: c.update(cam_R_m2c=pose_of(1)[:3, :3].ravel().tolist(),
+                                                               cam_t_m2c=pose_of(1)[:3, 3].tolist())),
+        r"000001/frame/000000\.json: view 3 has the very pose of view 1",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SEALED)
+def test_what_hashes_do_not_tell_is_found(copied, run, capsys, name):
+    """All hashes are those of the changed files."""
+    change, expected = SEALED[name]
+    change(copied)
+    assert run(sealed(copied)) == 1
+    messages = capsys.readouterr().out
+    assert re.search(expected, messages, re.MULTILINE), messages
+    assert "sha256 or size" not in messages
+
+
 def test_without_hashes_swapped_images_are_still_seen(copied, run, capsys):
     swap(copied / S0 / "rgb/000000.png", copied / S0 / "rgb/000002.png")
     assert run(copied, "--fast") == 1
@@ -500,7 +577,9 @@ def test_what_is_no_dataset_is_not_judged(tmp_path, monkeypatch, run, capsys, ar
     assert expected in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("arguments", [[], ["a", "--views", "-1"], ["a", "--views", "x"], ["a", "--what"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["a", "--views", "-1"], ["a", "--views", "x"], ["a", "--what"], ["a", "--rerender", "2"]]
+)
 def test_wrong_arguments(run, arguments):
     assert run(*arguments) == 2
 

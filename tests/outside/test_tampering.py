@@ -9,6 +9,7 @@ import io
 import json
 import os
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -496,6 +497,13 @@ def test_changed_content_is_found_even_if_everything_is_made_again(copies, case,
     report = checked(root)
     assert bool(report.findings) == without_case, report.findings.shown()
     assert is_found(root, case)
+
+
+def test_the_command_renders_again(untouched, case, run_command):
+    script = Path(__file__).resolve().parents[2] / "scripts" / "check_dataset.py"
+    ended = run_command([sys.executable, str(script), str(untouched), "--case", str(case), "--rerender", "2"])
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "2 views rendered again from the case are the same" in ended.stdout
 
 
 def test_a_dataset_of_another_seed_is_told_from_this_one_view_by_view(copies, case, tmp_path):

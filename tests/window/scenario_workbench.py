@@ -26,7 +26,7 @@ def scenario(user):
     yield from user.picture("1_frame_only")
     true = read_case(user.case).camera
     typed = bpy.context.scene.oneframe.camera
-    typed.fx = typed.fy = true.fx
+    typed.fx = typed.fy = repr(true.fx)
     with user.context():
         bpy.ops.oneframe.set_camera("EXEC_DEFAULT", True)
     yield 0.5

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...transforms import inverse_rigid, transform_points
-from .refine import Refinement
+from .verdict import Refinement
 
 KEPT_OF_START = ("method", "pairs", "rms_px")
 """What the record of a refined pose keeps of the record of its initial pose, as ``start_...``."""

@@ -8,8 +8,9 @@ from ...alignment.landmarks.align_landmarks import Alignment, align_landmarks, c
 from ...alignment.landmarks.picture import marked
 from ...alignment.landmarks.report import alignment_record
 from ...alignment.landmarks.surface_distance import check_landmarks_belong, landmark_distances, off_surface
-from ...alignment.refinement.refine import Refinement, refine_pose
+from ...alignment.refinement.refine import refine_pose
 from ...alignment.refinement.report import refinement_record
+from ...alignment.refinement.verdict import Refinement
 from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase, check_pose
 from ...errors import InputError

@@ -233,6 +233,7 @@ def test_an_image_that_shows_nothing_of_the_shape_refines_no_pose(case_path, tmp
     ended = align(true, "--refine", "--out", tmp_path / "refined.toml")
     assert ended.returncode == 2, ended.stdout
     assert ended.stderr.startswith("error: true.toml: ")
+    assert "--take-refused" in ended.stderr
     assert not (tmp_path / "refined.toml").exists()
     # with landmarks there is a pose all the same
     write_landmarks(tmp_path / "pairs.csv", clicked_landmarks(case_path))

@@ -271,10 +271,16 @@ class ONEFRAME_OT_change_units(Reporting, bpy.types.Operator):
         if doubt is None or doubt.better_units != self.units:
             return self.execute(context)
         words = {name: title for name, title, _ in UNITS}
+        extents, present = surface_extents(context.scene), context.scene.oneframe.units
+        # short: a dialog does not wrap its text
         return context.window_manager.invoke_confirm(
-            self, event, title="Is the Unit Right?", message=doubt.message, icon="QUESTION",
+            self,
+            event,
+            title=f"Is the Surface in {words[self.units]}?",
+            message=f"{size_text(extents * MM_PER_UNIT[self.units] / MM_PER_UNIT[present])}, not {size_text(extents)}",
+            icon="QUESTION",
             confirm_text=f"Use {words[self.units]}",
-        )  # fmt: skip
+        )
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene

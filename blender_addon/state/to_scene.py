@@ -190,7 +190,8 @@ def rescale(context: bpy.types.Context, units: str) -> None:
     """
     scene = context.scene
     settings = scene.oneframe
-    surface, pose = from_scene.surface_of(scene), from_scene.cam_from_model(scene)
+    camera_object, surface = from_scene.present_camera(scene), from_scene.surface_of(scene)
+    pose = surface_object.pose_of(camera_object, surface).copy()
     landmarks = from_scene.landmarks_mesh(scene)
     factor = MM_PER_UNIT[units] / MM_PER_UNIT[settings.units]
     for scaled in (surface, *surface.children):
@@ -206,9 +207,7 @@ def rescale(context: bpy.types.Context, units: str) -> None:
         set_exact(surface, PIVOT, pivot * factor)
     for child in surface.children:
         child.location = [value * factor for value in child.location]
-    pose = pose.copy()
     pose[:3, 3] *= factor
-    camera_object = from_scene.present_camera(scene)
     surface_object.set_pose(camera_object, surface, pose)
     if camera_object is not None:
         alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), pose)

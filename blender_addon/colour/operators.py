@@ -9,15 +9,19 @@ from bpy.app.handlers import persistent
 from bpy.props import EnumProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
-from ..pipeline.blender.colour.coverage import coverage_of
 from ..pipeline.blender.colour.export import export_coloured_surface
-from ..pipeline.blender.colour.reference_view import baked_colour_of, reference_view_of
-from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, put_colour, remove_colour
-from ..pipeline.errors import InputError
+from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, remove_colour
+from ..pipeline.errors import InputError, RunError
 from ..registration import class_registration, prop
 from ..state import from_scene
 from ..state.camera_view import spaces_of
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, redraw
+from . import colouring
+
+POLL_SECONDS = 0.1
+NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WHEELINMOUSE", "WHEELOUTMOUSE", "MOUSEMOVE"}
+NAVIGATION |= {"INBETWEEN_MOUSEMOVE", "TRACKPADPAN", "TRACKPADZOOM", "WINDOW_DEACTIVATE"}
+"""Events that the user may use while the surface is coloured; others would change what is being coloured."""
 
 MODES = [
     ("vertex", "Vertex Colours", "One colour per vertex: as fine as the mesh"),
@@ -31,7 +35,7 @@ FORMATS = [
 
 
 class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
-    """Project the frame on the surface at the current pose; replaces existing colours"""
+    """Project the frame on the surface at the current pose; replaces existing colours. Esc stops it"""
 
     bl_idname = "oneframe.project_colour"
     bl_label = "Project Colour"
@@ -42,34 +46,82 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
     )
 
     def run(self, context: bpy.types.Context) -> Messages:
+        """Colour without a break, as scripts do."""
         scene = context.scene
-        surface = from_scene.surface_of(scene)
-        _check_object_mode(surface)
-        before = colour_record(surface)
-        context.window_manager.progress_begin(0, 3)
+        _check_object_mode(from_scene.surface_of(scene))
+        source = colouring.source_of(scene)
+        messages = colouring.put(scene, source, colouring.coloured(source, self.mode))
+        show_colour(from_scene.surface_of(scene))
+        return messages
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        if context.window is None or bpy.app.background:
+            return self.execute(context)
         try:
-            loaded = from_scene.loaded_case(scene)
-            source = reference_view_of(loaded)
-            context.window_manager.progress_update(1)
-            colour, messages = baked_colour_of(source, self.mode)
-            context.window_manager.progress_update(2)
-            coverage = coverage_of(source, colour)
-        finally:
-            context.window_manager.progress_end()
-        report = [*loaded.messages, *source.messages, *messages, coverage.summary()]
-        record = {
-            "frame": str(loaded.case.image),
-            "cam_from_model": loaded.cam_from_model.tolist(),
-            "of_view": coverage.of_view,
-            "of_surface": coverage.of_surface,
-            "mean_error": coverage.mean_error,
-            "max_error": coverage.max_error,
-            "messages": [*source.messages, *messages],
-        }
-        is_marked = before is None or before["unseen_marked"]
-        put_colour(surface, loaded.mesh, source, colour, mark_unseen=is_marked, record=record)
-        show_colour(surface)
-        return report
+            _check_object_mode(from_scene.surface_of(context.scene))
+        except InputError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self._source: colouring.Source | None = None
+        self._thread: colouring.ColouringThread | None = None
+        self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        _show_status(context, "Looking at the surface from the frame's pose      Esc: Stop")
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        try:
+            return self._handle(context, event)
+        except (InputError, RunError) as error:
+            self._end(context)
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        except Exception:
+            self._end(context)
+            raise
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Called by Blender when it ends the operator: a file was opened, or the window closed."""
+        self._end(context)
+
+    def _handle(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        if event.type == "ESC" and event.value == "PRESS":
+            self._end(context)
+            self.report({"INFO"}, "colouring stopped, the surface is unchanged")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
+        if self._source is None or self._thread is None:
+            self._source = colouring.source_of(context.scene)
+            self._thread = colouring.ColouringThread(self._source, self.mode)
+        thread = self._thread
+        if thread.running:
+            _show_status(context, f"Projecting the frame on the surface: {thread.fraction:.0%}      Esc: Stop")
+            return {"RUNNING_MODAL"}
+        if thread.error is not None:
+            raise thread.error
+        if thread.result is not None:
+            for message in colouring.put(context.scene, self._source, thread.result):
+                self.report({"INFO"}, message)
+            show_colour(from_scene.surface_of(context.scene))
+        self._end(context)
+        return {"FINISHED"}
+
+    def _end(self, context: bpy.types.Context) -> None:
+        if self._thread is not None:
+            self._thread.stop()
+        context.window_manager.event_timer_remove(self._timer)
+        _show_status(context, None)
+        redraw(context)
+
+
+def _show_status(context: bpy.types.Context, text: str | None) -> None:
+    """Show a text in the status bar and in the headers of the 3D views; ``None`` restores both."""
+    context.workspace.status_text_set(text)
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.header_text_set(text)
 
 
 class _NeedsColour(bpy.types.Operator):

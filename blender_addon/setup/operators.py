@@ -17,6 +17,7 @@ from ..pipeline.camera.plausibility import fit_of
 from ..pipeline.case.case_file import MM_PER_UNIT, Case, read_case
 from ..pipeline.case.case_update import update_case
 from ..pipeline.case.structure_colour import structure_colour
+from ..pipeline.case.surface_size import SizeDoubt, extents_of, size_doubt, size_text
 from ..pipeline.errors import InputError
 from ..pipeline.files.kinds import PLY
 from ..pipeline.files.outputs import Output, check_outputs
@@ -26,6 +27,7 @@ from ..pipeline.surface.mesh_writer import write_ply
 from ..registration import class_registration, prop
 from ..state import from_scene, to_scene, workbench
 from ..state.camera_view import look_through_camera, show_shape
+from ..state.from_scene import surface_extents
 from ..state.inputs import input_files
 from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
@@ -243,8 +245,58 @@ class ONEFRAME_OT_load_surface(ReportingFile, bpy.types.Operator, ImportHelper):
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
         given, messages = read_mesh(path)
-        to_scene.set_surface(context, path, given.scaled(MM_PER_UNIT[self.units]), self.units)
-        return *messages, f"{path.name}: {len(given.faces)} triangles"
+        mesh = given.scaled(MM_PER_UNIT[self.units])
+        to_scene.set_surface(context, path, mesh, self.units)
+        doubt = _size_doubt(context.scene, extents_of(mesh))
+        if doubt is not None and doubt.better_units is not None and not bpy.app.background:
+            bpy.ops.oneframe.change_units("INVOKE_DEFAULT", units=doubt.better_units)  # type: ignore[attr-defined]
+        more = () if doubt is None else (doubt.message,)
+        return *messages, f"{path.name}: {len(given.faces)} triangles, {size_text(extents_of(mesh))}", *more
+
+
+def _size_doubt(scene: bpy.types.Scene, extents_mm: np.ndarray) -> SizeDoubt | None:
+    camera = None if from_scene.present_camera(scene) is None else from_scene.camera(scene)
+    name = from_scene.absolute_path(from_scene.surface_of(scene).oneframe.mesh_path).name
+    return size_doubt(extents_mm, scene.oneframe.units, camera, name)
+
+
+class ONEFRAME_OT_change_units(Reporting, bpy.types.Operator):
+    """Read the numbers of the meshes in another unit; landmarks and pose follow, so the picture stays the same"""
+
+    bl_idname = "oneframe.change_units"
+    bl_label = "Change Units"
+    bl_options = {"REGISTER", "UNDO"}
+
+    units: str = prop(EnumProperty(name="Units", description="Unit of the numbers in the file", items=UNITS))
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return from_scene.present_surface(context.scene) is not None
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        doubt = _size_doubt(context.scene, surface_extents(context.scene))
+        if doubt is None or doubt.better_units != self.units:
+            return self.execute(context)
+        words = {name: title for name, title, _ in UNITS}
+        extents, present = surface_extents(context.scene), context.scene.oneframe.units
+        # short: a dialog does not wrap its text
+        return context.window_manager.invoke_confirm(
+            self,
+            event,
+            title=f"Is the Surface in {words[self.units]}?",
+            message=f"{size_text(extents * MM_PER_UNIT[self.units] / MM_PER_UNIT[present])}, not {size_text(extents)}",
+            icon="QUESTION",
+            confirm_text=f"Use {words[self.units]}",
+        )
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        scene = context.scene
+        if from_scene.surface_of(scene).mode != "OBJECT":
+            raise InputError("expected Object mode; press Tab to leave Edit mode, then change the units")
+        if self.units != scene.oneframe.units:
+            to_scene.rescale(context, self.units)
+        doubt = _size_doubt(scene, surface_extents(scene))
+        return () if doubt is None else (doubt.message,)
 
 
 class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper):
@@ -332,6 +384,7 @@ _CLASSES = (
     ONEFRAME_OT_set_camera,
     ONEFRAME_OT_rescale_camera,
     ONEFRAME_OT_load_surface,
+    ONEFRAME_OT_change_units,
     ONEFRAME_OT_add_structure,
     ONEFRAME_OT_load_pose,
     ONEFRAME_OT_remove_scale,

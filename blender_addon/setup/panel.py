@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..pipeline.case.surface_size import size_text
 from ..pipeline.errors import InputError
 from ..registration import class_registration
 from ..state import from_scene, workbench
@@ -37,6 +38,12 @@ class ONEFRAME_PT_setup(bpy.types.Panel):
             column.label(text=bpy.path.basename(settings.frame_path))
         column.operator("oneframe.load_camera", icon="CAMERA_DATA")
         column.operator("oneframe.load_surface", icon="MESH_DATA")
+        surface = from_scene.present_surface(context.scene)
+        if surface is not None:
+            row = column.row()
+            row.label(text=bpy.path.basename(surface.oneframe.mesh_path) or surface.name)
+            row.operator_menu_enum("oneframe.change_units", "units", text=settings.units)
+            column.label(text=size_text(from_scene.surface_extents(context.scene)))
         column.operator("oneframe.add_structure", icon="OUTLINER_OB_MESH")
         _draw_missing(layout, context.scene)
 

@@ -273,6 +273,18 @@ def frame_at(scene: bpy.types.Scene, path: Path) -> tuple[np.ndarray, np.ndarray
     return _frame(path, stamp(path), camera(scene), distortion(scene))
 
 
+def surface_extents(scene: bpy.types.Scene) -> np.ndarray:
+    """``(3,)`` sides of the surface object's bounding box in its own axes, mm; reads no vertices, so panels may.
+
+    Raises
+    ------
+    InputError
+        There is no surface.
+    """
+    corners = np.array(surface_of(scene).bound_box)
+    return corners.max(axis=0) - corners.min(axis=0)
+
+
 def check_mesh_unedited(scene: bpy.types.Scene) -> None:
     """Raise :class:`InputError` if the surface's mesh differs from its file."""
     surface = surface_of(scene)

@@ -1,7 +1,7 @@
 """Writes to the scene: sets frame, camera and surface in any order and keeps them consistent."""
 
 import json
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import bpy
@@ -11,6 +11,7 @@ from ..pipeline.alignment.manual.initial_pose import initial_pose
 from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.blender.bridge.data_blocks import absolute_path
 from ..pipeline.blender.bridge.exact_values import exact, set_exact
+from ..pipeline.blender.colour.surface_colour import rescale_colour
 from ..pipeline.camera.distortion import Distortion, checked_distortion
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.case_file import MM_PER_UNIT
@@ -21,6 +22,7 @@ from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.transforms import inverse_rigid, rigid, transform_points
 from . import events, from_scene, workbench
 from .camera_view import look_through_camera, show_shape
+from .pivot import PIVOT
 
 INITIAL_POSE = "oneframe_first_pose"
 """Custom property of the surface: its automatic initial pose, found again when K is set while it is still in use."""
@@ -181,6 +183,45 @@ def set_surface(context: bpy.types.Context, path: Path, given: TriangleMesh, uni
     replace_landmarks(scene, ())
     show_shape(context)
     look_through_camera(context)
+
+
+def rescale(context: bpy.types.Context, units: str) -> None:
+    """Read the files' numbers in another unit: surface, structures, landmarks and pose scale about the camera.
+
+    The picture stays the same; colours stay on the surface.
+    """
+    scene = context.scene
+    settings = scene.oneframe
+    camera_object, surface = from_scene.present_camera(scene), from_scene.surface_of(scene)
+    pose = surface_object.pose_of(camera_object, surface).copy()
+    landmarks = from_scene.landmarks_mesh(scene)
+    factor = MM_PER_UNIT[units] / MM_PER_UNIT[settings.units]
+    for scaled in (surface, *surface.children):
+        if scaled.type == "MESH":
+            surface_object.scale_mesh(scaled, factor)
+    for name in (surface_object.OFFSET, INITIAL_POSE, from_scene.READ_POSE):
+        matrices = exact(surface, name)
+        if matrices is not None and matrices.shape[-2:] == (4, 4):
+            matrices[..., :3, 3] *= factor
+            set_exact(surface, name, matrices)
+    pivot = exact(surface, PIVOT)
+    if pivot is not None:
+        set_exact(surface, PIVOT, pivot * factor)
+    for child in surface.children:
+        child.location = [value * factor for value in child.location]
+    pose[:3, 3] *= factor
+    surface_object.set_pose(camera_object, surface, pose)
+    if camera_object is not None:
+        alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), pose)
+    rescale_colour(surface, factor)
+    settings.units = units
+    moved = []
+    for mark in landmarks:
+        if mark.point is not None:
+            x, y, z = mark.point
+            mark = replace(mark, point=(x * factor, y * factor, z * factor))
+        moved.append(mark)
+    replace_landmarks(scene, tuple(moved))
 
 
 def relink_surface(context: bpy.types.Context, path: Path) -> None:

@@ -14,6 +14,7 @@ from pipeline.camera.distortion import Distortion
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.case.case_file import read_case
 from pipeline.images.png import encode_png
+from pipeline.surface.mesh_reader import read_mesh
 from pipeline.surface.mesh_writer import write_ply
 
 MORE = """
@@ -479,3 +480,43 @@ def test_a_distortion_from_a_file_is_the_scenes(opened, tmp_path):
     with pytest.raises(RuntimeError, match="folds it over"):
         bpy.ops.oneframe.load_camera(filepath=str(path))
     assert from_scene.distortion(opened) == Distortion(*coefficients)
+
+
+def test_units_can_be_changed_afterwards(opened, case_path, tmp_path):
+    """Everything scales about the camera: each point stays at its pixel, and back again nothing has changed."""
+    from blender_addon.state import from_scene
+
+    bpy.ops.oneframe.nudge(axis="roll", step_px=3)
+    bpy.ops.oneframe.project_colour(mode="vertex")
+    bpy.ops.oneframe.save_case(filepath=str(case_path))
+    before, text = from_scene.case(opened, case_path), case_path.read_text()
+    extents = from_scene.surface_extents(opened)
+    bpy.ops.oneframe.change_units(units="m")
+    bpy.context.view_layer.update()
+    after = from_scene.case(opened, case_path)
+    assert np.allclose(from_scene.surface_extents(opened), 1000 * extents, rtol=1e-6)
+    # the numbers in the file are the same ones, in metres
+    assert np.allclose(after.cam_from_mesh[:3, 3], 1000 * before.cam_from_mesh[:3, 3], rtol=1e-12)
+    assert np.allclose(after.landmarks[0].point, 1000 * np.array(before.landmarks[0].point), rtol=1e-12)
+    from_scene.check_mesh_unedited(opened)
+    corner = np.array(opened.oneframe.surface.bound_box[0])
+    pose = updated_pose(opened)
+    pixel = before.camera.project((pose[:3, :3] @ corner + pose[:3, 3])[None])
+    bpy.ops.oneframe.change_units(units="mm")
+    bpy.context.view_layer.update()
+    corner, pose = np.array(opened.oneframe.surface.bound_box[0]), updated_pose(opened)
+    assert np.allclose(before.camera.project((pose[:3, :3] @ corner + pose[:3, 3])[None]), pixel, atol=1e-3)
+    bpy.ops.oneframe.save_case(filepath=str(case_path))
+    assert np.allclose(read_case(case_path).cam_from_mesh, before.cam_from_mesh, rtol=1e-12, atol=1e-9)
+    assert case_path.read_text().count("[[landmarks]]") == text.count("[[landmarks]]")
+    record = json.loads(opened.oneframe.surface["oneframe_colour"])
+    assert np.allclose(record["cam_from_model"], updated_pose(opened), rtol=1e-9)
+
+
+def test_a_surface_in_metres_is_doubted(addon, case_path, capfd):
+    mesh, _ = read_mesh(case_path.parent / "surface.ply")
+    write_ply(case_path.parent / "metres.ply", mesh.scaled(1e-3))
+    bpy.ops.oneframe.load_surface(filepath=str(case_path.parent / "metres.ply"))
+    assert "in metres it would be" in capfd.readouterr().out
+    bpy.ops.oneframe.change_units(units="m")
+    assert "would be" not in capfd.readouterr().out

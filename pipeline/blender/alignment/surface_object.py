@@ -116,6 +116,15 @@ def replace_mesh(surface: bpy.types.Object, mesh: TriangleMesh, mesh_from_model:
     set_exact(surface, OFFSET, mesh_from_model)
 
 
+def scale_mesh(mesh_object: bpy.types.Object, factor: float) -> None:
+    """Multiply the coordinates of an object's mesh; its attributes, such as colours, stay."""
+    data = mesh_object.data
+    vertices = np.empty(3 * len(data.vertices), np.float32)
+    data.vertices.foreach_get("co", vertices)
+    data.vertices.foreach_set("co", (vertices * factor).astype(np.float32))
+    data.update()
+
+
 def radius_of(surface: bpy.types.Object) -> float:
     """Largest distance of a vertex from the surface object's origin, mm; reads no faces, so large meshes are fast."""
     vertices = np.empty(3 * len(surface.data.vertices), np.float32)

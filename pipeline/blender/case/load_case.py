@@ -7,7 +7,9 @@ import numpy as np
 from ...camera.distortion import Distortion, undistort
 from ...camera.pinhole import PinholeCamera
 from ...case.case_file import Case
+from ...case.case_writer import UNIT_OF
 from ...case.loaded_case import LoadedCase, check_pose, load_surface
+from ...case.surface_size import extents_of, size_doubt
 from ...errors import InputError
 from ...surface.mesh_reader import read_mesh
 from ..bridge.image import read_image
@@ -32,6 +34,8 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
     image, valid = load_frame(case.image, case.camera, case.distortion, name=case.path.name)
     mesh, mesh_from_model, messages = load_surface(case.mesh, case.mm_per_unit)
     cam_from_model = case.cam_from_mesh @ mesh_from_model
+    doubt = size_doubt(extents_of(mesh), UNIT_OF[case.mm_per_unit], case.camera, case.mesh.name)
+    messages = messages if doubt is None else [*messages, doubt.message]
     if aligned:
         check_pose(case, mesh, cam_from_model)
     structures = []

@@ -1,5 +1,6 @@
 """The reference view: the aligned frame as a source of colour, and the surface that it saw, from a render."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,10 @@ from ...transforms import inverse_rigid, transform_points
 from ..render.engines import render_view
 from ..render.material import SurfaceColour
 from ..render.surface_scene import SurfaceScene
+
+CLASSIFIED = 0.45
+"""Fraction of the time for a texture after which the faces are classified."""
+STEP = 0.05
 
 
 @dataclass(frozen=True)
@@ -73,14 +78,44 @@ def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str
     return (source.view, []) if mode == "projective" else baked_colour_of(source, mode)
 
 
-def baked_colour_of(source: ReferenceView, mode: str) -> tuple[TextureAtlas | VertexColours, list[str]]:
-    """The same for the modes that other programs know: ``texture`` and ``vertex``."""
-    if mode == "texture":
-        view, mesh = source.view, source.mesh
-        faces_seen = classify_faces(mesh, view.camera, view.cam_from_model, view.observed)
-        atlas = bake_atlas(mesh, view.camera, view.cam_from_model, view.image, view.observed, faces_seen)
-        return atlas, atlas.messages()
-    return vertex_colours_of(source)
+def baked_colour_of(
+    source: ReferenceView, mode: str, progress: Callable[[float], None] | None = None
+) -> tuple[TextureAtlas | VertexColours, list[str]]:
+    """The same for the modes that other programs know: ``texture`` and ``vertex``.
+
+    Runs without Blender, so it may run in a thread. ``progress`` is called often with a fraction 0..1; an exception
+    that it raises ends the work.
+    """
+    report = progress or _unreported
+    if mode != "texture":
+        report(0.0)
+        return vertex_colours_of(source)
+    view, mesh = source.view, source.mesh
+    stage = _Stage(report, CLASSIFIED)
+
+    def observed(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        stage.step()
+        return view.observed(points, normals)
+
+    faces_seen = classify_faces(mesh, view.camera, view.cam_from_model, observed)
+    stage = _Stage(report, 1.0, CLASSIFIED)
+    atlas = bake_atlas(mesh, view.camera, view.cam_from_model, view.image, observed, faces_seen)
+    return atlas, atlas.messages()
+
+
+class _Stage:
+    """Reports a stage of unknown length: each step goes a part of the way that is left."""
+
+    def __init__(self, report: Callable[[float], None], end: float, start: float = 0.0) -> None:
+        self._report, self._end, self._fraction = report, end, start
+
+    def step(self) -> None:
+        self._report(self._fraction)
+        self._fraction += STEP * (self._end - self._fraction)
+
+
+def _unreported(_fraction: float) -> None:
+    pass
 
 
 def vertex_colours_of(source: ReferenceView) -> tuple[VertexColours, list[str]]:

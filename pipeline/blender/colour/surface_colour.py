@@ -43,6 +43,7 @@ def put_colour(
     *,
     mark_unseen: bool,
     record: Mapping[str, object],
+    vertices: VertexColours | None = None,
 ) -> None:
     """Colour an object; replaces colours that this function gave it before.
 
@@ -58,12 +59,17 @@ def put_colour(
         Show unseen surface in :data:`UNSEEN`, else in neutral grey.
     record
         What to store with the colours, JSON types; ``mode`` and ``unseen_marked`` are added.
+    vertices
+        The colours of the vertices if they are known already; a textured surface has them too.
     """
     remove_colour(surface)
     flipped = source.mesh.faces is not mesh.faces and not np.array_equal(source.mesh.faces, mesh.faces)
     textured = isinstance(colour, TextureAtlas)
     # in addition to a texture: for attribute colours in Solid mode and for lookups of a vertex's colour
-    vertices = colour_vertices(source.mesh, source.view) if isinstance(colour, TextureAtlas) else colour
+    if isinstance(colour, VertexColours):
+        vertices = colour
+    elif vertices is None:
+        vertices = colour_vertices(source.mesh, source.view)
     _set_colour_attribute(surface, vertices, mark_unseen)
     if isinstance(colour, TextureAtlas):
         material = _textured(surface, colour, mark_unseen, flipped)
@@ -112,6 +118,16 @@ def colour_record(surface: bpy.types.Object) -> dict | None:
     except ValueError:
         return None
     return record if isinstance(record, dict) else None
+
+
+def rescale_colour(surface: bpy.types.Object, factor: float) -> None:
+    """Let the record of an object's colours follow a change of units: its pose scales, its figures stay."""
+    record = colour_record(surface)
+    if record is None or "cam_from_model" not in record:
+        return
+    pose = np.array(record["cam_from_model"])
+    pose[:3, 3] *= factor
+    surface[RECORD] = json.dumps({**record, "cam_from_model": pose.tolist()})
 
 
 def mark_unseen(surface: bpy.types.Object, mark: bool) -> None:

@@ -1,0 +1,134 @@
+"""Colouring the surface in steps: what needs Blender in its main thread, the arrays in a thread of their own."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import bpy
+
+from ..pipeline.blender.colour.coverage import Coverage, coverage_of
+from ..pipeline.blender.colour.reference_view import ReferenceView, baked_colour_of, reference_view_of
+from ..pipeline.blender.colour.surface_colour import colour_record, put_colour
+from ..pipeline.case.loaded_case import LoadedCase
+from ..pipeline.colour.texture_atlas import TextureAtlas
+from ..pipeline.colour.vertex_colours import VertexColours, colour_vertices
+from ..state import from_scene
+
+Mode = Literal["texture", "vertex"]
+BAKED = 0.8
+"""Fraction of the thread's time after which the colours are known, and are measured."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a colouring starts from: the case, and the surface that its frame saw."""
+
+    loaded: LoadedCase
+    view: ReferenceView
+
+
+@dataclass(frozen=True)
+class Colouring:
+    """The result: colours, those of the vertices, their coverage, and messages."""
+
+    colour: VertexColours | TextureAtlas
+    vertices: VertexColours
+    coverage: Coverage
+    messages: tuple[str, ...]
+
+
+class Stopped(Exception):
+    """Ends a colouring that the user has stopped."""
+
+
+def source_of(scene: bpy.types.Scene) -> Source:
+    """Read the scene and render its geometry from the frame's pose; in Blender's main thread.
+
+    Raises
+    ------
+    InputError
+        Something is missing, or no pixel of the frame shows the surface.
+    """
+    loaded = from_scene.loaded_case(scene)
+    return Source(loaded, reference_view_of(loaded))
+
+
+def coloured(source: Source, mode: Mode, progress: Callable[[float], None] | None = None) -> Colouring:
+    """Compute the colours; in any thread. ``progress`` gets a fraction 0..1, and may raise to end the work."""
+    report = progress or (lambda _fraction: None)
+    colour, messages = baked_colour_of(source.view, mode, lambda fraction: report(BAKED * fraction))
+    report(BAKED)
+    vertices = colour_vertices(source.view.mesh, source.view.view) if isinstance(colour, TextureAtlas) else colour
+    report((BAKED + 1) / 2)
+    return Colouring(colour, vertices, coverage_of(source.view, colour), tuple(messages))
+
+
+def put(scene: bpy.types.Scene, source: Source, found: Colouring) -> tuple[str, ...]:
+    """Colour the surface object with a result; in Blender's main thread. Returns messages."""
+    surface = from_scene.surface_of(scene)
+    before = colour_record(surface)
+    messages = [*source.view.messages, *found.messages]
+    record = {
+        "frame": str(source.loaded.case.image),
+        "cam_from_model": source.loaded.cam_from_model.tolist(),
+        "of_view": found.coverage.of_view,
+        "of_surface": found.coverage.of_surface,
+        "mean_error": found.coverage.mean_error,
+        "max_error": found.coverage.max_error,
+        "messages": messages,
+    }
+    put_colour(
+        surface,
+        source.loaded.mesh,
+        source.view,
+        found.colour,
+        mark_unseen=before is None or before["unseen_marked"],
+        record=record,
+        vertices=found.vertices,
+    )
+    return (*source.loaded.messages, *messages, found.coverage.summary())
+
+
+class ColouringThread:
+    """:func:`coloured` in a thread.
+
+    Attributes
+    ----------
+    fraction
+        Progress, 0..1.
+    result
+        The colours; ``None`` until they are known.
+    error
+        The exception with which it failed, otherwise ``None``.
+    """
+
+    def __init__(self, source: Source, mode: Mode) -> None:
+        self.fraction = 0.0
+        self.result: Colouring | None = None
+        self.error: Exception | None = None
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, args=(source, mode), daemon=True)
+        self._thread.start()
+
+    @property
+    def running(self) -> bool:
+        """Whether the thread has not ended yet."""
+        return self._thread.is_alive()
+
+    def stop(self) -> None:
+        """Ask the thread to stop; it ends at its next step."""
+        self._stop.set()
+
+    def _update(self, fraction: float) -> None:
+        self.fraction = fraction
+        if self._stop.is_set():
+            raise Stopped
+
+    def _run(self, source: Source, mode: Mode) -> None:
+        try:
+            self.result = coloured(source, mode, self._update)
+        except Stopped:
+            pass
+        except Exception as error:  # raised again in the main thread, where Blender reports it
+            self.error = error

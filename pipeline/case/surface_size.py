@@ -1,0 +1,88 @@
+"""Whether a surface's size is plausible: a mesh in metres that is read as millimetres is a thousand times too small."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..camera.pinhole import PinholeCamera
+from ..files.numbers import MM_PER_UNIT
+from ..surface.mesh import TriangleMesh
+from .loaded_case import FARTHEST_MM, NEAREST_MM
+
+SMALLEST_MM, LARGEST_MM = 1.0, 2000.0
+"""Plausible extents of a surface: from an ossicle to a whole body."""
+
+
+@dataclass(frozen=True)
+class SizeDoubt:
+    """An implausible size.
+
+    Attributes
+    ----------
+    message
+        What is implausible, for the user.
+    better_units
+        The unit with which the size is plausible; ``None`` if there is none.
+    """
+
+    message: str
+    better_units: str | None
+
+
+def size_doubt(extents_mm: np.ndarray, units: str, camera: PinholeCamera | None, name: str) -> SizeDoubt | None:
+    """Judge the size of a surface by itself, and by the distance from which it fills the frame.
+
+    Parameters
+    ----------
+    extents_mm
+        ``(3,)`` sides of its bounding box, mm, as converted from ``units``.
+    units
+        ``"mm"`` or ``"m"``: the unit in which the file's numbers were read.
+    camera
+        Intrinsics of the frame, px; ``None`` if they are not known yet.
+    name
+        Begins the message, such as the file's name.
+
+    Returns
+    -------
+    ``None`` if the size is plausible.
+    """
+    if _is_plausible(extents_mm, camera):
+        return None
+    others = {unit: extents_mm * (factor / MM_PER_UNIT[units]) for unit, factor in MM_PER_UNIT.items() if unit != units}
+    better = next((unit for unit, extents in others.items() if _is_plausible(extents, camera)), None)
+    message = f"{name}: the surface is {size_text(extents_mm)} large if its numbers are {_WORDS[units]}"
+    if camera is not None:
+        message += f", and fills the frame from {_length_text(_filling_distance_mm(extents_mm, camera))}"
+    if better is None:
+        return SizeDoubt(f"{message}, which is unusual; check the units of the file", None)
+    return SizeDoubt(f"{message}; in {_WORDS[better]} it would be {size_text(others[better])}: check the units", better)
+
+
+def extents_of(mesh: TriangleMesh) -> np.ndarray:
+    """``(3,)`` sides of the bounding box of a mesh, mm."""
+    low, high = mesh.bounds
+    return high - low
+
+
+def size_text(extents_mm: np.ndarray) -> str:
+    """Three sides in words: ``"83 x 60 x 41 mm"``."""
+    return " x ".join(f"{side:.3g}" for side in extents_mm) + " mm"
+
+
+_WORDS = {"mm": "millimetres", "m": "metres"}
+
+
+def _is_plausible(extents_mm: np.ndarray, camera: PinholeCamera | None) -> bool:
+    if not SMALLEST_MM <= extents_mm.max() <= LARGEST_MM:
+        return False
+    return camera is None or NEAREST_MM <= _filling_distance_mm(extents_mm, camera) <= FARTHEST_MM
+
+
+def _filling_distance_mm(extents_mm: np.ndarray, camera: PinholeCamera) -> float:
+    """The distance from which the surface is as large as the frame, mm."""
+    return float(extents_mm.max()) * min(camera.fx, camera.fy) / max(camera.size_wh)
+
+
+def _length_text(length_mm: float) -> str:
+    return f"{length_mm:.3g} mm" if length_mm < 1000 else f"{length_mm / 1000:.3g} m"

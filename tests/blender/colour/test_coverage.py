@@ -1,0 +1,41 @@
+"""The coverage is measured without a render, and is that of one."""
+
+import numpy as np
+import pytest
+
+from pipeline.blender.case.load_case import load_case
+from pipeline.blender.colour.coverage import coverage_of
+from pipeline.blender.colour.reference_view import baked_colour_of, reference_view_of
+from pipeline.blender.render.engines import render_view
+from pipeline.blender.render.surface_scene import SurfaceScene
+from pipeline.case.case_file import read_case
+
+pytestmark = pytest.mark.render
+
+
+@pytest.mark.parametrize("mode", ["vertex", "texture"])
+def test_the_figures_are_those_of_a_rendered_view(write_tiny_case, tmp_path, mode):
+    source = reference_view_of(load_case(read_case(write_tiny_case(tmp_path))))
+    colour, _ = baked_colour_of(source, mode)
+    found = coverage_of(source, colour)
+    with SurfaceScene(source.mesh, source.view.camera, colour) as scene:
+        view = render_view(scene, source.view.cam_from_model)
+    differences = 255 * np.abs(view.rgb[view.observed] - source.view.image[view.observed])
+    # single precision decides otherwise at a few pixels on an edge of the observed surface
+    assert abs(found.pixels - view.observed.sum()) <= 2e-3 * view.observed.size
+    assert found.of_view == pytest.approx(view.observed.sum() / view.mask.sum(), abs=3e-3)
+    assert found.mean_error == pytest.approx(differences.mean(), rel=0.02, abs=0.01)
+
+
+def test_progress_never_goes_back_and_may_stop_the_work(write_tiny_case, tmp_path):
+    source = reference_view_of(load_case(read_case(write_tiny_case(tmp_path))))
+    fractions = []
+    baked_colour_of(source, "texture", fractions.append)
+    assert fractions == sorted(fractions)
+    assert 0 <= fractions[0] < fractions[-1] <= 1
+
+    def stop(_fraction):
+        raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        baked_colour_of(source, "texture", stop)

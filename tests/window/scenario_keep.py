@@ -1,0 +1,82 @@
+"""What the user would lose is asked about: another case, quitting, a unit; colouring can be stopped."""
+
+import bpy
+
+bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
+
+from bl_ext.user_default.oneframe.dataset import background_job
+from bl_ext.user_default.oneframe.pipeline.surface.mesh_reader import read_mesh
+from bl_ext.user_default.oneframe.pipeline.surface.mesh_writer import write_ply
+from bl_ext.user_default.oneframe.setup.unsaved import unsaved_parts
+
+
+def scenario(user):
+    scene = bpy.context.scene
+    settings = scene.oneframe
+    with user.context():
+        bpy.ops.oneframe.open_case(filepath=str(user.case))
+    yield from user.open_sidebar("OneFrame")
+    yield from user.picture("1_opened")
+    text = user.case.read_bytes()
+
+    # colouring runs in steps; Esc stops it, and then nothing has changed
+    surface = settings.surface
+    with user.context():
+        assert bpy.ops.oneframe.project_colour("INVOKE_DEFAULT", mode="texture") == {"RUNNING_MODAL"}
+    yield from user.until(lambda: user.window.modal_operators, "the running operator")
+    yield 0.5
+    yield from user.key("ESC", user.middle())
+    yield from user.until(lambda: not user.window.modal_operators, "the end of the operator")
+    assert "oneframe_colour" not in surface
+    with user.context():
+        bpy.ops.oneframe.project_colour("INVOKE_DEFAULT", mode="texture")
+    yield 1.0
+    yield from user.picture("2_colouring")
+    yield from user.until(lambda: "oneframe_colour" in surface, "the colours", timeout_s=60)
+    yield from user.redraw()
+    assert bpy.data.is_dirty, "colours are a change that Blender asks about before it quits"
+    with user.context():
+        bpy.ops.oneframe.preview_view()
+    assert not [image.name for image in bpy.data.images if image.is_dirty]
+
+    # another case: a question, and Escape keeps this one
+    with user.context():
+        bpy.ops.oneframe.nudge("INVOKE_DEFAULT", axis="x")
+    assert unsaved_parts(scene) == ("pose",)
+    with user.context():
+        bpy.ops.oneframe.open_case("INVOKE_DEFAULT")
+    yield 0.5
+    yield from user.picture("3_another_case")
+    yield from user.key("ESC")
+    yield 0.3
+    assert unsaved_parts(scene) == ("pose",)
+
+    # a run renders a snapshot, and keeps the file "modified" even after it has been saved
+    settings.dataset_out = str(user.folder / "dataset")
+    settings.dataset.count = 2000
+    with user.context():
+        bpy.ops.oneframe.render_dataset()
+    bpy.ops.wm.save_as_mainfile(filepath=str(user.folder / "work.blend"))
+    yield from user.until(lambda: bpy.data.is_dirty, "the mark of a running job")
+    yield from user.key("Q", user.middle(), ctrl=True)
+    yield 0.7
+    yield from user.picture("4_quitting")
+    yield from user.key("ESC")
+    yield 0.3
+    assert background_job.current().check(), "the run goes on until the user answers"
+    with user.context():
+        bpy.ops.oneframe.cancel_dataset()
+    yield from user.until(lambda: not background_job.current().running, "the end of the run", timeout_s=30)
+    assert user.case.read_bytes() == text
+    assert (user.folder / "dataset.case.toml").is_file()
+
+    # a mesh in metres: asked about, and put right by the answer
+    mesh, _ = read_mesh(user.case.parent / "surface.ply")
+    write_ply(user.folder / "metres.ply", mesh.scaled(1e-3))
+    with user.context():
+        bpy.ops.oneframe.load_surface(filepath=str(user.folder / "metres.ply"))
+    yield 0.5
+    yield from user.picture("5_metres")
+    yield from user.key("RET")
+    yield from user.until(lambda: settings.units == "m", "the other unit")
+    yield from user.picture("6_units")

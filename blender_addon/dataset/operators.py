@@ -2,6 +2,7 @@
 
 import argparse
 import textwrap
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from ..pipeline.errors import InputError
 from ..registration import class_registration, prop
 from ..setup.alignment_record import recorded_case
 from ..state import from_scene
+from ..state.file_watch import Stamp, known_stamp
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
 from . import background_job, pose_preview
 
@@ -211,14 +213,15 @@ def preview(scene: bpy.types.Scene) -> tuple[bpy.types.Image, str, bool] | None:
     if image is None or PREVIEW_KEY not in image:
         return None
     try:
-        outdated = image[PREVIEW_KEY] != _view_key(scene)
+        outdated = image[PREVIEW_KEY] != _view_key(scene, stamp=known_stamp)
     except InputError:
         outdated = True
     return image, image.get(PREVIEW_SUMMARY, ""), outdated
 
 
-def _view_key(scene: bpy.types.Scene) -> str:
-    return f"{pose_preview.content_key(scene, pose_preview.dataset_options(scene))} {scene.oneframe.preview_view}"
+def _view_key(scene: bpy.types.Scene, *, stamp: Callable[[Path], Stamp] = from_scene.stamp) -> str:
+    key = pose_preview.content_key(scene, pose_preview.dataset_options(scene), stamp=stamp)
+    return f"{key} {scene.oneframe.preview_view}"
 
 
 def _put_preview(rgb: np.ndarray, key: str, summary: str) -> bpy.types.Image:

@@ -96,7 +96,8 @@ def content_key(
     """
     settings = scene.oneframe
     files = [
-        from_scene.absolute_path(path)
+        # not resolved: that would look at the disk
+        Path(bpy.path.abspath(path))
         for path in (settings.frame_path, from_scene.surface_of(scene).oneframe.mesh_path)
     ]
     if options.poses is not None:

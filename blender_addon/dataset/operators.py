@@ -1,6 +1,7 @@
 """Operators of the dataset: preview poses and one view, run in the background, open the result."""
 
 import textwrap
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -12,6 +13,7 @@ from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.errors import InputError
 from ..registration import class_registration, prop
 from ..state import from_scene
+from ..state.file_watch import Stamp, known_stamp
 from ..ui.operator import Messages, NeedsAlignment, Reporting
 from . import background_job, pose_preview
 from .existing_dataset import check_folder, existing_views
@@ -214,14 +216,15 @@ def preview(scene: bpy.types.Scene) -> tuple[bpy.types.Image, str, bool] | None:
     if image is None or PREVIEW_KEY not in image:
         return None
     try:
-        outdated = image[PREVIEW_KEY] != _view_key(scene)
+        outdated = image[PREVIEW_KEY] != _view_key(scene, stamp=known_stamp)
     except InputError:
         outdated = True
     return image, image.get(PREVIEW_SUMMARY, ""), outdated
 
 
-def _view_key(scene: bpy.types.Scene) -> str:
-    return f"{pose_preview.content_key(scene, pose_preview.dataset_options(scene))} {scene.oneframe.preview_view}"
+def _view_key(scene: bpy.types.Scene, *, stamp: Callable[[Path], Stamp] = from_scene.stamp) -> str:
+    key = pose_preview.content_key(scene, pose_preview.dataset_options(scene), stamp=stamp)
+    return f"{key} {scene.oneframe.preview_view}"
 
 
 def _put_preview(rgb: np.ndarray, key: str, summary: str) -> bpy.types.Image:

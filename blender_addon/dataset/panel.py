@@ -6,6 +6,7 @@ import bpy
 
 from ..pipeline.errors import InputError
 from ..registration import class_registration
+from ..state.file_watch import known_stamp
 from ..ui.wrapped_text import draw_text
 from . import background_job, operators, pose_preview
 from .wording import LABELS, in_window_words
@@ -88,7 +89,7 @@ class ONEFRAME_PT_dataset_preview(_DatasetPanel, bpy.types.Panel):
         row.operator("oneframe.hide_poses", text="", icon="X")
         planned = pose_preview.shown()
         if planned is not None:
-            if pose_preview.is_current(scene):
+            if pose_preview.is_current(scene, stamp=known_stamp):
                 low, high = planned.observed.min(), planned.observed.max()
                 layout.label(text=f"Observed: {low:.0%} (orange) to {high:.0%} (green)")
             else:

@@ -6,6 +6,7 @@ drawn only while the key matches the scene: they are never outdated, even after 
 
 import argparse
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from ..pipeline.poses.constraints import PlannedPose
 from ..pipeline.poses.pose_file import read_poses
 from ..pipeline.transforms import inverse_rigid, transform_points
 from ..state import from_scene
-from ..state.file_watch import known_stamp
+from ..state.file_watch import Stamp, known_stamp
 from ..ui.frame_view import shows_frame
 
 LENGTH = 0.10
@@ -83,32 +84,36 @@ def dataset_options(scene: bpy.types.Scene) -> DatasetOptions:
     return merged_options(from_scene.dataset_table(scene), argparse.Namespace(), case_path)
 
 
-def content_key(scene: bpy.types.Scene, options: DatasetOptions) -> str:
+def content_key(
+    scene: bpy.types.Scene, options: DatasetOptions, *, stamp: Callable[[Path], Stamp] = from_scene.stamp
+) -> str:
     """A key that changes with everything that the views of the dataset depend on.
 
     Raises
     ------
     InputError
-        There is no camera or surface.
+        There is no camera or surface, or a file does not exist.
     """
     settings = scene.oneframe
     files = [
-        from_scene.absolute_path(path)
+        # not resolved: that would look at the disk
+        Path(bpy.path.abspath(path))
         for path in (settings.frame_path, from_scene.surface_of(scene).oneframe.mesh_path)
     ]
     if options.poses is not None:
         files.append(Path(options.poses))
-    stamps = [(str(path), *known_stamp(path)) for path in files]
+    stamps = [(str(path), *stamp(path)) for path in files]
     pose = from_scene.cam_from_model(scene).tobytes()
     content = (options, pose, from_scene.camera(scene), settings.distortion_text, settings.units, stamps)
     return hashlib.sha256(repr(content).encode()).hexdigest()
 
 
-def pose_key(scene: bpy.types.Scene) -> str:
+def pose_key(scene: bpy.types.Scene, *, stamp: Callable[[Path], Stamp] = from_scene.stamp) -> str:
     """A key like :func:`content_key` for the poses only: options of rendering do not change it."""
     default = DatasetOptions()
     irrelevant = ("colour", "engine", "samples", "float_depth", "video", "video_frames")
-    return content_key(scene, replace(dataset_options(scene), **{name: getattr(default, name) for name in irrelevant}))
+    options = replace(dataset_options(scene), **{name: getattr(default, name) for name in irrelevant})
+    return content_key(scene, options, stamp=stamp)
 
 
 def listed_poses(loaded: LoadedCase, options: DatasetOptions) -> np.ndarray | None:
@@ -173,10 +178,10 @@ def shown() -> PlannedPoses | None:
     return _planned
 
 
-def is_current(scene: bpy.types.Scene) -> bool:
-    """Whether the planned poses match the scene."""
+def is_current(scene: bpy.types.Scene, *, stamp: Callable[[Path], Stamp] = from_scene.stamp) -> bool:
+    """Whether the planned poses match the scene; for drawing, with ``stamp`` = :func:`.known_stamp`."""
     try:
-        return _planned is not None and _planned.key == pose_key(scene)
+        return _planned is not None and _planned.key == pose_key(scene, stamp=stamp)
     except InputError:
         return False
 
@@ -186,7 +191,7 @@ def _draw() -> None:
     context = bpy.context
     scene = context.scene
     # in the camera view the frusta would surround the eye
-    if _planned is None or shows_frame(context) or not is_current(scene):
+    if _planned is None or shows_frame(context) or not is_current(scene, stamp=known_stamp):
         return
     shader = gpu.shader.from_builtin("POLYLINE_FLAT_COLOR")
     if _batch is None or _batch[0] is not _planned:

@@ -28,6 +28,10 @@ _entering: dict[int, str] = {}
 """Window -> name of the workbench's scene, while the window changes to the workspace."""
 
 
+_opened: list[str] = []
+"""The file that was opened, until the timer has seen to it."""
+
+
 def is_own(workspace: bpy.types.WorkSpace) -> bool:
     """Whether a workspace is the add-on's."""
     return WORKSPACE in workspace
@@ -61,6 +65,10 @@ def _settle() -> float | None:
         elif at_home and not workbench.is_workbench(window.scene):
             # undo has removed the workbench's scene, or a file without one was opened
             _leave(window)
+    if _opened and workbench.existing() is None:
+        # a file opened with the interface as it was
+        remove()
+    _opened.clear()
     return DRAWN_S if _entering else None
 
 
@@ -172,6 +180,12 @@ def _after_change(*_: object) -> None:
         _settle_soon()
 
 
+@persistent
+def _after_load(path: str, *_: object) -> None:
+    _opened.append(path)
+    _after_change()
+
+
 def remove() -> None:
     """Return to the user's workspaces, and remove the add-on's; the workbench's scene stays in the file."""
     own = [workspace for workspace in bpy.data.workspaces if is_own(workspace)]
@@ -203,7 +217,11 @@ class ONEFRAME_OT_enter_workbench(bpy.types.Operator):
 
 
 _register_classes, _unregister_classes = class_registration((ONEFRAME_OT_enter_workbench,))
-_HANDLERS = (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post, bpy.app.handlers.load_post)
+_HANDLERS = (
+    (bpy.app.handlers.undo_post, _after_change),
+    (bpy.app.handlers.redo_post, _after_change),
+    (bpy.app.handlers.load_post, _after_load),
+)
 
 
 def register() -> None:
@@ -211,19 +229,20 @@ def register() -> None:
     _register_classes()
     workbench.on_entered(_entered)
     camera_view.on_look(fit.fit_soon)
-    for handlers in _HANDLERS:
-        handlers.append(_after_change)
+    for handlers, handler in _HANDLERS:
+        handlers.append(handler)
 
 
 def unregister() -> None:
     """Undo :func:`register`, and leave the windows as they were found."""
-    for handlers in _HANDLERS:
-        handlers.remove(_after_change)
+    for handlers, handler in _HANDLERS:
+        handlers.remove(handler)
     camera_view.remove_listener(fit.fit_soon)
     workbench.remove_listener(_entered)
     for timer in (_settle, fit.fit_waiting):
         if bpy.app.timers.is_registered(timer):
             bpy.app.timers.unregister(timer)
     _entering.clear()
+    _opened.clear()
     remove()
     _unregister_classes()

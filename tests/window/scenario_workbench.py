@@ -16,8 +16,9 @@ from bl_ext.user_default.oneframe.view.fit import free_rectangle
 def scenario(user):
     shading = user.area.spaces.active.shading
     shading.color_type, shading.light = "RANDOM", "MATCAP"
-    before, known = users_state(user), set(bpy.data.workspaces)
+    before, known = users_state(user), set(workspaces())
     bpy.ops.ed.undo_push(message="the user's file")
+    bpy.ops.wm.save_as_mainfile(filepath=str(user.folder / "users.blend"), copy=True)
 
     # a new file, frame, typed K, surface: the default cube hides nothing
     with user.context():
@@ -47,7 +48,7 @@ def scenario(user):
 
     # leave by the tab, by undo, by disabling
     own = user.window.workspace
-    user.window.workspace = next(iter(known & {bpy.data.workspaces["Layout"]}))
+    user.window.workspace = bpy.data.workspaces["Layout"]
     yield from user.until(lambda: user.window.scene.name == "Scene", "the user's scene behind their tab")
     assert users_state(user) == before
     user.window.workspace = own
@@ -61,11 +62,22 @@ def scenario(user):
     with user.context():
         bpy.ops.ed.redo()
     yield from user.at_workbench()
+
+    # another file, with the interface as it is
+    with user.context():
+        bpy.ops.wm.open_mainfile(filepath=str(user.folder / "users.blend"), load_ui=False)
+    yield from user.until(lambda: set(workspaces()) == known, "the workspace to go with its file")
+    yield from user.open_case()
     bpy.ops.preferences.addon_disable(module=PACKAGE)
-    yield from user.until(lambda: set(bpy.data.workspaces) == known, "the workspace removed")
+    yield from user.until(lambda: set(workspaces()) == known, "the workspace removed")
+    yield from user.until(lambda: user.window.scene.name == "Scene", "the user's scene")
     yield from user.redraw()
     assert users_state(user) == before
     yield from user.picture("6_disabled")
+
+
+def workspaces():
+    return [workspace.name for workspace in bpy.data.workspaces]
 
 
 def orbit(user):

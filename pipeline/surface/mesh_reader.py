@@ -92,8 +92,6 @@ def _read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarr
     blocks: list[tuple[int, bytes]] = []
     first_line = vertex_count = 0
     for block in _blocks_of_lines(text, where):
-        if b"#" in block:
-            block = re.sub(rb"#[^\n]*", b"", block)
         found, faces = _obj_vertices(block, first_line, where), _obj_faces(block, first_line, vertex_count, where)
         vertices.append(found)
         vertex_count += len(found)
@@ -127,8 +125,8 @@ def _blocks_of_lines(text: bytes, where: str) -> Iterator[bytes]:
         start = stop or len(text)
 
 
-_OBJ_VERTEX = re.compile(rb"^[ \t]*v[ \t]([^\n]*)", re.MULTILINE)
-_OBJ_FACE = re.compile(rb"^[ \t]*f[ \t]([^\n]*)", re.MULTILINE)
+_OBJ_VERTEX = re.compile(rb"^[ \t]*v[ \t]([^\n#]*)", re.MULTILINE)
+_OBJ_FACE = re.compile(rb"^[ \t]*f[ \t]([^\n#]*)", re.MULTILINE)
 
 
 def _obj_vertices(block: bytes, first_line: int, where: str) -> np.ndarray:

@@ -1,12 +1,21 @@
 """The exceptions whose messages are for the user; any other exception is a defect of the program."""
 
+LONGEST_MESSAGE = 1200
+"""Characters; what was found in a file may be as long as the file."""
+
 
 class InputError(ValueError):
     """The user's input cannot be used.
 
-    The message says in one or two sentences where, what was expected, what was found and what to do. Scripts print it
-    as one line and exit with code 2; operators report it.
+    The message says in one or two sentences where, what was expected, what was found and what to do; the middle of a
+    very long one is left out. Scripts print it as one line and exit with code 2; operators report it.
     """
+
+    def __init__(self, message: object = "") -> None:
+        text = str(message)
+        if len(text) > LONGEST_MESSAGE:
+            text = f"{text[: LONGEST_MESSAGE // 2]} ... {text[-LONGEST_MESSAGE // 3 :]}"
+        super().__init__(text)
 
 
 class RunError(RuntimeError):

@@ -25,6 +25,9 @@ from .errors import InputError
 ORTHONORMAL_TOLERANCE = 5e-3
 """Largest entry of |R Rt - 1| that counts as rounding: published ground truth reaches 2e-3 (LM-O)."""
 
+LONGEST_TRANSLATION = 1e12
+"""In the unit of the file; squares of longer ones may overflow."""
+
 ORTHONORMAL_TO_ROUNDING = 1e-14
 """Largest entry of |R Rt - 1| of a rotation rounded to float64; such a pose is kept to the last bit."""
 
@@ -106,8 +109,8 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
     Raises
     ------
     InputError
-        Wrong shape, not numbers, not finite, a last row other than 0 0 0 1, a reflection, or a rotation that is
-        off by more than :data:`ORTHONORMAL_TOLERANCE`.
+        Wrong shape, not numbers, not finite, a last row other than 0 0 0 1, a reflection, a rotation that is off by
+        more than :data:`ORTHONORMAL_TOLERANCE`, or a translation beyond :data:`LONGEST_TRANSLATION`.
     """
     b_from_a = checked_matrix(matrix, 4, where)
     if not np.allclose(b_from_a[3], [0, 0, 0, 1], atol=1e-9):
@@ -116,17 +119,23 @@ def checked_rigid(matrix: object, where: str) -> tuple[np.ndarray, str | None]:
             "the translation belongs in the last column (transpose the matrix if it is in the last row)"
         )
     rotation = b_from_a[:3, :3]
-    determinant = np.linalg.det(rotation)
+    with np.errstate(over="ignore", invalid="ignore"):
+        determinant = np.linalg.det(rotation)
+        deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
     if determinant < 0:
         raise InputError(
             f"{where}: expected a rotation, found a reflection (determinant {determinant:.3f}); "
             "a mirrored axis convention, e.g. y up instead of y down, usually causes it"
         )
-    deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    if deviation > ORTHONORMAL_TOLERANCE:
+    # NaN, of numbers whose squares overflow, is not within it
+    if not deviation <= ORTHONORMAL_TOLERANCE:
         raise InputError(
             f"{where}: expected a rotation, found a matrix that deviates from orthonormal by {deviation:.2g} "
             f"(allowed {ORTHONORMAL_TOLERANCE:g}); remove scale or shear from the pose"
+        )
+    if np.abs(b_from_a[:3, 3]).max() > LONGEST_TRANSLATION:
+        raise InputError(
+            f"{where}: expected a shorter translation, found {b_from_a[:3, 3].tolist()}, which is too long"
         )
     if deviation > ORTHONORMAL_TO_ROUNDING:
         b_from_a[:3, :3] = nearest_rotation(rotation)

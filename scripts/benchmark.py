@@ -16,23 +16,28 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # the repository's root: scripts are run from a checkout
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import argparse
 import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 
-from pipeline.blender.command_line import own_output, run_script
+from pipeline.blender.command_line import ArgumentParser, run_script
 from pipeline.blender.dataset.job import available_cores
 from pipeline.blender.evaluation.render_scaling import measure_anti_aliasing, measure_memory, measure_triangles
 from pipeline.blender.evaluation.render_speed import measure_speed, measure_start, measure_workers
+from pipeline.blender.process import own_output
 from pipeline.blender.render.engines import keep_freed_memory
 from pipeline.evaluation.benchmark_case import VIEW_CAMERA
-from pipeline.evaluation.charts.page import require_matplotlib
+from pipeline.evaluation.charts.page import chart_outputs, require_matplotlib
 from pipeline.evaluation.charts.render_speed_chart import render_speed_charts
 from pipeline.evaluation.render_times import read_render_times
 from pipeline.files.content import write_bytes_atomically
+from pipeline.files.kinds import Kind, json_object
+from pipeline.files.outputs import Output, check_outputs, made_folder, writing
 
 NAMES = ("speed", "antialiasing", "scaling", "workers", "start", "memory")
+FIGURES = Kind(
+    "the figures of this script", lambda data: any(json_object(name)(data) for name in (*NAMES, "speed rounds"))
+)
 RENDER_SCRIPT = Path(__file__).with_name("render_dataset.py")
 
 Figures = dict[str, Mapping[str, float] | Mapping[str, list[float]]]
@@ -40,19 +45,21 @@ Figures = dict[str, Mapping[str, float] | Mapping[str, list[float]]]
 
 
 def main(argv: Sequence[str]) -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = ArgumentParser(prog="benchmark.py", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES, metavar="NAME", help=" ".join(NAMES))
     parser.add_argument("--quick", action="store_true", help="fewer rounds, 300 instead of 2000 views for memory")
     parser.add_argument("--out", type=Path, help="also write the figures to this JSON file, and a chart next to it")
     parser.add_argument(
         "--redraw", action="store_true", help="measure nothing; draw the chart again from the file --out"
     )
-    arguments = parser.parse_args(argv)
+    arguments = parser.parse(argv)
     if arguments.redraw and arguments.out is None:
         parser.error("expected --out FILE with --redraw, found none")
     if arguments.out:
         require_matplotlib()
-        arguments.out.parent.mkdir(parents=True, exist_ok=True)
+        # drawn again, the figures are an input
+        named = {"figures": arguments.out} if arguments.redraw else {}
+        check_outputs([*([] if named else [Output(arguments.out, FIGURES)]), *chart_outputs(arguments.out)], named)
     output = own_output()
 
     def report(text: str) -> None:
@@ -62,7 +69,8 @@ def main(argv: Sequence[str]) -> int:
     if not arguments.redraw:
         figures = measure(arguments.only, report, quick=arguments.quick)
         if arguments.out:
-            write_bytes_atomically(arguments.out, (json.dumps(figures, indent=2) + "\n").encode())
+            with writing(made_folder(arguments.out)):
+                write_bytes_atomically(arguments.out, (json.dumps(figures, indent=2) + "\n").encode())
     if arguments.out and (arguments.redraw or "speed" in figures):
         for path in render_speed_charts(read_render_times(arguments.out), arguments.out):
             report(str(path))

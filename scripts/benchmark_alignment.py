@@ -24,10 +24,11 @@ import cv2
 
 from pipeline.blender.case.load_case import load_case
 from pipeline.blender.colour.reference_view import reference_view_of
-from pipeline.blender.command_line import ArgumentParser, own_output, run_script
+from pipeline.blender.command_line import ArgumentParser, run_script
+from pipeline.blender.process import own_output
 from pipeline.case.case_file import read_case
-from pipeline.evaluation.charts.landmark_chart import landmark_accuracy_charts
-from pipeline.evaluation.charts.page import require_matplotlib
+from pipeline.evaluation.charts.landmark_chart import case_chart, landmark_accuracy_charts
+from pipeline.evaluation.charts.page import chart_outputs, require_matplotlib
 from pipeline.evaluation.landmark_accuracy import (
     VisibleSurface,
     figures_to_json,
@@ -35,10 +36,14 @@ from pipeline.evaluation.landmark_accuracy import (
     read_figures,
 )
 from pipeline.files.content import write_bytes_atomically
+from pipeline.files.kinds import Kind, json_object
+from pipeline.files.outputs import Output, check_outputs, made_folder, writing
+
+FIGURES = Kind("the figures of this script", json_object("trials", "box", "time"))
 
 
 def main(argv: Sequence[str]) -> int:
-    parser = ArgumentParser(prog="benchmark_alignment.py", description=__doc__.splitlines()[0])
+    parser = ArgumentParser(prog="benchmark_alignment.py", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--trials", metavar="N", type=int, default=2000)
     parser.add_argument(
         "--noise-px", metavar="X", type=float, nargs="+", default=[1.0, 2.0, 4.0], help="true click noise"
@@ -51,7 +56,12 @@ def main(argv: Sequence[str]) -> int:
         parser.error("expected --out FILE with --redraw, found none")
     if arguments.out:
         require_matplotlib()
-        arguments.out.parent.mkdir(parents=True, exist_ok=True)
+        # drawn again, the figures are an input
+        inputs = {"figures": arguments.out} if arguments.redraw else {}
+        if arguments.case:
+            inputs |= read_case(arguments.case).input_files()
+        charts = [*chart_outputs(arguments.out), *chart_outputs(case_chart(arguments.out))]
+        check_outputs([*([] if arguments.redraw else [Output(arguments.out, FIGURES)]), *charts], inputs)
     cv2.setNumThreads(1)
     output = own_output()
 
@@ -63,7 +73,8 @@ def main(argv: Sequence[str]) -> int:
         surface = visible_surface(arguments.case) if arguments.case else None
         figures = measure_landmarks(arguments.trials, arguments.noise_px, surface, report)
         if arguments.out:
-            write_bytes_atomically(arguments.out, figures_to_json(figures))
+            with writing(made_folder(arguments.out)):
+                write_bytes_atomically(arguments.out, figures_to_json(figures))
     if arguments.out:
         for path in landmark_accuracy_charts(read_figures(arguments.out), arguments.out):
             report(str(path))

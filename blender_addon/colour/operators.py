@@ -14,6 +14,7 @@ from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen,
 from ..pipeline.errors import InputError, RunError
 from ..registration import class_registration, prop
 from ..state import from_scene
+from ..state.camera_view import spaces_of
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, redraw
 from . import colouring
 
@@ -50,7 +51,7 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
         _check_object_mode(from_scene.surface_of(scene))
         source = colouring.source_of(scene)
         messages = colouring.put(scene, source, colouring.coloured(source, self.mode))
-        show_colour(context.window_manager, from_scene.surface_of(scene))
+        show_colour(from_scene.surface_of(scene))
         return messages
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
@@ -102,7 +103,7 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
         if thread.result is not None:
             for message in colouring.put(context.scene, self._source, thread.result):
                 self.report({"INFO"}, message)
-            show_colour(context.window_manager, from_scene.surface_of(context.scene))
+            show_colour(from_scene.surface_of(context.scene))
         self._end(context)
         return {"FINISHED"}
 
@@ -160,7 +161,7 @@ class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting, bpy.types.Operator):
         surface = from_scene.surface_of(context.scene)
         _check_object_mode(surface)
         remove_colour(surface)
-        show_colour(context.window_manager, surface)
+        show_colour(surface)
 
 
 class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operator, ExportHelper):
@@ -225,16 +226,14 @@ def is_outdated(scene: bpy.types.Scene, record: dict) -> bool:
     return record["frame"] != str(frame) or not np.array_equal(record["cam_from_model"], pose)
 
 
-def show_colour(manager: bpy.types.WindowManager, surface: bpy.types.Object) -> None:
+def show_colour(surface: bpy.types.Object) -> None:
     """Let 3D views in Solid mode show the colours unlit if the surface has any, otherwise its shape in studio light.
 
     Without colours, views in which the user has chosen another shading keep it.
     """
     record = colour_record(surface)
-    for window in manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                _show_in(area.spaces.active.shading, record)
+    for space in spaces_of(surface):
+        _show_in(space.shading, record)
 
 
 def _show_in(shading: bpy.types.View3DShading, record: dict | None) -> None:
@@ -259,7 +258,7 @@ def _after_undo(scene: bpy.types.Scene, *_: object) -> None:
     """Update the views' shading, which Blender's undo does not restore."""
     surface = scene.oneframe.surface
     if surface is not None:
-        show_colour(bpy.context.window_manager, surface)
+        show_colour(surface)
 
 
 _CLASSES = (

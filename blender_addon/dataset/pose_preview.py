@@ -24,6 +24,7 @@ from ..pipeline.poses.constraints import PlannedPose
 from ..pipeline.poses.pose_file import read_poses
 from ..pipeline.transforms import inverse_rigid, transform_points
 from ..state import from_scene
+from ..state.file_watch import known_stamp
 from ..ui.frame_view import shows_frame
 
 LENGTH = 0.10
@@ -88,7 +89,7 @@ def content_key(scene: bpy.types.Scene, options: DatasetOptions) -> str:
     Raises
     ------
     InputError
-        There is no camera or surface, or a file does not exist.
+        There is no camera or surface.
     """
     settings = scene.oneframe
     files = [
@@ -97,7 +98,7 @@ def content_key(scene: bpy.types.Scene, options: DatasetOptions) -> str:
     ]
     if options.poses is not None:
         files.append(Path(options.poses))
-    stamps = [(str(path), *from_scene.stamp(path)) for path in files]
+    stamps = [(str(path), *known_stamp(path)) for path in files]
     pose = from_scene.cam_from_model(scene).tobytes()
     content = (options, pose, from_scene.camera(scene), settings.distortion_text, settings.units, stamps)
     return hashlib.sha256(repr(content).encode()).hexdigest()

@@ -6,10 +6,11 @@ from pathlib import Path
 import bpy
 
 from ..pipeline.case.case_file import case_from_text
-from ..pipeline.case.case_writer import case_text, encoded
-from ..pipeline.errors import InputError
+from ..pipeline.case.case_writer import CASE_FILE, case_text, encoded
 from ..pipeline.files.content import write_bytes_atomically
+from ..pipeline.files.outputs import check_outputs, companion, made_folder, writing
 from ..state import from_scene
+from ..state.inputs import input_files
 
 SUFFIX = ".case.toml"
 COMMENT = (
@@ -28,8 +29,8 @@ def write_snapshot(scene: bpy.types.Scene, out: Path) -> Path:
     Raises
     ------
     InputError
-        The scene is no complete case, or the file exists and is not a snapshot.
-    OSError
+        The scene is no complete case, or the file exists and is not a snapshot, or it is the opened case.
+    RunError
         The file cannot be written.
     """
     path = snapshot_path(out)
@@ -38,15 +39,13 @@ def write_snapshot(scene: bpy.types.Scene, out: Path) -> Path:
     text = case_text(path, case, comment=COMMENT)
     case_from_text(text, path)
     data = encoded(path, text)
-    if path.exists():
-        before = path.read_bytes()
-        if not before.startswith(f"# {COMMENT}\n".encode()):
-            raise InputError(
-                f"{path}: expected to write the case of the dataset here, found a file that Render Dataset has not "
-                "written; move it, or choose another folder for the dataset"
-            )
-        if before == data:
-            return path
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes_atomically(path, data)
+    if path.is_file() and path.read_bytes() == data:
+        return path
+    check_outputs([companion(path, CASE_FILE, _is_snapshot)], input_files(scene))
+    with writing(made_folder(path)):
+        write_bytes_atomically(path, data)
     return path
+
+
+def _is_snapshot(path: Path) -> bool:
+    return path.read_bytes().startswith(f"# {COMMENT}\n".encode())

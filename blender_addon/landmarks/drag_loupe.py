@@ -7,6 +7,7 @@ from gpu_extras.batch import batch_for_shader
 
 from ..ui.frame_view import FrameView, window_region
 from ..ui.strokes import Colour, Strokes
+from ..view.fit import free_rectangle
 from ..view.overlay import frame_image_of
 from .gestures import Gesture
 
@@ -36,7 +37,7 @@ def draw(context: bpy.types.Context, gesture: Gesture) -> None:
     scale = MAGNIFICATION * max(1.0, frame.magnification)
     half_px = SIDE * strokes.unit / 2 / scale
     pixel = frame.px_from_region(gesture.at)
-    centre = _loupe_centre(gesture.at, region, strokes.unit)
+    centre = _loupe_centre(gesture.at, context.area, strokes.unit)
     _draw_image(image, frame, centre, pixel, half_px, SIDE * strokes.unit / 2)
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * SIDE * strokes.unit / 2
     strokes.line(centre + corners, WHITE, width=1.5, closed=True)
@@ -49,25 +50,30 @@ def draw(context: bpy.types.Context, gesture: Gesture) -> None:
     strokes.draw()
 
 
-def _loupe_centre(at: np.ndarray, region: bpy.types.Region, unit: float) -> np.ndarray:
+def _loupe_centre(at: np.ndarray, area: bpy.types.Area, unit: float) -> np.ndarray:
     """``(2,)`` centre of the loupe in the region: above and right of the point, or opposite if there is no room."""
     distance = (DISTANCE + SIDE / 2) * unit
-    # the headers cover the view's upper edge
-    size = np.array([region.width, region.height - 60 * unit])
-    direction = np.where(at + distance + SIDE * unit / 2 < size, 1.0, -1.0)
-    return np.asarray(at, float) + direction * distance
+    low, high = free_rectangle(area)
+    half = SIDE * unit / 2
+    direction = np.where(at + distance + half < high, 1.0, -1.0)
+    return np.clip(np.asarray(at, float) + direction * distance, low + half, np.maximum(high - half, low + half))
 
 
 def _draw_image(
     image: bpy.types.Image, frame: FrameView, centre: np.ndarray, pixel: np.ndarray, half_px: float, half: float
 ) -> None:
     size = np.array(frame.camera.size_wh, float)
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+    # only what the frame shows: beyond its border the view stays visible
+    low, high = np.maximum(pixel - half_px, -0.5), np.minimum(pixel + half_px, size - 0.5)
+    if (low >= high).any():
+        return
+    seen = np.array([[low[0], high[1]], [high[0], high[1]], [high[0], low[1]], [low[0], low[1]]])
+    places = centre + (seen - pixel) / half_px * [half, -half]
     # pixel (0, 0) is the centre of the top-left pixel; texture coordinates start at the lower left corner
-    texture_at = (pixel + corners * [half_px, -half_px] + 0.5) / size
+    texture_at = (seen + 0.5) / size
     texture_at[:, 1] = 1 - texture_at[:, 1]
     shader = gpu.shader.from_builtin("IMAGE_SCENE_LINEAR_TO_REC709_SRGB")
-    fields = {"pos": np.float32(centre + corners * half), "texCoord": np.float32(texture_at)}
+    fields = {"pos": np.float32(places), "texCoord": np.float32(texture_at)}
     batch = batch_for_shader(shader, "TRIS", fields, indices=((0, 1, 2), (0, 2, 3)))
     shader.bind()
     shader.uniform_sampler("image", gpu.texture.from_image(image))

@@ -5,10 +5,12 @@ import numpy as np
 
 from ..pipeline.alignment.manual.picking import is_unfinished
 from ..pipeline.errors import InputError
-from ..state import from_scene
+from ..state import from_scene, workbench
+from ..state.next_step import next_step
 from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
 from ..ui.strokes import Colour, Strokes
+from ..view.fit import free_rectangle
 from . import drag_loupe, gestures, solve, tool, uncertainty_drawing
 from .marks import LandmarkView, Mark, marks_of
 from .solve import Solution
@@ -43,8 +45,10 @@ def landmark_strokes(context: bpy.types.Context) -> Strokes:
     view = LandmarkView.of(context)
     solved = solve.solution(scene)
     marks = marks_of(scene, view)
-    if solved.estimate is not None:
-        uncertainty_drawing.add_uncertainty(strokes, scene, view, solved)
+    uncertainty_drawing.add_uncertainty(strokes, scene, view, solved)
+    if not solve.is_current(scene, solved):
+        # outliers are those of the solution: at another pose they mean nothing
+        solved = Solution(None, solved.refusal)
     hidden = _hidden(scene, view, marks)
     residuals = solve.residuals_px(scene)
     for mark in marks:
@@ -110,6 +114,9 @@ def _colour(
 def _draw_view() -> None:
     context = bpy.context
     scene = context.scene
+    if workbench.is_workbench(scene) and not from_scene.is_set_up(scene):
+        _draw_next_step(context)
+        return
     if not scene.oneframe.show_landmarks or not scene.oneframe.landmarks or not from_scene.is_set_up(scene):
         return
     try:
@@ -122,6 +129,14 @@ def _draw_view() -> None:
         return
 
 
+def _draw_next_step(context: bpy.types.Context) -> None:
+    """Say in the middle of an empty view what comes next."""
+    strokes, text = Strokes(), next_step(context.scene)
+    low, high = free_rectangle(context.area)
+    strokes.text((low + high) / 2 - np.array([strokes.width_of(text) / 2, 0.0]), text, INCOMPLETE)
+    strokes.draw()
+
+
 def _draw_pointer(xy: tuple[int, int]) -> None:
     """Draw the instruction next to the pointer while the tool is active and picking is unfinished."""
     context = bpy.context
@@ -131,7 +146,11 @@ def _draw_pointer(xy: tuple[int, int]) -> None:
     if gestures.running() is not None or not is_unfinished(landmarks):
         return
     strokes = Strokes()
-    strokes.text(np.array(xy) + np.array([18, -26]) * strokes.unit, tool.instruction(context), INCOMPLETE)
+    text, region = tool.instruction(context), frame_view.window_region(context.area)
+    at = np.array(xy) + np.array([18, -26]) * strokes.unit
+    # not under the sidebar
+    room = region.x + free_rectangle(context.area)[1][0] - strokes.width_of(text) - 6 * strokes.unit
+    strokes.text(np.array([min(at[0], room), at[1]]), text, INCOMPLETE)
     strokes.draw()
 
 

@@ -15,6 +15,7 @@ from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
 from ..registration import class_registration, prop
 from ..state import events, from_scene
+from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, Keys
 from ..ui.operator import OperatorResult, redraw
 from . import edit, solve
 from .marks import LandmarkView, landmark_at, marks_of, nearest
@@ -161,7 +162,7 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
 
     def _begin(self, scene: bpy.types.Scene, view: LandmarkView, pointer: np.ndarray) -> Gesture:
         marks = marks_of(scene, view)
-        if self.kind == "PIN":
+        if self.kind == "PIN" and view.frame is not None:
             return _begin_pin(scene, view, marks, pointer)
         if self.kind == "SURFACE" or view.frame is None:
             found = nearest(marks, "surface", pointer)
@@ -268,4 +269,31 @@ def is_alignment_view(context: bpy.types.Context) -> bool:
     return context.area is not None and context.area.type == "VIEW_3D" and from_scene.is_set_up(context.scene)
 
 
-register, unregister = class_registration((ONEFRAME_OT_landmark_gesture,))
+def _gesture(kind: str, tool: str, **modifiers: bool) -> Key:
+    return Key("oneframe.landmark_gesture", "LEFTMOUSE", properties=(("kind", kind),), tools=(tool,), **modifiers)
+
+
+KEYS = Keys(
+    [
+        _gesture("IMAGE", LANDMARK_TOOL),
+        _gesture("SURFACE", LANDMARK_TOOL, shift=True),
+        _gesture("PIN", LANDMARK_TOOL, ctrl=True),
+        _gesture("PIN", PIN_TOOL),
+        # the same gesture, so that neither a habit nor a held key selects Blender's objects
+        _gesture("PIN", PIN_TOOL, ctrl=True),
+        _gesture("PIN", PIN_TOOL, shift=True),
+    ]
+)
+_register_classes, _unregister_classes = class_registration((ONEFRAME_OT_landmark_gesture,))
+
+
+def register() -> None:
+    """Register the operator and its keys."""
+    _register_classes()
+    KEYS.register()
+
+
+def unregister() -> None:
+    """Undo :func:`register`."""
+    KEYS.unregister()
+    _unregister_classes()

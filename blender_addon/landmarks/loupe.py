@@ -1,4 +1,7 @@
-"""A loupe next to the pointer while landmarks are picked: it shows the frame in the camera view, else the surface."""
+"""A loupe next to the pointer while landmarks are picked: it shows the frame or the surface, whichever the next click
+is for."""
+
+from collections.abc import Sequence
 
 import bpy
 import gpu
@@ -6,17 +9,23 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
+from ..pipeline.alignment.manual.picking import asked_half
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..ui.frame_view import FrameView, shows_frame
+from ..view.fit import free_rectangle
 from ..view.overlay import Composite, frame_image_of, picture_of, projection_of
 from . import gestures, tool
+from .marks import LandmarkView, marks_of
 
 TOOL = tool.TOOL
-"""The workspace tool that shows it."""
+"""A workspace tool that shows it."""
 
 MAGNIFICATION = 6.0
 """In the camera view: screen pixels per pixel of the frame. In other views: relative to the view."""
+
+SURFACE_MAGNIFICATION = 3.0
+"""Of the surface in the camera view: without the frame's detail, its shape is recognised by more of it."""
 
 MIN_MAGNIFICATION = 1.5
 """Least magnification relative to the camera view; a view that is zoomed in further shows no loupe."""
@@ -24,6 +33,9 @@ MIN_MAGNIFICATION = 1.5
 SIZE_PX = 180
 DISTANCE_PX = 28
 """Distance of the loupe from the pointer."""
+
+TARGET_PX = 24
+"""The loupe keeps this distance from places where the next click is expected, at interface scale 1."""
 
 _PICTURE_KEY = -1
 _handle: object | None = None
@@ -42,31 +54,51 @@ def draw_loupe(pointer: tuple[int, int]) -> None:
         return
     at = np.array([pointer[0] - region.x + 0.5, pointer[1] - region.y + 0.5])
     in_frame = shows_frame(context) and frame_image_of(context.scene) is not None
+    shows_surface = not in_frame or _asks_for_surface(context.scene)
     gesture = gestures.running()
     if gesture is not None:
         if gesture.moves != "point" and in_frame:
             # drag_loupe shows a dragged image point
             return
-        in_frame, at = False, gesture.at
-    if not ((at >= 0).all() and (at < (region.width, region.height)).all()):
+        shows_surface, at = True, gesture.at
+    low, high = free_rectangle(context.area)
+    if not ((at >= low).all() and (at < high).all()):
         return
     try:
-        _draw(context, region, at, in_frame)
+        _draw(context, region, at, in_frame=in_frame, shows_surface=shows_surface)
     except InputError:
         # the panel reports it
         return
 
 
-def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, in_frame: bool) -> None:
+def _asks_for_surface(scene: bpy.types.Scene) -> bool:
+    return asked_half(from_scene.landmarks_model(scene), scene.oneframe.landmark_index) == "point"
+
+
+def targets(context: bpy.types.Context) -> list[np.ndarray]:
+    """``(2,)`` region pixels near which the next click is expected: the marks of landmarks that lack a point."""
+    view, entries = LandmarkView.of(context), context.scene.oneframe.landmarks
+    found = []
+    for mark in marks_of(context.scene, view):
+        entry = entries[mark.index]
+        place = mark.surface if mark.image is None else mark.image
+        if entry.has_point != entry.has_pixel and place is not None:
+            found.append(place)
+    return found
+
+
+def _draw(
+    context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, *, in_frame: bool, shows_surface: bool
+) -> None:
     scene = context.scene
     size = round(SIZE_PX * context.preferences.system.ui_scale)
     # Blender draws cursors in pixels of the window
     left, below, *target = gpu.state.viewport_get()
-    low = np.array(corner(region, at[0], at[1], size)) + np.array([region.x - left, region.y - below])
+    low = corner(context.area, at, size, targets(context)) + np.array([region.x - left, region.y - below])
     loupe_view, magnification = None, MAGNIFICATION
     if in_frame:
         frame_view = FrameView.of(scene, region, context.region_data)
-        magnification = MAGNIFICATION / frame_view.magnification
+        magnification = (SURFACE_MAGNIFICATION if shows_surface else MAGNIFICATION) / frame_view.magnification
         if magnification < MIN_MAGNIFICATION:
             # the view itself is a loupe
             return
@@ -75,11 +107,11 @@ def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, 
     projection = projection_of(scene, region, context.region_data, frame=in_frame)
     projection = projection.magnified(at[0], at[1], magnification, size, size)
     view = scene.oneframe_view
-    contour = in_frame and view.contour
+    contour = in_frame and view.contour and not shows_surface
     picture = picture_of(_PICTURE_KEY, size, size)
-    if contour or not in_frame:
+    if contour or shows_surface:
         picture.draw(projection, from_scene.surface_of(scene), view.crease_deg if contour else None)
-    mode = "FRAME" if in_frame else "PICTURE"
+    mode = "FRAME" if not shows_surface else "SURFACE" if in_frame else "PICTURE"
     image = frame_image_of(scene) if in_frame else None
     composite = Composite(mode, loupe_view, image, picture, contour, tuple(low), target_encodes=False)
     composite.draw(view, tuple(low), tuple(low + size))
@@ -91,11 +123,24 @@ def _draw(context: bpy.types.Context, region: bpy.types.Region, at: np.ndarray, 
         _draw_cross(low[0], low[1], size)
 
 
-def corner(region: bpy.types.Region, x: float, y: float, size: int) -> tuple[float, float]:
-    """Lower left corner of the loupe in the region: above and left of the pointer if there is room; text is right."""
-    low_x = x - DISTANCE_PX - size if x - DISTANCE_PX - size >= 0 else x + DISTANCE_PX
-    low_y = y + DISTANCE_PX if y + DISTANCE_PX + size < region.height else y - DISTANCE_PX - size
-    return round(max(low_x, 0)), round(max(low_y, 0))
+def corner(area: bpy.types.Area, at: np.ndarray, size: int, avoided: Sequence[np.ndarray]) -> np.ndarray:
+    """``(2,)`` lower left corner of the loupe, region px, for a pointer ``at`` a place.
+
+    Of the four places around the pointer, the first that no panel covers and that covers no ``avoided`` place; if there
+    is none, the one that comes nearest to it.
+    """
+    free_low, free_high = free_rectangle(area)
+    margin = TARGET_PX * bpy.context.preferences.system.ui_scale
+    best, least = np.zeros(2), np.inf
+    # above and left first: the text next to the pointer is right of it
+    for side in np.array([(-1, 1), (1, 1), (-1, -1), (1, -1)]):
+        low = np.asarray(at) + np.where(side > 0, DISTANCE_PX, -DISTANCE_PX - size)
+        outside = np.maximum(free_low - low, 0) + np.maximum(low + size - free_high, 0)
+        covered = sum(bool((place > low - margin).all() and (place < low + size + margin).all()) for place in avoided)
+        cost = float(outside.sum()) + size * covered
+        if cost < least:
+            best, least = low, cost
+    return np.round(np.clip(best, free_low, np.maximum(free_high - size, free_low)))
 
 
 def _draw_cross(low_x: float, low_y: float, size: int) -> None:

@@ -10,8 +10,11 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.landmark_file import read_landmarks, write_landmarks
 from ..pipeline.errors import InputError
+from ..pipeline.files.numbers import format_two_digits
 from ..registration import class_registration, prop
-from ..state import events, from_scene, to_scene
+from ..state import events, from_scene, pose_evidence, to_scene
+from ..state.inputs import input_files
+from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, Keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
 from . import edit, solve
 from .gestures import is_alignment_view, landmark_under
@@ -210,6 +213,29 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting, bpy.types.Operator):
     bl_label = "Solve"
     bl_options = {"REGISTER", "UNDO"}
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        """Ask before a refined pose is replaced."""
+        scene = context.scene
+        try:
+            solved = solve.solution(scene)
+            away = solve.departure(scene, solved)
+            if away is None or not pose_evidence.is_refined(scene):
+                return self.execute(context)
+            record = pose_evidence.remembered(scene) or {}
+        except InputError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        error_px = record.get("error_px")
+        off = f", off by about {format_two_digits(error_px)} px" if isinstance(error_px, float) else ""
+        return context.window_manager.invoke_confirm(
+            self,
+            event,
+            title="Replace the refined pose?",
+            message=f"It comes from the image{off}. The landmarks' pose is up to {away.largest_px:.1f} px away.",
+            confirm_text="Solve",
+            icon="QUESTION",
+        )
+
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
         # raises for a scaled surface, which must not become rigid unnoticed
@@ -242,7 +268,10 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Oper
         existing = from_scene.landmarks_mesh(scene) if self.keep else ()
         to_scene.replace_landmarks(scene, (*existing, *read))
         events.landmarks_changed(scene)
-        return f"{path.name}: {len(read)} landmarks", *solve.off_surface(scene)
+        messages = [f"{path.name}: {len(read)} landmarks", *solve.off_surface(scene)]
+        if pose_evidence.is_refined(scene):
+            messages.append("the refined pose is unchanged; press Solve to replace it by that of the landmarks")
+        return messages
 
 
 class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Operator, ExportHelper):
@@ -260,7 +289,12 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Opera
         scene = context.scene
         path = self.chosen_file()
         try:
-            write_landmarks(path, from_scene.landmarks_mesh(scene), mm_per_unit=MM_PER_UNIT[scene.oneframe.units])
+            write_landmarks(
+                path,
+                from_scene.landmarks_mesh(scene),
+                mm_per_unit=MM_PER_UNIT[scene.oneframe.units],
+                inputs=input_files(scene),
+            )
         except OSError as error:
             raise InputError(f"{path}: cannot write the file ({error.strerror}); choose another folder") from None
         return (f"saved {path}: {len(scene.oneframe.landmarks)} landmarks",)
@@ -276,4 +310,29 @@ _CLASSES = (
     ONEFRAME_OT_import_landmarks,
     ONEFRAME_OT_export_landmarks,
 )
-register, unregister = class_registration(_CLASSES)
+_register_classes, _unregister_classes = class_registration(_CLASSES)
+
+
+def _on_mark(operator: str, key: str, *, alt: bool = False) -> Key:
+    return Key(operator, key, alt=alt, properties=(("at_pointer", True),), tools=(PIN_TOOL, LANDMARK_TOOL))
+
+
+KEYS = Keys(
+    [
+        _on_mark("oneframe.landmark_toggle", "LEFTMOUSE", alt=True),
+        _on_mark("oneframe.landmark_remove", "X"),
+        _on_mark("oneframe.landmark_remove", "DEL"),
+    ]
+)
+
+
+def register() -> None:
+    """Register operators and keys."""
+    _register_classes()
+    KEYS.register()
+
+
+def unregister() -> None:
+    """Undo :func:`register`."""
+    KEYS.unregister()
+    _unregister_classes()

@@ -7,8 +7,9 @@ from ..pipeline.alignment.landmarks.covariance import PoseUncertainty
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..registration import class_registration
-from ..state import from_scene
+from ..state import from_scene, pose_evidence
 from ..state.properties import ONEFRAME_PG_landmark, ONEFRAME_PG_scene
+from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, active_tool
 from ..ui.wrapped_text import draw_text
 from . import solve, tool
 from .solve import Solution
@@ -63,12 +64,12 @@ class ONEFRAME_PT_landmarks(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.oneframe
         layout.operator_context = "INVOKE_DEFAULT"
-        row = layout.row()
+        row = layout.row(align=True)
         row.enabled = context.mode == "OBJECT"
-        is_active = tool.is_active(context)
-        pick = row.operator("wm.tool_set_by_id", text="Pick Landmarks", icon="EYEDROPPER", depress=is_active)
-        pick.name = tool.TOOL
-        if is_active:
+        active = active_tool(context)
+        for name, text, icon in ((PIN_TOOL, "Pull Pins", "PINNED"), (LANDMARK_TOOL, "Pick Landmarks", "EYEDROPPER")):
+            row.operator("wm.tool_set_by_id", text=text, icon=icon, depress=active == name).name = name
+        if tool.is_active(context):
             draw_text(layout, tool.instruction(context), icon="INFO")
         row = layout.row()
         row.template_list(
@@ -116,25 +117,28 @@ def _draw_solution(layout: bpy.types.UILayout, scene: bpy.types.Scene, solved: S
         draw_text(layout, solved.refusal, icon="INFO")
         return
     found, away = solved.alignment.estimate, solve.departure(scene, solved)
-    lines = layout.column(align=True)
-    lines.label(text=f"{int(found.inliers.sum())} of {len(solved.alignment.landmarks)} correspondences used")
-    lines.label(text=f"RMS reprojection error {found.rms_px:.2f} px")
-    if away is not None:
-        draw_text(
-            layout,
-            f"The pose differs from the solution by {format_two_digits(away.rotation_deg)}° and "
-            f"{format_two_digits(away.shift_mm)} mm, up to {away.largest_px:.1f} px in the frame.",
-            icon="INFO",
-        )
-    row = layout.row()
-    row.enabled = away is not None
-    row.operator("oneframe.solve_landmarks", icon="CHECKMARK")
-    _draw_uncertainty(layout.box(), found.uncertainty)
-    for message in found.messages:
-        draw_text(layout, message, icon="ERROR")
+    used = f"{int(found.inliers.sum())} of {len(solved.alignment.landmarks)} correspondences"
+    if away is None:
+        lines = layout.column(align=True)
+        lines.label(text=f"{used} used")
+        lines.label(text=f"RMS reprojection error {found.rms_px:.2f} px")
+        draw_uncertainty(layout.box(), found.uncertainty)
+        for message in found.messages:
+            draw_text(layout, message, icon="ERROR")
+        return
+    kept = "The refined pose stays when landmarks change. " if pose_evidence.is_refined(scene) else ""
+    draw_text(
+        layout,
+        f"{kept}Solve would move the surface by {format_two_digits(away.rotation_deg)}° and "
+        f"{format_two_digits(away.shift_mm)} mm, up to {away.largest_px:.1f} px in the frame: to the pose from {used}, "
+        f"RMS {found.rms_px:.2f} px.",
+        icon="INFO",
+    )
+    layout.operator("oneframe.solve_landmarks", icon="CHECKMARK")
 
 
-def _draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty) -> None:
+def draw_uncertainty(box: bpy.types.UILayout, uncertainty: PoseUncertainty) -> None:
+    """Draw the standard deviations of a pose, and its least certain direction."""
     box.label(text="Standard Deviations")
     columns = box.row(align=True)
     kinds = zip(
@@ -158,7 +162,8 @@ def _row_text(scene: bpy.types.Scene, item: ONEFRAME_PG_landmark, index: int) ->
         return "No 3D point", "NONE"
     try:
         residual = solve.residuals_px(scene)[index]
-        outlier = item.enabled and solve.solution(scene).is_outlier(index)
+        solved = solve.solution(scene)
+        outlier = item.enabled and solved.is_outlier(index) and solve.is_current(scene, solved)
     except InputError:
         return "", "NONE"
     if not np.isfinite(residual).all():

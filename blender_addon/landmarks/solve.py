@@ -23,7 +23,7 @@ from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.landmarks import Landmark
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import transform_points
-from ..state import events, from_scene
+from ..state import events, from_scene, pose_evidence
 
 SAME_POSE_PX = 0.05
 """Two poses count as the same if no landmark's projection differs by more than this."""
@@ -136,6 +136,17 @@ def departure(scene: bpy.types.Scene, solved: Solution) -> Departure | None:
     return Departure(float(np.linalg.norm(twist[:3])), float(np.degrees(np.linalg.norm(twist[3:]))), largest)
 
 
+def is_current(scene: bpy.types.Scene, solved: Solution) -> bool:
+    """Whether the current pose is the solution: only then do its figures, outliers and uncertainty hold.
+
+    Raises
+    ------
+    InputError
+        There is no camera or surface, or no valid pose.
+    """
+    return solved.alignment is not None and departure(scene, solved) is None
+
+
 def apply(scene: bpy.types.Scene, solved: Solution) -> None:
     """Move the surface to the pose of a solution.
 
@@ -169,15 +180,22 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
         pivot = points.mean(axis=0)
     pulled = pull_pins(points, pixels, camera, cam_from_model, pivot)
     surface_object.set_pose(camera_object, surface, pulled)
+    off_px = np.linalg.norm(camera.project(transform_points(pulled, points)) - pixels, axis=1)
+    record = {"method": "pins", "pairs": len(points), "rms_px": float(np.sqrt(np.mean(off_px**2)))}
+    pose_evidence.remember(scene, record, pulled)
 
 
 def follow(scene: bpy.types.Scene) -> None:
-    """Move the surface to the solution after a change of the landmarks, if *Live* is on and there is one."""
+    """Move the surface to the solution after a change of the landmarks, if *Live* is on and there is one.
+
+    A pose that was refined against the image stays: it is better than the landmarks', and only *Solve* replaces it.
+    """
     if not scene.oneframe.live_solve or not from_scene.is_set_up(scene):
         return
     try:
         # raises for a scaled surface, which the panel Set up reports
-        from_scene.cam_from_model(scene)
+        if pose_evidence.is_refined(scene):
+            return
         solved = solution(scene)
     except InputError:
         return

@@ -1,12 +1,14 @@
-"""The tool in the toolbar with which the mouse picks and drags landmarks; everything else stays Blender's."""
+"""The tools in the toolbar with which the mouse pulls pins and picks landmarks; everything else stays Blender's."""
 
 import bpy
 
 from ..pipeline.alignment.manual.picking import next_step
 from ..state import from_scene
+from ..state.next_step import next_step as missing_step
 from ..ui.frame_view import shows_frame
+from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool
 
-TOOL = "oneframe.landmark_tool"
+TOOL = LANDMARK_TOOL
 
 KEYS = (
     ("Click", "Pick image point"),
@@ -17,16 +19,27 @@ KEYS = (
     ("Alt + Click Mark", "Enable or disable"),
     ("X, Del on Mark", "Delete landmark"),
 )
-"""What mouse and keys do in the camera view; in other 3D views a click picks a surface point."""
+"""What mouse and keys of the landmark tool do in the camera view; in other 3D views a click picks a surface point."""
 
 
-def _gesture(kind: str, **modifiers: bool) -> tuple:
-    event = {"type": "LEFTMOUSE", "value": "PRESS", **modifiers}
-    return "oneframe.landmark_gesture", event, {"properties": [("kind", kind)]}
+class PinTool(bpy.types.WorkSpaceTool):
+    """Drag points of the surface to where the frame shows them; the surface follows"""
 
+    bl_space_type = "VIEW_3D"
+    bl_context_mode = "OBJECT"
+    bl_idname = PIN_TOOL
+    bl_label = TOOLS[PIN_TOOL]
+    bl_description = (
+        "Drag a point of the surface to where the frame shows it; the surface follows, and earlier pins hold it.\n"
+        "Drag a pin again to correct it. Alt + Click: enable or disable. X: delete"
+    )
+    bl_icon = "ops.curve.pen"
+    bl_cursor = "CROSSHAIR"
+    bl_keymap = ()
 
-def _at_pointer(operator: str, **event: object) -> tuple:
-    return operator, event, {"properties": [("at_pointer", True)]}
+    @staticmethod
+    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
+        layout.label(text=instruction(context))
 
 
 class LandmarkTool(bpy.types.WorkSpaceTool):
@@ -35,21 +48,14 @@ class LandmarkTool(bpy.types.WorkSpaceTool):
     bl_space_type = "VIEW_3D"
     bl_context_mode = "OBJECT"
     bl_idname = TOOL
-    bl_label = "Landmarks"
+    bl_label = TOOLS[TOOL]
     bl_description = (
         "Pick the same features in the frame and on the surface; the pose follows.\n"
         "Click: pick an image point. Shift + Click: pick a surface point. Ctrl + Drag: pull the surface with a pin"
     )
     bl_icon = "ops.paint.eyedropper_add"
     bl_cursor = "CROSSHAIR"
-    bl_keymap = (
-        _gesture("IMAGE"),
-        _gesture("SURFACE", shift=True),
-        _gesture("PIN", ctrl=True),
-        _at_pointer("oneframe.landmark_toggle", type="LEFTMOUSE", value="PRESS", alt=True),
-        _at_pointer("oneframe.landmark_remove", type="X", value="PRESS"),
-        _at_pointer("oneframe.landmark_remove", type="DEL", value="PRESS"),
-    )
+    bl_keymap = ()
 
     @staticmethod
     def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
@@ -60,27 +66,37 @@ def instruction(context: bpy.types.Context) -> str:
     """The instruction for the next click, shown in the tool's header, in the panel and next to the pointer."""
     scene = context.scene
     if not from_scene.is_set_up(scene):
-        return "Set up camera and surface first"
+        return missing_step(scene)
     landmarks = from_scene.landmarks_model(scene)
-    return next_step(landmarks, scene.oneframe.landmark_index, in_frame=shows_frame(context))
+    in_frame = shows_frame(context)
+    if active_tool(context) == PIN_TOOL and in_frame:
+        return "Drag a point of the surface to where the frame shows it"
+    return next_step(landmarks, scene.oneframe.landmark_index, in_frame=in_frame)
 
 
 def is_active(context: bpy.types.Context) -> bool:
-    """Whether the landmark tool is the active one."""
-    tool = context.workspace.tools.from_space_view3d_mode("OBJECT", create=False)
-    return context.mode == "OBJECT" and tool is not None and tool.idname == TOOL
+    """Whether one of these tools is the active one."""
+    return active_tool(context) in (PIN_TOOL, LANDMARK_TOOL)
 
 
 def register() -> None:
-    """Add the tool to the toolbar."""
-    bpy.utils.register_tool(LandmarkTool, after={"builtin.measure"}, separator=True)
+    """Add the tools to the toolbar."""
+    bpy.utils.register_tool(PinTool, after={"builtin.measure"}, separator=True)
+    bpy.utils.register_tool(LandmarkTool, after={PIN_TOOL})
 
 
 def unregister() -> None:
-    """Activate another tool wherever this one is active, then remove it and its keys from the toolbar."""
+    """Remove the tools and their keys from the toolbar."""
+    leave_tools()
+    bpy.utils.unregister_tool(LandmarkTool)
+    bpy.utils.unregister_tool(PinTool)
+
+
+def leave_tools() -> None:
+    """Activate another tool wherever one of the add-on's is active."""
     for window in bpy.context.window_manager.windows:
         tool = window.workspace.tools.from_space_view3d_mode("OBJECT", create=False)
-        if tool is None or tool.idname != TOOL:
+        if tool is None or tool.idname not in TOOLS:
             continue
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
@@ -88,4 +104,3 @@ def unregister() -> None:
                 with bpy.context.temp_override(window=window, area=area):
                     bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
                 break
-    bpy.utils.unregister_tool(LandmarkTool)

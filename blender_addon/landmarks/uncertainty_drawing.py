@@ -9,9 +9,10 @@ from ..pipeline.alignment.landmarks.reprojection import apply_twist
 from ..pipeline.blender.alignment.visible_surface import visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.transforms import inverse_rigid, transform_points
-from ..state import from_scene
+from ..state import from_scene, pose_evidence
 from ..ui.frame_view import FrameView
 from ..ui.strokes import Colour, Strokes
+from . import solve
 from .marks import LandmarkView
 from .solve import Solution
 
@@ -32,20 +33,39 @@ LEGEND, LINE = (70.0, 34.0), 20.0
 
 
 def add_uncertainty(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkView, solved: Solution) -> None:
-    """Add the arrows, a legend and, in the camera view, the ellipses."""
-    if solved.alignment is None:
+    """Add the arrows, a legend and, in the camera view, the ellipses, if the current pose's uncertainty is known."""
+    found = current_uncertainty(scene, solved)
+    if found is None:
         return
-    uncertainty = solved.alignment.estimate.uncertainty
+    uncertainty, points = found
     samples = _samples(scene, view.cam_from_model)
     factor = _add_weakest(strokes, scene, view, uncertainty, np.vstack([samples, uncertainty.pivot_model]))
     times = f", arrows {factor} x" if factor > 1 else ", arrows" if factor == 1 else ""
     legend = [f"Least certain: {uncertainty.weakest}{times}"]
     if view.frame is not None:
         _add_ellipses(strokes, scene, view, view.frame, uncertainty, samples, width=1.0)
-        _add_ellipses(strokes, scene, view, view.frame, uncertainty, solved.alignment.points, width=1.5)
+        _add_ellipses(strokes, scene, view, view.frame, uncertainty, points, width=1.5)
         legend.append("Ellipses: 95 % confidence regions of surface points")
     for number, text in enumerate(legend):
         strokes.text((np.array(LEGEND) + np.array([0, LINE * number])) * strokes.unit, text, COLOUR)
+
+
+def current_uncertainty(scene: bpy.types.Scene, solved: Solution) -> tuple[PoseUncertainty, np.ndarray] | None:
+    """The uncertainty of the current pose, and ``(N, 3)`` landmarks that it rests on; ``None`` if it is not known.
+
+    It is that of the landmarks, or of the refinement, and holds for the pose that these have found alone.
+
+    Raises
+    ------
+    InputError
+        There is no camera or surface, or no valid pose.
+    """
+    refined = pose_evidence.remembered_uncertainty(scene)
+    if refined is not None:
+        return refined, np.empty((0, 3))
+    if solved.alignment is not None and solve.is_current(scene, solved):
+        return solved.alignment.estimate.uncertainty, solved.alignment.points
+    return None
 
 
 def _add_ellipses(

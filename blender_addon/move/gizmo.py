@@ -4,12 +4,12 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..landmarks import tool
 from ..pipeline.errors import InputError
 from ..registration import class_registration
 from ..state import from_scene
 from ..state.pivot import pivot_of
 from ..ui.frame_view import FrameView, shows_frame
+from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, active_tool
 
 _HANDLES = (
     ("shift", "VIEW_PAN", (0, 0)),
@@ -37,8 +37,8 @@ class ONEFRAME_GGT_pose(bpy.types.GizmoGroup):
         settings = context.scene.oneframe
         if not settings.show_gizmo or not from_scene.is_set_up(context.scene) or not shows_frame(context):
             return False
-        # the handles would catch clicks of the landmark tool near the pivot
-        return not tool.is_active(context)
+        # the handles would catch clicks on landmarks near the pivot
+        return active_tool(context) not in (PIN_TOOL, LANDMARK_TOOL)
 
     def setup(self, context: bpy.types.Context) -> None:
         self._handles = []

@@ -12,7 +12,7 @@ from ..state import from_scene
 from ..state.pivot import keep_pivot, pivot_of
 from ..state.pose_text import pose_from_text, pose_rows, set_cam_from_mesh
 from ..ui.frame_view import FrameView, shows_frame, window_region
-from ..ui.keymap import OBJECT_MODE, Key, Keys
+from ..ui.keymap import MOVE_TOOL, Key, Keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, redraw
 
 AXES = [
@@ -37,17 +37,22 @@ _KEY_PAIRS = {
 }
 _KEYBOARD = {key for pair in _KEY_PAIRS.values() for key in pair}
 KEYS = Keys(
-    Key(
-        "oneframe.nudge",
-        key,
-        shift=step == "fine",
-        ctrl=step == "coarse",
-        properties=(("axis", axis), ("step_px", sign * size)),
-        keymap=OBJECT_MODE,
-    )
-    for axis, pair in _KEY_PAIRS.items()
-    for key, sign in zip(pair, (-1, 1), strict=True)
-    for step, size in STEPS.items()
+    [
+        *(
+            Key(
+                "oneframe.nudge",
+                key,
+                shift=step == "fine",
+                ctrl=step == "coarse",
+                properties=(("axis", axis), ("step_px", sign * size)),
+            )
+            for axis, pair in _KEY_PAIRS.items()
+            for key, sign in zip(pair, (-1, 1), strict=True)
+            for step, size in STEPS.items()
+        ),
+        Key("oneframe.drag_pose", "LEFTMOUSE", properties=(("mode", "shift"),), tools=(MOVE_TOOL,)),
+        Key("oneframe.drag_pose", "LEFTMOUSE", ctrl=True, properties=(("mode", "tilt"),), tools=(MOVE_TOOL,)),
+    ]
 )
 
 

@@ -1,7 +1,5 @@
 """The panel Refine: one button, its key, and the result."""
 
-import math
-
 import bpy
 
 from ..pipeline.errors import InputError
@@ -10,6 +8,7 @@ from ..state import from_scene
 from ..ui.keymap import draw_key
 from ..ui.wrapped_text import draw_text
 from . import operator
+from .preview import error_text
 
 
 class ONEFRAME_PT_refine(bpy.types.Panel):
@@ -36,23 +35,24 @@ class ONEFRAME_PT_refine(bpy.types.Panel):
             return  # the panel Set up says what is wrong with the pose
         if found is None:
             return
+        refused, taken = found.can_be_taken, operator.is_taken(scene)
         table = layout.column(align=True)
-        head = table.split(factor=0.5)
-        head.label(text="")
-        for name in ("Before", "After" if found.accepted else "Refused"):
+        head = table.split(factor=0.35)
+        for name in ("", "Before", "Refused" if refused else "After"):
             head.label(text=name)
         for name, before, after in (
             ("Explained", f"{found.before.score:.0%}", f"{found.after.score:.0%}"),
-            ("Edge Distance", _pixels(found.before.edge_distance_px), _pixels(found.after.edge_distance_px)),
+            ("Off By", error_text(found, refined=False), error_text(found, refined=True)),
         ):
-            row = table.split(factor=0.5)
+            row = table.split(factor=0.35)
             for text in (name, before, after):
                 row.label(text=text)
-        draw_text(layout, found.message, icon="CHECKMARK" if found.accepted else "ERROR")
-
-
-def _pixels(value: float) -> str:
-    return "No edges" if math.isnan(value) else f"{value:.1f} px"
+        if taken:
+            draw_text(layout, f"Taken although refused: {found.objection}", icon="ERROR")
+        else:
+            draw_text(layout, found.message, icon="CHECKMARK" if found.accepted else "ERROR")
+        if refused and not taken and not operator.is_previewed(scene):
+            layout.operator("oneframe.take_refused", icon="HIDE_OFF")
 
 
 _CLASSES = (ONEFRAME_PT_refine,)

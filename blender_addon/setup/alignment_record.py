@@ -1,7 +1,6 @@
 """How the current pose was found, for the record in the case file."""
 
 import datetime
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,12 +10,10 @@ import numpy as np
 from ..landmarks import solve
 from ..pipeline import __version__
 from ..pipeline.alignment.landmarks.report import alignment_record
-from ..pipeline.blender.bridge.exact_values import exact, set_exact
+from ..pipeline.alignment.refinement.report import refinement_record
+from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.case.case_file import Case
-from ..state import from_scene
-
-REFINED, OPENED = "oneframe_refined_pose", "oneframe_opened_pose"
-"""Custom properties of the surface: the pose found by the refinement, and the pose of the opened case."""
+from ..state import from_scene, pose_evidence
 
 
 def recorded_case(scene: bpy.types.Scene, path: Path) -> Case:
@@ -26,14 +23,10 @@ def recorded_case(scene: bpy.types.Scene, path: Path) -> Case:
 
 def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
     """The table ``[alignment]`` of the case file."""
-    tool, date = f"OneFrame {__version__}, Blender {bpy.app.version_string}", datetime.date.today().isoformat()
-    surface, pose = from_scene.surface_of(scene), from_scene.cam_from_model(scene)
-    opened, text = exact(surface, OPENED), scene.oneframe.case_alignment_text
-    if text and opened is not None and np.array_equal(opened, pose):
-        return json.loads(text)
-    refined = exact(surface, REFINED)
-    if refined is not None and np.array_equal(refined, pose):
-        return {"method": "refined", "tool": tool, "date": date}
+    tool, date = _tool_and_date()
+    record = pose_evidence.remembered(scene)
+    if record:
+        return {"tool": tool, "date": date, **record}
     solved = solve.solution(scene)
     if solved.alignment is None or solve.departure(scene, solved) is not None:
         return {"method": "manual", "tool": tool, "date": date}
@@ -42,10 +35,15 @@ def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
 
 def remember_opened(scene: bpy.types.Scene, record: dict[str, object], cam_from_model: np.ndarray) -> None:
     """Store the opened case's record and pose ``(4, 4)``, mm: the record holds while the surface keeps that pose."""
-    scene.oneframe.case_alignment_text = json.dumps(record) if record else ""
-    set_exact(from_scene.surface_of(scene), OPENED, cam_from_model)
+    pose_evidence.remember(scene, record, cam_from_model)
 
 
-def remember_refined(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
-    """Store a pose ``(4, 4)``, mm, as found by the refinement."""
-    set_exact(from_scene.surface_of(scene), REFINED, cam_from_model)
+def remember_refined(scene: bpy.types.Scene, refinement: Refinement, start: dict[str, object]) -> None:
+    """Store the pose that a refinement has found, and how; ``start`` is the record of its initial pose."""
+    record = refinement_record(refinement, start, *_tool_and_date())
+    uncertainty = refinement.uncertainty if refinement.verified else None
+    pose_evidence.remember(scene, record, refinement.found, uncertainty)
+
+
+def _tool_and_date() -> tuple[str, str]:
+    return f"OneFrame {__version__}, Blender {bpy.app.version_string}", datetime.date.today().isoformat()

@@ -1,12 +1,12 @@
 """Operators that load frame, camera, surface, structures and pose, and open and save the case."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import bpy
 import numpy as np
-from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ..pipeline.blender.alignment import alignment_scene, surface_object
@@ -16,14 +16,19 @@ from ..pipeline.camera.intrinsics_file import read_camera
 from ..pipeline.camera.plausibility import fit_of
 from ..pipeline.case.case_file import MM_PER_UNIT, Case, read_case
 from ..pipeline.case.case_update import update_case
+from ..pipeline.case.structure_colour import structure_colour
 from ..pipeline.case.surface_size import SizeDoubt, extents_of, size_doubt, size_text
 from ..pipeline.errors import InputError
+from ..pipeline.files.kinds import PLY
+from ..pipeline.files.outputs import Output, check_outputs
 from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.mesh_writer import write_ply
 from ..registration import class_registration, prop
-from ..state import from_scene, to_scene
+from ..state import from_scene, to_scene, workbench
+from ..state.camera_view import look_through_camera, show_shape
 from ..state.from_scene import surface_extents
+from ..state.inputs import input_files
 from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
@@ -70,9 +75,11 @@ class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
 
     def run(self, context: bpy.types.Context) -> Messages:
         loaded = load_case(read_case(self.chosen_file()), aligned=False)
-        to_scene.remember_case(context.scene, loaded, alignment_scene.set_up(context.scene, loaded))
-        remember_opened(context.scene, loaded.case.alignment, loaded.cam_from_model)
-        to_scene.look_through_camera(context)
+        scene = workbench.enter(context)
+        to_scene.remember_case(scene, loaded, alignment_scene.set_up(scene, loaded))
+        remember_opened(scene, loaded.case.alignment, loaded.cam_from_model)
+        show_shape(context)
+        look_through_camera(context)
         width, height = loaded.case.camera.size_wh
         return *loaded.messages, f"{self.filepath}: frame {width} x {height} px, {len(loaded.mesh.faces)} triangles"
 
@@ -293,35 +300,29 @@ class ONEFRAME_OT_change_units(Reporting, bpy.types.Operator):
 
 
 class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper):
-    """Load a structure (facial nerve, ossicles, ...) given in the frame and units of the surface's file"""
+    """Load structures (facial nerve, ossicles, ...) given in the frame and units of the surface's file"""
 
     bl_idname = "oneframe.add_structure"
-    bl_label = "Add Structure"
+    bl_label = "Add Structures"
     bl_options = {"REGISTER", "UNDO"}
 
     filter_glob: str = prop(StringProperty(default=MESHES, options={"HIDDEN"}))
-    color: Sequence[float] = prop(
-        FloatVectorProperty(
-            name="Colour",
-            subtype="COLOR_GAMMA",
-            size=3,
-            min=0,
-            max=1,
-            default=(1.0, 0.0, 1.0),
-            description="Colour of the structure",
-        )
+    directory: str = prop(StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"}))
+    files: "bpy.types.bpy_prop_collection_idprop[bpy.types.OperatorFileListElement]" = prop(
+        CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     )
 
     def run(self, context: bpy.types.Context) -> Messages:
         surface = from_scene.surface_of(context.scene)
-        path = self.chosen_file()
-        given, messages = read_mesh(path)
+        folder = Path(bpy.path.abspath(self.directory))
+        paths = [folder / entry.name for entry in self.files if entry.name] or [self.chosen_file()]
+        read = [(path, *read_mesh(path)) for path in paths]
         offset = surface_object.mesh_from_model_of(surface)[:3, 3]
-        mesh = given.scaled(MM_PER_UNIT[context.scene.oneframe.units]).moved(-offset)
-        red, green, blue = self.color
-        structure = alignment_scene.put_structure(surface, mesh, path.stem, (red, green, blue))
-        structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path)
-        return messages
+        for path, given, _ in read:
+            mesh = given.scaled(MM_PER_UNIT[context.scene.oneframe.units]).moved(-offset)
+            structure = alignment_scene.put_structure(surface, mesh, path.stem, structure_colour(path.stem))
+            structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path)
+        return [message for *_, messages in read for message in messages]
 
 
 class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
@@ -364,6 +365,7 @@ class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportH
         scene, path = context.scene, self.chosen_file()
         if path.suffix.lower() != ".ply":
             raise InputError(f"{path}: expected a file name *.ply, found {path.name!r}; choose another name")
+        check_outputs([Output(path, PLY)], input_files(scene))
         surface = from_scene.surface_of(scene)
         mesh = surface_object.edited_mesh(surface)
         given = mesh.moved(surface_object.mesh_from_model_of(surface)[:3, 3])

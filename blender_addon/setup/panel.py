@@ -5,7 +5,8 @@ import bpy
 from ..pipeline.case.surface_size import size_text
 from ..pipeline.errors import InputError
 from ..registration import class_registration
-from ..state import from_scene
+from ..state import from_scene, workbench
+from ..state.next_step import OPEN, next_step
 from ..state.to_scene import frame_warnings
 from ..ui.wrapped_text import draw_text
 
@@ -60,7 +61,8 @@ class ONEFRAME_PT_camera(bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, typed = self.layout, context.scene.oneframe.camera
-        layout.use_property_split = True
+        # no keyframes: K is not animated
+        layout.use_property_split, layout.use_property_decorate = True, False
         column = layout.column(align=True)
         for name in ("width", "height"):
             column.prop(typed, name)
@@ -101,18 +103,13 @@ class ONEFRAME_PT_structures(bpy.types.Panel):
 
 
 def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    settings = scene.oneframe
-    missing = [
-        name
-        for name, present in (
-            ("a frame", settings.frame_path),
-            ("a camera K", from_scene.present_camera(scene)),
-            ("a surface", from_scene.present_surface(scene)),
-        )
-        if not present
-    ]
-    if missing and len(missing) < 3:
-        layout.label(text="Still missing: " + ", ".join(missing), icon="INFO")
+    step = next_step(scene)
+    if step:
+        draw_text(layout, step, icon="INFO")
+    if step == OPEN:
+        if workbench.existing() is not None:
+            layout.operator("oneframe.enter_workbench", icon="WORKSPACE")
+        layout.operator("oneframe.open_sample", icon="HELP")
     for message in frame_warnings(scene):
         draw_text(layout, message, icon="ERROR")
         layout.operator("oneframe.rescale_camera", icon="FULLSCREEN_ENTER")

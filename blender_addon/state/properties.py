@@ -153,9 +153,6 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     case_dataset_text: str = prop(
         StringProperty(description="The case's [dataset] table as read (JSON)", options={"HIDDEN"})
     )
-    case_alignment_text: str = prop(
-        StringProperty(description="The case's [alignment] table as read (JSON)", options={"HIDDEN"})
-    )
     camera_object: bpy.types.Object | None = prop(
         PointerProperty(type=bpy.types.Object, name="Camera", description="The frame's camera")
     )

@@ -20,7 +20,8 @@ from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.transforms import inverse_rigid, rigid, transform_points
-from . import events, from_scene
+from . import events, from_scene, workbench
+from .camera_view import look_through_camera, show_shape
 from .pivot import PIVOT
 
 INITIAL_POSE = "oneframe_first_pose"
@@ -77,7 +78,7 @@ def frame_size(scene: bpy.types.Scene) -> tuple[int, int] | None:
 
 def set_frame(context: bpy.types.Context, path: Path, width: int, height: int) -> tuple[str, ...]:
     """Use an image file as the frame; returns warnings if K does not fit it."""
-    scene = context.scene
+    scene = workbench.enter(context)
     settings = scene.oneframe
     settings.frame_path, settings.frame_size = str(path.resolve()), (width, height)
     typed = settings.camera
@@ -145,10 +146,10 @@ def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Di
     InputError
         The frame's file no longer exists.
     """
-    scene = context.scene
+    if context.scene.oneframe.frame_path:
+        from_scene.stamp(absolute_path(context.scene.oneframe.frame_path))
+    scene = workbench.enter(context)
     settings = scene.oneframe
-    if settings.frame_path:
-        from_scene.stamp(absolute_path(settings.frame_path))
     existing, surface = from_scene.present_camera(scene), from_scene.present_surface(scene)
     pose = None if surface is None else surface_object.pose_of(existing, surface)
     alignment_scene.set_alignment_units(scene)
@@ -168,7 +169,7 @@ def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Di
 
 def set_surface(context: bpy.types.Context, path: Path, given: TriangleMesh, units: str) -> None:
     """Use a mesh (frame of its file, mm) as the surface; removes the old one, its structures and landmarks."""
-    scene = context.scene
+    scene = workbench.enter(context)
     settings = scene.oneframe
     old = settings.surface
     if old is not None:
@@ -180,6 +181,7 @@ def set_surface(context: bpy.types.Context, path: Path, given: TriangleMesh, uni
     settings.surface, settings.units = surface, units
     _set_initial_pose(scene, surface)
     replace_landmarks(scene, ())
+    show_shape(context)
     look_through_camera(context)
 
 
@@ -238,22 +240,6 @@ def relink_surface(context: bpy.types.Context, path: Path) -> None:
     surface_object.set_pose(settings.camera_object, surface, pose @ old_from_new)
     surface.oneframe.mesh_path = str(path.resolve())
     replace_landmarks(scene, landmarks)
-
-
-def look_through_camera(context: bpy.types.Context) -> None:
-    """Look through the camera in the context's 3D view, or else in the largest one; nothing if one already does."""
-    scene = context.scene
-    if scene.oneframe.camera_object is None or context.screen is None:
-        return
-    views = [area for area in context.screen.areas if area.type == "VIEW_3D"]
-    if not views or any(area.spaces.active.region_3d.view_perspective == "CAMERA" for area in views):
-        return
-    area = context.area if context.area in views else max(views, key=lambda area: area.width * area.height)
-    space = area.spaces.active
-    space.region_3d.view_perspective = "CAMERA"
-    # a lock would move the camera with the view
-    space.lock_camera = False
-    space.shading.color_type = "OBJECT"
 
 
 def _remember_camera(scene: bpy.types.Scene, camera: PinholeCamera, distortion: Distortion | None) -> None:

@@ -1,4 +1,7 @@
-"""Keyboard shortcuts: registered in the add-on key configuration, and shown in panels as currently bound."""
+"""The add-on's tools and their keys: bound in the tools only, and shown in panels as currently bound.
+
+Other tools and modes keep Blender's own keys.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -6,12 +9,22 @@ from typing import Any
 
 import bpy
 
-VIEW = "3D View"
-OBJECT_MODE = "Object Mode"
-"""Blender searches this keymap before the 3D view's own. Plain letters and digits belong here: they then do nothing in
-Edit mode."""
+PIN_TOOL, LANDMARK_TOOL, MOVE_TOOL = "oneframe.pin_tool", "oneframe.landmark_tool", "oneframe.move_tool"
+TOOLS = {PIN_TOOL: "Pins", LANDMARK_TOOL: "Landmarks", MOVE_TOOL: "Move Surface"}
+"""Tools of the toolbar and their labels."""
 
-_SPACES: dict[str, Any] = {VIEW: "VIEW_3D", OBJECT_MODE: "EMPTY"}
+
+def _keymap_of(tool: str) -> str:
+    """As Blender names the keymaps of tools."""
+    return f"3D View Tool: Object, {TOOLS[tool]}"
+
+
+def active_tool(context: bpy.types.Context) -> str:
+    """The active tool in Object mode; empty in other modes."""
+    if context.mode != "OBJECT" or context.workspace is None:
+        return ""
+    tool = context.workspace.tools.from_space_view3d_mode("OBJECT", create=False)
+    return "" if tool is None else tool.idname
 
 
 @dataclass(frozen=True)
@@ -26,8 +39,8 @@ class Key:
         As in Blender's keymap items.
     properties
         The operator's settings: names and values.
-    keymap
-        :data:`VIEW` or :data:`OBJECT_MODE`.
+    tools
+        The tools that have the key.
     """
 
     operator: str
@@ -38,7 +51,7 @@ class Key:
     alt: bool = False
     repeat: bool = False
     properties: tuple[tuple[str, object], ...] = ()
-    keymap: str = VIEW
+    tools: tuple[str, ...] = tuple(TOOLS)
 
 
 class Keys:
@@ -54,13 +67,16 @@ class Keys:
         if configuration is None:
             return
         for key in self.keys:
-            keymap = configuration.keymaps.new(name=key.keymap, space_type=_SPACES[key.keymap])
-            item = keymap.keymap_items.new(
-                key.operator, key.type, key.value, shift=key.shift, ctrl=key.ctrl, alt=key.alt, repeat=key.repeat
-            )
-            for name, value in key.properties:
-                setattr(item.properties, name, value)
-            self._added.append((keymap, item))
+            for tool in key.tools:
+                keymap = configuration.keymaps.new(
+                    name=_keymap_of(tool), space_type="VIEW_3D", region_type="WINDOW", tool=True
+                )
+                item = keymap.keymap_items.new(
+                    key.operator, key.type, key.value, shift=key.shift, ctrl=key.ctrl, alt=key.alt, repeat=key.repeat
+                )
+                for setting, value in key.properties:
+                    setattr(item.properties, setting, value)
+                self._added.append((keymap, item))
 
     def unregister(self) -> None:
         """Remove the keys."""
@@ -75,7 +91,7 @@ def binding(operator: str, **properties: object) -> str:
     for configuration in (manager.keyconfigs.user, manager.keyconfigs.addon):
         if configuration is None:
             continue
-        for name in (OBJECT_MODE, VIEW):
+        for name in map(_keymap_of, TOOLS):
             for item in _items(configuration, name):
                 if item.idname != operator or not item.active or item.type == "NONE":
                     continue

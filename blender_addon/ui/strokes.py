@@ -70,6 +70,11 @@ class Strokes:
         if np.isfinite(at).all():
             self._texts.append((np.asarray(at, float), text, colour))
 
+    def width_of(self, text: str) -> float:
+        """Width of a line of text, px."""
+        blf.size(FONT, TEXT_SIZE * self.unit)
+        return float(blf.dimensions(FONT, text)[0])
+
     def draw(self) -> None:
         """Draw everything: all dark lines first, so that none covers a coloured one."""
         gpu.state.blend_set("ALPHA")

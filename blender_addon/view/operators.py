@@ -1,25 +1,23 @@
-"""How the camera view shows surface and frame: opacity, wireframe, contour, comparisons; zoom to the pointer.
+"""How the camera view shows surface and frame: opacity, wireframe, contour, comparisons.
 
-Opacity and wireframe are Blender's own display settings of the object; ``overlay`` draws the rest over the view.
-Nothing here changes the pose: zoom and pan belong to the view.
+The wireframe is Blender's own display setting of the object; ``overlay`` draws the rest over the view. At first that is
+the contour alone, over the full frame.
+Nothing here changes the pose.
 """
 
 from collections.abc import Sequence
 
 import bpy
-import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty
 
 from ..registration import class_registration, prop
-from ..state import from_scene
-from ..ui.frame_view import FrameView, shows_frame, window_region
-from ..ui.keymap import OBJECT_MODE, Key, Keys
-from ..ui.operator import NeedsAlignment, OperatorResult, redraw
+from ..state import camera_view, from_scene
+from ..ui.frame_view import FrameView
+from ..ui.keymap import Key, Keys
+from ..ui.operator import OperatorResult, redraw
+from .frame_tool import FrameTool
 
 OPACITIES = (1.0, 0.6, 0.3, 0.0)
-MAGNIFICATIONS = (1 / 16, 64.0)
-"""Smallest and largest zoom in region pixels per frame pixel."""
-
 COMPARISONS = [
     ("NONE", "None", "Surface over the frame, as Blender shows it"),
     ("BLINK", "Blink", "Alternate between frame and surface twice a second: what jumps is not aligned"),
@@ -37,17 +35,6 @@ def _surface(scene: bpy.types.Scene) -> bpy.types.Object | None:
     return from_scene.surface_of(scene) if from_scene.is_set_up(scene) else None
 
 
-def _opacity(self: bpy.types.PropertyGroup) -> float:
-    surface = _surface(self.id_data)
-    return 1.0 if surface is None else surface.color[3]
-
-
-def _set_opacity(self: bpy.types.PropertyGroup, value: float) -> None:
-    surface = _surface(self.id_data)
-    if surface is not None:
-        surface.color[3] = value
-
-
 def _wireframe(self: bpy.types.PropertyGroup) -> bool:
     surface = _surface(self.id_data)
     return surface is not None and surface.display_type == "WIRE"
@@ -63,8 +50,7 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     """Settings of the camera view."""
 
     opacity: float = prop(FloatProperty(
-        name="Opacity", description="Opacity of the surface over the frame", min=0, max=1, get=_opacity,
-        set=_set_opacity, subtype="FACTOR",
+        name="Opacity", description="Opacity of the surface over the frame", min=0, max=1, default=0, subtype="FACTOR",
     ))  # fmt: skip
     wireframe: bool = prop(
         BoolProperty(
@@ -72,7 +58,9 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
         )
     )
     contour: bool = prop(
-        BoolProperty(name="Contour", description="Draw outlines and creases of the surface over the frame")
+        BoolProperty(
+            name="Contour", description="Draw outlines and creases of the surface over the frame", default=True
+        )
     )
     crease_deg: float = prop(FloatProperty(
         name="Crease",
@@ -81,7 +69,7 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     ))  # fmt: skip
     contour_color: Sequence[float] = prop(FloatVectorProperty(
         name="Contour Colour", description="Colour of the contour", subtype="COLOR_GAMMA", size=3, min=0, max=1,
-        default=(0.1, 1.0, 0.95),
+        default=(1.0, 0.9, 0.15),
     ))  # fmt: skip
     comparison: str = prop(EnumProperty(name="Compare", description="Compare surface and frame", items=COMPARISONS))
     split: float = prop(FloatProperty(
@@ -104,20 +92,7 @@ class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     )
 
 
-class _FrameTool(NeedsAlignment):
-    """Mixin: available in 3D views that look through the frame's camera."""
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not super().poll(context):
-            return False
-        if not shows_frame(context):
-            cls.poll_message_set("Look through the frame's camera first")
-            return False
-        return True
-
-
-class _Toggle(_FrameTool):
+class _Toggle(FrameTool):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
@@ -212,75 +187,8 @@ class ONEFRAME_OT_show_frame(bpy.types.Operator):
         return from_scene.is_set_up(context.scene) and context.area is not None and context.area.type == "VIEW_3D"
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
-        space, scene = context.space_data, context.scene
-        scene.camera = from_scene.camera_object_of(scene)
-        space.use_local_camera = False
-        space.region_3d.view_perspective = "CAMERA"
-        space.lock_camera = False
+        camera_view.through_camera(context.scene, context.area)
         return {"FINISHED"}
-
-
-class ONEFRAME_OT_zoom_frame(_FrameTool, bpy.types.Operator):
-    """Zoom the camera view about the pointer; the pose stays"""
-
-    bl_idname = "oneframe.zoom_frame"
-    bl_label = "Zoom Frame"
-    bl_options = {"REGISTER"}
-
-    factor: float = prop(
-        FloatProperty(name="Factor", description="Change of the zoom", default=1.25, min=0.01, max=100)
-    )
-    magnification: float = prop(FloatProperty(
-        name="Magnification",
-        description="Screen pixels per pixel of the frame; 0 to use the factor",
-        default=0, min=0, max=MAGNIFICATIONS[1],
-    ))  # fmt: skip
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        region = window_region(context.area)
-        self._pointer: tuple[float, float] = (event.mouse_x - region.x, event.mouse_y - region.y)
-        if context.region.type != "WINDOW":
-            self._pointer = (region.width / 2, region.height / 2)
-        return self._zoom(context, region)
-
-    def execute(self, context: bpy.types.Context) -> OperatorResult:
-        region = window_region(context.area)
-        self._pointer = (region.width / 2, region.height / 2)
-        return self._zoom(context, region)
-
-    def _zoom(self, context: bpy.types.Context, region: bpy.types.Region) -> OperatorResult:
-        region_3d = context.space_data.region_3d
-        current = FrameView.of(context.scene, region, region_3d).magnification
-        zoom_view(context.scene, region, region_3d, self._pointer, self.magnification or self.factor * current)
-        context.area.tag_redraw()
-        return {"FINISHED"}
-
-
-def zoom_view(
-    scene: bpy.types.Scene,
-    region: bpy.types.Region,
-    region_3d: bpy.types.RegionView3D,
-    pointer: tuple[float, float],
-    magnification: float,
-) -> None:
-    """Zoom a camera view to ``magnification`` region pixels per frame pixel, about the pointer."""
-    before = FrameView.of(scene, region, region_3d)
-    pixel = before.px_from_region(pointer)
-    clipped = float(np.clip(magnification, *MAGNIFICATIONS))
-    zoom = _zoom_factor(region_3d.view_camera_zoom) * clipped / before.magnification
-    region_3d.view_camera_zoom = float(np.clip(50 * (2 * np.sqrt(zoom) - np.sqrt(2)), -30, 600))
-    region_3d.update()
-    shift = FrameView.of(scene, region, region_3d).region_from_px(pixel) - pointer
-    # Blender's camera offset is in half widths of the region, at zoom factor 1
-    zoom = _zoom_factor(region_3d.view_camera_zoom)
-    size = np.array([region.width, region.height])
-    region_3d.view_camera_offset = np.array(region_3d.view_camera_offset) + shift / (2 * zoom * size)
-    region_3d.update()
-
-
-def _zoom_factor(view_camera_zoom: float) -> float:
-    """Convert Blender's ``view_camera_zoom`` to a factor."""
-    return (np.sqrt(2) + view_camera_zoom / 50) ** 2 / 4
 
 
 VIEW_OPERATORS = (
@@ -292,17 +200,18 @@ VIEW_OPERATORS = (
     ONEFRAME_OT_toggle_difference,
 )
 """In the order of their keys."""
-_CLASSES = (ONEFRAME_PG_view, *VIEW_OPERATORS, ONEFRAME_OT_show_frame, ONEFRAME_OT_zoom_frame)
+_CLASSES = (ONEFRAME_PG_view, *VIEW_OPERATORS, ONEFRAME_OT_show_frame)
 _register_classes, _unregister_classes = class_registration(_CLASSES)
 _KEYS = Keys(
     (
         *(
-            Key(operator.bl_idname, digit, keymap=OBJECT_MODE)
+            Key(operator.bl_idname, digit)
             for operator, digit in zip(VIEW_OPERATORS, ("ONE", "TWO", "THREE", "FOUR", "FIVE", "SIX"), strict=True)
         ),
         Key("oneframe.zoom_frame", "WHEELINMOUSE", properties=(("factor", 1.25),)),
         Key("oneframe.zoom_frame", "WHEELOUTMOUSE", properties=(("factor", 0.8),)),
-        Key("oneframe.zoom_frame", "SEVEN", properties=(("magnification", 1.0),), keymap=OBJECT_MODE),
+        Key("oneframe.zoom_frame", "SEVEN", properties=(("magnification", 1.0),)),
+        Key("oneframe.fit_frame", "HOME"),
     )
 )
 

@@ -1,4 +1,4 @@
-"""Draws over the views that look through the frame's camera: contour, blink, swipe, difference.
+"""Draws over the views that look through the frame's camera: opacity, contour, blink, swipe, difference; structures.
 
 It draws after Blender's objects and before gizmos, texts and the marks of other tools, which therefore stay on top.
 """
@@ -14,7 +14,7 @@ from ..state import from_scene
 from ..ui.frame_view import FrameView, shows_frame
 from . import overlay_mesh
 from .operators import ONEFRAME_PG_view
-from .overlay_passes import Projection, SurfacePicture, rectangle
+from .overlay_passes import Projection, SurfacePicture, rectangle, shown_structures
 from .overlay_shaders import MODES, composite_shader
 
 BLINK_S = 0.25
@@ -60,6 +60,7 @@ class Composite:
         frame = self.picture.picture if self.image is None else gpu.texture.from_image(self.image)
         shader.uniform_sampler("frame", frame)
         shader.uniform_sampler("picture", self.picture.picture)
+        shader.uniform_sampler("structures", self.picture.structures)
         shader.uniform_sampler("lines", self.picture.lines)
         size, scale, offset = (1.0, 1.0), (1.0, 1.0), (0.0, 0.0)
         if self.frame_view is not None:
@@ -105,14 +106,26 @@ def projection_of(
 def draw_view() -> None:
     """Draw over the view that Blender is drawing now (a POST_VIEW draw handler)."""
     context = bpy.context
-    scene = context.scene
-    if not from_scene.is_set_up(scene) or not shows_frame(context):
+    scene, space = context.scene, context.space_data
+    if not from_scene.is_set_up(scene) or space is None or space.type != "VIEW_3D":
         return
+    if shows_frame(context):
+        _draw_over_frame(context, scene)
+    elif shown_structures(from_scene.surface_of(scene)):
+        region = context.region
+        picture = picture_of(region.as_pointer(), region.width, region.height)
+        projection = projection_of(scene, region, context.region_data, frame=False)
+        picture.draw(projection, from_scene.surface_of(scene), None)
+        composite = Composite("NONE", None, None, picture, contour=False)
+        composite.draw(scene.oneframe_view, (0, 0), (region.width, region.height))
+
+
+def _draw_over_frame(context: bpy.types.Context, scene: bpy.types.Scene) -> None:
     view, region = scene.oneframe_view, context.region
     mode = view.comparison
-    if mode == "NONE" and not shows_opacity(context.space_data.shading) and not view.wireframe and view.opacity < 1:
+    if mode == "NONE" and not view.wireframe and view.opacity < 1:
         mode = "FADE"
-    if mode == "NONE" and not view.contour:
+    if mode == "NONE" and not view.contour and not shown_structures(from_scene.surface_of(scene)):
         return
     try:
         frame_view = FrameView.of(scene, region, context.region_data)
@@ -131,11 +144,6 @@ def draw_view() -> None:
     low, high = frame_rectangle(frame_view, region)
     if (low < high).all():
         Composite(mode, frame_view, image, picture, view.contour).draw(view, tuple(low), tuple(high))
-
-
-def shows_opacity(shading: bpy.types.View3DShading) -> bool:
-    """Whether Blender shows the opacity of the object's colour; in other shading modes the overlay blends the frame."""
-    return shading.type == "WIREFRAME" or (shading.type == "SOLID" and shading.color_type == "OBJECT")
 
 
 def picture_of(key: int, width: int, height: int) -> SurfacePicture:

@@ -1,8 +1,8 @@
 """Renders the surface's picture and contour at a view's resolution, into textures.
 
 Three passes: the surface's colours and geometry (normal and depth in view axes); edges in the geometry (steps of the
-depth, changes of the normal); the ridges of the edge strength as lines one pixel wide, at any zoom. Structures are
-drawn last, without a depth test against the surface, since they lie inside it.
+depth, changes of the normal); the ridges of the edge strength as lines one pixel wide, at any zoom. Structures, which
+lie inside the surface, have a texture of their own, where they are fainter behind the surface.
 """
 
 from collections.abc import Sequence
@@ -26,8 +26,8 @@ MIN_STEP_EDGES = 2.0
 CREASE_RADIUS_PX = 3.0
 """Radius of the disc within which a crease changes the normal, in pixels of the frame; finer changes are roughness."""
 
-STRUCTURE_ALPHA = 0.5
-"""Alpha of structures in the picture; the surface has 1."""
+STRUCTURE_ALPHA, HIDDEN_ALPHA = 0.95, 0.4
+"""Opacity of structures that are in view, and of those behind the surface."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,9 @@ class SurfacePicture:
     Attributes
     ----------
     picture
-        RGBA, code values; alpha 1 at the surface, :data:`STRUCTURE_ALPHA` at structures, otherwise 0.
+        RGBA, code values; alpha 1 at the surface, otherwise 0.
+    structures
+        RGBA, code values; alpha :data:`STRUCTURE_ALPHA`, :data:`HIDDEN_ALPHA` behind the surface, 0 elsewhere.
     lines
         Contour lines one pixel wide, 0..1; red: occluding contours, green: creases.
     coloured
@@ -97,25 +99,25 @@ class SurfacePicture:
         self._key: tuple = ()
         self._lines_key: tuple = ()
         self.picture = gpu.types.GPUTexture(self.size, format="RGBA8")
+        self.structures = gpu.types.GPUTexture(self.size, format="RGBA8")
         self._geometry = gpu.types.GPUTexture(self.size, format="RGBA32F")
         self._edges = gpu.types.GPUTexture(self.size, format="RGBA16F")
         self.lines = gpu.types.GPUTexture(self.size, format="RGBA8")
         # kept in an attribute: a framebuffer does not keep its textures alive
         self._depth = depth = gpu.types.GPUTexture(self.size, format="DEPTH_COMPONENT32F")
         self._surface_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(self.picture, self._geometry))
-        self._structure_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(self.picture,))
+        self._structure_target = gpu.types.GPUFrameBuffer(depth_slot=depth, color_slots=(self.structures,))
         self._edges_target = gpu.types.GPUFrameBuffer(color_slots=(self._edges,))
         self._lines_target = gpu.types.GPUFrameBuffer(color_slots=(self.lines,))
 
     def draw(self, projection: Projection, surface: bpy.types.Object, crease_deg: float | None) -> None:
         """Update the picture, and its lines unless ``crease_deg``, the least angle of a crease, is ``None``."""
         mesh = drawn_mesh(surface.data)
-        structures = [child for child in surface.children if child.type == "MESH" and not child.hide_viewport]
-        drawn = [(child, drawn_mesh(child.data)) for child in structures]
+        drawn = [(child, drawn_mesh(child.data)) for child in shown_structures(surface)]
         key = (
             projection.key(),
             _drawing_key(surface, mesh),
-            *(_drawing_key(child, structure) for child, structure in drawn),
+            *((_drawing_key(child, structure), child.show_in_front) for child, structure in drawn),
         )
         with _without_blending():
             if key != self._key:
@@ -142,11 +144,18 @@ class SurfacePicture:
         self, projection: Projection, structures: list[tuple[bpy.types.Object, DrawnMesh | None]]
     ) -> None:
         with self._structure_target.bind():
-            self._structure_target.clear(depth=1.0)
+            self._structure_target.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
+            gpu.state.depth_test_set("LESS")
+            gpu.state.depth_mask_set(True)
             for child, mesh in structures:
                 if mesh is not None:
-                    view_from_model = projection.view_from_world @ child.matrix_world
-                    mesh.draw(view_from_model, projection.clip_from_view, (*child.color[:3], STRUCTURE_ALPHA))
+                    mesh.draw_structure(
+                        projection.view_from_world @ world_from_structure(child),
+                        projection.clip_from_view,
+                        (*child.color[:3], STRUCTURE_ALPHA),
+                        HIDDEN_ALPHA if child.show_in_front else 0.0,
+                        self._geometry,
+                    )
         gpu.state.depth_mask_set(False)
         gpu.state.depth_test_set("NONE")
 
@@ -171,6 +180,19 @@ class SurfacePicture:
             rectangle(shader, (0, 0), self.size, self.size).draw(shader)
 
 
+def shown_structures(surface: bpy.types.Object) -> list[bpy.types.Object]:
+    """The structures in a surface that the user has not switched off."""
+    return [child for child in surface.children if child.type == "MESH" and not child.hide_viewport]
+
+
+def world_from_structure(structure: bpy.types.Object) -> Matrix:
+    """``(4, 4)`` placement of a child of the surface; Blender does not keep that of hidden objects up to date."""
+    parent = structure.parent
+    if parent is None:
+        return structure.matrix_world
+    return parent.matrix_world @ structure.matrix_parent_inverse @ structure.matrix_basis
+
+
 def rectangle(
     shader: gpu.types.GPUShader, low: Sequence[float], high: Sequence[float], target: Sequence[float]
 ) -> gpu.types.GPUBatch:
@@ -182,7 +204,7 @@ def rectangle(
 
 
 def _drawing_key(found: bpy.types.Object, mesh: DrawnMesh | None) -> tuple:
-    world_from_object = tuple(value for row in found.matrix_world for value in row)
+    world_from_object = tuple(value for row in world_from_structure(found) for value in row)
     return None if mesh is None else mesh.checksum, world_from_object, tuple(found.color[:3])
 
 

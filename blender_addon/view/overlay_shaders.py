@@ -8,7 +8,7 @@ from functools import cache
 
 import gpu
 
-SURFACE_KINDS = ("PLAIN", "COLOURS", "TEXTURE")
+SURFACE_KINDS = ("PLAIN", "COLOURS", "TEXTURE", "STRUCTURE")
 MODES = ("NONE", "FRAME", "SURFACE", "SWIPE", "DIFFERENCE", "PICTURE", "FADE")
 """What the composite shows under its lines; the shader knows them by their index."""
 
@@ -51,6 +51,8 @@ void main()
 _SURFACE_FRAGMENT = (
     _ENCODE
     + """
+const float tolerance_mm = 0.1;  /* a structure in the surface's plane is visible */
+
 void main()
 {
   vec3 n = normalize(normal_view);
@@ -64,7 +66,14 @@ void main()
   /* a light next to the lens, as in a microscope */
   picture = vec4(plain.colour.rgb * (0.15 + 0.85 * abs(facing)), plain.colour.a);
 #endif
+#ifdef STRUCTURE
+  float bone_mm = texelFetch(bone, ivec2(gl_FragCoord.xy), 0).w;
+  if (bone_mm > 0.0 && depth_mm > bone_mm + tolerance_mm) {
+    picture.a = plain.hidden_alpha.x;
+  }
+#else
   geometry = vec4(n, depth_mm);
+#endif
 }
 """
 )
@@ -195,13 +204,13 @@ void main()
   vec4 seen = texelFetch(picture, here, 0);
   composite = vec4(0.0);
   if (mode == PICTURE) {
-    composite = vec4(seen.a > 0.25 ? seen.rgb : vec3(0.12), 1.0);
+    composite = vec4(seen.a > 0.5 ? seen.rgb : vec3(0.3), 1.0);
   }
   else if (mode != NONE) {
     vec3 recorded = encoded(texture(frame, clamp(uv, 0.5 / frame_size, 1.0 - 0.5 / frame_size)).rgb);
-    bool covered = seen.a > 0.25;
+    bool covered = seen.a > 0.5;
     if (mode == FADE) {
-      composite = vec4(recorded, seen.a > 0.75 ? 1.0 - opacity : 0.0);
+      composite = vec4(recorded, covered ? 1.0 - opacity : 0.0);
     }
     else if (mode == FRAME || (mode == SWIPE && px.x < split_px)) {
       composite = vec4(recorded, 1.0);
@@ -209,17 +218,18 @@ void main()
     else if (mode == DIFFERENCE) {
       float grey = dot(recorded, luminance);
       composite = vec4(vec3(0.25 * grey), 1.0);
-      if (seen.a > 0.75) {
+      if (covered) {
         vec3 false_colour = vec3(grey, vec2(dot(seen.rgb, luminance) / white));
         composite.rgb = coloured ? clamp(gain * abs(recorded - seen.rgb), 0.0, 1.0) : false_colour;
-      }
-      else if (covered) {
-        composite.rgb = seen.rgb;
       }
     }
     else {
       composite = vec4(covered ? seen.rgb : recorded, 1.0);
     }
+  }
+  if (mode != FRAME && (mode != SWIPE || px.x >= split_px)) {
+    vec4 inside = texelFetch(structures, here, 0);
+    composite = over(composite, inside.rgb, inside.a);
   }
   if (contour) {
     /* from the distances to line pixels: coverage of a thin line, and of the dark halo around it */
@@ -258,7 +268,11 @@ void main()
 
 @cache
 def surface_shader(kind: str) -> gpu.types.GPUShader:
-    """The shader that draws a mesh into ``picture`` and ``geometry``; ``kind`` is one of :data:`SURFACE_KINDS`."""
+    """The shader that draws a mesh into ``picture`` and ``geometry``; ``kind`` is one of :data:`SURFACE_KINDS`.
+
+    A ``STRUCTURE`` is drawn into ``picture`` only, fainter where the ``geometry`` of the surface, ``bone``, hides it.
+    """
+    plain = kind in ("PLAIN", "STRUCTURE")
     between = gpu.types.GPUStageInterfaceInfo(f"oneframe_surface_{kind.lower()}")
     between.smooth("VEC3", "normal_view")
     between.smooth("VEC3", "toward_eye")
@@ -272,17 +286,20 @@ def surface_shader(kind: str) -> gpu.types.GPUShader:
     if kind == "TEXTURE":
         info.vertex_in(2, "VEC2", "uv")
         info.sampler(0, "FLOAT_2D", "surface_texture")
-    if kind != "PLAIN":
+    if kind == "STRUCTURE":
+        info.sampler(0, "FLOAT_2D", "bone")
+    if not plain:
         between.smooth("VEC3", "code")
     info.push_constant("MAT4", "view_from_model")
     info.push_constant("MAT4", "clip_from_view")
-    if kind == "PLAIN":
+    if plain:
         # two matrices fill the push constants that every GPU supports
-        info.typedef_source("struct Plain { vec4 colour; };")
+        info.typedef_source("struct Plain { vec4 colour; vec4 hidden_alpha; };")
         info.uniform_buf(0, "Plain", "plain")
     info.vertex_out(between)
     info.fragment_out(0, "VEC4", "picture")
-    info.fragment_out(1, "VEC4", "geometry")
+    if kind != "STRUCTURE":
+        info.fragment_out(1, "VEC4", "geometry")
     info.vertex_source(_SURFACE_VERTEX)
     info.fragment_source(_SURFACE_FRAGMENT)
     return gpu.shader.create_from_info(info)
@@ -315,9 +332,9 @@ def lines_shader() -> gpu.types.GPUShader:
 
 @cache
 def composite_shader() -> gpu.types.GPUShader:
-    """Frame, picture and lines -> the composite drawn over the view."""
+    """Frame, picture, structures and lines -> the composite drawn over the view."""
     info = _rectangle_info("composite")
-    for slot, name in enumerate(("frame", "picture", "lines")):
+    for slot, name in enumerate(("frame", "picture", "structures", "lines")):
         info.sampler(slot, "FLOAT_2D", name)
     for kind, name in (
         ("VEC2", "frame_scale"),

@@ -10,6 +10,7 @@ from ..ui.keymap import draw_key
 from ..ui.wrapped_text import draw_text
 from .operators import ONEFRAME_PG_view
 from .overlay import frame_image_of
+from .second_view import second_view
 
 
 class ONEFRAME_PT_view(bpy.types.Panel):
@@ -29,7 +30,7 @@ class ONEFRAME_PT_view(bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         row = layout.row(align=True)
-        row.operator("oneframe.side_by_side", icon="WINDOW")
+        row.operator("oneframe.side_by_side", icon="WINDOW", depress=second_view(context.screen) is not None)
         if shows_frame(context):
             row.operator("oneframe.orbit_surface", text="Orbit", icon="ORIENTATION_VIEW")
         if not shows_frame(context):
@@ -67,8 +68,8 @@ class ONEFRAME_PT_view(bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("oneframe.zoom_frame", text="1 : 1").magnification = 1.0
         draw_key(row, "oneframe.zoom_frame", magnification=1.0)
-        row.operator("view3d.view_center_camera", text="Fit")
-        draw_key(row, "view3d.view_center_camera")
+        row.operator("oneframe.fit_frame", text="Fit")
+        draw_key(row, "oneframe.fit_frame")
         column = layout.column(align=True)
         column.enabled = False
         column.label(text="Wheel: Zoom to Pointer")

@@ -5,7 +5,7 @@ Nothing here imports Blender, so a mistake in the arguments is reported before B
 
 import _thread
 import argparse
-import io
+import errno
 import itertools
 import os
 import signal
@@ -14,15 +14,28 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
-from typing import Any, NoReturn, TextIO
+from pathlib import Path
+from typing import Any, NoReturn
 
 from ..errors import InputError, RunError
 from ..files.keys import nearest_name
+from ..files.outputs import unwritable
+from .process import (
+    STDOUT,
+    STOPPING_SECONDS,
+    end_process,
+    handle_signals,
+    open_standard_streams,
+    own_temporary_folder,
+    print_error,
+    stop_signal,
+    stopped_message,
+    watched_in_little_memory,
+)
 
 EXIT_INPUT, EXIT_RUN, EXIT_STOPPED = 2, 3, 130
-STOPPING_SECONDS = 5.0
-"""Time that a stopped process has to finish the file that it is writing."""
+_NO_MEMORY = ("failed to map segment", "cannot allocate", "Cannot allocate")
+"""What the system's loader says for lack of memory."""
 
 
 class ArgumentParser(argparse.ArgumentParser):
@@ -81,18 +94,6 @@ def script_command(script: str) -> list[str]:
     return [program, "-b", "--factory-startup", "-noaudio", "--python-exit-code", "1", "-P", script, "--"]
 
 
-def own_output() -> TextIO:
-    """Discard Blender's own messages from now on; return a stream that still reaches the standard output."""
-    sys.stdout.flush()
-    # unbuffered: a buffer would fail once more at exit if the reader has gone
-    raw = os.fdopen(os.dup(1), "wb", buffering=0)
-    stream = io.TextIOWrapper(raw, encoding="utf-8", errors="replace", write_through=True)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)
-    os.close(nowhere)
-    return stream
-
-
 def end_with_input() -> None:
     """Stop this process, as Ctrl-C does, when its standard input ends: the parent closes it to stop the run, or dies.
 
@@ -108,26 +109,28 @@ def end_with_input() -> None:
             # a signal also wakes a main thread that waits for others
             os.kill(os.getpid(), signal.SIGINT)
         time.sleep(STOPPING_SECONDS)
-        os._exit(EXIT_STOPPED)
+        end_process(EXIT_STOPPED)
 
     threading.Thread(target=watch, daemon=True).start()
 
 
 def run_script(main: Callable[[Sequence[str]], int]) -> None:
     """Run the main function of a script or command and end the process with its :func:`exit_code`."""
-    # the handler of a Blender program only cancels renders
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    open_standard_streams()
+    own_temporary_folder()
+    watched_in_little_memory()
+    handle_signals()
     code = 1
     try:
         code = exit_code(main, script_arguments())
         sys.stdout.flush()
-        sys.stderr.flush()
-    except OSError:
+    except BrokenPipeError:
         pass  # nobody reads the output any more
+    except OSError as error:
+        print_error(f"{STDOUT}: cannot write to it ({error.strerror}); choose another place")
+        code = code or EXIT_RUN
     finally:
-        # sys.exit inside -P runs Blender's clean-up, which takes long after many renders; that of the bpy module may
-        # wait for its threads forever
-        os._exit(code)
+        end_process(code)
 
 
 def exit_code(main: Callable[[Sequence[str]], int], argv: Sequence[str]) -> int:
@@ -138,25 +141,45 @@ def exit_code(main: Callable[[Sequence[str]], int], argv: Sequence[str]) -> int:
 
     Returns
     -------
-    The value of ``main``; 2 for :class:`~pipeline.errors.InputError`, 3 for :class:`~pipeline.errors.RunError`, 130 for
-    an interruption, 1 for a defect.
+    The value of ``main``; 2 for :class:`~pipeline.errors.InputError`, 3 for :class:`~pipeline.errors.RunError` and for
+    lack of memory or files, 128 and the number of the signal for an interruption (130 for Ctrl-C), 1 for a defect.
     """
     try:
         return main(argv)
-    except InputError as error:
-        return _fail(error, EXIT_INPUT)
-    except RunError as error:
-        return _fail(error, EXIT_RUN)
-    except KeyboardInterrupt as stop:
-        return _fail(str(stop) or "stopped", EXIT_STOPPED)
     except SystemExit as stop:  # --help
         return stop.code if isinstance(stop.code, int) else 1
-    except Exception:
+    except KeyboardInterrupt as stop:
+        number = stop_signal() or signal.SIGINT
+        return _fail(stopped_message(number, str(stop)), 128 + number)
+    except Exception as error:
+        if (signalled := stop_signal()) is not None:
+            # the interruption was raised inside Blender, which turns it into an error of its own
+            return _fail(stopped_message(signalled, ""), 128 + signalled)
+        if isinstance(error, InputError):
+            return _fail(error, EXIT_INPUT)
+        if (message := str(error) if isinstance(error, RunError) else _shortage(error)) is not None:
+            return _fail(message, EXIT_RUN)
         traceback.print_exc()
         return 1
 
 
+def _shortage(error: Exception) -> str | None:
+    """What the system refuses, if that is the cause of an error."""
+    if isinstance(error, MemoryError):
+        return "there is not enough memory; close other programs, or raise the limit (ulimit -v)"
+    if isinstance(error, ImportError) and any(words in str(error) for words in _NO_MEMORY):
+        return f"there is not enough memory to load Blender ({error}); raise the limit (ulimit -v)"
+    if not isinstance(error, OSError):
+        return None
+    if error.filename == STDOUT:
+        return f"{STDOUT}: cannot write to it ({error.strerror}); choose another place"
+    if error.errno in (errno.EMFILE, errno.ENFILE):
+        return f"{error.filename or 'a file'}: cannot open it ({error.strerror}); raise the limit (ulimit -n)"
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS) and isinstance(error.filename, str):
+        return str(unwritable(Path(error.filename), error))
+    return f"{error.filename or 'the system'}: cannot be used ({error.strerror or error}); correct this and try again"
+
+
 def _fail(error: object, code: int) -> int:
-    with suppress(OSError):
-        sys.stderr.write("error: " + " ".join(str(error).split()) + "\n")
+    print_error(error)
     return code

@@ -1,4 +1,4 @@
-"""Reader of camera intrinsics in the formats of calibration programs. Needs ``cv2`` (for YAML and XML).
+"""Reader of camera intrinsics in the formats of calibration programs. Needs ``cv2`` for YAML and XML.
 
 The format is recognised by content: a case file, JSON (with K or fx, fy, cx, cy; BOP's ``camera.json`` and
 ``scene_camera.json``, NeRF's ``transforms.json``), OpenCV's and ROS's YAML, OpenCV's XML, a 3x3 matrix as ``.npy`` or
@@ -12,14 +12,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
+import numpy as np
 
 from ..errors import InputError
-from ..files.content import LARGEST_FILE, decoded, read_content
+from ..files.content import LARGEST_FILE, LARGEST_TEXT, decoded, read_content
 from ..files.numbers import npy_array, number_rows
 from ..files.tables import parsed_json, parsed_toml
 from .distortion import Distortion, checked_distortion
 from .intrinsics_table import Calibration, calibration_of
+from .opencv_storage import opencv_table
 from .pinhole import PinholeCamera
 from .vision6d_pickle import camera_table
 
@@ -34,6 +35,9 @@ COLMAP_PARAMETERS = {
     "FULL_OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
 }
 """Parameters of COLMAP's camera models, in the order of its files (src/colmap/sensor/models.h)."""
+
+MOST_ARRAYS, LONGEST_ARRAY = 1000, 4096
+"""Of an ``.npz``; numbers of an array that may be K, and its longest side (that of an empty array may be any)."""
 
 _ANY_SIZE = (65536, 65536)
 """Stands for an unknown size in the check of K; the largest that the check accepts."""
@@ -143,7 +147,7 @@ def _table(data: bytes, path: Path) -> object:
     """The content of the file as dictionaries, lists and numbers."""
     name = path.name
     if data.startswith(b"\x93NUMPY"):
-        return {"K": npy_array(data, name).tolist()}
+        return {"K": _lists(npy_array(data, name))}
     if data.startswith(b"PK\3\4"):
         return _arrays(data, name)
     if data[:1] == b"\x80" or path.suffix.lower() in (".pkl", ".pickle"):
@@ -154,9 +158,11 @@ def _table(data: bytes, path: Path) -> object:
     begin = text.lstrip()
     if begin.startswith("{") or (begin.startswith("[") and path.suffix.lower() == ".json"):
         return _json(text, name)
+    if len(text) > LARGEST_TEXT:
+        raise InputError(f"{name}: expected a camera, found a text of {len(text) >> 20} MB; choose another file")
     if begin.startswith(("<?xml", "<opencv_storage")):
-        return _opencv(text, name)
-    if re.search(r"^\s*\[camera\]", text, re.MULTILINE) or path.suffix.lower() == ".toml":
+        return opencv_table(text, name)
+    if re.search(r"^[ \t]*\[camera\]", text, re.MULTILINE) or path.suffix.lower() == ".toml":
         return parsed_toml(text, name)
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if lines and all(re.match(r"\s*\d+\s+[A-Z_]+\s+\d+\s+\d+\s", line) for line in lines):
@@ -166,10 +172,10 @@ def _table(data: bytes, path: Path) -> object:
         if len(numbers) != 9:
             raise InputError(f"{name}: expected a 3x3 matrix K, found {len(numbers)} numbers")
         return {"K": numbers.tolist()}
-    if re.search(r"^\s*\w+\s*:", text, re.MULTILINE):
+    if re.search(r"^[ \t]*\w+[ \t]*:", text, re.MULTILINE):
         # OpenCV reads YAML only after its own two header lines
-        body = re.sub(r"\A\s*(%YAML[^\n]*\n)?\s*(---[^\n]*\n)?", "", text)
-        return _opencv(f"%YAML:1.0\n---\n{body}\n", name)
+        body = re.sub(r"\A(%YAML[^\n]*\n)?\s*(---[^\n]*\n)?", "", begin)
+        return opencv_table(f"%YAML:1.0\n---\n{body}\n", name)
     raise _unknown_format(name)
 
 
@@ -187,31 +193,29 @@ def _arrays(data: bytes, name: str) -> object:
     """The arrays of an ``.npz``, read without unpickling."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as files:
-            members = [member for member in files.namelist() if member.endswith(".npy")]
-            if sum(files.getinfo(member).file_size for member in members) > LARGEST_FILE:
-                raise InputError(f"{name}: expected a camera, found arrays of more than {LARGEST_FILE >> 20} MB")
-            return {member[:-4]: npy_array(files.read(member), f"{name}: {member}").tolist() for member in members}
+            members = [member for member in files.infolist() if member.filename.endswith(".npy")]
+            if len(members) > MOST_ARRAYS or sum(member.file_size for member in members) > LARGEST_FILE:
+                raise InputError(
+                    f"{name}: expected a camera, found {len(members)} arrays; the limits are {MOST_ARRAYS}, and "
+                    f"{LARGEST_FILE >> 20} MB in all"
+                )
+            if any(member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) for member in members):
+                raise InputError(
+                    f"{name}: expected an .npz as NumPy writes it, found another compression; save it again"
+                )
+            return {
+                member.filename[:-4]: _lists(npy_array(files.read(member), f"{name}: {member.filename[:50]}"))
+                for member in members
+            }
     except InputError:
         raise
     except Exception as error:  # damaged archives raise exceptions of many types
         raise InputError(f"{name}: expected an .npz of arrays, cannot read it ({error}); save it again") from None
 
 
-def _opencv(text: str, name: str) -> object:
-    try:
-        file = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        return _node(file.root())
-    except (cv2.error, SystemError) as error:
-        reason = str(error.__cause__ or error).strip().splitlines()[-1]
-        raise InputError(f"{name}: expected YAML or XML as OpenCV writes it, cannot read it ({reason})") from None
-
-
-def _node(node: Any) -> object:
-    if node.isMap():
-        return {key: _node(node.getNode(key)) for key in node.keys()}  # noqa: SIM118 - no dictionary
-    if node.isSeq():
-        return [_node(node.at(index)) for index in range(node.size())]
-    return node.real() if node.isInt() or node.isReal() else node.string() if node.isString() else None
+def _lists(array: np.ndarray) -> object:
+    """The numbers of an array that may be K, in nested lists."""
+    return array.tolist() if max(array.size, *array.shape, 0) <= LONGEST_ARRAY else None
 
 
 def _colmap(lines: list[str], name: str) -> object:
@@ -232,6 +236,7 @@ def _colmap(lines: list[str], name: str) -> object:
         values = dict(zip(names, numbers.tolist(), strict=True))
         focal = values.get("f", 0.0)
         cameras[f"camera {number}"] = {
-            "fx": focal, "fy": focal, **values, "width": int(width), "height": int(height), "pixel_origin": "corner",
+            "fx": focal, "fy": focal, **values,
+            "width": float(width), "height": float(height), "pixel_origin": "corner",
         }  # fmt: skip
     return cameras

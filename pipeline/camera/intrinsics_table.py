@@ -21,6 +21,15 @@ MODELS = ("distortionmodel", "cameramodel", "model")
 OTHER_MODELS = ("fisheye", "equidistant", "kannala", "inverse", "thin", "fov", "omni", "mei", "sphere", "theta")
 """Substrings of the names of distortion models other than OpenCV's for the pinhole camera."""
 
+MOST_TABLES = 250_000
+"""Of a file, at any depth; one of BOP has as many as images."""
+
+MOST_NUMBERS = 100
+"""Of a list; no K, size or distortion has more."""
+
+LONGEST_NAME = 60
+"""Characters of a key or a model's name that messages show."""
+
 
 @dataclass(frozen=True)
 class Calibration:
@@ -66,30 +75,41 @@ def calibration_of(table: object, where: str) -> Calibration:
     InputError
         No camera, several that differ, or one with a distortion model other than OpenCV's.
     """
-    found = list(_calibrations(table, (), (), where))
+    found: list[Calibration] = []
+    others = 0
+    for each in _calibrations(table, (), (), where, [MOST_TABLES]):
+        if not found or not each.same_as(found[0]):
+            others += bool(found)
+            found = [*found, each][:4]
     if not found:
         raise InputError(
             f"{where}: expected a camera, found no K (or camera_matrix, intrinsics, cam_K) of 3x3 numbers "
             "and no fx, fy, cx, cy; export the intrinsics again"
         )
-    others = [other for other in found[1:] if not other.same_as(found[0])]
     if others:
-        places = ", ".join(repr(each.place) for each in (found[0], *others)[:4])
+        places = ", ".join(repr(each.place) for each in found)
         raise InputError(
-            f"{where}: expected one camera, found {len(others) + 1} that differ: {places}; "
+            f"{where}: expected one camera, found {others + 1} that differ: {places}; "
             "leave only the frame's camera in the file"
         )
     return found[0]
 
 
 def _calibrations(
-    table: object, path: tuple[str, ...], outer: tuple[Mapping, ...], where: str
+    table: object, path: tuple[str, ...], outer: tuple[Mapping, ...], where: str, left: list[int]
 ) -> Iterator[Calibration]:
-    """All calibrations, depth first; ``outer`` are the enclosing tables, innermost first, which may hold the size."""
+    """All calibrations, depth first.
+
+    ``outer`` are the enclosing tables, innermost first, which may hold the size; ``left`` is the number of tables that
+    may still be searched.
+    """
     if isinstance(table, list) and len(table) < 100_000:
-        table = {str(index): entry for index, entry in enumerate(table)}
-    if not isinstance(table, Mapping):
+        table = {str(index): entry for index, entry in enumerate(table) if isinstance(entry, Mapping | list)}
+    if not isinstance(table, Mapping) or not table:
         return
+    left[0] -= 1
+    if left[0] < 0:
+        raise InputError(f"{where}: expected a camera, found more than {MOST_TABLES} tables; keep only the camera")
     keys = {_plain_key(key): value for key, value in table.items()}
     scopes = (keys, *outer)
     matrix, messages = _matrix(keys)
@@ -99,7 +119,8 @@ def _calibrations(
         yield Calibration(place, matrix, _size(scopes), distortion, _pixel_origin(scopes), messages)
         return
     for key, value in table.items():
-        yield from _calibrations(value, (*path, str(key)), scopes, where)
+        if isinstance(value, Mapping | list):
+            yield from _calibrations(value, (*path, str(key)[:LONGEST_NAME]), scopes, where, left)
 
 
 def _plain_key(key: object) -> str:
@@ -109,15 +130,20 @@ def _plain_key(key: object) -> str:
 def _numbers(value: Any) -> list[float] | None:
     """The numbers in a list, in nested lists, or in OpenCV's ``{rows, cols, data}``, flattened; else ``None``."""
     if isinstance(value, Mapping):
-        return _numbers(value.get("data"))
+        value = value.get("data")
     if not isinstance(value, list):
         return None
     numbers: list[float] = []
-    for part in value:
-        inner = [part] if isinstance(part, int | float) and not isinstance(part, bool) else _numbers(part)
-        if inner is None:
+    parts, seen = list(reversed(value[: MOST_NUMBERS + 1])), 0
+    while parts:
+        part = parts.pop()
+        seen += 1
+        if isinstance(part, list) and seen <= MOST_NUMBERS:
+            parts += reversed(part[: MOST_NUMBERS + 1])
+        elif isinstance(part, int | float) and not isinstance(part, bool) and seen <= MOST_NUMBERS:
+            numbers.append(part)
+        else:
             return None
-        numbers += inner
     return numbers
 
 
@@ -169,7 +195,7 @@ def _distortion(scopes: tuple[Mapping[str, Any], ...], where: str) -> tuple[floa
         if not numbers or not any(numbers):
             continue
         for name in MODELS:
-            model = str(keys.get(name, "")).lower()
+            model = _text(keys.get(name, "")).lower()
             if any(other in model for other in OTHER_MODELS):
                 raise InputError(
                     f"{where}: expected OpenCV's distortion [k1, k2, p1, p2, k3], found the model {model!r}; "
@@ -182,6 +208,11 @@ def _distortion(scopes: tuple[Mapping[str, Any], ...], where: str) -> tuple[floa
 def _pixel_origin(scopes: tuple[Mapping[str, Any], ...]) -> str | None:
     stated = next((keys["pixelorigin"] for keys in scopes if "pixelorigin" in keys), None)
     if stated is not None:
-        return str(stated)
+        return _text(stated)
     # NeRF's transforms.json
     return "corner" if "flx" in scopes[0] else None
+
+
+def _text(value: object) -> str:
+    """The beginning of a text, or what there is in its place."""
+    return value[:LONGEST_NAME] if isinstance(value, str) else f"a {type(value).__name__}"

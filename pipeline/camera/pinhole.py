@@ -8,6 +8,9 @@ import numpy as np
 from ..errors import InputError
 from ..transforms import checked_matrix
 
+SHORTEST_FOCAL_PX, LONGEST_FOCAL_PX = 1e-3, 1e9
+"""Beyond these no image is meant, and squares may overflow."""
+
 PixelOrigin = Literal["center", "corner"]
 
 
@@ -69,7 +72,7 @@ class PinholeCamera:
                 "rectify the frame (warp it with K_new @ inv(K), K_new without skew) and give K_new"
             )
         fx, fy = float(matrix[0, 0]), float(matrix[1, 1])
-        if fx <= 0 or fy <= 0:
+        if min(fx, fy) < SHORTEST_FOCAL_PX or max(fx, fy) > LONGEST_FOCAL_PX:
             raise InputError(f"{where}: expected positive focal lengths in pixels, found fx = {fx:g}, fy = {fy:g}")
         if pixel_origin not in ("center", "corner"):
             raise InputError(f'{where}: expected pixel_origin "center" or "corner", found {pixel_origin!r}')

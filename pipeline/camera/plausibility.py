@@ -1,7 +1,4 @@
-"""Whether a camera file fits an image: warnings for the user, and a rescaled K where the image was resized.
-
-Needs ``cv2``, through :mod:`.intrinsics_file`.
-"""
+"""Whether a camera file fits an image: warnings for the user, and a rescaled K where the image was resized."""
 
 from dataclasses import dataclass
 

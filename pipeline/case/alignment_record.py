@@ -17,9 +17,21 @@ KEYS = (
     "method",
     "tool",
     "date",
+    "refused",
+    "start_method",
+    "start_pairs",
+    "start_rms_px",
     "pairs",
     "rms_px",
     "click_sigma_px",
+    "error_px",
+    "start_error_px",
+    "explained",
+    "start_explained",
+    "moved_px",
+    "moved_deg",
+    "split_half_px",
+    "second_peak_ratio",
     "standard_deviation_deg",
     "standard_deviation_mm",
     "weakest",
@@ -27,20 +39,39 @@ KEYS = (
 """In the order in which they are written.
 
 ``method``
-    How the pose was found, in words: "landmarks", "refined", "manual".
+    How the pose was found, in words: "landmarks", "pins", "refined", "manual".
 ``tool``, ``date``
     Program and version; day or time in ISO 8601.
+``refused``
+    Why the refinement was refused, whose result the user took all the same.
+``start_method``, ``start_pairs``, ``start_rms_px``
+    Of the initial pose of a refinement: its ``method``, ``pairs`` and ``rms_px``.
 ``pairs``, ``rms_px``
     Number of correspondences that the pose was computed from, and their root mean square reprojection error.
 ``click_sigma_px``
     The standard deviation of the click noise that the uncertainty assumes.
+``error_px``, ``start_error_px``
+    Estimated errors of the refined and of the initial pose: root mean square displacement of the visible surface.
+``explained``, ``start_explained``
+    Fractions, 0..1, of the image's variation that the surface explains at the refined and at the initial pose.
+``moved_px``, ``moved_deg``
+    From the initial to the refined pose: mean shift of the visible surface, and angle of rotation.
+``split_half_px``, ``second_peak_ratio``
+    Verification of a refined pose: distance between the poses from two halves of the image; score of the next best
+    place over that of the pose.
 ``standard_deviation_deg``, ``standard_deviation_mm``
     Standard deviations of rotation and translation along the camera's x, y and z axis.
 ``weakest``
     The least certain direction, in words.
 """
 
-_TEXTS, _LENGTHS_PX = ("method", "tool", "weakest"), ("rms_px", "click_sigma_px")
+_TEXTS = ("method", "tool", "refused", "start_method", "weakest")
+_COUNTS = ("pairs", "start_pairs")
+_NUMBERS = {
+    **dict.fromkeys(("explained", "start_explained", "second_peak_ratio"), "a number from 0"),
+    "moved_deg": "a number of degrees",
+    **{key: "a number of pixels" for key in KEYS if key.endswith("_px")},
+}
 
 
 def checked_alignment_record(table: object, where: str) -> dict[str, object]:
@@ -68,13 +99,13 @@ def _checked(key: str, value: Any, where: str) -> object:
         return value
     if key == "date":
         return _checked_date(value, where)
-    if key == "pairs":
+    if key in _COUNTS:
         if not _is_number(value) or value != int(value) or value < 0:
             raise InputError(f"{where}: expected the number of landmarks, found {value!r}")
         return int(value)
-    if key in _LENGTHS_PX:
+    if key in _NUMBERS:
         if not _is_number(value) or value < 0:
-            raise InputError(f"{where}: expected a number of pixels, found {value!r}")
+            raise InputError(f"{where}: expected {_NUMBERS[key]}, found {value!r}")
         return float(value)
     values: list[Any] = list(value) if isinstance(value, list | tuple | np.ndarray) else []
     if len(values) != 3 or not all(_is_number(each) and each >= 0 for each in values):

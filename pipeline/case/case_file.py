@@ -12,7 +12,7 @@ import numpy as np
 from ..camera.distortion import Distortion, checked_distortion
 from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
-from ..files.content import read_content
+from ..files.content import LARGEST_TEXT, read_content
 from ..files.keys import check_keys
 from ..files.numbers import MM_PER_UNIT, millimetres
 from ..files.tables import parsed_toml
@@ -20,6 +20,7 @@ from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY, pose_key
 from ..transforms import checked_rigid
 from .alignment_record import checked_alignment_record
 from .landmarks import Landmark, landmarks_from_tables
+from .structure_colour import structure_colour
 
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "frame": (("image",), ()),
@@ -97,7 +98,7 @@ def read_case(path: Path) -> Case:
     InputError
         The file is missing or not TOML, a key is unknown or missing, or a value is of the wrong kind.
     """
-    return case_from_text(read_content(path, "a case file"), path)
+    return case_from_text(read_content(path, "a case file", most=LARGEST_TEXT), path)
 
 
 def case_from_text(text: str | bytes, path: Path) -> Case:
@@ -179,10 +180,12 @@ def _structures(path: Path, entries: object) -> tuple[Structure, ...]:
         check_keys(entry, *_TABLES["structures"], where)
         if not isinstance(entry["name"], str) or not entry["name"]:
             raise InputError(f"{where}expected a name, found {entry['name']!r}")
-        colour = entry.get("color", "#ffffff")
-        if not isinstance(colour, str) or not re.fullmatch(r"#[0-9a-fA-F]{6}", colour):
-            raise InputError(f'{where}expected color = "#rrggbb", found {colour!r}')
-        red, green, blue = (int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5))
+        colour = entry.get("color")
+        red, green, blue = structure_colour(entry["name"])
+        if colour is not None:
+            if not isinstance(colour, str) or not re.fullmatch(r"#[0-9a-fA-F]{6}", colour):
+                raise InputError(f'{where}expected color = "#rrggbb", found {colour!r}')
+            red, green, blue = (int(colour[at : at + 2], 16) / 255 for at in (1, 3, 5))
         structures.append(Structure(entry["name"], _path(path, entry["mesh"], f"{where}mesh"), (red, green, blue)))
     names = [structure.name for structure in structures]
     if len(set(names)) != len(names):

@@ -13,7 +13,7 @@ from ..files.content import read_content, write_bytes_atomically
 from ..files.tables import parsed_toml
 from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY
 from .case_file import Case, Structure, case_from_text
-from .case_writer import case_text, check_file_name, encoded, toml_value, write_case
+from .case_writer import case_output, case_text, encoded, toml_value, write_case
 from .landmarks import Landmark
 from .toml_document import TomlDocument
 
@@ -44,7 +44,7 @@ def update_case(path: Path, case: Case) -> None:
     OSError
         The file cannot be written.
     """
-    check_file_name(path)
+    case_output(path)
     if not path.exists():
         write_case(path, case)
         return

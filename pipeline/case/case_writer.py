@@ -12,7 +12,10 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import write_bytes_atomically
+from ..files.kinds import Kind
 from ..files.numbers import MM_PER_UNIT, length_text
+from ..files.outputs import Output, check_outputs
+from ..files.tables import parsed_toml
 from ..poses.pose_file import POSE_KEY
 from .alignment_record import checked_alignment_record
 from .case_file import Case, Structure, case_from_text
@@ -40,22 +43,16 @@ def write_case(path: Path, case: Case, *, comment: str = "") -> None:
     Raises
     ------
     InputError
-        Another extension (so that a wrong name cannot overwrite the frame or the mesh), or a case that could not be
+        Another extension; an existing file that is one of the case's or no case file; or a case that could not be
         read back, such as one with two landmarks of one name or a number that is not finite.
-    OSError
+    OSError, RunError
         The file cannot be written.
     """
-    check_file_name(path)
+    check_outputs([case_output(path)], {name: file for name, file in case.input_files().items() if name != "case"})
     text = case_text(path, case, comment=comment)
     data = encoded(path, text)
     case_from_text(text, path)
     write_bytes_atomically(path, data)
-
-
-def check_file_name(path: Path) -> None:
-    """Raise :class:`.InputError` unless a name is that of a case file."""
-    if path.suffix.lower() != ".toml":
-        raise InputError(f"{path}: expected the name of a case file, *.toml, found {path.name!r}; choose another name")
 
 
 def encoded(path: Path, text: str) -> bytes:
@@ -70,6 +67,29 @@ def encoded(path: Path, text: str) -> bytes:
         return text.encode()
     except UnicodeEncodeError:
         raise InputError(f"{path.name}: expected names in Unicode, found one that is not; rename the file") from None
+
+
+def case_output(path: Path) -> Output:
+    """A case file as an output.
+
+    Raises
+    ------
+    InputError
+        Another extension.
+    """
+    if path.suffix.lower() != ".toml":
+        raise InputError(f"{path}: expected the name of a case file, *.toml, found {path.name!r}; choose another name")
+    return Output(path, CASE_FILE)
+
+
+def _is_case(data: bytes) -> bool:
+    try:
+        return {"frame", "camera", "surface"} <= parsed_toml(data, "").keys()
+    except InputError:
+        return False
+
+
+CASE_FILE = Kind("a case file", _is_case)
 
 
 def case_text(path: Path, case: Case, *, comment: str = "") -> str:

@@ -10,16 +10,19 @@ import csv
 import difflib
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ..errors import InputError
-from ..files.content import LARGEST_FILE, decoded, read_content, write_bytes_atomically
+from ..files.content import LARGEST_TEXT, decoded, read_content, write_bytes_atomically
+from ..files.kinds import Kind
 from ..files.numbers import WrittenFloat, length_text
+from ..files.outputs import Output, check_outputs
 from ..files.tables import parsed_json, write_csv
-from .landmarks import Landmark, landmark_from_table, landmarks_from_tables
+from .landmarks import MOST_LANDMARKS, Landmark, landmark_from_table, landmarks_from_tables
 
 COLUMNS = ("name", "x", "y", "z", "u", "v", "enabled")
+MOST_COLUMNS = 1000
 _BOOLEANS = {"": True, "true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
 
 
@@ -44,22 +47,25 @@ def read_landmarks(path: Path, *, mm_per_unit: float = 1.0) -> tuple[Landmark, .
         the line.
     """
     path = Path(path)
-    text = decoded(read_content(path, "a file with landmarks", most=LARGEST_FILE))
+    text = decoded(read_content(path, "a file with landmarks", most=LARGEST_TEXT))
     if text is None:
         raise InputError(f"{path.name}: expected landmarks as CSV or JSON, found another kind of file")
-    if text.lstrip().startswith(("[", "{")):
-        return _from_json(text, path.name, mm_per_unit)
-    return _from_csv(text, path.name, mm_per_unit)
+    return _parsed(text, path.name, mm_per_unit)
 
 
-def write_landmarks(path: Path, landmarks: Sequence[Landmark], *, mm_per_unit: float = 1.0) -> None:
+def write_landmarks(
+    path: Path, landmarks: Sequence[Landmark], *, mm_per_unit: float = 1.0, inputs: Mapping[str, Path] | None = None
+) -> None:
     """Write landmarks (points in mm), whole or not at all, as ``*.csv`` or ``*.json``.
+
+    ``inputs`` are files that must not be replaced, by what they are.
 
     Raises
     ------
     InputError
-        Another extension, or landmarks that could not be read back: two of one name, or a number that is not finite.
-    OSError
+        Another extension; an existing file that is an input or holds no landmarks; or landmarks that could not be read
+        back: two of one name, or a number that is not finite.
+    OSError, RunError
         The file cannot be written.
     """
     suffix = path.suffix.lower()
@@ -67,6 +73,7 @@ def write_landmarks(path: Path, landmarks: Sequence[Landmark], *, mm_per_unit: f
         raise InputError(
             f"{path}: expected the name of a file *.csv or *.json, found {path.name!r}; choose another name"
         )
+    check_outputs([Output(path, LANDMARKS)], inputs or {})
     tables = [
         {"name": landmark.name}
         | ({} if landmark.point is None else {"surface": list(landmark.point)})
@@ -78,6 +85,23 @@ def write_landmarks(path: Path, landmarks: Sequence[Landmark], *, mm_per_unit: f
         write_csv(path, COLUMNS, _csv_rows(landmarks, mm_per_unit))
     else:
         write_bytes_atomically(path, _json_text(landmarks, mm_per_unit).encode())
+
+
+def _holds_landmarks(data: bytes) -> bool:
+    text = decoded(data)
+    try:
+        return text is not None and _parsed(text, "", 1.0) is not None
+    except InputError:
+        return False
+
+
+LANDMARKS = Kind("a file with landmarks", _holds_landmarks)
+
+
+def _parsed(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
+    if text.lstrip().startswith(("[", "{")):
+        return _from_json(text, name, mm_per_unit)
+    return _from_csv(text, name, mm_per_unit)
 
 
 def _from_json(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
@@ -118,6 +142,8 @@ def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
                     "write decimal points, not commas"
                 )
             landmark = landmark_from_table(_table(names, cells, place), place, mm_per_unit=mm_per_unit)
+            if len(found) == MOST_LANDMARKS:
+                raise InputError(f"{place}expected up to {MOST_LANDMARKS} landmarks, found more; keep the best")
             line, _ = found.setdefault(landmark.name, (rows.line_num, landmark))
             if line != rows.line_num:
                 raise InputError(f"{place}expected another name, {landmark.name!r} is also in line {line}; rename one")
@@ -129,6 +155,8 @@ def _from_csv(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:
 
 
 def _checked_header(cells: list[str], place: str) -> list[str]:
+    if len(cells) > MOST_COLUMNS:
+        raise InputError(f"{place}expected a header {','.join(COLUMNS)}, found {len(cells)} columns; leave only these")
     names = [cell.strip().lower() for cell in cells]
     for wanted in COLUMNS:
         if names.count(wanted) > 1:

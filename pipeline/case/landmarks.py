@@ -14,6 +14,8 @@ from ..errors import InputError
 from ..files.keys import check_keys
 from ..files.numbers import millimetres
 
+MOST_LANDMARKS = 10_000
+
 
 @dataclass(frozen=True)
 class Landmark:
@@ -69,6 +71,8 @@ def landmarks_from_tables(
     """
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise InputError(f"{where}: expected a list of tables with name, surface and pixel, found {entries!r}")
+    if len(entries) > MOST_LANDMARKS:
+        raise InputError(f"{where}: expected up to {MOST_LANDMARKS} landmarks, found {len(entries)}; keep the best")
     landmarks: dict[str, Landmark] = {}
     for number, entry in enumerate(entries, start=1):
         landmark = landmark_from_table(

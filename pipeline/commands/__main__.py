@@ -75,10 +75,9 @@ def program_parser(*, with_options: bool) -> ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
     for name in COMMANDS:
         module = _command(name)
-        about = str(module.__doc__).splitlines()[0]
-        command = commands.add_parser(name, help=about[0].lower() + about[1:].rstrip("."))
+        command = commands.add_parser(name, help=module.ABOUT[0].lower() + module.ABOUT[1:].rstrip("."))
         if with_options:
-            fill_parser(command, module.__doc__, module.EPILOG, module.add_arguments)
+            fill_parser(command, module.ABOUT, module.EPILOG, module.add_arguments)
     return parser
 
 

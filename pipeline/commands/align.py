@@ -1,21 +1,23 @@
-"""Find the pose of a frame from landmarks and report its uncertainty, or refine the pose against the image."""
+"""The command ``oneframe align``."""
 
 import argparse
 import datetime
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from .. import __version__
-from ..blender.command_line import own_output
-from ..errors import RunError
+from ..blender.process import own_output
 from .parser import command_parser, explained_imports
 
+ABOUT = "Find the pose of a frame from landmarks and report its uncertainty, or refine the pose against the image."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s case.toml --landmarks landmarks.csv --out aligned.toml --picture overlay.png
   %(prog)s case.toml --json pose.json           (the landmarks of the case file)
   %(prog)s rough.toml --refine --out refined.toml
+  %(prog)s rough.toml --refine --take-refused --out refined.toml --picture overlay.png
 
 Landmarks are 2D-3D correspondences: a name, a point in the frame of the mesh file and a pixel of the undistorted
 frame. They come from --landmarks (CSV or JSON) or else from the case file. The command prints the pose in both
@@ -43,6 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--refine", action="store_true",
         help="refine the pose against the image, from the pose of the landmarks or, without any, of the case",
     )  # fmt: skip
+    method.add_argument(
+        "--take-refused", action="store_true",
+        help="take the pose that the refinement has found even if it refuses it; look at --picture",
+    )  # fmt: skip
     output = parser.add_argument_group("output")
     output.add_argument("--out", metavar="FILE", type=Path, help="write the case with the new pose and the landmarks")
     output.add_argument("--json", metavar="FILE", type=Path, help="write pose, residuals and covariance")
@@ -51,7 +57,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str], prog: str = "oneframe align") -> int:
     """Parse the arguments and run."""
-    arguments = command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv)
+    parser = command_parser(prog, ABOUT, EPILOG, add_arguments)
+    arguments = parser.parse(argv)
+    if arguments.take_refused and not arguments.refine:
+        parser.error("--take-refused: expected --refine with it")
     return run(arguments, tool=f"OneFrame {__version__}, {prog.removeprefix('oneframe ')}")
 
 
@@ -59,21 +68,35 @@ def run(arguments: argparse.Namespace, *, tool: str) -> int:
     """Align the case, print the report and write the requested files; the case file records ``tool``."""
     with explained_imports():
         from ..alignment.landmarks.report import pose_lines, pose_table, report_lines, report_table
+        from ..alignment.refinement.report import refinement_table
         from ..blender.alignment.align_case import align_case, alignment_picture
         from ..case.case_file import read_case
-        from ..case.case_writer import write_case
+        from ..case.case_writer import case_output, write_case
         from ..case.landmark_file import read_landmarks
         from ..files.content import write_bytes_atomically
+        from ..files.kinds import PNG, Kind, json_object
+        from ..files.outputs import Output, check_outputs, made_folder, writing
         from ..images.pixel_values import to_uint8
         from ..images.png import encode_png
     output = own_output()
     case = read_case(arguments.case)
+    inputs, outputs = case.input_files(), []
+    if arguments.landmarks:
+        inputs["file of the landmarks"] = arguments.landmarks
+    if arguments.json:
+        outputs.append(Output(arguments.json, Kind("the report of a pose", json_object("convention", "cam_from_mesh"))))
+    if arguments.picture:
+        outputs.append(Output(arguments.picture, PNG))
+    if arguments.out:
+        outputs.append(case_output(arguments.out))
+    check_outputs(outputs, inputs)
     if arguments.landmarks:
         case = replace(case, landmarks=read_landmarks(arguments.landmarks, mm_per_unit=case.mm_per_unit))
     aligned = align_case(
         case,
         click_sigma_px=arguments.click_sigma_px,
         refine=arguments.refine,
+        take_refused=arguments.take_refused,
         tool=tool,
         date=datetime.date.today().isoformat(),
     )
@@ -82,27 +105,32 @@ def run(arguments: argparse.Namespace, *, tool: str) -> int:
     lines += [f"note: {message}" for message in aligned.messages]
     if refinement and refinement.accepted:
         lines += [refinement.message, *pose_lines(found.cam_from_mesh)]
+    elif refinement and aligned.took_refused:
+        lines += [f"warning: taken although refused: {refinement.objection}", *pose_lines(found.cam_from_mesh)]
     elif refinement:
         lines.append(f"note: {refinement.message}")
     output.write("\n".join(lines) + "\n")
     if arguments.json:
-        table = report_table(alignment) if alignment else {}
+        table: dict[str, object] = report_table(alignment) if alignment else {}
+        if aligned.is_refined:
+            # residuals and uncertainty of the landmarks belong to their own pose
+            table = {"start": table} if alignment else {}
+        if refinement:
+            mesh_from_model = aligned.loaded.mesh_from_model
+            table["refinement"] = refinement_table(refinement, mesh_from_model, taken=aligned.took_refused)
         text = json.dumps({**table, **pose_table(found.cam_from_mesh)}, indent=2, allow_nan=False) + "\n"
-        _write_file(arguments.json, lambda path: write_bytes_atomically(path, text.encode()))
+        with writing(made_folder(arguments.json)):
+            write_bytes_atomically(arguments.json, text.encode())
     if arguments.picture:
         picture = encode_png(to_uint8(alignment_picture(aligned)))
-        _write_file(arguments.picture, lambda path: write_bytes_atomically(path, picture))
-        drawn = "frame, overlay, residuals (10 times their length), 95 % ellipses" if alignment else "frame, overlay"
+        with writing(made_folder(arguments.picture)):
+            write_bytes_atomically(arguments.picture, picture)
+        drawn = "frame, overlay"
+        if alignment and not aligned.is_refined:
+            drawn += ", residuals (10 times their length), 95 % ellipses"
         output.write(f"{drawn}: {arguments.picture}\n")
     if arguments.out:
-        _write_file(arguments.out, lambda path: write_case(path, found))
+        with writing(made_folder(arguments.out)):
+            write_case(arguments.out, found)
         output.write(f"aligned case: {arguments.out}\n")
     return 0
-
-
-def _write_file(path: Path, write: Callable[[Path], None]) -> None:
-    """Call ``write`` with a path from the command line; raise a :class:`RunError` if that fails."""
-    try:
-        write(path)
-    except OSError as error:
-        raise RunError(f"{path}: cannot write the file ({error.strerror}); choose another place") from None

@@ -1,19 +1,23 @@
-"""Check whether a dataset is complete and consistent: files, hashes, tables, images, and poses against pixels."""
+"""The command ``oneframe check``."""
 
 import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..blender.process import own_output
 from ..errors import InputError
 from .parser import command_parser, explained_imports
 
 EXIT_WRONG = 1
 
+ABOUT = "Check whether a dataset is complete and consistent: files, hashes, tables, images, and poses against pixels."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s dataset
   %(prog)s dataset --views 0            (the pixels of every view)
   %(prog)s dataset --views 20 --fast    (a quick look)
+  %(prog)s dataset --case case.toml --rerender 10
 
 Exit code: 0 complete and consistent; 1 something is wrong; 2 not a dataset, or wrong arguments.
 
@@ -33,21 +37,57 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="compare the pixels of N evenly spaced views, 0 for all (default %(default)s)",
     )  # fmt: skip
     effort.add_argument("--fast", action="store_true", help="skip the hashes of the files")
+    origin = parser.add_argument_group("against the case")
+    origin.add_argument(
+        "--case", metavar="CASE.toml", type=Path, help="compare the inputs with those of the case that was rendered"
+    )
+    origin.add_argument(
+        "--rerender", metavar="N", type=int,
+        help="render N evenly spaced views, 0 for all, again from the case (needs Blender) and compare them: this also "
+        "finds what was changed in all files alike",
+    )  # fmt: skip
+    origin.add_argument(
+        "--poses", metavar="FILE", type=Path, help="the listed poses of the views, if the case does not name them"
+    )
 
 
 def main(argv: Sequence[str], prog: str = "oneframe check") -> int:
     """Parse the arguments and run."""
-    arguments = command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv)
-    if arguments.views < 0:
-        raise InputError(f"command line: --views: expected a number of views or 0 for all, found {arguments.views}")
+    arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
+    for name in ("views", "rerender"):
+        number = getattr(arguments, name)
+        if number is not None and number < 0:
+            raise InputError(f"command line: --{name}: expected a number of views or 0 for all, found {number}")
+    for name in ("rerender", "poses"):
+        if getattr(arguments, name) is not None and arguments.case is None:
+            raise InputError(f"command line: --{name}: expected also the case that was rendered; give it with --case")
     return run(arguments)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Check the dataset and report the findings."""
     with explained_imports():
+        from ..case.case_file import read_case
         from ..dataset.check.check_dataset import check_dataset
-    report = check_dataset(arguments.dataset, views=arguments.views, hashes=not arguments.fast, stream=sys.stdout)
+        from ..dataset.check.rerendered import Rerendering
+    case = None if arguments.case is None else read_case(arguments.case)
+    poses, again, output = arguments.poses, None, sys.stdout
+    if case is not None and arguments.rerender is not None:
+        with explained_imports():
+            from ..blender.dataset.rerender import CaseRenderer
+        output = own_output()
+        again = Rerendering(lambda description: CaseRenderer(case, description.content, poses), arguments.rerender)
+    report = check_dataset(
+        arguments.dataset,
+        views=arguments.views,
+        hashes=not arguments.fast,
+        case=case,
+        poses=poses,
+        rerendering=again,
+        stream=output,
+    )
     for line in (*report.findings.shown(), report.summary()):
-        sys.stdout.write(line + "\n")
+        output.write(line + "\n")
+    if again is not None and not report.rerendered:
+        output.write("no view was rendered again: first correct what was found\n")
     return EXIT_WRONG if report.findings else 0

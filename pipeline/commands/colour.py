@@ -1,12 +1,14 @@
-"""Write the surface with the frame's colours on it, as GLB, OBJ or PLY."""
+"""The command ``oneframe colour``."""
 
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.command_line import own_output
+from ..blender.process import own_output
 from .parser import command_parser, explained_imports
 
+ABOUT = "Write the surface with the frame's colours on it, as GLB, OBJ or PLY."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s case.toml --out surface.glb
   %(prog)s case.toml --out surface.ply --colour vertex
@@ -28,17 +30,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str], prog: str = "oneframe colour") -> int:
     """Parse the arguments and run."""
-    return run(command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv))
+    return run(command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv))
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the coloured surface and report how much of it the frame saw."""
     with explained_imports():
         from ..blender.case.load_case import load_case
-        from ..blender.colour.export import export_coloured_surface
+        from ..blender.colour.export import check_export, export_coloured_surface
         from ..case.case_file import read_case
     output = own_output()
-    loaded = load_case(read_case(arguments.case))
+    case = read_case(arguments.case)
+    check_export(arguments.out, case.input_files(), colour=arguments.colour)
+    loaded = load_case(case)
     for message in (*loaded.messages, *export_coloured_surface(loaded, arguments.out, colour=arguments.colour)):
         output.write(message + "\n")
     output.write(f"coloured surface: {arguments.out}\n")

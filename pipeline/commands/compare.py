@@ -1,13 +1,15 @@
-"""Compare synthetic views with real photographs of the same poses, and measure their similarity."""
+"""The command ``oneframe compare``."""
 
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.command_line import own_output
+from ..blender.process import own_output
 from ..dataset.options import COLOURS
 from .parser import command_parser, explained_imports
 
+ABOUT = "Compare synthetic views with real photographs of the same poses, and measure their similarity."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s case.toml held_out.json --out comparison
   %(prog)s case.toml held_out.json --out comparison --colour vertex
@@ -36,23 +38,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str], prog: str = "oneframe compare") -> int:
     """Parse the arguments and run."""
-    return run(command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv))
+    return run(command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv))
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the comparison and report the similarity for each photograph."""
     with explained_imports():
         from ..blender.case.load_case import load_case
-        from ..blender.evaluation.comparison_files import SHEET, write_comparisons
+        from ..blender.evaluation.comparison_files import SHEET, check_comparisons, write_comparisons
         from ..case.case_file import read_case
         from ..evaluation.photographs import read_photographs
+        from ..evaluation.picture_names import shown_path
     output = own_output()
-    loaded = load_case(read_case(arguments.case))
+    case = read_case(arguments.case)
+    loaded = load_case(case)
     photographs = read_photographs(arguments.photographs, loaded)
+    check_comparisons(arguments.out, photographs, {**case.input_files(), "list of photographs": arguments.photographs})
     for comparison in write_comparisons(loaded, photographs, arguments.out, colour=arguments.colour):
         found = comparison.similarity
         output.write(
-            f"{comparison.photograph.path.name}: SSIM {found.ssim:.3f}, mean error {found.mean_error:.1f}/255, "
+            f"{shown_path(comparison.photograph.path)}: SSIM {found.ssim:.3f}, mean error {found.mean_error:.1f}/255, "
             f"correlation {found.correlation:.3f} over {found.pixels} px\n"
         )
     output.write(f"photograph, view, difference: {arguments.out / SHEET}\n")

@@ -5,11 +5,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from ..blender.command_line import ArgumentParser
+from ..blender.process import check_memory
 from ..errors import RunError
 
 PACKAGES = {
     "bpy": "Blender (bpy), which needs Python 3.11 or 3.13",
     "cv2": "OpenCV",
+    "scipy": "SciPy",
     "skimage": "scikit-image",
     "shtab": "shtab",
 }
@@ -17,7 +19,7 @@ PACKAGES = {
 
 
 def command_parser(
-    prog: str, about: str | None, epilog: str, add_arguments: Callable[[argparse.ArgumentParser], None]
+    prog: str, about: str, epilog: str, add_arguments: Callable[[argparse.ArgumentParser], None]
 ) -> ArgumentParser:
     """The parser of one command.
 
@@ -26,7 +28,7 @@ def command_parser(
     prog
         How the user calls it: ``oneframe render`` or ``render_dataset.py``.
     about
-        The docstring of the command's module; its first line is the description.
+        The description: one sentence.
     epilog
         Examples and notes at the end of ``--help``; ``%(prog)s`` stands for ``prog``.
     add_arguments
@@ -39,12 +41,12 @@ def command_parser(
 
 def fill_parser(
     parser: argparse.ArgumentParser,
-    about: str | None,
+    about: str,
     epilog: str,
     add_arguments: Callable[[argparse.ArgumentParser], None],
 ) -> None:
     """Set the description and the epilog of a parser and add its arguments; see :func:`command_parser`."""
-    parser.description = (about or "").partition("\n")[0]
+    parser.description = about
     parser.epilog = epilog
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     add_arguments(parser)
@@ -52,13 +54,14 @@ def fill_parser(
 
 @contextmanager
 def explained_imports() -> Iterator[None]:
-    """Wrap imports of packages that a stock Blender lacks, so that a missing one is a clear error.
+    """Wrap imports of Blender, numpy and packages that a stock Blender lacks, so that what fails is a clear error.
 
     Raises
     ------
     RunError
-        A package is missing, e.g. OpenCV in a Blender program without the extension.
+        A package is missing, e.g. OpenCV in a Blender program without the extension; or there is too little memory.
     """
+    check_memory()
     try:
         yield
     except ModuleNotFoundError as error:

@@ -1,4 +1,4 @@
-"""Render a dataset of posed views from one aligned frame."""
+"""The command ``oneframe render``."""
 
 import argparse
 import os
@@ -6,7 +6,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.command_line import end_with_input, own_output
+from ..blender.command_line import end_with_input
+from ..blender.process import own_output
 from ..dataset.options import add_option_arguments, option_names
 from ..errors import InputError
 from ..progress import LINE_SECONDS
@@ -25,15 +26,17 @@ GROUPS = {
 }  # fmt: skip
 """Headings of ``--help`` -> the dataset options under each; all other options come last."""
 
+ABOUT = "Render a dataset of posed views from one aligned frame."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s case.toml --out dataset --count 1000
   %(prog)s case.toml --out dataset --cone-deg 30 --distance-min 0.8 --distance-max 1.3 --video
   %(prog)s case.toml --out dataset --poses poses.npy --samples 8
   %(prog)s case.toml --out dataset --count 100000 --shard 3/50      (shard 3 of 0..49, on any machine)
 
-Run the same command again to continue a stopped run. To merge shards from separate folders, copy the folders into
-one and run the same command without --shard: it writes the tables. The case file may hold all options that affect
-the content, in a table [dataset] (count = 1000, cone_deg = 30, ...).
+Run the same command again to continue a stopped run, or with a larger --count to add views. To merge shards from
+separate folders, copy the folders into one and run the same command without --shard: it writes the tables. The case
+file may hold all options that affect the content, in a table [dataset] (count = 1000, cone_deg = 30, ...).
 """
 
 
@@ -53,6 +56,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--workers", metavar="N", type=int, default=0, help="number of processes (default: one per core)"
     )
     machines.add_argument("--shard", metavar="I/N", default="0/1", help="render only shard I of N, counted from 0")
+    machines.add_argument(
+        "--verify", action="store_true", help="compare the hashes of all finished files, not only that they are there "
+        "with their sizes; what has changed is rendered again"
+    )  # fmt: skip
     machines.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     # for a program that runs this command and shows its progress
     machines.add_argument("--progress-seconds", type=float, default=LINE_SECONDS, help=argparse.SUPPRESS)
@@ -61,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str], prog: str = "oneframe render", *, own_command: Sequence[str] = OWN_COMMAND) -> int:
     """Parse the arguments and run; ``own_command`` starts this command again, for the worker processes."""
-    arguments = command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv)
+    arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
     if arguments.workers < 0:
         raise InputError(f"command line: --workers: expected 0 (one per core) or more, found {arguments.workers}")
     try:
@@ -81,9 +88,11 @@ def run(arguments: argparse.Namespace, *, worker_command: Sequence[str]) -> int:
         from ..case.case_file import read_case
         from ..dataset.folder import parse_shard
         from ..dataset.options import merged_options
+        from ..files.outputs import check_folder
     output = own_output()
     case = read_case(arguments.case)
     options = merged_options(case.dataset, arguments, arguments.case)
+    check_folder(arguments.out, case.input_files() | ({} if options.poses is None else {"poses": Path(options.poses)}))
     job = Job(case, arguments.out, options, parse_shard(arguments.shard))
     if arguments.worker:
         work(job, workers=arguments.workers, stream=output)
@@ -95,6 +104,7 @@ def run(arguments: argparse.Namespace, *, worker_command: Sequence[str]) -> int:
         workers=arguments.workers,
         worker_command=worker_command,
         stream=output,
+        verify=arguments.verify,
         progress_seconds=arguments.progress_seconds,
     )
     return 0

@@ -1,13 +1,15 @@
-"""Make the built-in sample case: a drilled temporal bone, a microscope frame of it, and held-out photographs."""
+"""The command ``oneframe sample``."""
 
 import argparse
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.command_line import own_output
+from ..blender.process import own_output
 from .parser import command_parser, explained_imports
 
+ABOUT = "Make the built-in sample case: a drilled temporal bone, a microscope frame of it, and held-out photographs."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s
   %(prog)s --out demo/case
@@ -25,16 +27,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(argv: Sequence[str], prog: str = "oneframe sample", *, render: str = "oneframe render") -> int:
     """Parse the arguments and run; the last message suggests the command ``render`` as the next step."""
-    return run(command_parser(prog, __doc__, EPILOG, add_arguments).parse(argv), render)
+    return run(command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv), render)
 
 
 def run(arguments: argparse.Namespace, render: str) -> int:
     """Write the sample case and report each file."""
     with explained_imports():
-        from ..blender.sample.sample_case import write_sample_case
+        from ..blender.sample.sample_case import check_sample_case, write_sample_case
         from ..sample.temporal_bone import sample_surface
     output = own_output()
     start = time.monotonic()
+    check_sample_case(arguments.out)
     surface = sample_surface()
     output.write(f"surface of {len(surface.bone.faces)} triangles\n")
     for path in write_sample_case(arguments.out, surface):

@@ -25,31 +25,58 @@ def run_lengths(mask: np.ndarray) -> tuple[int, ...]:
     return tuple(counts.tolist())
 
 
-def coco_table(paths: Sequence[ViewPaths], records: Sequence[ViewRecord], camera: PinholeCamera) -> dict[str, object]:
-    """The images, annotations and single category of a scene's views; ids of annotations count from 1."""
+def compressed_counts(counts: Sequence[int]) -> str:
+    """Run lengths as COCO's compressed text, the only form that ``COCO.loadRes`` takes.
+
+    Every number is the difference to the run before the last one, in groups of 5 bits, the lowest first, with a sixth
+    bit if more follow. Source: cocodataset/cocoapi, ``rleToString`` in common/maskApi.c.
+    """
+    characters = []
+    for place, count in enumerate(counts):
+        rest = count - counts[place - 2] if place > 2 else count
+        more = True
+        while more:
+            bits, rest = rest & 31, rest >> 5
+            # the highest bit of the last group is the sign
+            more = rest != (-1 if bits & 16 else 0)
+            characters.append(chr(48 + (bits | 32 if more else bits)))
+    return "".join(characters)
+
+
+def coco_table(
+    paths: Sequence[ViewPaths], records: Sequence[ViewRecord], camera: PinholeCamera, object_name: str
+) -> dict[str, object]:
+    """The images, annotations and single category of a scene's views.
+
+    As in bop_toolkit, paths are relative to the scene's folder, boxes and areas are those of the visible mask, and a
+    view without visible surface has no annotation.
+    """
     images, annotations = [], []
-    for number, (path, record) in enumerate(zip(paths, records, strict=True), start=1):
-        images.append(
-            {
-                "id": path.image_id,
-                "file_name": path.file("rgb").relative_to(path.scene).as_posix(),
-                "width": camera.width,
-                "height": camera.height,
-            }
-        )
+    for path, record in zip(paths, records, strict=True):
+        size = {"width": camera.width, "height": camera.height}
+        name = path.file("rgb").relative_to(path.scene).as_posix()
+        images.append({"id": path.image_id, "file_name": name, **size})
+        info = record.gt_info
+        if not info.px_count_visib:
+            continue
+        x, y, to_last_column, to_last_row = info.bbox_visib
         annotations.append(
             {
-                "id": number,
+                # pycocotools takes 0 for "no match"
+                "id": path.image_id + 1,
                 "image_id": path.image_id,
                 "category_id": OBJECT_ID,
                 "iscrowd": 0,
-                "area": record.gt_info.px_count_visib,
-                "bbox": list(record.gt_info.bbox_obj),
-                "segmentation": {"counts": list(record.rle_counts), "size": [camera.height, camera.width]},
-                "width": camera.width,
-                "height": camera.height,
-                "ignore": record.gt_info.visib_fract < HIDDEN_BELOW,
+                "area": info.px_count_visib,
+                # COCO counts pixels, BOP the steps between them
+                "bbox": [x, y, to_last_column + 1, to_last_row + 1],
+                "segmentation": {
+                    "counts": compressed_counts(record.rle_counts),
+                    "size": [camera.height, camera.width],
+                },
+                **size,
+                "ignore": info.visib_fract < HIDDEN_BELOW,
             }
         )
-    category = {"id": OBJECT_ID, "name": str(OBJECT_ID), "supercategory": "surface"}
+    category = {"id": OBJECT_ID, "name": object_name, "supercategory": "surface"}
     return {"info": {}, "licenses": [], "categories": [category], "images": images, "annotations": annotations}

@@ -1,22 +1,25 @@
 """The folder of a dataset run: one writer at a time, one identity that never changes, no partial files.
 
-``dataset.json``, the dataset's identity, holds everything that the content depends on. A run writes it first; a run
-that finds another identity stops. Locks and temporary files are in ``.work``, which is removed when the dataset is
-complete.
+``dataset.json``, the dataset's description, holds everything that the content depends on. A run writes it first; a run
+that finds another one stops. Locks are in ``.work``, which is removed when the dataset is complete. Nothing is ever
+removed but files that a run writes itself, by their names.
 """
 
 import json
 import os
-import shutil
-import time
+import re
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
 from ..errors import InputError, RunError
-from ..files.content import write_bytes_atomically
-from .layout import SPLIT
+from ..files.content import create_folder, partial_name, write_bytes_atomically
+from .checksums import keep_checksums
+from .identity import COUNT, check_description, description_bytes, identity_of, is_cut_off
+from .layout import MODEL_FOLDERS, RECORD, SPLIT, VIDEO_FILES, WORK, is_own_file, own_folders
+from .lock import Busy, FileLock, SystemLock, wait_for
 
 
 @dataclass(frozen=True)
@@ -51,54 +54,50 @@ def parse_shard(text: str) -> Shard:
     return Shard(index, count)
 
 
-RECORD = "dataset.json"
-WORK = ".work"
 LAST_SHARDS_SECONDS = 10.0
-"""Shards that end together wait at most this long for each other; then the last one cleans up."""
+"""Shards that start or end together wait at most this long for each other."""
 
 
 class RunFolder:
     """Exclusive access to a dataset folder, or to one shard of it; use as a context manager."""
 
-    def __init__(self, path: Path, identity: dict, shard: Shard) -> None:
+    def __init__(
+        self, path: Path, description: Mapping[str, object], shard: Shard, *, system_lock: SystemLock | None = None
+    ) -> None:
         """Create or enter the folder.
 
         Parameters
         ----------
         path
             The dataset's folder.
-        identity
+        description
             Everything that the content depends on; JSON types only.
         shard
             Different shards of the same run may share the folder.
+        system_lock
+            Takes a lock of the system; :func:`.lock_by_system` if left out.
 
         Raises
         ------
         RunError
-            The folder cannot be written to, holds something else or another run's data, or is in use.
+            The folder cannot be written to, holds something else or another run's data, or is in use. Nothing in it
+            has been touched then.
         """
         self.path = path
+        self._description = description
+        self._shared = shard.count > 1
         self._locks = ExitStack()
-        work, record = path / WORK, path / RECORD
         try:
             self._new_folders = [folder for folder in (path, *path.parents) if not folder.exists()]
-            self._is_new = not record.exists()
-            if not self._is_new:
-                # before anything is touched
-                check_identity(record, identity)
-            elif path.is_dir() and any(path.iterdir()) and not work.exists():
-                raise RunError(
-                    f"{path}: expected a new or empty folder or a dataset to resume, found other files; "
-                    "choose another folder (--out)"
-                )
-            work.mkdir(parents=True, exist_ok=True)
-            self._common_lock = self._acquire(work / "lock", shared=shard.count > 1)
-            if shard.count > 1:
-                self._acquire(work / f"lock-{shard.index}-of-{shard.count}", shared=False)
-            if not record.exists():
-                write_bytes_atomically(record, _json(identity))
-            check_identity(record, identity)
-            self._remove_leftovers(shared=shard.count > 1)
+            check_description(path, description)
+            self._is_new = self._holds_nothing()
+            create_folder(path / WORK)
+            self._common = self._acquire("lock", shared=self._shared, system_lock=system_lock)
+            if self._shared:
+                self._acquire(f"lock-{shard.index}-of-{shard.count}", shared=False, system_lock=system_lock)
+            self._write_description()
+            if not self._shared:
+                self._remove_leftovers()
         except OSError as error:
             self._locks.close()
             raise RunError(
@@ -121,124 +120,128 @@ class RunFolder:
     def finish(self) -> None:
         """Remove locks and temporary files of a complete dataset, unless another process still works in the folder."""
         # other shards of a complete dataset are about to end as well; the last one cleans up
-        if self._try_exclusive(wait_seconds=LAST_SHARDS_SECONDS):
-            self._remove_leftovers(shared=False)
-            if os.name == "nt":
-                self._locks.close()  # Windows removes no open files
-            shutil.rmtree(self.path / WORK, ignore_errors=True)
+        if wait_for(self._common.try_exclusive, LAST_SHARDS_SECONDS):
+            self._remove_leftovers()
+            self._remove_work()
+
+    def _holds_nothing(self) -> bool:
+        """Whether the folder is new: empty, or all that is in it was left by a run that was killed as it started.
+
+        Raises
+        ------
+        RunError
+            It holds files of somebody else, and no dataset.
+        """
+        if not self.path.is_dir():
+            return True
+        record = self.path / RECORD
+        content = record.read_bytes() if record.exists() else b""
+        if content and not is_cut_off(content, description_bytes(self._description)):
+            return False
+        work = self.path / WORK
+        was_run = not work.exists() or all(re.fullmatch(_WORK_FILES, entry.name) for entry in work.iterdir())
+        names = [entry.name for entry in self.path.iterdir()]
+        others = [name for name in names if name not in (WORK, RECORD) and partial_name(name) != RECORD]
+        if was_run and not others:
+            return True
+        # a loss of power may leave a part of the description, but whole views; their records tell whose they are
+        if record.exists() and was_run and all(name in _TOP or is_own_file(name) for name in others):
+            return False
+        raise RunError(
+            f"{self.path}: expected a new or empty folder or a dataset to resume, found other files; "
+            "choose another folder (--out)"
+        )
+
+    def _acquire(self, name: str, *, shared: bool, system_lock: SystemLock | None) -> FileLock:
+        for _ in range(_ATTEMPTS):
+            try:
+                lock = FileLock(self.path / WORK / name, shared=shared, system_lock=system_lock)
+            except FileNotFoundError:
+                # another process has just finished the dataset and removed the file
+                create_folder(self.path / WORK)
+                continue
+            except Busy:
+                break
+            self._locks.callback(lock.release)
+            return lock
+        raise self._busy()
+
+    def _busy(self) -> RunError:
+        return RunError(
+            f"{self.path}: another process renders into this folder; wait for it, stop it, or choose another "
+            "folder (--out)"
+        )
+
+    def _write_description(self) -> None:
+        """Write ``dataset.json`` if it is not there, or if the dataset grows."""
+
+        def is_written() -> bool:
+            check_description(self.path, self._description)
+            record, content = self.path / RECORD, description_bytes(self._description)
+            if record.exists() and not is_cut_off(existing := record.read_bytes(), content):
+                if json.loads(existing)[COUNT] == self._description[COUNT]:
+                    return True
+                # shards that work on fewer views would write tables of these
+                if self._shared and not self._common.try_exclusive():
+                    return False
+                # the tables are those of fewer views from now on
+                keep_checksums(self.path, identity_of(self._description), VIDEO_FILES)
+            write_bytes_atomically(record, content)
+            return True
+
+        if not wait_for(is_written, LAST_SHARDS_SECONDS):
+            raise self._busy()
+        if self._shared and not wait_for(self._is_shared_again, LAST_SHARDS_SECONDS):
+            raise self._busy()
+
+    def _is_shared_again(self) -> bool:
+        try:
+            self._common.share()
+        except Busy:
+            return False
+        return True
 
     def _discard(self) -> None:
         """Remove this run's files if unusable input stopped it before its first view was finished."""
-        if any((self.path / SPLIT).glob("*/frame/*.json")) or not self._try_exclusive():
+        if any((self.path / SPLIT).glob("*/frame/*.json")) or not self._common.try_exclusive():
             return
-        for name in (SPLIT, "models", WORK):
-            shutil.rmtree(self.path / name, ignore_errors=True)
-        for name in ("camera.json", RECORD):
-            (self.path / name).unlink(missing_ok=True)
-        for folder in self._new_folders:
+        folders = [*own_folders(self.path)]
+        for prefix, folder in folders:
+            for entry in [*folder.iterdir()]:
+                if is_own_file(prefix + entry.name):
+                    entry.unlink()
+        self._remove_leftovers()
+        self._remove_work()
+        for folder in [*(folder for _, folder in reversed(folders[1:])), *self._new_folders]:
             with suppress(OSError):  # it holds files of somebody else
                 folder.rmdir()
 
-    def _try_exclusive(self, *, wait_seconds: float = 0.0) -> bool:
-        """Try to turn the lock shared with other shards into an exclusive one; whether that succeeded.
+    def _remove_leftovers(self) -> None:
+        """Remove the temporary files of killed runs; nobody else may be writing theirs."""
+        for prefix, folder in own_folders(self.path):
+            for name in _names(folder):
+                target = partial_name(name)
+                if target is not None and is_own_file(prefix + target):
+                    (folder / name).unlink(missing_ok=True)
 
-        A failed attempt may lose the shared lock.
-        """
-        give_up = time.monotonic() + wait_seconds
-        while True:
-            try:
-                _lock(self._common_lock, shared=False)
-                return True
-            except OSError:
-                if time.monotonic() > give_up:
-                    return False
-                time.sleep(0.05)
-
-    def _acquire(self, path: Path, *, shared: bool) -> int:
-        stream = self._locks.enter_context(path.open("a+b"))
-        try:
-            _lock(stream.fileno(), shared=shared)
-            if not os.path.samestat(os.fstat(stream.fileno()), path.stat()):
-                raise FileNotFoundError  # another process has just finished the dataset and removed the file
-        except OSError:
-            raise RunError(
-                f"{self.path}: another process renders into this folder; wait for it, stop it, or choose another "
-                "folder (--out)"
-            ) from None
-        return stream.fileno()
-
-    def _remove_leftovers(self, *, shared: bool) -> None:
-        """Remove the temporary files of a killed run, unless other shards may be writing theirs."""
-        if not shared:
-            for leftover in self.path.rglob(".partial-*"):
-                leftover.unlink(missing_ok=True)
+    def _remove_work(self) -> None:
+        if os.name == "nt":
+            self._locks.close()  # Windows removes no open files
+        work = self.path / WORK
+        for name in [*_names(work)]:
+            if re.fullmatch(_WORK_FILES, name):
+                (work / name).unlink(missing_ok=True)
+        with suppress(OSError):  # it holds files of somebody else
+            work.rmdir()
 
 
-def check_identity(record: Path, identity: dict) -> None:
-    """Check that a dataset belongs to this run.
-
-    Parameters
-    ----------
-    record
-        The dataset's ``dataset.json``.
-    identity
-        Everything that the run's content depends on; JSON types only.
-
-    Raises
-    ------
-    RunError
-        The two differ, or the file is not JSON.
-    """
-    try:
-        existing = json.loads(record.read_bytes())
-    except ValueError:
-        raise RunError(
-            f"{record}: expected the record of a dataset, found no JSON; choose another folder (--out)"
-        ) from None
-    # changed files first: other differences may follow from them
-    different = sorted(
-        _differences(existing, json.loads(_json(identity))), key=lambda text: (not text.startswith("the file"), text)
-    )
-    if different:
-        shown = "; ".join(different[:4]) + (f" and {len(different) - 4} more" if len(different) > 4 else "")
-        raise RunError(
-            f"{record.parent}: the folder holds the dataset of another run ({shown}); "
-            "undo the change to resume it, or choose another folder (--out)"
-        )
+_ATTEMPTS = 10
+_TOP = (*MODEL_FOLDERS, "video", SPLIT)
+_WORK_FILES = r"lock(-[0-9]+-of-[0-9]+)?(\.[0-9a-f]{16}\.(claim|new))?"
 
 
-def _json(identity: dict) -> bytes:
-    return (json.dumps(identity, indent=2) + "\n").encode()
-
-
-def _differences(old: object, new: object, name: str = "") -> list[str]:
-    if isinstance(old, dict) and isinstance(new, dict):
-        keys = old.keys() | new.keys()
-        return [
-            text for key in keys for text in _differences(old.get(key), new.get(key), f"{name}.{key}" if name else key)
-        ]
-    if old == new:
-        return []
-    if name.startswith("inputs_sha256."):
-        return [f"the file of the {name.removeprefix('inputs_sha256.')} has changed"]
-    return [f"{name} was {_short(old)}, is {_short(new)}"]
-
-
-def _short(value: object) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 40 else text[:37] + "..."
-
-
-def _lock(descriptor: int, *, shared: bool) -> None:
-    """Take an advisory lock or raise OSError at once; the system releases it when the process ends in any way."""
-    if os.name == "nt":
-        import msvcrt
-
-        os.lseek(descriptor, 0, os.SEEK_SET)
-        # msvcrt has no shared locks: the lock files of the shards keep them apart
-        if not shared:
-            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
-        return
-    import fcntl
-
-    fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+def _names(folder: Path) -> Iterator[str]:
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.name.startswith((".", "lock")):
+                yield entry.name

@@ -5,15 +5,32 @@ view's other files. All tables of the dataset (:mod:`pipeline.dataset.bop`, :mod
 :mod:`pipeline.dataset.pose_tables`) are made from the records alone.
 """
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-FORMAT = "oneframe dataset 1"
+FORMAT = "oneframe dataset 2"
 """Name and version of the layout, in ``dataset.json``."""
 
-SPLIT = "train_pbr"
+SPLIT = "train_synt"
+"""BOP's name for rendered images to train on. Its toolkit expects PNG files in it, and JPEG files in ``train_pbr``."""
 VIEWS_PER_SCENE = 1000
 OBJECT_ID = 1
+
+RECORD, CHECKSUMS, WORK = "dataset.json", "checksums.json", ".work"
+MODEL_FOLDERS = ("models", "models_eval")
+MODEL_FILES = tuple(
+    f"{folder}/{name}" for folder in MODEL_FOLDERS for name in (f"obj_{OBJECT_ID:06d}.ply", "models_info.json")
+)
+TABLES = (
+    "camera.json", *MODEL_FILES, "poses.csv", "transforms.json", "test_targets_bop19.json", "dataset_info.md",
+    "overlay.png", "contact_sheet.png",
+)  # fmt: skip
+SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "scene_gt_coco.json")
+VIDEO_FILES = ("video/trajectory.mp4", "video/poses.csv")
+KINDS = ("rgb", "depth", "mask", "mask_visib", "mask_observed", "depth_mm", "frame")
+"""Kinds of a view's files, each in a folder of its own."""
 
 
 @dataclass(frozen=True)
@@ -40,22 +57,50 @@ class ViewPaths:
 
     def file(self, kind: str) -> Path:
         """Path of one of the view's files, by its kind (a key of :func:`.view_files`, or ``"frame"``)."""
-        gt = "_000000" if kind in ("mask", "mask_visib", "mask_observed") else ""
-        suffix = {"frame": ".json", "depth_mm": ".npy"}.get(kind, ".png")
-        return self.scene / kind / f"{self.image_id:06d}{gt}{suffix}"
+        return self.root / self.relative(kind)
 
     def relative(self, kind: str) -> str:
         """Path of one of the view's files relative to the dataset's folder, with forward slashes."""
-        return self.file(kind).relative_to(self.root).as_posix()
+        gt = "_000000" if kind in ("mask", "mask_visib", "mask_observed") else ""
+        suffix = {"frame": ".json", "depth_mm": ".npy"}.get(kind, ".png")
+        return f"{SPLIT}/{self.scene_id:06d}/{kind}/{self.image_id:06d}{gt}{suffix}"
 
 
-def finished_views(root: Path, views: range) -> set[int]:
-    """Which of these views have a record; an empty file, which a loss of power may leave, does not count."""
-    return {index for index in views if _has_content(ViewPaths(root, index).file("frame"))}
+def view_kinds(*, float_depth: bool) -> tuple[str, ...]:
+    """Kinds of the files that a view has beside its record."""
+    return tuple(kind for kind in KINDS if kind != "frame" and (float_depth or kind != "depth_mm"))
 
 
-def _has_content(path: Path) -> bool:
-    try:
-        return path.stat().st_size > 0
-    except FileNotFoundError:
+def other_files(count: int) -> list[str]:
+    """The files of a dataset of ``count`` views that are no view's, relative to its folder.
+
+    Its video and ``checksums.json`` are not among them.
+    """
+    scenes = range(-(-count // VIEWS_PER_SCENE))
+    return [RECORD, *TABLES, *(f"{SPLIT}/{scene:06d}/{name}" for scene in scenes for name in SCENE_TABLES)]
+
+
+def is_own_file(name: str) -> bool:
+    """Whether a run writes a file of this name, relative to the dataset's folder, with forward slashes."""
+    if name in (RECORD, CHECKSUMS, *TABLES, *VIDEO_FILES):
+        return True
+    in_scene = re.fullmatch(rf"{SPLIT}/[0-9]{{6,}}/(.+)", name)
+    if in_scene is None:
         return False
+    kind, _, file = in_scene[1].partition("/")
+    return in_scene[1] in SCENE_TABLES or (
+        kind in KINDS and re.fullmatch(r"[0-9]{6}(_[0-9]{6})?\.(png|json|npy)", file) is not None
+    )
+
+
+def own_folders(root: Path) -> Iterator[tuple[str, Path]]:
+    """The existing folders that a run writes into: the beginning of their files' names, and their path."""
+    yield "", root
+    for name in (*MODEL_FOLDERS, "video", SPLIT):
+        if (root / name).is_dir():
+            yield f"{name}/", root / name
+    for scene in sorted((root / SPLIT).glob("[0-9]*")):
+        yield f"{SPLIT}/{scene.name}/", scene
+        for kind in KINDS:
+            if (scene / kind).is_dir():
+                yield f"{SPLIT}/{scene.name}/{kind}/", scene / kind

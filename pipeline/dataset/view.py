@@ -1,8 +1,8 @@
 """One view of a dataset: the rendered arrays, and their encoding as the view's files and record."""
 
-import hashlib
 import io
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,11 +10,12 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..errors import InputError
-from ..files.content import write_bytes_atomically
+from ..files.content import create_folder, write_files_atomically
 from ..images.png import encode_png
 from ..poses.constraints import PlannedPose
 from ..projection.silhouette import SilhouetteEdges, silhouette_statistics
 from .bop import bounding_box
+from .checksums import FileSum, sum_of
 from .coco import run_lengths
 from .layout import ViewPaths
 from .view_record import GroundTruthInfo, ViewRecord
@@ -123,6 +124,7 @@ def encode_view(
     edges: SilhouetteEdges,
     camera: PinholeCamera,
     *,
+    identity: str,
     depth_scale: float,
     float_depth: bool,
 ) -> tuple[dict[str, bytes], ViewRecord]:
@@ -138,6 +140,8 @@ def encode_view(
         Edges of the surface, for the part of the silhouette outside the image.
     camera
         Intrinsics of the view.
+    identity
+        Identity of the dataset.
     depth_scale
         Millimetres per unit of the depth image; a view whose surface is too far away for it gets its own scale.
     float_depth
@@ -154,6 +158,7 @@ def encode_view(
     whole = silhouette.px_count_all - silhouette.px_count_inside + inside
     record = ViewRecord(
         index=paths.index,
+        identity=identity,
         cam_from_model=planned.cam_from_model,
         depth_scale=depth_scale,
         gt_info=GroundTruthInfo(
@@ -167,27 +172,27 @@ def encode_view(
         px_count_observed=int(np.count_nonzero(view.observed)),
         attempts=planned.attempts,
         rejections=planned.rejections,
+        files=file_sums(paths, files),
         rle_counts=run_lengths(view.mask),
-        sha256=file_hashes(paths, files),
     )
     return files, record
 
 
-def file_hashes(paths: ViewPaths, files: dict[str, bytes]) -> dict[str, str]:
-    """SHA-256 of a view's files, by their paths relative to the dataset."""
-    return {paths.relative(kind): hashlib.sha256(data).hexdigest() for kind, data in files.items()}
+def file_sums(paths: ViewPaths, files: dict[str, bytes]) -> dict[str, FileSum]:
+    """Size and hash of a view's files, by their paths relative to the dataset."""
+    return {paths.relative(kind): sum_of(data) for kind, data in files.items()}
 
 
 def write_view(paths: ViewPaths, files: dict[str, bytes], record: ViewRecord) -> None:
-    """Write a view's files and then its record: a view with a record is finished."""
-    for kind, data in files.items():
-        _write(paths.file(kind), data)
-    _write(paths.file("frame"), (json.dumps(record.to_json(), separators=(",", ":")) + "\n").encode())
+    """Write a view's files and then its record: a view with a record is finished, also after a loss of power."""
+    _write({paths.file(kind): data for kind, data in files.items()})
+    _write({paths.file("frame"): (json.dumps(record.to_json(), separators=(",", ":")) + "\n").encode()})
 
 
-def _write(path: Path, data: bytes) -> None:
+def _write(files: Mapping[Path, bytes]) -> None:
     try:
-        write_bytes_atomically(path, data)
+        write_files_atomically(files)
     except FileNotFoundError:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes_atomically(path, data)
+        for path in files:
+            create_folder(path.parent)
+        write_files_atomically(files)

@@ -3,6 +3,7 @@
 It is written last, so a view with a record is complete. All tables are made from the records.
 """
 
+import re
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from ..files.content import read_content
 from ..files.tables import parsed_json
 from ..poses.constraints import Rejections
 from ..transforms import rigid
+from .checksums import FileSum, sums_to_json
 from .layout import ViewPaths
 
 Box = tuple[int, int, int, int]
@@ -51,6 +53,8 @@ class ViewRecord:
     ----------
     index
         Number of the view in the dataset.
+    identity
+        Identity of the dataset: see :func:`pipeline.dataset.identity.identity_of`.
     cam_from_model
         ``(4, 4)`` rigid, mm.
     depth_scale
@@ -61,21 +65,22 @@ class ViewRecord:
         Pixels of surface that the source frame saw.
     attempts, rejections
         Number of poses tried, including this one, and the constraints that they broke.
+    files
+        Size and hash of every file of the view, by its path relative to the dataset.
     rle_counts
         Run lengths of the mask: see :func:`pipeline.dataset.coco.run_lengths`.
-    sha256
-        Hash of every file of the view, by its path relative to the dataset.
     """
 
     index: int
+    identity: str
     cam_from_model: np.ndarray
     depth_scale: float
     gt_info: GroundTruthInfo
     px_count_observed: int
     attempts: int
     rejections: Rejections
+    files: dict[str, FileSum]
     rle_counts: tuple[int, ...]
-    sha256: dict[str, str]
 
     @property
     def cam_r_m2c(self) -> list[float]:
@@ -91,6 +96,7 @@ class ViewRecord:
         """The JSON object of the file."""
         return {
             "index": self.index,
+            "identity": self.identity,
             "cam_R_m2c": self.cam_r_m2c,
             "cam_t_m2c": self.cam_t_m2c,
             "depth_scale": self.depth_scale,
@@ -98,8 +104,8 @@ class ViewRecord:
             "px_count_observed": self.px_count_observed,
             "attempts": self.attempts,
             "rejections": asdict(self.rejections),
+            "files": sums_to_json(self.files),
             "rle_counts": list(self.rle_counts),
-            "sha256": self.sha256,
         }
 
     @classmethod
@@ -115,6 +121,7 @@ class ViewRecord:
         info, rejections = record.object("gt_info"), record.object("rejections")
         return cls(
             index=record.integer("index"),
+            identity=record.hash("identity"),
             cam_from_model=rigid(
                 np.reshape(record.numbers("cam_R_m2c", 9), (3, 3)), np.array(record.numbers("cam_t_m2c", 3))
             ),
@@ -130,27 +137,50 @@ class ViewRecord:
             px_count_observed=record.integer("px_count_observed"),
             attempts=record.integer("attempts"),
             rejections=Rejections(**{name: rejections.integer(name) for name in ("surface", "observed", "clearance")}),
+            files=record.files("files"),
             rle_counts=record.integers("rle_counts"),
-            sha256=record.texts("sha256"),
         )
 
 
-def read_record(paths: ViewPaths) -> ViewRecord:
+def read_record(paths: ViewPaths, *, with_mask: bool = True) -> ViewRecord:
     """Read the record of a finished view.
+
+    Parameters
+    ----------
+    paths
+        The view's files.
+    with_mask
+        False leaves the run lengths empty: they are only checked to be whole, which takes a tenth of the time.
 
     Raises
     ------
     RunError
-        Missing or damaged; the message names the file.
+        Missing, damaged, or of another view; the message names the file.
     """
     path = paths.file("frame")
     try:
-        content = parsed_json(read_content(path, "the record of a view", str(path)), str(path))
+        data = read_content(path, "the record of a view", str(path))
+        head, mark, tail = data.partition(_RUN_LENGTHS)
+        if mark and not with_mask:
+            if tail[-3:] != b"]}\n" or tail[:-3].translate(None, b"0123456789,"):
+                raise InputError(f"{path}: expected the record of a view, found a damaged one")
+            data = head + _RUN_LENGTHS + b"]}"
+        record = ViewRecord.from_json(parsed_json(data, str(path)), str(path))
     except InputError as error:
         raise RunError(f"{error}; or remove the file and {_AGAIN}") from None
-    return ViewRecord.from_json(content, str(path))
+    if record.index != paths.index:
+        raise RunError(
+            f"{path}: expected the record of view {paths.index}, found that of view {record.index}; "
+            f"remove the file and {_AGAIN}"
+        )
+    return record
 
 
+_RUN_LENGTHS = b',"rle_counts":['
+
+
+LARGEST_NUMBER = 1e15
+"""No distance, count or index is near it; NaN is none at all."""
 _AGAIN = "run the same command again: it renders the view again"
 
 
@@ -190,15 +220,29 @@ class _Fields:
         x, y, width, height = self._checked(key, len(self.integers(key)) == 4, "4 whole numbers")
         return x, y, width, height
 
-    def texts(self, key: str) -> dict[str, str]:
-        values = self._content.get(key)
-        fits = isinstance(values, dict) and all(isinstance(text, str) for text in values.values())
-        return self._checked(key, fits, "strings by name")
+    def hash(self, key: str) -> str:
+        return self._checked(key, _is_hash(self._content.get(key)), "64 hexadecimal digits")
+
+    def files(self, key: str) -> dict[str, FileSum]:
+        entries = self._content.get(key)
+        fits = isinstance(entries, dict) and all(
+            isinstance(entry, dict) and _is_hash(entry.get("sha256")) and _is_integer(entry.get("bytes"))
+            for entry in entries.values()
+        )
+        checked = self._checked(key, fits, "sha256 and bytes by name of a file")
+        return {name: FileSum(entry["sha256"], entry["bytes"]) for name, entry in checked.items()}
+
+
+_HASH = re.compile("[0-9a-f]{64}")
+
+
+def _is_hash(value: object) -> bool:
+    return isinstance(value, str) and _HASH.fullmatch(value) is not None
 
 
 def _is_integer(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
 
 
 def _is_number(value: object) -> bool:
-    return _is_integer(value) or isinstance(value, float)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER

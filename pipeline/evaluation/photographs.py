@@ -7,10 +7,12 @@ import numpy as np
 
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
-from ..files.content import read_content
+from ..files.content import LARGEST_FILE, read_content
 from ..files.tables import parsed_json
 from ..poses.pose_file import pose_key
 from ..transforms import checked_rigid
+
+MOST_PHOTOGRAPHS = 10_000
 
 
 @dataclass(frozen=True)
@@ -27,17 +29,21 @@ def read_photographs(path: Path, loaded: LoadedCase) -> list[PosedPhotograph]:
     Raises
     ------
     InputError
-        The file is missing or not such a list, or a pose is not rigid.
+        The file is missing or not such a list, an image is no file name, or a pose is not rigid.
     """
-    entries = parsed_json(read_content(path, "a list of photographs"), path.name)
+    entries = parsed_json(read_content(path, "a list of photographs", most=LARGEST_FILE), path.name)
     if not isinstance(entries, list) or not all(isinstance(e, dict) and "image" in e for e in entries):
         raise InputError(
             f'{path.name}: expected a list of {{"image": ..., "cam_from_mesh": ...}}, found something else'
         )
+    if len(entries) > MOST_PHOTOGRAPHS:
+        raise InputError(f"{path.name}: expected up to {MOST_PHOTOGRAPHS} photographs, found {len(entries)}; split it")
     photographs = []
     for number, entry in enumerate(entries):
         key = pose_key(entry, f"{path.name}: entry {number}: ")
         pose, _ = checked_rigid(entry[key], f"{path.name}: entry {number}: {key}")
         pose[:3, 3] *= loaded.case.mm_per_unit
+        if not isinstance(entry["image"], str) or not entry["image"]:
+            raise InputError(f"{path.name}: entry {number}: image: expected a file name, found {entry['image']!r}")
         photographs.append(PosedPhotograph(path.parent / entry["image"], pose @ loaded.mesh_from_model))
     return photographs

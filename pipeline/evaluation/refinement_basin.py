@@ -63,8 +63,10 @@ class RefinementTrial:
         Whether the refined pose is within the scene's limits and the image is not a wrong one.
     accepted, message
         The refinement's own verdict and its reason.
-    score_before, score_after, edge_px_before, edge_px_after, split_half_px, second_peak_ratio
+    score_before, score_after, split_half_px, second_peak_ratio
         The measures behind the verdict; infinite if not tested.
+    estimated_px_before, estimated_px_after
+        The refinement's own estimates of ``start_px`` and ``error_px``; NaN where it gives none.
     seconds
         Processor time.
     """
@@ -80,10 +82,10 @@ class RefinementTrial:
     accepted: bool
     score_before: float
     score_after: float
-    edge_px_before: float
-    edge_px_after: float
     split_half_px: float
     second_peak_ratio: float
+    estimated_px_before: float
+    estimated_px_after: float
     seconds: float
     message: str
 
@@ -139,8 +141,8 @@ def run_trial(scene: RefinementScene, disturbance: Disturbance, rng: np.random.G
         accepted=result.accepted,
         score_before=result.before.score,
         score_after=result.after.score,
-        edge_px_before=result.before.edge_distance_px,
-        edge_px_after=result.after.edge_distance_px,
+        estimated_px_before=result.before.error_px,
+        estimated_px_after=result.after.error_px,
         split_half_px=result.verification.split_half_px if result.verification else np.inf,
         second_peak_ratio=result.verification.second_peak_ratio if result.verification else np.inf,
         seconds=seconds,
@@ -200,9 +202,30 @@ def summary(trials: Sequence[RefinementTrial]) -> list[str]:
         errors = np.array([[trial.error_px, trial.error_deg] for trial in accepted])
         (px, deg), (worst_px, worst_deg) = np.median(errors, axis=0), np.quantile(errors, 0.95, axis=0)
         lines.append(f"error where accepted, median / 95 %: {px:.2f} / {worst_px:.2f} px, {deg:.2f} / {worst_deg:.2f}°")
+        lines += [estimate_line(accepted, refined) for refined in (False, True)]
     seconds = [trial.seconds for trial in trials]
     lines.append(f"processor time, median / largest: {np.median(seconds):.1f} / {max(seconds):.1f} s")
     return lines
+
+
+def estimate_line(accepted: Sequence[RefinementTrial], refined: bool) -> str:
+    """How the estimated errors of the initial, or of the refined poses compare with the true ones.
+
+    Parameters
+    ----------
+    accepted
+        Trials whose refinement was accepted.
+    refined
+        Whether to compare the refined poses, rather than the initial ones.
+    """
+    true = np.array([trial.error_px if refined else trial.start_px for trial in accepted])
+    estimated = np.array([trial.estimated_px_after if refined else trial.estimated_px_before for trial in accepted])
+    ratios = np.quantile(estimated / np.maximum(true, 0.01), [0.05, 0.5, 0.95])
+    return (
+        f"estimated / true error of the {'refined' if refined else 'initial'} poses, 5 / 50 / 95 %: "
+        + " / ".join(f"{ratio:.2f}" for ratio in ratios)
+        + f"; root mean squares {np.sqrt(np.mean(estimated**2)):.2f} / {np.sqrt(np.mean(true**2)):.2f} px"
+    )
 
 
 # --- the file --------------------------------------------------------------------------------------------------------
@@ -235,7 +258,7 @@ def read_trials(path: Path) -> tuple[RefinementTrial, ...]:
             RefinementTrial(**{field.name: convert[field.type](row[field.name]) for field in fields(RefinementTrial)})  # type: ignore[arg-type]
             for row in csv.DictReader(io.StringIO(text or "", newline=""))
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, csv.Error) as error:
         raise InputError(
             f"{path.name}: expected the trials of benchmark_refinement.py, found something else ({error!r}); "
             "measure them again"

@@ -1,16 +1,29 @@
 """Whole files: reading reports every failure as one kind of error, and writing never leaves a partial file."""
 
 import errno
+import hashlib
 import os
+import re
 import secrets
-from collections.abc import Iterator
-from contextlib import contextmanager
+import stat
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from contextvars import ContextVar
 from pathlib import Path
+from typing import BinaryIO
 
 from ..errors import InputError
 
-LARGEST_FILE = 64 << 20
-"""Bytes; a longer file cannot be one of numbers or settings, so the user chose it by mistake."""
+LARGEST_TEXT = 1 << 20
+"""Bytes; a longer file cannot be one of settings, so the user chose it by mistake."""
+
+LARGEST_FILE = 32 << 20
+"""Bytes; the largest file of numbers."""
+
+LARGEST_INPUT = 1 << 30
+"""Bytes; the largest file of all that is read whole, such as a mesh."""
+
+_HASHES: ContextVar[dict[Path, str] | None] = ContextVar("hashes", default=None)
 
 
 @contextmanager
@@ -29,13 +42,16 @@ def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
     Raises
     ------
     InputError
-        Missing, a folder, or unreadable.
+        Missing, a folder, a pipe or a device (which may never end), a name that no file can have, or unreadable.
     """
     place, it = (str(path), "it") if where is None else (where, str(path))
     try:
-        if path.is_dir():
-            # Windows would report a lack of permission
+        # before it is opened: a pipe would wait for its other end, and Windows reports no folder as such
+        mode = _status(path).st_mode
+        if stat.S_ISDIR(mode):
             raise InputError(f"{place}: expected {what}, cannot read {it} (a folder); give the path of a file in it")
+        if not stat.S_ISREG(mode):
+            raise InputError(f"{place}: expected {what}, cannot read {it} (no regular file); copy it to a file first")
         yield
     except FileNotFoundError:
         raise InputError(f"{place}: expected {what}, {it} does not exist; correct the path") from None
@@ -45,7 +61,19 @@ def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
         ) from None
 
 
-def read_content(path: Path, what: str, where: str | None = None, most: int | None = None) -> bytes:
+def _status(path: Path) -> os.stat_result:
+    try:
+        return path.stat()
+    except ValueError as error:  # a NUL or half a surrogate pair
+        raise OSError(errno.EINVAL, str(error)) from None
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    """Open a file, or a pipe that has taken its place, without waiting."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def read_content(path: Path, what: str, where: str | None = None, most: int = LARGEST_INPUT) -> bytes:
     """Read the bytes of a file that the user named.
 
     Parameters
@@ -53,21 +81,39 @@ def read_content(path: Path, what: str, where: str | None = None, most: int | No
     path, what, where
         As for :func:`reading`.
     most
-        Largest number of bytes that is accepted; any if left out.
+        Largest number of bytes that is accepted.
 
     Raises
     ------
     InputError
-        Missing, a folder, unreadable, empty, or longer than ``most``.
+        As for :func:`reading`; or the file is empty, or longer than ``most``.
     """
     place = path.name if where is None else where
-    with reading(path, what, where):
-        if most is not None and (size := path.stat().st_size) > most:
+    with reading(path, what, where), open(path, "rb", opener=_open_at_once) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size > most:
             raise InputError(f"{place}: expected {what}, found one of {size >> 20} MB; choose another")
-        data = path.read_bytes()
+        # no more than that: a file may grow while it is read, and those of /proc have no size and no end
+        data = file.read(size)
     if not data:
         raise InputError(f"{place}: expected {what}, found an empty file; copy or export it again")
+    hashes = _HASHES.get()
+    if hashes is not None:
+        found = hashlib.sha256(data).hexdigest()
+        if hashes.setdefault(path, found) != found:
+            raise InputError(f"{place}: the file has changed while it was read; save it, and start again")
     return data
+
+
+@contextmanager
+def hashed_reading() -> Iterator[dict[Path, str]]:
+    """Collect the SHA-256 of the very bytes that :func:`read_content` gives inside the block, by path."""
+    hashes: dict[Path, str] = {}
+    token = _HASHES.set(hashes)
+    try:
+        yield hashes
+    finally:
+        _HASHES.reset(token)
 
 
 def decoded(data: bytes) -> str | None:
@@ -81,23 +127,110 @@ def decoded(data: bytes) -> str | None:
 
 
 def write_bytes_atomically(path: Path, data: bytes) -> None:
-    """Write a file through a temporary one named ``.partial-*`` in the same folder, which is removed on failure.
+    """Write a file, whole or not at all, and durably: see :func:`written_file`.
 
-    Safe against a crash of the program, not against a loss of power (the data is not flushed to the disk). The file
-    gets the permissions of any new file, unlike with :mod:`tempfile`.
+    Raises
+    ------
+    OSError
+        As for :func:`written_file`.
+    """
+    write_files_atomically({Path(path): data})
+
+
+def write_files_atomically(files: Mapping[Path, bytes]) -> None:
+    """Write several files, each whole or not at all; when this returns, a loss of power cannot take them away.
+
+    Raises
+    ------
+    OSError
+        As for :func:`written_file`; none of the files has been replaced then, unless replacing one failed.
+    """
+    with ExitStack() as stack:
+        streams = {path: stack.enter_context(_partial_file(path)) for path in files}
+        for path, data in files.items():
+            streams[path].write(data)
+        _replace_durably(streams)
+
+
+@contextmanager
+def written_file(path: Path) -> Iterator[BinaryIO]:
+    """A file to write to, which takes the place of ``path`` at the end of the block; nothing is left if that fails.
+
+    It is written through a temporary file ``.partial-<16 hexadecimal digits>-<name>`` in the same folder, with the
+    permissions of any new file, unlike with :mod:`tempfile`. File and folder are flushed to the disk.
 
     Raises
     ------
     OSError
         The folder does not exist or cannot be written to, the disk is full, or ``path`` is a folder.
     """
-    path = Path(path)
+    with _partial_file(path) as stream:
+        yield stream
+        _replace_durably({path: stream})
+
+
+def partial_name(name: str) -> str | None:
+    """The name of the file that a temporary file of :func:`written_file` was for; ``None`` for other files."""
+    match = re.fullmatch(r"\.partial-[0-9a-f]{16}-(.+)", name)
+    return match and match[1]
+
+
+def create_folder(path: Path) -> None:
+    """Create a folder and those above it, durably; nothing happens if it exists.
+
+    Raises
+    ------
+    OSError
+        It cannot be created.
+    """
+    new = [folder for folder in (path, *path.parents) if not folder.exists()]
+    path.mkdir(parents=True, exist_ok=True)
+    for folder in new:
+        _flush_folder(folder.parent)
+
+
+@contextmanager
+def _partial_file(path: Path) -> Iterator[BinaryIO]:
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    partial = path.with_name(f".partial-{secrets.token_hex(8)}")
+    # a name of 255 bytes is the longest that most file systems take
+    partial = path.with_name(f".partial-{secrets.token_hex(8)}-{path.name[-50:]}")
     try:
-        with open(partial, "xb") as file:
-            file.write(data)
-        os.replace(partial, path)
+        with open(partial, "xb") as stream:
+            yield stream
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _replace_durably(streams: Mapping[Path, BinaryIO]) -> None:
+    """Put written temporary files in their places: contents first, then names, so that no name is without content."""
+    for stream in streams.values():
+        stream.flush()
+        _flush(stream.fileno())
+        stream.close()  # Windows replaces no open files
+    for path, stream in streams.items():
+        os.replace(path.with_name(Path(stream.name).name), path)
+    for folder in {path.parent for path in streams}:
+        _flush_folder(folder)
+
+
+def _flush_folder(folder: Path) -> None:
+    if os.name == "nt":
+        return  # opens no folders, and keeps names in a journal
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except PermissionError:
+        return  # one that may be written to, but not read
+    try:
+        _flush(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _flush(descriptor: int) -> None:
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        # some file systems in memory or over a network cannot
+        if error.errno not in (errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP):
+            raise

@@ -28,7 +28,8 @@ def check_keys(table: Mapping, required: tuple[str, ...], optional: tuple[str, .
 
 def nearest_name(name: str, known: tuple[str, ...]) -> str:
     """A hint for a misspelt name: the nearest known one, or all of them."""
-    near = difflib.get_close_matches(name.lower(), [key.lower() for key in known], n=1, cutoff=0.5)
+    # no more of a name than a key can have: the time grows with its square
+    near = difflib.get_close_matches(name[:100].lower(), [key.lower() for key in known], n=1, cutoff=0.5)
     if near:
         return f"did you mean {next(key for key in known if key.lower() == near[0])!r}?"
     return "expected one of " + ", ".join(repr(key) for key in known)

@@ -3,21 +3,31 @@
 import csv
 import io
 import json
+import re
 import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from .content import write_bytes_atomically
+from .content import LARGEST_TEXT, write_bytes_atomically
 from .numbers import WrittenFloat
+
+MOST_LEVELS = 32
+"""Of lists and tables in one another; real files have up to ten, and recursion over many more overflows the stack."""
+
+MOST_KEY_PARTS = 16
+"""Of a dotted key in TOML; the time that :mod:`tomllib` takes grows with their square."""
+
+_PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
+_LONG_KEY = re.compile(rf"""(?<![\w"'-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MOST_KEY_PARTS}}}""")
 
 
 def parsed_json(
     content: str | bytes,
     where: str,
     *,
-    parse_int: Callable[[str], Any] = int,
+    parse_int: Callable[[str], Any] = lambda digits: int(digits) if len(digits) < 19 else float(digits),
     parse_float: Callable[[str], Any] = float,
 ) -> Any:
     """Parse JSON.
@@ -28,15 +38,17 @@ def parsed_json(
         The text; the beginning of messages.
     parse_int, parse_float
         Convert the digits of a whole number, and of one with a decimal point or an exponent; :class:`.WrittenFloat`
-        keeps the digits.
+        keeps the digits. Whole numbers beyond 64 bits are read as floats by default.
 
     Raises
     ------
     InputError
-        Not JSON, or brackets nested too deeply.
+        Not JSON, or nested more than :data:`MOST_LEVELS` deep.
     """
     try:
-        return json.loads(_text(content), parse_float=parse_float, parse_int=parse_int)
+        table = json.loads(_text(content), parse_float=parse_float, parse_int=parse_int)
+        check_levels(table)
+        return table
     except (ValueError, RecursionError) as error:
         raise InputError(f"{where}: expected JSON, found a mistake: {error}; correct it or write it again") from None
 
@@ -47,10 +59,17 @@ def parsed_toml(content: str | bytes, where: str) -> dict[str, Any]:
     Raises
     ------
     InputError
-        Not TOML, or an integer that is too long; ``where`` begins the message.
+        Not TOML, too long, nested more than :data:`MOST_LEVELS` deep, or with an integer that is too long; ``where``
+        begins the message.
     """
+    if len(content) > LARGEST_TEXT:
+        raise InputError(f"{where}: expected TOML, found a file of {len(content) >> 20} MB; choose another")
     try:
-        table = tomllib.loads(_text(content), parse_float=WrittenFloat)
+        text = _text(content)
+        if _LONG_KEY.search(text):
+            raise ValueError(f"a key of more than {MOST_KEY_PARTS} parts")
+        table = tomllib.loads(text, parse_float=WrittenFloat)
+        check_levels(table)
         _check_integers(table)
         return table
     except (ValueError, RecursionError) as error:  # tomllib's are ValueErrors
@@ -69,6 +88,22 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
     table.writerow(header)
     table.writerows(rows)
     write_bytes_atomically(path, lines.getvalue().encode())
+
+
+def check_levels(value: object) -> None:
+    """Raise ValueError if lists and tables stand in one another more than :data:`MOST_LEVELS` deep."""
+    level = [value]
+    for _ in range(MOST_LEVELS + 1):
+        containers = [part for part in level if isinstance(part, dict | list)]
+        if not containers:
+            return
+        level = [
+            part
+            for container in containers
+            for part in (container.values() if isinstance(container, dict) else container)
+            if isinstance(part, dict | list)
+        ]
+    raise ValueError(f"lists or tables more than {MOST_LEVELS} deep in one another")
 
 
 def _text(content: str | bytes) -> str:

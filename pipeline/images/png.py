@@ -9,7 +9,8 @@ import zlib
 
 import numpy as np
 
-PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+from .image_header import PNG_SIGNATURE
+
 _GREY, _RGB = 0, 2
 
 

@@ -9,12 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import LARGEST_FILE, decoded, read_content
+from ..files.content import LARGEST_FILE, LARGEST_TEXT, decoded, read_content
 from ..files.numbers import npy_array, number_rows
 from ..files.tables import parsed_json
 from ..transforms import checked_rigid
 
 POSE_KEY = "cam_from_mesh"
+LARGEST_LIST = 128 << 20
+"""Bytes of an array of poses: a million of them."""
+
 FORMER_POSE_KEY = "cam_from_model"
 """The name of :data:`POSE_KEY` in files of version 0.1; readers accept it."""
 
@@ -29,7 +32,7 @@ def pose_key(table: Mapping[str, object], where: str) -> str:
     """
     found = [key for key in (POSE_KEY, FORMER_POSE_KEY) if key in table]
     if not found:
-        raise InputError(f"{where}expected the key {POSE_KEY}, found {', '.join(table) or 'none'}")
+        raise InputError(f"{where}expected the key {POSE_KEY}, found {', '.join(list(table)[:20]) or 'none'}")
     if len(found) > 1:
         raise InputError(f"{where}expected either {POSE_KEY} or its old name {FORMER_POSE_KEY}, found both; remove one")
     return found[0]
@@ -67,7 +70,7 @@ def _matrix(data: bytes, name: str) -> object:
     if data.startswith(b"\x93NUMPY"):
         array = npy_array(data, name)
         return array.reshape(4, 4) if array.size == 16 else array
-    text = decoded(data)
+    text = decoded(data) if len(data) <= LARGEST_TEXT else None
     if text is None:
         raise InputError(f"{name}: expected a pose (.npy, JSON or text with 4x4 numbers), found another kind of file")
     if text.lstrip().startswith("{"):
@@ -90,7 +93,7 @@ def _entry(text: str, name: str) -> object:
         if key in found:
             return found[key]
     if len(found) != 1:
-        names = ", ".join(map(repr, found)) or "none"
+        names = ", ".join(map(repr, list(found)[:20])) or "none"
         raise InputError(
             f"{name}: expected one entry of 4 rows of 4 numbers, found {names}; keep only one pose in the file"
         )
@@ -130,7 +133,10 @@ def read_poses(
     listed: dict[str, Callable[[bytes, str], Sequence[object]]] = {".npy": _array_entries, ".json": _json_entries}
     if path.suffix.lower() not in listed:
         raise InputError(f"{path}: expected poses in a .npy or .json file, found extension {path.suffix!r}")
-    entries = listed[path.suffix.lower()](read_content(path, "a list of poses"), path.name)
+    content = read_content(
+        path, "a list of poses", most=LARGEST_FILE if path.suffix.lower() == ".json" else LARGEST_LIST
+    )
+    entries = listed[path.suffix.lower()](content, path.name)
     if not entries:
         raise InputError(f"{path.name}: expected poses, found an empty list")
     cams_from_model = np.empty((len(entries), 4, 4))

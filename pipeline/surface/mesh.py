@@ -13,6 +13,12 @@ from ..errors import InputError
 LARGEST_COORDINATE = 1e9
 """1000 km in mm; larger coordinates mean a damaged file, and their products may overflow."""
 
+MOST_FACES = MOST_VERTICES = 10_000_000
+"""Of a mesh; a temporal bone at the resolution of its CT has two million."""
+
+_BLOCK = 1 << 20
+"""Faces that are checked at a time, which bounds the memory that it takes."""
+
 
 @dataclass(frozen=True)
 class TriangleMesh:
@@ -97,14 +103,19 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
     Raises
     ------
     InputError
-        No vertices or faces, coordinates that are not finite or above :data:`LARGEST_COORDINATE`, indices out of
-        range, or all faces without area.
+        No or too many vertices or faces, coordinates that are not finite or above :data:`LARGEST_COORDINATE`, indices
+        out of range, or all faces without area.
     """
     messages: list[str] = []
     if len(vertices) == 0 or len(faces) == 0:
         raise InputError(
             f"{where}: expected a surface, found {len(vertices)} vertices and {len(faces)} faces; "
             "export the mesh with its faces"
+        )
+    if len(vertices) > MOST_VERTICES or len(faces) > MOST_FACES:
+        raise InputError(
+            f"{where}: expected up to {MOST_FACES:,} vertices and faces, found {len(vertices):,} and {len(faces):,}; "
+            "decimate the mesh"
         )
     vertices = np.asarray(vertices, dtype=np.float64)
     bad = ~(np.abs(vertices) < LARGEST_COORDINATE).all(axis=1)
@@ -119,11 +130,7 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
             f"{where}: expected vertex indices 0..{len(vertices) - 1}, found {faces.min()}..{faces.max()}; "
             "the file is corrupt"
         )
-    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    longest = np.max([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
-    # relative to the face's own size: single precision does not determine the normal of a thinner needle
-    flat = area <= 1e-7 * longest
+    flat = np.concatenate([_flat(vertices, faces[at : at + _BLOCK]) for at in range(0, len(faces), _BLOCK)])
     if flat.all():
         raise InputError(f"{where}: expected a surface, found {len(faces)} faces, all with zero area")
     if flat.any():
@@ -136,6 +143,15 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
         new_index = np.cumsum(used) - 1
         vertices, faces = vertices[used], new_index[faces]
     return TriangleMesh(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.int32)), messages
+
+
+def _flat(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """``(F,)`` bool: faces without area."""
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = np.max([((p - q) ** 2).sum(axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    # relative to the face's own size: single precision does not determine the normal of a thinner needle
+    return area <= 1e-7 * longest
 
 
 def diameter(points: np.ndarray) -> float:

@@ -6,7 +6,9 @@ Sources: Wavefront, "Object Files (.obj)" 3.0; 3D Systems, "StereoLithography In
 see :mod:`pipeline.surface.ply_reader`.
 """
 
+import itertools
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +16,17 @@ import numpy as np
 from ..errors import InputError
 from ..files.content import read_content
 from ..files.numbers import first_wrong_word, parsed_numbers, unfinished_warnings
-from .mesh import TriangleMesh, checked_mesh
+from .mesh import MOST_FACES, TriangleMesh, checked_mesh
 from .ply_reader import read_ply
+
+LARGEST_MESH = 768 << 20
+"""Bytes of a file: three million triangles as text, many more as numbers."""
+
+MOST_CORNERS = 10_000
+"""Of a polygon."""
+
+LONGEST_LINE, _BLOCK = 1 << 20, 8 << 20
+"""Bytes of a line of text, and those that are split into words at a time: words take many times their size."""
 
 
 def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
@@ -29,7 +40,7 @@ def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
     Raises
     ------
     InputError
-        Another extension; a file that is missing, unreadable, empty, truncated or corrupt; no usable surface
+        Another extension; a file that is missing, unreadable, empty, too large, truncated or corrupt; no usable surface
         (see :func:`pipeline.surface.mesh.checked_mesh`).
     """
     path = Path(path)
@@ -39,12 +50,18 @@ def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
             f"{path}: expected a mesh file {', '.join(_READERS)}, found extension {path.suffix!r}; "
             "export the surface in one of these formats"
         )
-    data = read_content(path, "a mesh file")
+    data = read_content(path, "a mesh file", most=LARGEST_MESH)
     with np.errstate(invalid="ignore", over="ignore"):  # damaged files hold any number; checked_mesh checks them
         vertices, lengths, corners, messages = reader(data, path.name)
         if (lengths < 3).any():
             short = f"{path.name}: dropped {(lengths < 3).sum()} of {len(lengths)} faces with less than 3 corners"
             messages = [*messages, short]
+        triangles = int(np.maximum(lengths - 2, 0).sum())
+        if triangles > MOST_FACES or (lengths > MOST_CORNERS).any():
+            raise InputError(
+                f"{path.name}: expected up to {MOST_FACES:,} triangles, of polygons with up to {MOST_CORNERS:,} "
+                f"corners, found {triangles:,} and {lengths.max():,}; decimate the mesh"
+            )
         mesh, dropped = checked_mesh(vertices, _fan_triangles(lengths, corners), path.name)
     return mesh, messages + dropped
 
@@ -65,53 +82,116 @@ def _fan_triangles(lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 def _read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
     """Read the lines ``v`` and ``f``; the result is as that of :func:`pipeline.surface.ply_reader.read_ply`."""
+    if b"\0" in data:
+        raise InputError(f"{where}: expected a text, found binary data; the file is corrupt: copy or export it again")
     text = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
     text = text.replace(b"\\\n", b" ")  # joined lines count as one in the line numbers of messages
-    if b"#" in text:
-        text = re.sub(rb"#[^\n]*", b"", text)
-    lines = text.split(b"\n")
-    if text.startswith((b" ", b"\t")) or b"\n " in text or b"\n\t" in text:
-        lines = [line.lstrip() for line in lines]
-    vertex_rows = [row for row, line in enumerate(lines) if line[:2] in (b"v ", b"v\t")]
-    face_rows = [row for row, line in enumerate(lines) if line[:2] in (b"f ", b"f\t")]
+    vertices: list[np.ndarray] = [np.empty((0, 3))]
+    corners: list[np.ndarray] = []
+    lengths: list[np.ndarray] = []
+    blocks: list[tuple[int, bytes]] = []
+    first_line = vertex_count = 0
+    for block in _blocks_of_lines(text, where):
+        if b"#" in block:
+            block = re.sub(rb"#[^\n]*", b"", block)
+        found, faces = _obj_vertices(block, first_line, where), _obj_faces(block, first_line, vertex_count, where)
+        vertices.append(found)
+        vertex_count += len(found)
+        corners.append(faces[0])
+        lengths.append(faces[1])
+        blocks.append((first_line, block))
+        first_line += block.count(b"\n")
+    all_corners, all_lengths = np.concatenate(corners), np.concatenate(lengths)
+    wrong = all_corners >= vertex_count
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        face = int(np.searchsorted(np.cumsum(all_lengths), first, side="right"))
+        for found_lengths, (first_line, block) in zip(lengths, blocks, strict=True):
+            if face < len(found_lengths):
+                line = first_line + _line_of(_OBJ_FACE, block, face)
+                raise _no_such_vertex(where, line, vertex_count, int(all_corners[first]) + 1)
+            face -= len(found_lengths)
+    return np.concatenate(vertices), all_lengths, all_corners, unfinished_warnings(data, where)
 
-    text = b"\n".join([lines[row][2:] for row in vertex_rows])
-    numbers, counts = _obj_numbers(text, np.float64, vertex_rows, where)
+
+def _blocks_of_lines(text: bytes, where: str) -> Iterator[bytes]:
+    """The text in parts of whole lines."""
+    start = 0
+    while start < len(text):
+        stop = text.find(b"\n", start + _BLOCK, start + _BLOCK + LONGEST_LINE) + 1
+        if not stop and start + _BLOCK + LONGEST_LINE < len(text):
+            raise InputError(
+                f"{where}: expected lines of up to {LONGEST_LINE:,} bytes, found a longer one; export it again"
+            )
+        yield text[start : stop or len(text)]
+        start = stop or len(text)
+
+
+_OBJ_VERTEX = re.compile(rb"^[ \t]*v[ \t]([^\n]*)", re.MULTILINE)
+_OBJ_FACE = re.compile(rb"^[ \t]*f[ \t]([^\n]*)", re.MULTILINE)
+
+
+def _obj_vertices(block: bytes, first_line: int, where: str) -> np.ndarray:
+    """``(V, 3)``, of the lines ``v``."""
+    rows = _OBJ_VERTEX.findall(block)
+    numbers, counts = _obj_numbers(rows, np.float64, _OBJ_VERTEX, block, first_line, where)
     if (counts < 3).any():
-        line = vertex_rows[int(np.argmax(counts < 3))] + 1
+        line = first_line + _line_of(_OBJ_VERTEX, block, int(np.argmax(counts < 3)))
         raise InputError(
             f"{where}: line {line}: expected 'v x y z', found {counts.min()} numbers; copy or export the file again"
         )
-    vertices = numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)]  # w or a colour may follow
+    return numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)]  # w or a colour may follow
 
-    text = b"\n".join([lines[row][2:] for row in face_rows])
-    if b"/" in text:
-        text = re.sub(rb"(?<=[0-9])/\S*", b"", text)  # v/vt/vn -> v
-    given, lengths = _obj_numbers(text, np.int64, face_rows, where)
-    vertices_before = np.repeat(np.searchsorted(vertex_rows, face_rows), lengths)
-    corners = np.where(given > 0, given - 1, given + vertices_before)
-    wrong = (given == 0) | (corners < 0) | (corners >= len(vertices))
+
+def _obj_faces(block: bytes, first_line: int, vertex_count: int, where: str) -> tuple[np.ndarray, np.ndarray]:
+    """Of the lines ``f``: vertex indices from 0, and corners per face.
+
+    ``vertex_count`` is the number of vertices before the block.
+    """
+    rows = _OBJ_FACE.findall(block)
+    if any(b"/" in row for row in rows):
+        rows = re.sub(rb"(?<=[0-9])/\S*", b"", b"\n".join(rows)).split(b"\n")  # v/vt/vn -> v
+    given, lengths = _obj_numbers(rows, np.int64, _OBJ_FACE, block, first_line, where)
+    if (given > 0).all():
+        return given - 1, lengths
+    vertices, faces = (np.array([match.start() for match in kind.finditer(block)]) for kind in (_OBJ_VERTEX, _OBJ_FACE))
+    before = np.repeat(vertex_count + np.searchsorted(vertices, faces), lengths)
+    corners = np.where(given > 0, given - 1, given + before)
+    wrong = (given == 0) | (corners < 0)
     if wrong.any():
         first = int(np.argmax(wrong))
-        line = face_rows[int(np.searchsorted(np.cumsum(lengths), first, side="right"))] + 1
-        raise InputError(
-            f"{where}: line {line}: expected vertex numbers 1..{len(vertices)} or negative ones that count back, "
-            f"found {given[first]}; the file is truncated or corrupt: copy or export it again"
-        )
-    return vertices, lengths, corners, unfinished_warnings(data, where)
+        face = int(np.searchsorted(np.cumsum(lengths), first, side="right"))
+        line = first_line + _line_of(_OBJ_FACE, block, face)
+        raise _no_such_vertex(where, line, int(before[first]), int(given[first]))
+    return corners, lengths
 
 
-def _obj_numbers(text: bytes, dtype: type, rows: list[int], where: str) -> tuple[np.ndarray, np.ndarray]:
-    """All numbers in the joined lines, and their count per line."""
+def _no_such_vertex(where: str, line: int, vertices: int, found: int) -> InputError:
+    return InputError(
+        f"{where}: line {line}: expected vertex numbers 1..{vertices} or negative ones that count back, found "
+        f"{found}; the file is truncated or corrupt: copy or export it again"
+    )
+
+
+def _line_of(kind: re.Pattern[bytes], block: bytes, index: int) -> int:
+    """The line, from 1, of the match with an index."""
+    start = next(itertools.islice(kind.finditer(block), index, None)).start()
+    return 1 + block.count(b"\n", 0, start)
+
+
+def _obj_numbers(
+    rows: list[bytes], dtype: type, kind: re.Pattern[bytes], block: bytes, first_line: int, where: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """All numbers in the rows, and their count per row; ``kind`` finds the rows in their block."""
+    text = b"\n".join(rows)
     numbers = parsed_numbers(text, dtype)
     if numbers is None:
         index, word = first_wrong_word(text, dtype)
         raise InputError(
-            f"{where}: line {rows[index] + 1}: expected numbers, found {word!r}; "
+            f"{where}: line {first_line + _line_of(kind, block, index)}: expected numbers, found {word!r}; "
             "the file is corrupt: copy or export it again"
         )
-    counts = [len(line.split()) for line in text.split(b"\n")] if rows else []
-    return numbers, np.array(counts, dtype=np.int64)
+    return numbers, np.array([len(row.split()) for row in rows], dtype=np.int64)
 
 
 # --- STL
@@ -136,24 +216,45 @@ def _read_stl(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarr
             f"{where}: expected {announced:,} triangles in {expected:,} bytes, the file has {len(data):,} bytes; "
             "it is truncated or not an STL file: copy or export it again"
         )
+    elif announced > MOST_FACES:
+        raise InputError(f"{where}: expected up to {MOST_FACES:,} triangles, found {announced:,}; decimate the mesh")
     else:
         shape, strides = (announced, 3, 3), (record, 12, 4)
         points = np.ndarray(shape, "<f4", data, header + 12, strides) if announced else np.empty(shape)
         if len(data) > expected:
             messages.append(f"{where}: ignored {len(data) - expected:,} bytes after the last triangle")
-    vertices, corners = _merged(points.reshape(-1, 3).astype(np.float64))
-    return vertices, np.full(len(points), 3), corners, messages
+    # in the precision of the file, for the memory
+    vertices, corners = _merged(points.reshape(-1, 3))
+    return vertices.astype(np.float64), np.full(len(points), 3), corners, messages
 
 
 def _stl_text_points(data: bytes, where: str) -> np.ndarray:
     """``(F, 3, 3)`` corners of the facets of a text STL."""
-    text = data.lower().replace(b"\r", b"\n").strip()
-    if not re.match(rb"[ \t]*endsolid\b", text[text.rfind(b"\n") + 1 :]):
+    end = data[-LONGEST_LINE:].rstrip().lower().replace(b"\r", b"\n")
+    if not re.match(rb"[ \t]*endsolid\b", end[end.rfind(b"\n") + 1 :]) or b"\0" in data:
         raise InputError(
             f"{where}: expected 'endsolid' in the last line, found the end of the file after {len(data):,} bytes; "
             "it is truncated: copy or export it again"
         )
+    parts: list[np.ndarray] = []
+    start = facets = 0
+    while start < len(data):
+        # up to the end of a facet
+        found = _ENDFACET.search(data, start + _BLOCK, start + _BLOCK + LONGEST_LINE)
+        stop = found.end() if found else min(start + _BLOCK + LONGEST_LINE, len(data))
+        parts.append(_stl_facets(data[start:stop], facets, where))
+        facets += len(parts[-1])
+        start = stop
+    return np.concatenate(parts)
+
+
+_ENDFACET = re.compile(rb"endfacet", re.IGNORECASE)
+
+
+def _stl_facets(block: bytes, first: int, where: str) -> np.ndarray:
+    """``(F, 3, 3)`` corners of the facets in a part of a text STL; ``first`` is the number of facets before it."""
     # several solids in one file become one mesh
+    text = block.lower().replace(b"\r", b"\n")
     words = re.sub(rb"^[ \t]*(?:end)?solid\b[^\n]*", b"", text, flags=re.MULTILINE).split()
     period = len(_FACET)
     facets, rest = divmod(len(words), period)
@@ -165,15 +266,15 @@ def _stl_text_points(data: bytes, where: str) -> np.ndarray:
     ]
     if wrong:
         facet, place = min(wrong)
-        raise _stl_error(where, facet, f"'{_FACET[place].decode()}'", columns[place][facet])
+        raise _stl_error(where, first + facet, f"'{_FACET[place].decode()}'", columns[place][facet])
     if rest:
-        raise _stl_error(where, facets, "'endsolid' or a whole facet", words[-rest])
+        raise _stl_error(where, first + facets, "'endsolid' or a whole facet", words[-rest])
     points = np.empty((facets, 9))
     for axis, place in enumerate(place for place, meant in enumerate(_FACET) if meant in _NUMBERS[1:]):
         numbers = parsed_numbers(b" ".join(columns[place]), np.float64)
         if numbers is None:
             facet, _ = first_wrong_word(b"\n".join(columns[place]), np.float64)
-            raise _stl_error(where, facet, "a coordinate", columns[place][facet])
+            raise _stl_error(where, first + facet, "a coordinate", columns[place][facet])
         points[:, axis] = numbers
     return points.reshape(-1, 3, 3)
 

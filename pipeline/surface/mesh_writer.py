@@ -5,12 +5,50 @@ top right, as in OBJ and in Blender: the centre of pixel (row, column) of an h x
 ``((column + 0.5) / w, 1 - (row + 0.5) / h)``.
 """
 
+import hashlib
+import re
+import unicodedata
 from pathlib import Path
 
 import numpy as np
 
 from ..files.content import write_bytes_atomically
+from ..files.signature import signed
 from .mesh import TriangleMesh
+
+SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+"""Names that every reader finds inside an OBJ, MTL or PLY: MeshLab and bop_toolkit end a name at a space, MeshLab reads
+only ASCII in a PLY, Open3D takes a leading hyphen for an option, and Blender drops quotation marks."""
+
+MATERIAL = """\
+newmtl surface
+Ka 0 0 0
+Kd 1 1 1
+Ks 0 0 0
+illum 1
+map_Kd {texture}
+"""
+"""Without highlights; Blender warns of a material without light (``illum 0``)."""
+
+
+def texture_path(path: Path) -> Path:
+    """The image of a textured OBJ or PLY: of the same name if readers find that, or else of a similar one."""
+    return _companion(path, ".png")
+
+
+def material_path(path: Path) -> Path:
+    """The .mtl file of a textured OBJ, named as :func:`texture_path`."""
+    return _companion(path, ".mtl")
+
+
+def _companion(path: Path, suffix: str) -> Path:
+    stem = unicodedata.normalize("NFC", Path(path).stem)
+    if not SAFE_NAME.fullmatch(stem):
+        # the digest keeps "bone 1" and "bone_1" apart
+        digest = hashlib.sha256(stem.encode()).hexdigest()[:8]
+        ascii_stem = unicodedata.normalize("NFKD", stem).encode("ascii", "ignore").decode()
+        stem = "_".join([*re.findall("[A-Za-z0-9]+", ascii_stem[:100]), digest])
+    return Path(path).with_name(stem + suffix)
 
 
 def write_ply(
@@ -33,7 +71,8 @@ def write_ply(
     uv
         ``(F, 3, 2)`` texture coordinates, bottom left origin, written per face as ``list uchar float texcoord``.
     texture
-        Name of the image in the same folder, written as ``comment TextureFile`` (MeshLab's convention); needs ``uv``.
+        Name of the image in the same folder, written as ``comment TextureFile`` (MeshLab's convention); needs ``uv``
+        and a :data:`SAFE_NAME`. Readers without textures, such as Blender and Open3D, show ``colours``.
 
     Raises
     ------
@@ -76,7 +115,7 @@ def write_ply(
     faces["count"], faces["indices"] = 3, mesh.faces
     if uv is not None:
         faces["uv_count"], faces["uv"] = 6, uv.reshape(-1, 6)
-    write_bytes_atomically(path, "\n".join(header).encode() + vertices.tobytes() + faces.tobytes())
+    write_bytes_atomically(path, signed("\n".join(header).encode() + vertices.tobytes() + faces.tobytes()))
 
 
 def write_obj(
@@ -93,7 +132,7 @@ def write_obj(
     uv
         ``(F, 3, 2)`` texture coordinates, bottom left origin, rounded to float32; equal ones share a line ``vt``.
     texture
-        Name of the image in the same folder (``map_Kd``); needs ``uv``.
+        Name of the image in the same folder (``map_Kd``); needs ``uv`` and a :data:`SAFE_NAME`.
 
     Raises
     ------
@@ -107,9 +146,9 @@ def write_obj(
     _check_texture(uv, texture)
     parts: list[str] = []
     if texture is not None:
-        material = path.with_suffix(".mtl")
+        material = material_path(path)
         # the mesh comes second, so that it never refers to a missing material
-        write_bytes_atomically(material, f"newmtl surface\nKd 1 1 1\nillum 0\nmap_Kd {texture}\n".encode())
+        write_bytes_atomically(material, signed(MATERIAL.format(texture=texture).encode()))
         parts += [f"mtllib {material.name}\n", "usemtl surface\n"]
     parts.append(_format_rows("v %.9g %.9g %.9g\n", mesh.vertices))
     corners = mesh.faces + 1
@@ -135,5 +174,5 @@ def _check(name: str, array: np.ndarray | None, shape: tuple[int, ...], dtype: t
 
 
 def _check_texture(uv: np.ndarray | None, texture: str | None) -> None:
-    if texture is not None and (uv is None or Path(texture).name != texture or "\n" in texture):
-        raise ValueError(f"texture: expected the name of a file in the same folder, with uv, found {texture!r}")
+    if texture is not None and (uv is None or not SAFE_NAME.fullmatch(texture)):
+        raise ValueError(f"texture: expected the safe name of a file in the same folder, with uv, found {texture!r}")

@@ -5,12 +5,14 @@ Source: G. Turk, "The PLY Polygon File Format" (Stanford, 1994), with the sized 
 
 import re
 import struct
+from array import array
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import InputError
 from ..files.numbers import first_wrong_word, parsed_numbers, unfinished_warnings
+from .mesh import MOST_FACES
 
 _TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),
@@ -23,6 +25,12 @@ _TYPES = {
     **dict.fromkeys(("double", "float64"), "f8"),
 }
 _BYTE_ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
+LONGEST_HEADER = 256 << 10
+"""Bytes."""
+
+MOST_UNEVEN_ROWS = 3_000_000
+"""Of an element whose lists differ in length; these are followed one by one."""
+
 _HEADER_END = re.compile(rb"[\r\n]end_header[ \t]*(?:\r\n|\n|\r)")
 
 
@@ -66,6 +74,7 @@ def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
     """
     order, elements, start = _header(data, where)
     messages: list[str] = []
+    body: bytes | memoryview = data
     size = f"{len(data):,} bytes"
     if order == "ascii":
         messages += unfinished_warnings(data, where)
@@ -77,18 +86,19 @@ def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
                 f"found {word!r}; the file is corrupt: copy or export it again"
             )
         # from here on a text body is a binary body in which every type is double
-        data, start = numbers.astype("<f8").tobytes(), 0
+        body = memoryview(numbers.astype("<f8", copy=False)).cast("B") if len(numbers) else b""
+        start = 0
     columns: dict[str, dict[str, _Column]] = {}
     for element in elements:
-        found_columns, start = _columns(data, start, element, where, size)
+        found_columns, start = _columns(body, start, element, where, size)
         columns.setdefault(element.name, found_columns)
-    if start < len(data) and order == "ascii":
+    if start < len(body) and order == "ascii":
         raise InputError(
-            f"{where}: expected {start // 8} numbers after the header, found {len(data) // 8}; "
+            f"{where}: expected {start // 8} numbers after the header, found {len(body) // 8}; "
             "header and body do not match: export the file again"
         )
-    if start < len(data):
-        messages.append(f"{where}: ignored {len(data) - start:,} bytes after the last element")
+    if start < len(body):
+        messages.append(f"{where}: ignored {len(body) - start:,} bytes after the last element")
     vertex, face = columns.get("vertex", {}), columns.get("face", {})
     polygons = face.get("vertex_indices") or face.get("vertex_index")
     xyz = [vertex[axis] for axis in "xyz" if axis in vertex and vertex[axis].lengths is None]
@@ -104,11 +114,12 @@ def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 def _header(data: bytes, where: str) -> tuple[str, list[_Element], int]:
     """Name of the format, elements, and offset of the body."""
-    end = _HEADER_END.search(data)
+    end = _HEADER_END.search(data, 0, LONGEST_HEADER)
     if end is None or not re.match(rb"ply\s", data):
         raise InputError(
-            f"{where}: expected a PLY header from 'ply' to 'end_header', found none in {len(data):,} bytes; "
-            "the file is truncated or in another format: copy or export it again"
+            f"{where}: expected a PLY header from 'ply' to 'end_header', found none in "
+            f"{min(len(data), LONGEST_HEADER):,} bytes; the file is truncated or in another format: copy or export it "
+            "again"
         )
     order, elements = "", []
     lines = [line.decode("latin-1") for line in data[: end.start()].splitlines()]
@@ -131,6 +142,13 @@ def _header(data: bytes, where: str) -> tuple[str, list[_Element], int]:
             raise InputError(
                 f"{where}: line {number}: expected a line of a PLY 1.0 header, found {line[:60]!r}; export it again"
             ) from None
+    largest = max(elements, key=lambda element: element.count, default=None)
+    # a row has a byte or more; what is cut off is reported as such
+    if largest and MOST_FACES < largest.count <= len(data):
+        raise InputError(
+            f"{where}: expected up to {MOST_FACES:,} rows, found {largest.count:,} of element {largest.name[:30]!r}; "
+            "decimate the mesh"
+        )
     if not order:
         raise InputError(f"{where}: expected a line 'format ... 1.0' in the PLY header, found none; export it again")
     return order, elements, end.end()
@@ -142,7 +160,9 @@ def _dtype(order: str, type_name: str) -> np.dtype:
     return np.dtype(_BYTE_ORDERS[order] + ("f8" if order == "ascii" else code))
 
 
-def _columns(data: bytes, start: int, element: _Element, where: str, size: str) -> tuple[dict[str, _Column], int]:
+def _columns(
+    data: bytes | memoryview, start: int, element: _Element, where: str, size: str
+) -> tuple[dict[str, _Column], int]:
     """All columns of an element whose rows begin at ``start``, and the offset where its rows end."""
     if element.count == 0 or not element.properties:
         none = np.empty(0, np.int64)
@@ -165,24 +185,30 @@ def _columns(data: bytes, start: int, element: _Element, where: str, size: str) 
         return columns, start + stride * element.count
     if all(prop.length is None for prop in element.properties):
         raise _truncated(element, (len(data) - start) // stride, where, size)
+    if element.count > MOST_UNEVEN_ROWS:
+        raise InputError(
+            f"{where}: expected lists of one length in {element.count:,} rows of element '{element.name[:30]}', found "
+            "several; triangulate the mesh"
+        )
     offsets, lengths, stop = _walk_lists(data, start, element, element.count, where, size)
     columns = {}
-    octets = np.frombuffer(data, np.uint8)
     for prop, row_offsets, row_lengths in zip(element.properties, offsets, lengths, strict=True):
         count = np.array(row_lengths)
         within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         first = np.repeat(np.array(row_offsets), count) + within * prop.item.itemsize
-        values = octets[first[:, None] + np.arange(prop.item.itemsize)].view(prop.item)[:, 0]
+        # a value that begins at each byte
+        anywhere: np.ndarray = np.ndarray(max(len(data) - prop.item.itemsize + 1, 0), prop.item, data, 0, (1,))
+        values = anywhere[first]
         columns.setdefault(prop.name, _Column(values, None if prop.length is None else count))
     return columns, stop
 
 
 def _walk_lists(
-    data: bytes, position: int, element: _Element, rows: int, where: str, size: str
-) -> tuple[list[list[int]], list[list[int]], int]:
+    data: bytes | memoryview, position: int, element: _Element, rows: int, where: str, size: str
+) -> "tuple[list[array[int]], list[array[int]], int]":  # in quotes: Python 3.11 cannot evaluate it
     """Follow the lists of the first ``rows`` rows: offsets and numbers of values per property, and the end."""
-    offsets: list[list[int]] = [[] for _ in element.properties]
-    lengths: list[list[int]] = [[] for _ in element.properties]
+    offsets = [array("q") for _ in element.properties]
+    lengths = [array("q") for _ in element.properties]
     layout = []
     for prop, row_offsets, row_lengths in zip(element.properties, offsets, lengths, strict=True):
         unpack, length_size = None, 0

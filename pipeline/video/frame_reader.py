@@ -1,27 +1,29 @@
-"""Frame-accurate reader of single video frames. Needs ``cv2``.
+"""Single frames of a video, by number from 0 in display order; see :mod:`pipeline.video.decoder`.
 
-Frames are counted from 0 in display order. The frame count and the seeking of containers are unreliable, so neither is
-trusted. Instead the timestamps of all packets are read, without decoding, which takes milliseconds. They give the
-number of frames and the timestamp of the requested one. After a seek, frames are decoded up to exactly that timestamp.
-Where timestamps are not unique, all frames are decoded and counted.
-
-OpenCV converts all video to RGB with the matrix of BT.601, so colours of BT.709 video (most high definition) are off by
-a few code values.
+The decoder runs in a process of its own: a damaged video may crash it or fill its memory.
 """
 
+import json
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from ..errors import InputError
+from ..files.child_process import ChildError, called_apart
 from ..files.content import reading, write_bytes_atomically
+from ..files.kinds import PNG
+from ..files.numbers import npy_array
+from ..files.outputs import check_outputs, companion, writing
 from ..images.png import encode_png
+from .decoder import frame_as_npy, info_as_json
 
-_LEADS_S = (0.0, 2.0, 10.0, 60.0, float("inf"))
-"""How long before the frame a seek aims, tried in turn; the last starts at the beginning without a seek."""
+CPU_SECONDS, CPU_SECONDS_PER_MB = 4.0, 3.0
+"""A video without usable timestamps is decoded from its beginning."""
+
+WAITING = 20
+"""Longest time of waiting in relation to that of computing: disks and networks may be slow."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +43,9 @@ def video_info(path: Path) -> VideoInfo:
     InputError
         No file, not a video, or its first frame cannot be decoded.
     """
-    path = Path(path)
-    frames = len(_timestamps_ms(path))
-    capture = _open(path)
-    height, width = _decode(capture, path, 0).shape[:2]
-    return VideoInfo(frames, float(capture.get(cv2.CAP_PROP_FPS)), (width, height))
+    found = json.loads(_decoded(info_as_json, Path(path)))
+    width, height = found["size_wh"]
+    return VideoInfo(found["frames"], found["fps"], (width, height))
 
 
 def read_video_frame(path: Path, index: int) -> np.ndarray:
@@ -56,21 +56,7 @@ def read_video_frame(path: Path, index: int) -> np.ndarray:
     InputError
         No file, not a video, no such frame, or a frame that cannot be decoded (damaged or cut-off file).
     """
-    path = Path(path)
-    timestamps_ms = _timestamps_ms(path)
-    count = len(timestamps_ms)
-    if not 0 <= index < count:
-        raise InputError(
-            f"{path.name}: expected a frame from 0 to {count - 1}, found {index}; the file has {count} frames"
-        )
-    # packets come in decoding order
-    timestamps_ms.sort()
-    if all(one < other for one, other in pairwise(timestamps_ms)):
-        for lead_s in _LEADS_S:
-            capture = _open(path)
-            if _advanced_to(capture, timestamps_ms[index], lead_s):
-                return _decode(capture, path, index, grabbed=True)
-    return _read_by_counting(path, index, count)
+    return npy_array(_decoded(frame_as_npy, Path(path), index), Path(path).name)
 
 
 def write_video_frame(path: Path, index: int, *, image: Path | None = None) -> Path:
@@ -84,79 +70,37 @@ def write_video_frame(path: Path, index: int, *, image: Path | None = None) -> P
     ------
     InputError
         As :func:`read_video_frame`; or the file exists with other content, which is never overwritten.
-    OSError
+    RunError
         The file cannot be written.
     """
     path = Path(path)
-    data = encode_png(read_video_frame(path, index))
     image = image or path.with_name(f"{path.stem}_frame_{index:06d}.png")
+    # decoding takes long; its result alone says whether an existing image may stay
+    check_outputs([companion(image, PNG, lambda _: True)], {"video": path})
+    data = encode_png(read_video_frame(path, index))
     if image.exists() and image.read_bytes() != data:
         raise InputError(
             f"{image}: expected no such file, or one with this frame, found another image; "
             "use that one, rename it, or remove it"
         )
-    write_bytes_atomically(image, data)
+    with writing(image):
+        write_bytes_atomically(image, data)
     return image
 
 
-def _open(path: Path) -> cv2.VideoCapture:
-    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-    if not capture.isOpened():
-        raise InputError(
-            f"{path.name}: expected a video, cannot open it; it is cut off or in an unknown format: "
-            "copy it again, or convert it to MP4 (H.264)"
+def _decoded(function: Callable[..., bytes], path: Path, *arguments: int) -> bytes:
+    """The answer of a function of the decoder about a file."""
+    # OpenCV does not say why it cannot open a file
+    with reading(path, "a video"), open(path, "rb"):
+        megabytes = path.stat().st_size / 2**20
+    if not megabytes:
+        raise InputError(f"{path.name}: expected a video, cannot open it, it is empty; copy it again")
+    cpu_seconds = CPU_SECONDS + CPU_SECONDS_PER_MB * megabytes
+    try:
+        return called_apart(
+            function, b"", (str(path), *arguments), seconds=WAITING * cpu_seconds, cpu_seconds=cpu_seconds
         )
-    return capture
-
-
-def _timestamps_ms(path: Path) -> list[float]:
-    """Display timestamps of the video's packets in file order; one packet is one frame."""
-    # too long to be read whole, and OpenCV does not say why it cannot open a file
-    with reading(path, "a video"), open(path, "rb") as file:
-        file.read(1)
-    capture = _open(path)
-    # raw packets, not decoded
-    capture.set(cv2.CAP_PROP_FORMAT, -1)
-    timestamps_ms = []
-    while capture.grab():
-        timestamps_ms.append(float(capture.get(cv2.CAP_PROP_POS_MSEC)))
-    if not timestamps_ms:
-        raise InputError(f"{path.name}: expected a video, found no frames in it; copy it again")
-    return timestamps_ms
-
-
-def _advanced_to(capture: cv2.VideoCapture, time_ms: float, lead_s: float) -> bool:
-    """Seek, and decode up to the frame displayed at ``time_ms``; false if the seek ended after it."""
-    start_ms = time_ms - lead_s * 1000
-    if start_ms > 0:
-        capture.set(cv2.CAP_PROP_POS_MSEC, start_ms)
-    while capture.grab():
-        now_ms = capture.get(cv2.CAP_PROP_POS_MSEC)
-        if now_ms >= time_ms:
-            return bool(now_ms == time_ms)
-    return False
-
-
-def _read_by_counting(path: Path, index: int, frames: int) -> np.ndarray:
-    """Decode and count all frames; refuse if any is lost, since it may precede the requested one."""
-    capture, image, count = _open(path), None, 0
-    while capture.grab():
-        if count == index:
-            image = _decode(capture, path, index, grabbed=True)
-        count += 1
-    if image is None or count != frames:
-        raise _undecodable_frame(path, index)
-    return image
-
-
-def _decode(capture: cv2.VideoCapture, path: Path, index: int, *, grabbed: bool = False) -> np.ndarray:
-    ok, image = capture.retrieve() if grabbed else capture.read()
-    if not ok or image is None or image.dtype != np.uint8 or image.ndim != 3:
-        raise _undecodable_frame(path, index)
-    return np.ascontiguousarray(image[..., ::-1])
-
-
-def _undecodable_frame(path: Path, index: int) -> InputError:
-    return InputError(
-        f"{path.name}: cannot decode frame {index}; the file is damaged or cut off: copy it again, or use another frame"
-    )
+    except ChildError as error:
+        raise InputError(
+            f"{path.name}: expected a video, cannot decode it ({error}); copy it again, or convert it to MP4 (H.264)"
+        ) from None

@@ -38,7 +38,7 @@ bpy.app.timers.register(open_case, first_interval=0.1)
 
 
 def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="addon_dev.py", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="addon_dev.py", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--blender", metavar="PROGRAM", default=os.environ.get("BLENDER"), help="default: $BLENDER")
     parser.add_argument("--case", metavar="CASE.toml", type=Path, default=SAMPLE, help="default: the sample case")
     parser.add_argument("flags", nargs="*", metavar="-- FLAGS", help="arguments for Blender itself")

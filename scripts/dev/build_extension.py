@@ -11,6 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import argparse
+import hashlib
 import importlib.util
 import os
 import platform
@@ -22,6 +23,8 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from pipeline import __version__
 from pipeline.errors import InputError, RunError
+from pipeline.files.kinds import Kind, beginning
+from pipeline.files.outputs import Output, check_outputs
 
 WHEEL_TAGS = {
     "linux-x64": "manylinux2014_x86_64",
@@ -30,17 +33,29 @@ WHEEL_TAGS = {
     "windows-x64": "win_amd64",
 }
 """Blender's platform names -> pip's; without windows-arm64, for which OpenCV has no wheel."""
+SAMPLE_CACHE = ROOT / "build" / "sample"
+SAMPLE_SOURCES = ("sample", "blender/sample", "volume", "case")
+MAKE_SAMPLE = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from pathlib import Path
+from pipeline.blender.sample.sample_case import write_sample_case
+from pipeline.sample.temporal_bone import sample_surface
+for _ in write_sample_case(Path(sys.argv[2]), sample_surface(), held_out=False):
+    pass
+"""
 WHEEL_CACHE = ROOT / "build" / "wheels"
 OLDEST_PYTHON = "3.11"
 """Python of Blender 4.5; the wheel uses the stable ABI (abi3), so it serves all later Pythons as well."""
 SCRIPTS = ("render_dataset.py", "check_dataset.py")
 """Scripts that the add-on runs in a background Blender; each finds the package in the folder above its own."""
+ZIP = Kind("a zip", beginning(b"PK"))
 VERSION_LINE = 'version = "0.0.0"'
 """The line of the manifest that the build fills in."""
 
 
 def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="build_extension.py", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="build_extension.py", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument(
         "--platform",
         metavar="NAME",
@@ -114,6 +129,7 @@ def build(names: Sequence[str], out: Path, *, blender: str | None = None) -> Ite
         built.mkdir()
         _run([*tool, "build", "--source-dir", staged, "--output-dir", built, "--split-platforms", *tags])
         out.mkdir(parents=True, exist_ok=True)
+        check_outputs([Output(out / path.name, ZIP) for path in built.glob("*.zip")], {})
         for path in sorted(built.glob("*.zip")):
             _run([*tool, "validate", path])
             partial = out / f".partial-{path.name}"
@@ -133,6 +149,7 @@ def stage(folder: Path, names: Sequence[str], wheels: Sequence[Path]) -> None:
         shutil.copyfile(ROOT / "scripts" / name, folder / "scripts" / name)
     for path in wheels:
         shutil.copyfile(path, folder / "wheels" / path.name)
+    shutil.copytree(sample_case(), folder / "sample")
     shutil.copyfile(ROOT / "LICENSE", folder / "LICENSE")
     manifest = folder / "blender_manifest.toml"
     manifest.write_text(_filled_in(manifest.read_text("utf-8"), names, wheels), "utf-8")
@@ -151,6 +168,32 @@ def _filled_in(manifest: str, names: Sequence[str], wheels: Sequence[Path]) -> s
 
 def _toml_list(texts: Iterable[str]) -> str:
     return "[" + ", ".join(f'"{text}"' for text in texts) + "]"
+
+
+def sample_case() -> Path:
+    """The folder of the sample case for the extension; made once, and again when the code that makes it has changed.
+
+    Raises
+    ------
+    RunError
+        It cannot be made: the environment lacks Blender's module, SciPy or scikit-image.
+    """
+    sources = sorted(path for part in SAMPLE_SOURCES for path in (ROOT / "pipeline" / part).rglob("*.py"))
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
+    folder = SAMPLE_CACHE / digest[:12]
+    if not (folder / "case.toml").is_file():
+        print("making the sample case for the extension (once)", flush=True)
+        SAMPLE_CACHE.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=SAMPLE_CACHE) as partial:
+            command = [sys.executable, "-c", MAKE_SAMPLE, str(ROOT), str(Path(partial, "sample"))]
+            ended = subprocess.run(command, capture_output=True, text=True, check=False)
+            if ended.returncode != 0:
+                raise RunError(
+                    f"the sample case cannot be made here: {_last_line(ended.stderr)}; run `make setup` first"
+                )
+            shutil.rmtree(folder, ignore_errors=True)
+            os.replace(Path(partial, "sample"), folder)
+    return folder
 
 
 def wheel(name: str) -> Path:

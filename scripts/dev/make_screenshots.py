@@ -20,13 +20,16 @@ from collections.abc import Sequence
 from PIL import Image
 
 from pipeline.errors import InputError, RunError
+from pipeline.files.kinds import Kind, beginning
+from pipeline.files.outputs import Output, check_outputs
 from scripts.dev import build_extension
 from tests.window import session
 
 SCENARIO = ROOT / "scripts" / "dev" / "screenshot_scenario.py"
 WINDOW = 1440, 880
 TIMEOUT_S = 900
-JPEG = {"quality": 86, "optimize": True, "subsampling": 0}
+JPEG = Kind("a JPEG image", beginning(b"\xff\xd8"))
+QUALITY = {"quality": 86, "optimize": True, "subsampling": 0}
 VIEWS = 24
 SHOWN_VIEWS = (0, 8, 16)
 """Views of the dataset that the first page shows next to the overlay."""
@@ -34,7 +37,7 @@ GAP_PX = 6
 
 
 def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="make_screenshots.py", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="make_screenshots.py", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--blender", metavar="PROGRAM", default=os.environ.get("BLENDER"), help="default: $BLENDER")
     parser.add_argument("--out", metavar="DIR", type=Path, default=ROOT / "docs" / "img", help="default: docs/img")
     return parser.parse_args(argv)
@@ -63,7 +66,7 @@ def script(path: Path, *arguments: object) -> None:
 
 def first_page(case: Path, dataset: Path) -> Image.Image:
     """The frame and, next to it, the overlay and three views of the dataset at half its size."""
-    views = [dataset / "train_pbr" / "000000" / "rgb" / f"{number:06d}.png" for number in SHOWN_VIEWS]
+    views = [dataset / "train_synt" / "000000" / "rgb" / f"{number:06d}.png" for number in SHOWN_VIEWS]
     frame, *small = (
         Image.open(path).convert("RGB") for path in (case.parent / "frame.png", dataset / "overlay.png", *views)
     )
@@ -127,11 +130,12 @@ def main(argv: Sequence[str]) -> int:
 
 def save(pictures: dict[str, Image.Image], out: Path) -> None:
     """Write each picture as JPEG, whole or not at all."""
+    check_outputs([Output(out / f"{name}.jpg", JPEG) for name in pictures], {})
     out.mkdir(parents=True, exist_ok=True)
     for name, picture in pictures.items():
         path = out / f"{name}.jpg"
         partial = path.with_name(f".partial-{path.name}")
-        picture.save(partial, "JPEG", **JPEG)
+        picture.save(partial, "JPEG", **QUALITY)
         os.replace(partial, path)
         print(f"{path}: {picture.width}x{picture.height} px, {path.stat().st_size / 1e3:.0f} kB", flush=True)
 

@@ -37,14 +37,7 @@ TOOLBAR_PX, SIDEBAR_PX = 60, 270
 
 def scenario(user: User) -> Action:
     user.facts["crops"] = {}
-    with user.context():
-        # the cube, lamp and camera of a new file
-        bpy.data.batch_remove(list(bpy.data.objects))
-        bpy.ops.screen.screen_full_area(use_hide_panels=False)
-    yield 0.5
-    yield from user.redraw()
-    with user.context():
-        operators.oneframe.open_case("EXEC_DEFAULT", True, filepath=str(user.case))
+    yield from user.open_case()
     yield from user.open_sidebar("OneFrame")
     bpy.context.scene.oneframe.show_gizmo = False
     # the navigation gizmo would cover labels
@@ -74,7 +67,7 @@ def landmarks(user: User) -> Action:
     yield from window_picture(user, "landmarks")
     with user.context():
         operators.oneframe.landmarks_clear()
-        bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
+        bpy.ops.wm.tool_set_by_id(name="oneframe.pin_tool")
 
 
 def comparisons(user: User) -> Action:
@@ -88,13 +81,12 @@ def comparisons(user: User) -> Action:
     space.overlay.show_text = space.overlay.show_axis_x = space.overlay.show_axis_y = False
     yield 0.5
     yield from look_at_frame(user, beside_panels=False)
-    view.opacity, view.contour = 0.6, True
     yield from frame_picture(user, "contour")
     view.opacity, view.contour, view.comparison, view.split = 1.0, False, "SWIPE", 0.45
     yield from frame_picture(user, "swipe")
     view.comparison = "DIFFERENCE"
     yield from frame_picture(user, "difference")
-    view.comparison = "NONE"
+    view.comparison, view.opacity, view.contour = "NONE", 0.0, True
     surface_object.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, true)
 
 
@@ -112,6 +104,7 @@ def colour_and_poses(user: User) -> Action:
         structure.hide_viewport = False
     with user.context():
         operators.oneframe.preview_poses()
+    user.area.spaces.active.lens = 50
     here, there = surface.matrix_world.translation, camera.matrix_world.translation
     view.view_location, view.view_distance = here.lerp(there, 0.52), 1.55 * (there - here).length
     tilted(view, camera, 62)

@@ -68,7 +68,7 @@ def tree(folder: Path) -> dict[str, bytes]:
 
 
 def finished_views(out: Path) -> int:
-    return sum(1 for _ in out.glob("train_pbr/*/frame/*.json"))
+    return sum(1 for _ in out.glob("train_synt/*/frame/*.json"))
 
 
 def datablocks() -> set[str]:
@@ -213,7 +213,7 @@ def test_a_cancelled_run_keeps_its_views_and_can_be_resumed(opened, job_module, 
     assert job.cancelled
     assert job.error == ""
     assert process.returncode == 130
-    kept = {name: data for name, data in tree(out).items() if name.startswith("train_pbr")}
+    kept = {name: data for name, data in tree(out).items() if name.startswith("train_synt")}
     assert 2 <= finished_views(out) < 300
     # the user adds a landmark meanwhile, which does not change the views
     opened.oneframe.landmarks.add().name = "later"
@@ -314,7 +314,7 @@ def test_a_run_never_writes_the_users_case(opened, job_module, case_path, tmp_pa
     assert snapshot.read_bytes() == before
     # refused: neither the case nor a file of the user's at the snapshot's place is written
     snapshot.write_text("# mine\n")
-    refused(bpy.ops.oneframe.render_dataset, "a file that Render Dataset has not written")
+    refused(bpy.ops.oneframe.render_dataset, "one that this program wrote")
     assert snapshot.read_text() == "# mine\n"
     assert case_path.read_bytes() == text
 

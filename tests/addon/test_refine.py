@@ -10,13 +10,16 @@ import pytest
 from mathutils import Matrix
 
 from pipeline.alignment.refinement.refine import refine_pose
+from pipeline.blender.alignment.align_case import align_case
 from pipeline.camera.pinhole import PinholeCamera
+from pipeline.case.case_file import read_case
+from pipeline.errors import InputError
 from pipeline.images.png import encode_png
 from pipeline.projection.z_buffer import rasterise_depth
 from pipeline.surface.mesh import TriangleMesh
 from pipeline.surface.mesh_reader import read_mesh
 from pipeline.surface.mesh_writer import write_ply
-from pipeline.transforms import rigid, rotation_angle_deg, rotation_from_vector
+from pipeline.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
 
 CAMERA = PinholeCamera(320, 240, fx=1734.0, fy=1739.0, cx=163.0, cy=117.0)
 TRUE_POSE = rigid(rotation_from_vector(np.array([2.9, 0.3, 0.1])), np.array([0.5, -0.3, 300.0]))
@@ -63,6 +66,8 @@ def case_folder(tmp_path_factory):
     write_ply(folder / "surface.ply", mesh)
     stored, _ = read_mesh(folder / "surface.ply")
     (folder / "frame.png").write_bytes(encode_png(photograph(stored)))
+    mirrored = np.ascontiguousarray(photograph(stored)[:, ::-1])
+    (folder / "mirrored.png").write_bytes(encode_png(mirrored))
     (folder / "flat.png").write_bytes(encode_png(np.full((240, 320, 3), 128, np.uint8)))
     for name, pose in (("start", START), ("true", TRUE_POSE)):
         (folder / f"{name}.toml").write_text(CASE.format(pose=pose.tolist()))
@@ -118,6 +123,124 @@ def test_a_refusal_leaves_the_pose_and_gives_the_reason(opened, gather, refine, 
         bpy.ops.oneframe.refine()
     assert np.array_equal(gather.cam_from_model(opened), pose)
     assert not refine.outcome(opened).accepted
+    # there is nothing to take
+    with pytest.raises(RuntimeError, match="expected a refinement that was refused at this pose"):
+        bpy.ops.oneframe.take_refused()
+
+
+def saved(scene, path):
+    bpy.ops.oneframe.save_case(filepath=str(path))
+    return read_case(path)
+
+
+@pytest.mark.parametrize("image", ["frame.png", "mirrored.png"])
+def test_script_and_operator_give_the_same_pose_and_record(opened, gather, case_folder, tmp_path, image):
+    """Accepted, or refused and taken by choice: then marked as such, also after the case is opened again."""
+    opened.oneframe.frame_path = str(case_folder / image)
+    rough = saved(opened, tmp_path / "rough.toml")
+    script = align_case(rough, click_sigma_px=2.0, refine=True, take_refused=True, tool="t", date="2030-01-01")
+    if image == "mirrored.png":
+        with pytest.raises(InputError, match=r"Refused.*--take-refused"):
+            align_case(rough, click_sigma_px=2.0, refine=True, tool="t", date="2030-01-01")
+    assert bpy.ops.oneframe.refine(take_refused=True) == {"FINISHED"}
+    case = saved(opened, tmp_path / "refined.toml")
+    assert np.array_equal(case.cam_from_mesh, script.loaded.case.cam_from_mesh)
+    record = script.loaded.case.alignment
+    assert {**case.alignment, "tool": "t", "date": "2030-01-01"} == {**record, "tool": "t", "date": "2030-01-01"}
+    assert record["method"] == "refined"
+    assert record["start_method"] == "manual"
+    assert ("refused" in record) == script.took_refused == (image == "mirrored.png")
+    assert record["error_px"] > 0
+    bpy.ops.oneframe.open_case(filepath=str(tmp_path / "refined.toml"))
+    assert saved(bpy.context.scene, tmp_path / "again.toml").alignment == case.alignment
+
+
+def test_a_refused_pose_is_taken_later_and_undone(opened, gather, refine, case_folder):
+    opened.oneframe.frame_path = str(case_folder / "mirrored.png")
+    start = gather.cam_from_model(opened)
+    with pytest.raises(RuntimeError, match="Refused"):
+        bpy.ops.oneframe.refine()
+    found = refine.outcome(opened).found
+    bpy.ops.ed.undo_push(message="refused")
+    assert bpy.ops.oneframe.take_refused() == {"FINISHED"}
+    bpy.ops.ed.undo_push(message="taken")
+    assert np.array_equal(gather.cam_from_model(opened), found)
+    assert refine.is_taken(opened)
+    drawing = importlib.import_module("blender_addon.landmarks.uncertainty_drawing")
+    solve = importlib.import_module("blender_addon.landmarks.solve")
+    assert drawing.current_uncertainty(opened, solve.solution(opened)) is None
+    assert any("at least" in line for line in evidence_of(opened))
+    bpy.ops.ed.undo()
+    assert np.array_equal(gather.cam_from_model(bpy.context.scene), start)
+    assert not any("Off by" in line for line in evidence_of(bpy.context.scene))
+
+
+def evidence_of(scene) -> list[str]:
+    panel = importlib.import_module("blender_addon.refine.evidence_panel")
+    record = importlib.import_module("blender_addon.setup.alignment_record")
+    return panel.record_lines(record.pose_record(scene))
+
+
+def test_landmarks_do_not_replace_a_refined_pose_unasked(opened, gather, tmp_path):
+    """Neither its pose nor its figures: those shown are always of the current pose."""
+    solve = importlib.import_module("blender_addon.landmarks.solve")
+    drawing = importlib.import_module("blender_addon.landmarks.uncertainty_drawing")
+
+    def uncertainty_px(scene):
+        found = drawing.current_uncertainty(scene, solve.solution(scene))
+        return None if found is None else found[0].translation_mm.tolist()
+
+    true = TRUE_POSE @ gather.mesh_from_model_of(gather.surface_of(opened))
+    clicks_px = np.array([[40.0, 30], [280, 40], [270, 200], [50, 210], [160, 120], [100, 70]])
+    rng = np.random.default_rng(3)
+    frame_view = importlib.import_module("blender_addon.ui.frame_view")
+    points = [frame_view.surface_point_at(opened, pixel) for pixel in clicks_px]
+    pixels = CAMERA.project(transform_points(true, np.array(points))) + rng.normal(0, 2, clicks_px.shape)
+    for point, pixel in zip(points, pixels, strict=True):
+        bpy.ops.oneframe.landmark_set(name="", point=point, pixel=np.clip(pixel, 0, [319, 239]))
+    by_landmarks = gather.cam_from_model(opened)
+    assert np.array_equal(by_landmarks, solve.solution(opened).estimate.cam_from_model)
+    of_landmarks = uncertainty_px(opened)
+    assert any("6 correspondences" in line for line in evidence_of(opened))
+
+    bpy.ops.oneframe.refine()
+    refined = gather.cam_from_model(opened)
+    assert not np.array_equal(refined, by_landmarks)
+    assert uncertainty_px(opened) not in (None, of_landmarks)
+    assert not solve.is_current(opened, solve.solution(opened))
+    # a case that is opened keeps it too
+    saved(opened, tmp_path / "refined.toml")
+    for again in (False, True):
+        if again:
+            bpy.ops.oneframe.open_case(filepath=str(tmp_path / "refined.toml"))
+        scene = bpy.context.scene
+        scene.oneframe.landmarks[0].pixel = np.array(scene.oneframe.landmarks[0].pixel) + 1
+        bpy.ops.oneframe.landmark_toggle(index=2)
+        bpy.ops.oneframe.landmark_toggle(index=2)
+        assert np.allclose(gather.cam_from_model(scene), refined, rtol=0, atol=1e-9)
+        assert any("Off by about" in line for line in evidence_of(scene))
+        assert any("landmarks, 6 pairs" in line for line in evidence_of(scene))
+    # moved by hand: no figure holds any more
+    bpy.ops.oneframe.nudge(axis="x")
+    assert uncertainty_px(scene) is None
+    assert evidence_of(scene) == []
+    bpy.ops.oneframe.nudge(axis="x", step_px=-1.0)
+    bpy.ops.oneframe.solve_landmarks()
+    assert solve.is_current(scene, solve.solution(scene))
+    assert any("6 correspondences" in line for line in evidence_of(scene))
+
+
+def test_pins_are_told_from_landmarks_and_from_the_hand(opened):
+    frame_view = importlib.import_module("blender_addon.ui.frame_view")
+    record = importlib.import_module("blender_addon.setup.alignment_record")
+    assert record.pose_record(opened)["method"] == "manual"
+    point = frame_view.surface_point_at(opened, np.array([100.0, 70.0]))
+    bpy.ops.oneframe.landmark_pin(point=point, pixel=(110.0, 75.0))
+    pulled = record.pose_record(opened)
+    assert (pulled["method"], pulled["pairs"]) == ("pins", 1)
+    assert pulled["rms_px"] < 0.02
+    bpy.ops.oneframe.nudge(axis="x")
+    assert record.pose_record(opened)["method"] == "manual"
 
 
 def test_what_cannot_be_refined_is_refused(opened, gather):

@@ -135,10 +135,11 @@ def test_a_case_with_changes_that_its_file_lacks_is_known(opened, case_path):
 def test_a_case_never_saved_is_lost_once_it_is_aligned(addon, case_path):
     from blender_addon.setup.unsaved import unsaved_parts
 
-    folder, scene = case_path.parent, bpy.context.scene
+    folder = case_path.parent
     bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
     bpy.ops.oneframe.load_camera(filepath=str(case_path))
     bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
+    scene = bpy.context.scene
     assert unsaved_parts(scene) == ()
     bpy.ops.oneframe.nudge(axis="x")
     assert unsaved_parts(scene) == ("pose",)
@@ -192,7 +193,6 @@ def test_blenders_camera_projects_points_as_k_and_pose_do(opened, camera, rng):
 @pytest.mark.parametrize("order", list(itertools.permutations("fcs")), ids="".join)
 def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, order):
     folder = case_path.parent
-    settings = bpy.context.scene.oneframe
     for step in order:
         if step == "f":
             bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
@@ -201,6 +201,7 @@ def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, o
         if step == "s":
             bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
     bpy.ops.oneframe.save_case(filepath=str(folder / "new.toml"))
+    settings = bpy.context.scene.oneframe
     made, given = read_case(folder / "new.toml"), read_case(case_path)
     assert made.camera == given.camera
     assert settings.camera_object.data.background_images[0].image is not None
@@ -435,16 +436,25 @@ def test_a_folder_that_does_not_exist_is_reported(opened, tmp_path):
     assert "Traceback" not in str(caught.value)
 
 
-def test_structures_follow_the_surface(opened, case_path):
-    write_ply(case_path.parent / "nerve.ply", _tiny_surface())
-    bpy.ops.oneframe.add_structure(filepath=str(case_path.parent / "nerve.ply"), color=(0.0, 1.0, 1.0))
+def test_structures_are_loaded_together_and_follow_the_surface(opened, case_path):
+    from blender_addon.view.overlay_passes import world_from_structure
+
+    folder, names = case_path.parent, ["facial_nerve", "ossicles"]
+    for name in names:
+        write_ply(folder / f"{name}.ply", _tiny_surface())
+    bpy.ops.oneframe.add_structure(directory=str(folder), files=[{"name": f"{name}.ply"} for name in names])
     surface = opened.oneframe.surface
-    nerve = next(child for child in surface.children if child.name == "nerve")
+    added = {child.name: child for child in surface.children if child.name in names}
+    assert {name: tuple(child.color[:3]) for name, child in added.items()} == {
+        "facial_nerve": (1, 0, 1),
+        "ossicles": (0, 1, 1),
+    }
     surface.location.x += 5
     bpy.context.view_layer.update()
-    assert np.allclose(nerve.matrix_world, surface.matrix_world)
+    assert all(np.allclose(world_from_structure(child), surface.matrix_world) for child in added.values())
     bpy.ops.oneframe.save_case(filepath=str(case_path))
-    assert [structure.name for structure in read_case(case_path).structures] == ["zygoma", "antrum", "nerve"]
+    saved = [structure.name for structure in read_case(case_path).structures]
+    assert saved == ["zygoma", "antrum", "facial_nerve", "ossicles"]
 
 
 def _tiny_surface():

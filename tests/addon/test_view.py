@@ -258,15 +258,56 @@ def test_view_operators_are_cyclic_and_move_nothing(in_view, scene, operator):
     assert all((a == b).all() for a, b in zip(poses(scene), before, strict=True))
 
 
-def test_opacity_is_that_of_the_object(in_view, scene):
-    opacities, scene.oneframe_view.opacity = [], 1.0
+def test_the_first_view_is_the_contour_over_the_full_frame(in_view, scene):
+    view, opacities = scene.oneframe_view, []
+    assert (view.opacity, view.contour, view.comparison) == (0.0, True, "NONE")
     for _ in range(4):
         bpy.ops.oneframe.cycle_opacity()
-        opacities.append(round(scene.oneframe.surface.color[3], 3))
-    assert opacities == [0.6, 0.3, 0.0, 1.0]
-    scene.oneframe_view.opacity = 0.45
-    bpy.ops.oneframe.cycle_opacity()
-    assert scene.oneframe.surface.color[3] == pytest.approx(0.3)
+        opacities.append(round(view.opacity, 3))
+    assert opacities == [1.0, 0.6, 0.3, 0.0]
+    # other views show the surface itself
+    assert scene.oneframe.surface.color[3] == 1.0
+
+
+@pytest.mark.gl
+def test_structures_are_fainter_where_the_bone_hides_them(gpu_context):
+    """A ball that sticks out of a plate at half its height; its outline is that of K."""
+    import bmesh
+
+    from blender_addon.view.overlay_passes import HIDDEN_ALPHA, STRUCTURE_ALPHA, SurfacePicture
+
+    plate = new_object(lambda shape: bmesh.ops.create_grid(shape, size=10.0))
+    plate.matrix_world = Matrix.Translation((-10.0, 0, -140))
+    inside = ball(3.0)
+    inside.parent, inside.show_in_front, inside.color = plate, True, (0.0, 1.0, 1.0, 1.0)
+    # behind the right edge of the plate
+    inside.matrix_basis = Matrix.Translation((10.0, 0, -5.0))
+    bpy.context.view_layer.update()
+    inside.hide_set(True)
+    plate.location.y = 0.5
+    bpy.context.view_layer.update()
+    projection = projection_through(CAMERA)
+    picture = SurfacePicture(projection.width, projection.height)
+
+    def alpha():
+        picture.draw(projection, plate, None)
+        shape = (projection.height, projection.width, 4)
+        return np.array(picture.structures.read().to_list(), float).reshape(shape)[::-1] / 255
+
+    found = alpha()
+    edge = CAMERA.project(np.array([[0.0, -0.5, 140.0]]))[0, 0]
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+    rays = CAMERA.rays_cam(np.stack([u, v], -1).reshape(-1, 2))
+    centre = np.array([0.0, -0.5, 145.0])
+    along = rays / np.linalg.norm(rays, axis=1, keepdims=True) @ (centre / np.linalg.norm(centre))
+    inside_px = ((np.arcsin(3 / np.linalg.norm(centre)) - np.arccos(along)) * CAMERA.fx).reshape(v.shape)
+    well_inside = inside_px > 1.0
+    np.testing.assert_allclose(found[well_inside & (u < edge - 1), 3], HIDDEN_ALPHA, atol=0.01)
+    np.testing.assert_allclose(found[well_inside & (u > edge + 1), 3], STRUCTURE_ALPHA, atol=0.01)
+    assert (found[inside_px < -1.0, 3] == 0).all()
+    assert (well_inside & (u < edge - 1)).sum() > 1000
+    inside.show_in_front = False
+    assert (alpha()[well_inside & (u < edge - 1), 3] == 0).all()
 
 
 def test_one_comparison_at_a_time(in_view, scene):
@@ -293,12 +334,20 @@ def test_every_view_operator_has_its_own_key_and_the_current_binding_is_shown(ad
     assert len(set(keys)) == len(keys)
     assert binding("oneframe.zoom_frame", magnification=1.0) not in ("", *keys)
     configuration = bpy.context.window_manager.keyconfigs.addon
-    items = configuration.keymaps["Object Mode"].keymap_items
+    items = configuration.keymaps["3D View Tool: Object, Pins"].keymap_items
     item = next(item for item in items if item.idname == "oneframe.toggle_contour")
     item.type, item.alt = "Q", True
     assert binding("oneframe.toggle_contour") == item.to_string()
-    item.active = False
+    for tool in ("Pins", "Landmarks", "Move Surface"):
+        for item in configuration.keymaps[f"3D View Tool: Object, {tool}"].keymap_items:
+            item.active = False
     assert binding("oneframe.toggle_contour") == ""
+
+
+def test_keys_are_bound_in_the_own_tools_only(addon):
+    keymaps = bpy.context.window_manager.keyconfigs.addon.keymaps
+    bound = {keymap.name for keymap in keymaps for item in keymap.keymap_items if item.idname.startswith("oneframe.")}
+    assert bound == {f"3D View Tool: Object, {tool}" for tool in ("Pins", "Landmarks", "Move Surface")}
 
 
 def test_unregister_leaves_nothing_behind(addon):

@@ -80,7 +80,9 @@ def test_converges_from_a_rough_pose(mesh, frame, rng, angle_deg, percent):
     assert rotated < 0.5
     assert moved < 1.0
     assert result.after.score > result.before.score
-    assert result.after.edge_distance_px < result.before.edge_distance_px or np.isnan(result.before.edge_distance_px)
+    # pixels mean pixels: the errors of both poses, without knowing the truth
+    assert result.before.error_px == pytest.approx(error(mesh, start)[1], rel=0.15)
+    assert moved / 3 < result.after.error_px < 3
     assert fractions == sorted(fractions)
     assert fractions[0] == 0
     assert fractions[-1] == 1
@@ -92,6 +94,19 @@ def test_the_true_pose_stays(mesh, frame):
     rotated, moved = error(mesh, result.cam_from_model)
     assert rotated < 0.5
     assert moved < 1.0
+    assert moved / 3 < result.before.error_px < 2
+
+
+@pytest.mark.parametrize("shift_px", [2.0, 8.0])
+def test_the_estimated_error_of_a_pose_is_how_far_it_is_off(mesh, frame, shift_px):
+    """Sideways, by a known number of pixels; and more uncertain in the direction in which it is."""
+    start = rigid(translation=[shift_px * 300 / CAMERA.fx, 0, 0]) @ TRUE_POSE
+    result = refine_pose(frame, VALID, CAMERA, mesh, start)
+    assert result.verified, result.message
+    assert result.before.error_px == pytest.approx(shift_px, abs=1.0)
+    assert "depth" in result.uncertainty.weakest
+    lateral, depth = result.uncertainty.translation_mm[:2].max(), result.uncertainty.translation_mm[2]
+    assert lateral < depth / 2
 
 
 def test_masked_pixels_have_no_influence(mesh, frame, rng):
@@ -118,6 +133,10 @@ def test_a_wrong_image_is_refused(mesh, frame, rng, kind):
     result = refine_pose(image, valid, CAMERA, mesh, start)
     assert not result.accepted, result.message
     assert not result.verified
+    # not trusted: then nothing is said about the start, and less than the truth about the pose that was found
+    assert result.objection in result.message
+    assert np.isnan(result.before.error_px)
+    assert result.can_be_taken == (kind in ("mirrored", "other surface"))
     np.testing.assert_allclose(result.cam_from_model, start, atol=1e-12)
 
 

@@ -150,7 +150,7 @@ ks = st.builds(
 
 
 @pytest.mark.parametrize("name", [*ALL, *WITH_SIZE, *WITHOUT_SIZE])
-@settings(max_examples=15)
+@settings(max_examples=15, deadline=None)
 @given(k=ks)
 def test_every_format_gives_the_same_camera(tmp_path_factory, name, k):
     write = (ALL | WITH_SIZE | WITHOUT_SIZE)[name]
@@ -193,7 +193,7 @@ BAD = {
     "skew": (as_json(K=[[500, 1, 320], [0, 500, 240], [0, 0, 1]]), "K: expected no skew"),
     "y up": (as_json(K=[[500, 0, 320], [0, -500, 240], [0, 0, 1]]), "expected positive focal lengths"),
     "not a number": ('{"K": [[NaN, 0, 1], [0, 1, 1], [0, 0, 1]]}', "expected finite numbers"),
-    "number without end": ('{"fx": 1' + "0" * 400 + ', "cx": 1, "cy": 1}', "expected a camera, found no K"),
+    "number without end": ('{"fx": 1' + "0" * 400 + ', "cx": 1, "cy": 1}', "expected finite numbers"),
     "eight coefficients": (as_json(K=K.tolist(), D=[0.1] * 8), "expected a distortion of five coefficients"),
     "fisheye": (
         as_json(K=K.tolist(), D=[0.1] * 4, distortion_model="equidistant"),
@@ -243,7 +243,7 @@ def message_of(folder: Path, content: bytes) -> str:
 
 
 @pytest.mark.parametrize("name", ["opencv yaml", "json K", "case", "colmap", "npy", "npz", "vision6d, protocol 4"])
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 @given(data=st.data())
 def test_damaged_files_give_a_camera_or_a_message(tmp_path_factory, name, data):
     content = (ALL | WITH_SIZE | WITHOUT_SIZE)[name](K)

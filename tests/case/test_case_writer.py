@@ -120,7 +120,7 @@ def assert_equal(one: Case, other: Case) -> None:
 @settings(deadline=None)
 @given(data=st.data())
 def test_what_is_written_is_read_back(tmp_path_factory, data):
-    case = data.draw(cases(tmp_path_factory.getbasetemp()))
+    case = data.draw(cases(tmp_path_factory.mktemp("written")))
     write_case(case.path, case, comment="of\ntwo lines")
     assert_equal(read_case(case.path), case)
 

@@ -9,17 +9,20 @@ import pytest
 
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.dataset import layout
-from pipeline.dataset.bop import bounding_box, write_camera, write_scene
+from pipeline.dataset.bop import bounding_box, is_test_target, write_camera, write_scene, write_test_targets
 from pipeline.dataset.coco import run_lengths
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.pose_tables import write_poses
-from pipeline.dataset.view import file_hashes, write_view
-from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord
+from pipeline.dataset.view import file_sums, write_view
+from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord, read_record
 from pipeline.poses.constraints import Rejections
 from pipeline.transforms import rigid, rotation_from_vector
 
 CAMERA = PinholeCamera(width=20, height=14, fx=31.7, fy=29.3, cx=8.2, cy=7.9)
 CENTRE = np.array([11.0, -7.0, 420.0])
+BOUNDS = np.array([[-31.0, -24.0, -6.0], [29.0, 26.0, 8.0]])
+DEPTH_SCALE = 0.002
+OBJECT_NAME = "lumpy bone"
 
 
 def pose_of(index: int) -> np.ndarray:
@@ -32,14 +35,16 @@ def record_of(index: int) -> ViewRecord:
     mask = np.arange(CAMERA.width * CAMERA.height).reshape(CAMERA.shape_hw) < seen
     return ViewRecord(
         index=index,
+        identity="ab" * 32,
         cam_from_model=pose_of(index),
-        depth_scale=0.002,
+        # the fifth view reaches farther than the scale of the others
+        depth_scale=DEPTH_SCALE if index < 4 else 0.005,
         gt_info=GroundTruthInfo((1, 2, 3, 4), bounding_box(mask), 80, seen, seen, seen / 80),
         px_count_observed=seen // 2,
         attempts=3,
         rejections=Rejections(observed=1, clearance=2),
+        files={},
         rle_counts=run_lengths(mask),
-        sha256={},
     )
 
 
@@ -49,13 +54,15 @@ def write_blank_dataset(root: Path) -> None:
         patch.setattr(layout, "VIEWS_PER_SCENE", 3)
         for index in range(5):
             paths, files = ViewPaths(root, index), {"rgb": b""}
-            write_view(paths, files, replace(record_of(index), sha256=file_hashes(paths, files)))
-        write_camera(root, CAMERA, 0.002)
-        write_scene(root, range(3), CAMERA)
-        write_scene(root, range(3, 5), CAMERA)
-        write_poses(root, range(5), CAMERA, rigid(translation=CENTRE))
+            write_view(paths, files, replace(record_of(index), files=file_sums(paths, files)))
+        write_camera(root, CAMERA, DEPTH_SCALE)
+        records = [read_record(ViewPaths(root, index)) for index in range(5)]
+        for scene in (records[:3], records[3:]):
+            write_scene(root, scene, CAMERA, OBJECT_NAME)
+        write_poses(root, records, CAMERA, rigid(translation=CENTRE), bounds=BOUNDS, depth_scale=DEPTH_SCALE)
+        write_test_targets(root, [record.index for record in records if is_test_target(record)])
 
 
 def scene_tables(root: Path, scene: int) -> dict[str, dict]:
-    folder = root / "train_pbr" / f"{scene:06d}"
+    folder = root / "train_synt" / f"{scene:06d}"
     return {path.stem: json.loads(path.read_text()) for path in folder.glob("*.json")}

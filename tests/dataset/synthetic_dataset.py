@@ -1,6 +1,7 @@
 """A tiny dataset as render_dataset.py would write it, rendered by casting a ray through every pixel."""
 
 import json
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 
@@ -8,12 +9,26 @@ import cv2
 import numpy as np
 
 from pipeline.camera.pinhole import PinholeCamera
-from pipeline.dataset.bop import bounding_box, write_camera, write_models, write_scene
+from pipeline.dataset.bop import (
+    bounding_box,
+    is_test_target,
+    write_camera,
+    write_models,
+    write_scene,
+    write_test_targets,
+)
+from pipeline.dataset.checksums import write_checksums
 from pipeline.dataset.coco import run_lengths
+from pipeline.dataset.dataset_info import write_dataset_info
+from pipeline.dataset.identity import geometry_hash, identity_of
 from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.pose_tables import write_poses
-from pipeline.dataset.view import file_hashes, view_files, write_view
-from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord
+from pipeline.dataset.options import DatasetOptions
+from pipeline.dataset.pose_tables import POSE_COLUMNS, pose_cells, write_poses
+from pipeline.dataset.view import file_sums, view_files, write_view
+from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord, read_record
+from pipeline.files.tables import write_csv
+from pipeline.images.contact_sheet import contact_sheet
+from pipeline.images.pixel_values import to_uint8
 from pipeline.images.png import encode_png
 from pipeline.poses.constraints import Rejections
 from pipeline.surface.mesh import TriangleMesh
@@ -23,6 +38,7 @@ CAMERA = PinholeCamera(width=64, height=48, fx=151.3, fy=147.9, cx=30.2, cy=25.1
 COUNT, PER_SCENE, DEPTH_SCALE = 4, 3, 0.01
 CENTRE = np.array([11.0, -7.0, 420.0])
 VIDEO_FRAMES = 3
+OBJECT_NAME = "lumpy sphere"
 
 
 def lumpy_sphere() -> TriangleMesh:
@@ -74,36 +90,67 @@ def pose_of(index: int) -> np.ndarray:
     return rigid(turn, [18.0 if index == COUNT - 1 else 1.5 * index - 2, 2.0 - index, 260.0 + 20 * index])
 
 
+def video_pose(index: int) -> np.ndarray:
+    """The surface moves across the image from frame to frame."""
+    return rigid(translation=[12.0 * index - 12, 0, 0]) @ pose_of(index)
+
+
+def description_of() -> dict:
+    """The content of ``dataset.json``."""
+    options = DatasetOptions(count=COUNT, float_depth=True)
+    return {
+        "format": "oneframe dataset 2",
+        "versions": {"oneframe": "0.0", "blender": "0.0"},
+        "conventions": "mm",
+        "count": COUNT,
+        "object": OBJECT_NAME,
+        "options": {
+            name: value
+            for name, value in asdict(options).items()
+            if name not in ("count", "poses", "video", "video_frames")
+        },
+        "camera": {**asdict(CAMERA), "K": CAMERA.k.tolist()},
+        "frame": {**asdict(CAMERA), "distortion": None, "cam_from_model": pose_of(0).tolist()},
+        "mesh_from_model": rigid(translation=CENTRE).tolist(),
+        "mm_per_unit": 1.0,
+        "geometry_sha256": geometry_hash(MESH),
+        "structures": {},
+        "inputs_sha256": {"frame": "00" * 32, "surface": "11" * 32},
+    }
+
+
 def make_dataset(root: Path) -> None:
     """What render_dataset.py would have written."""
     root.mkdir()
-    options = {"samples": 1, "float_depth": True}
-    identity = {
-        "format": "oneframe dataset 1",
-        "count": COUNT,
-        "options": options,
-        "camera": {**asdict(CAMERA), "K": CAMERA.k.tolist()},
-        "frame": {**asdict(CAMERA), "cam_from_model": pose_of(0).tolist()},
-        "given_from_model": rigid(translation=CENTRE).tolist(),
-    }
-    (root / "dataset.json").write_text(json.dumps(identity))
+    description = description_of()
+    (root / "dataset.json").write_text(json.dumps(description))
     write_models(root, MESH, np.full((len(MESH.vertices), 3), 200, np.uint8))
-    for index in range(COUNT):
-        write_one(root, index)
+    colours = [write_one(root, index, identity_of(description)) for index in range(COUNT)]
     write_tables(root, CAMERA)
-    for picture in ("contact_sheet.png", "overlay.png"):
-        (root / picture).write_bytes(encode_png(np.zeros((8, 8, 3), np.uint8)))
+    sheet = contact_sheet([to_uint8(colour) / 255 for colour in colours], columns=COUNT, tile_width=240)
+    (root / "contact_sheet.png").write_bytes(encode_png(to_uint8(sheet)))
+    (root / "overlay.png").write_bytes(encode_png(np.zeros((*CAMERA.shape_hw, 3), np.uint8)))
     (root / "video").mkdir()
     video = cv2.VideoWriter(str(root / "video/trajectory.mp4"), cv2.VideoWriter_fourcc(*"mp4v"), 24, CAMERA.size_wh)
-    for _ in range(VIDEO_FRAMES):
-        video.write(np.zeros((*CAMERA.shape_hw, 3), np.uint8))
+    for index in range(VIDEO_FRAMES):
+        mask = cast_rays(MESH, CAMERA, video_pose(index)) > 0
+        video.write(np.repeat(np.where(mask, np.uint8(180), np.uint8(0))[..., None], 3, axis=2))
     video.release()
-    names = ["frame", *(f"r{i}{j}" for i in range(3) for j in range(3)), "tx_mm", "ty_mm", "tz_mm"]
-    rows = [[i, *pose_of(i)[:3, :3].ravel().tolist(), *pose_of(i)[:3, 3].tolist()] for i in range(VIDEO_FRAMES)]
-    (root / "video/poses.csv").write_text("\n".join(",".join(map(str, row)) for row in [names, *rows]) + "\n")
+    poses = [video_pose(index) for index in range(VIDEO_FRAMES)]
+    rows = [[number, repr(number / 24), *pose_cells(pose)] for number, pose in enumerate(poses)]
+    write_csv(root / "video/poses.csv", ("frame", "time_s", *POSE_COLUMNS), rows)
+    write_sums(root)
 
 
-def write_one(root: Path, index: int) -> None:
+def write_sums(root: Path) -> None:
+    """The sums of all files but the views', of the dataset as it is now."""
+    names = (path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
+    others = [name for name in names if name.count("/") != 3 and name != "checksums.json"]
+    write_checksums(root, identity_of(json.loads((root / "dataset.json").read_text())), others)
+
+
+def write_one(root: Path, index: int, identity: str) -> np.ndarray:
+    """Write a view; returns its colours, ``(H, W, 3)`` 0..1."""
     pose = pose_of(index)
     wide = cast_rays(MESH, CAMERA, pose, beyond=1)
     depth = wide[CAMERA.height : 2 * CAMERA.height, CAMERA.width : 2 * CAMERA.width].astype(np.float32)
@@ -119,20 +166,30 @@ def write_one(root: Path, index: int) -> None:
     files = view_files(colour, depth, observed, depth_scale=DEPTH_SCALE, float_depth=True)
     record = ViewRecord(
         index=index,
+        identity=identity,
         cam_from_model=pose,
         depth_scale=DEPTH_SCALE,
         gt_info=GroundTruthInfo(box, bounding_box(mask), whole, inside, inside, inside / whole),
         px_count_observed=int(observed.sum()),
         attempts=1,
         rejections=Rejections(),
+        files=file_sums(paths, files),
         rle_counts=run_lengths(mask),
-        sha256=file_hashes(paths, files),
     )
     write_view(paths, files, record)
+    return colour
 
 
 def write_tables(root: Path, camera: PinholeCamera) -> None:
     write_camera(root, camera, DEPTH_SCALE)
+    records = [read_record(ViewPaths(root, index)) for index in range(COUNT)]
     for first in range(0, COUNT, PER_SCENE):
-        write_scene(root, range(first, min(first + PER_SCENE, COUNT)), camera)
-    write_poses(root, range(COUNT), camera, rigid(translation=CENTRE))
+        write_scene(root, records[first : first + PER_SCENE], camera, OBJECT_NAME)
+    write_pose_tables(root)
+    write_test_targets(root, [record.index for record in records if is_test_target(record)])
+    write_dataset_info(root, OBJECT_NAME, COUNT, camera, MESH, DEPTH_SCALE)
+
+
+def write_pose_tables(root: Path, views: Iterable[int] = range(COUNT), centre: np.ndarray = CENTRE) -> None:
+    records = (read_record(ViewPaths(root, index)) for index in views)
+    write_poses(root, records, CAMERA, rigid(translation=centre), bounds=MESH.bounds, depth_scale=DEPTH_SCALE)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from pipeline.dataset.bop import bounding_box, write_models
-from pipeline.surface.mesh import TriangleMesh
+from pipeline.dataset.bop import EVAL_VERTICES, bounding_box, write_models
+from pipeline.surface.decimation import reduced_mesh
 from pipeline.surface.mesh_reader import read_mesh
-from tests.dataset.blank_dataset import pose_of, scene_tables
+from tests.conftest import grid_mesh
+from tests.dataset.blank_dataset import pose_of, record_of, scene_tables
 from tests.dataset.masks import masks
 
 
@@ -44,19 +45,57 @@ def test_scene_tables_have_the_entries_of_bop(written, scene, views):
         assert info.keys() == {"bbox_obj", "bbox_visib", "visib_fract", *counts}
 
 
-def test_model_and_camera_files(tmp_path, written):
+def test_models_and_their_info(tmp_path):
+    """The whole surface, and one reduced to a size that errors over all vertices are summed for."""
     rng = np.random.default_rng(4)
-    vertices = rng.normal(scale=20, size=(40, 3))
-    mesh = TriangleMesh(vertices, rng.permuted(np.tile(np.arange(40), (60, 1)), axis=1)[:, :3].astype(np.int32))
-    write_models(tmp_path, mesh, rng.integers(0, 256, (40, 3)).astype(np.uint8))
+    x, y = np.meshgrid(np.linspace(-30, 30, 171), np.linspace(-25, 25, 141))
+    mesh = grid_mesh(x, y, 3 * np.sin(x / 3) * np.cos(y / 5))
+    mesh = mesh.moved(-mesh.vertices.mean(axis=0))
+    colours = rng.integers(0, 256, mesh.vertices.shape).astype(np.uint8)
+    write_models(tmp_path, mesh, colours)
     read, _ = read_mesh(tmp_path / "models" / "obj_000001.ply")
-    np.testing.assert_allclose(read.vertices, vertices, rtol=1e-6)
+    np.testing.assert_allclose(read.vertices, mesh.vertices, rtol=1e-6, atol=1e-9)
     np.testing.assert_array_equal(read.faces, mesh.faces)
-    info = json.loads((tmp_path / "models" / "models_info.json").read_text())["1"]
-    distances = np.linalg.norm(vertices[:, None] - vertices[None], axis=2)
-    assert info["diameter"] == pytest.approx(distances.max())
-    for axis, name in enumerate("xyz"):
-        assert info[f"min_{name}"] == vertices[:, axis].min()
-        assert info[f"size_{name}"] == pytest.approx(np.ptp(vertices[:, axis]))
+    reduced, messages = read_mesh(tmp_path / "models_eval" / "obj_000001.ply")
+    assert not messages
+    assert 2_000 < len(reduced.vertices) <= EVAL_VERTICES < len(mesh.vertices)
+    spacing = 60 / 170
+    near = np.abs(mesh.vertices[:, None, :2] - reduced.vertices[None, ::50, :2]).max(axis=2) < spacing
+    assert near.any(axis=0).all()
+    heights = np.where(near, mesh.vertices[:, None, 2], np.nan)
+    off = np.abs(np.nanmean(heights, axis=0) - reduced.vertices[::50, 2])
+    assert off.max() < 2 * spacing
+    vertices = mesh.vertices.astype(np.float32).astype(float)
+    outer = vertices[np.linalg.norm(vertices, axis=1) > 0.7 * np.linalg.norm(vertices, axis=1).max()]
+    longest = np.linalg.norm(outer[:, None] - outer[None], axis=2).max()
+    for folder in ("models", "models_eval"):
+        info = json.loads((tmp_path / folder / "models_info.json").read_text())["1"]
+        assert info["diameter"] == pytest.approx(longest, rel=1e-6)
+        low = np.array([info[f"min_{axis}"] for axis in "xyz"])
+        size = np.array([info[f"size_{axis}"] for axis in "xyz"])
+        np.testing.assert_allclose([low, low + size], [vertices.min(axis=0), vertices.max(axis=0)], atol=1e-5)
+        np.testing.assert_allclose(info["box_centre_mm"], low + size / 2)
+        assert not [key for key in info if key.startswith("symmetries")]
+
+
+def test_a_mesh_without_a_smaller_form_stays_whole():
+    x, y = np.meshgrid(np.arange(6.0), np.arange(5.0))
+    mesh = grid_mesh(x, y, 0 * x)
+    assert reduced_mesh(mesh, 30) is mesh
+    assert len(reduced_mesh(mesh, 29).vertices) <= 29
+    # no face has two corners
+    assert reduced_mesh(mesh, 2) is mesh
+
+
+def test_targets_are_the_views_that_show_enough(written):
+    """As bop_toolkit's enumerate_test_targets.py: at least a tenth visible; the fourth of the views shows nothing."""
+    targets = json.loads((written / "test_targets_bop19.json").read_text())
+    enough = [view for view in range(5) if record_of(view).gt_info.visib_fract >= 0.1]
+    assert enough == [2, 4]
+    assert [(target["scene_id"] * 3 + target["im_id"]) for target in targets] == enough
+    assert all(target["obj_id"] == target["inst_count"] == 1 for target in targets)
+
+
+def test_camera_file(written):
     camera = json.loads((written / "camera.json").read_text())
     assert camera == {"fx": 31.7, "fy": 29.3, "cx": 8.2, "cy": 7.9, "width": 20, "height": 14, "depth_scale": 0.002}

@@ -18,22 +18,36 @@ from pipeline.blender.command_line import exit_code
 from pipeline.commands import check
 from pipeline.dataset import layout as dataset
 from pipeline.dataset.bop import write_models
-from pipeline.dataset.check import check_dataset as dataset_check
 from pipeline.dataset.check.findings import Findings
+from pipeline.dataset.coco import compressed_counts, run_lengths
 from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.pose_tables import write_poses
-from pipeline.dataset.view import file_hashes, write_view
+from pipeline.dataset.view import file_sums, write_view
 from pipeline.dataset.view_record import read_record
+from pipeline.images.contact_sheet import contact_sheet
+from pipeline.images.pixel_values import to_uint8
 from pipeline.images.png import encode_png
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.surface.mesh_writer import write_ply
 from pipeline.transforms import rigid, rotation_from_vector
-from tests.dataset.synthetic_dataset import CAMERA, CENTRE, COUNT, MESH, PER_SCENE, make_dataset, pose_of, write_tables
+from tests.dataset.masks import coco_mask
+from tests.dataset.sealing import sealed
+from tests.dataset.synthetic_dataset import (
+    CAMERA,
+    CENTRE,
+    COUNT,
+    MESH,
+    PER_SCENE,
+    make_dataset,
+    pose_of,
+    write_pose_tables,
+    write_tables,
+)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def small_scenes() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        for module in (dataset, dataset_check):
-            patch.setattr(module, "VIEWS_PER_SCENE", PER_SCENE)
+        patch.setattr(dataset, "VIEWS_PER_SCENE", PER_SCENE)
         yield
 
 
@@ -84,13 +98,19 @@ def replace_file(root: Path, index: int, kind: str, image: np.ndarray) -> None:
     """Another image with a record that has its hash: only the content differs."""
     paths = ViewPaths(root, index)
     record = read_record(paths)
-    kinds = [name.split("/")[2] for name in record.sha256]
+    kinds = [name.split("/")[2] for name in record.files]
     files = {name: paths.file(name).read_bytes() for name in kinds} | {kind: encode_png(image)}
-    write_view(paths, files, replace(record, sha256=file_hashes(paths, files)))
+    write_view(paths, files, replace(record, files=file_sums(paths, files)))
 
 
 def image_of(root: Path, index: int, kind: str) -> np.ndarray:
     return cv2.imread(str(ViewPaths(root, index).file(kind)), cv2.IMREAD_UNCHANGED)
+
+
+def sheet_of(root: Path) -> bytes:
+    """The contact sheet of the views as they are."""
+    images = [image_of(root, index, "rgb")[..., ::-1] / 255 for index in range(COUNT)]
+    return encode_png(to_uint8(contact_sheet(images, columns=COUNT, tile_width=240)))
 
 
 def change_record(root: Path, index: int, change: Callable[[dict], object], *, tables: bool = True) -> None:
@@ -100,6 +120,13 @@ def change_record(root: Path, index: int, change: Callable[[dict], object], *, t
         write_tables(root, CAMERA)
 
 
+def shift_mask(content: dict) -> None:
+    """Move the first mask down by a pixel."""
+    segmentation = content["annotations"][0]["segmentation"]
+    mask = np.roll(coco_mask(segmentation), 1, axis=0)
+    segmentation["counts"] = compressed_counts(run_lengths(mask))
+
+
 def nudge(values: list, place: int = 0, by: float = 1e-6) -> None:
     values[place] += by
 
@@ -107,7 +134,7 @@ def nudge(values: list, place: int = 0, by: float = 1e-6) -> None:
 def test_a_sound_dataset_passes(sound, run, capsys):
     assert run(sound) == 0
     messages = capsys.readouterr().out
-    assert f"dataset of {COUNT} views: complete and consistent (checked: hashes of {6 * COUNT} files" in messages
+    assert f"dataset of {COUNT} views: complete and consistent (checked: hashes of {6 * COUNT + 22} files" in messages
     agreeing, shift = re.search(r"at ([\d.]+)% of .* largest shift of a view (\S+) px", messages).groups()
     assert float(agreeing) == 100
     assert float(shift) < 0.01
@@ -118,7 +145,7 @@ def test_a_sound_dataset_passes_with_options(sound, run, arguments):
     assert run(sound, *arguments) == 0
 
 
-S0, S1 = "train_pbr/000000", "train_pbr/000001"
+S0, S1 = "train_synt/000000", "train_synt/000001"
 BESIDE = [
     "dataset.json", "camera.json", "poses.csv", "transforms.json", "contact_sheet.png", "overlay.png",
     "models/models_info.json",
@@ -191,10 +218,12 @@ MUTATIONS = {
         r"scene_gt_coco\.json: annotation of image 1: bbox\[2\]",
     ),
     "COCO runs": (
-        lambda root: edit(
-            root / S0 / "scene_gt_coco.json", lambda c: nudge(c["annotations"][0]["segmentation"]["counts"], 0, 1)
-        ),
+        lambda root: edit(root / S0 / "scene_gt_coco.json", shift_mask),
         r"scene_gt_coco\.json: annotation of image 0: counts\[0\]",
+    ),
+    "COCO category": (
+        lambda root: edit(root / S0 / "scene_gt_coco.json", lambda c: c["categories"][0].update(name="1")),
+        r'scene_gt_coco\.json: categories: name is "1", expected "lumpy sphere"',
     ),
     "COCO image": (
         lambda root: edit(root / S0 / "scene_gt_coco.json", lambda c: c["images"][2].update(file_name="rgb/2.png")),
@@ -218,18 +247,18 @@ MUTATIONS = {
     ),
     "count in dataset.json": (
         lambda root: edit(root / "dataset.json", lambda c: c.update(count=COUNT - 1)),
-        r"train_pbr/000001/frame/000000\.json: expected no such file in a dataset of 3 views",
+        r"train_synt/000001: expected no such folder in a dataset of 3 views",
     ),
     "poses.csv number": (
         lambda root: substitute(root / "poses.csv", ",260.0,", ",260.001,"),
-        r"^poses\.csv: row 0: the translation differs from that of train_pbr/000000/frame/000000\.json by 0\.001",
+        r"^poses\.csv: row 0: the translation differs from that of train_synt/000000/frame/000000\.json by 0\.001",
     ),
     "poses.csv given frame": (
-        lambda root: write_poses(root, range(COUNT), CAMERA, rigid(translation=CENTRE * 1.000001)),
-        r"^poses\.csv: row 0: given_t",
+        lambda root: write_pose_tables(root, centre=CENTRE * 1.000001),
+        r"^poses\.csv: row 0: mesh_t",
     ),
     "poses.csv order": (
-        lambda root: write_poses(root, [1, 0, 2, 3], CAMERA, rigid(translation=CENTRE)),
+        lambda root: write_pose_tables(root, [1, 0, 2, 3]),
         r"^poses\.csv: row 0: expected view 0 and its image",
     ),
     "transforms.json axes": (
@@ -267,27 +296,27 @@ MUTATIONS = {
     ),
     "stray view": (
         lambda root: shutil.copy(root / S1 / "rgb/000000.png", root / S1 / "rgb/000001.png"),
-        r"train_pbr/000001/rgb/000001\.png: expected no such file in a dataset of 4 views",
+        r"train_synt/000001/rgb/000001\.png: expected no such file in a dataset of 4 views",
     ),
     "stray scene": (
-        lambda root: shutil.copytree(root / S1, root / "train_pbr/000002"),
-        r"train_pbr/000002/depth/000000\.png: expected no such file",
+        lambda root: shutil.copytree(root / S1, root / "train_synt/000002"),
+        r"train_synt/000002: expected no such folder in a dataset of 4 views",
     ),
     "temporary file": (
         lambda root: (root / S0 / ".partial-12ab").write_bytes(b""),
-        r"train_pbr/000000/\.partial-12ab: left by a run that was stopped",
+        r"train_synt/000000/\.partial-12ab: left by a run that was stopped",
     ),
     "record without a hash": (
-        lambda root: change_record(root, 1, lambda c: c["sha256"].popitem()),
-        r"frame/000001\.json: expected sha256 of the view's 6 files, missing or unexpected: \S+/depth_mm/000001\.npy",
+        lambda root: change_record(root, 1, lambda c: c["files"].popitem()),
+        r"frame/000001\.json: expected sums of the view's 6 files, missing or unexpected: \S+/depth_mm/000001\.npy",
     ),
     "record without depth scale": (
         lambda root: change_record(root, 1, lambda c: c.pop("depth_scale"), tables=False),
-        r"frame/000001\.json: expected depth_scale to be a number, found null",
+        r"frame/000001\.json: expected other keys: missing \[\"depth_scale\"\]",
     ),
     "record with NaN": (
-        lambda root: change_record(root, 1, lambda c: c["cam_t_m2c"].__setitem__(0, float("nan"))),
-        r"frame/000001\.json: expected cam_t_m2c to be 3 numbers",
+        lambda root: change_record(root, 1, lambda c: c["cam_t_m2c"].__setitem__(0, float("nan")), tables=False),
+        r"frame/000001\.json: expected JSON, found a mistake: NaN is no number",
     ),
     "reflection": (
         lambda root: change_record(root, 1, rewrite_rotation),
@@ -298,8 +327,8 @@ MUTATIONS = {
         r"frame/000001\.json: cam_R_m2c: expected a rotation, found a matrix off by 0\.0002",
     ),
     "video pose": (
-        lambda root: substitute(root / "video/poses.csv", ",0.", ",0.1"),
-        r"^video/poses\.csv: row 0: expected a rotation",
+        lambda root: substitute(root / "video/poses.csv", ",0.7", ",0.71"),
+        r"^video/poses\.csv: row \d: expected a rotation",
     ),
     "another size": (
         lambda root: replace_file(root, 1, "rgb", np.zeros((48, 63, 3), np.uint8)),
@@ -380,10 +409,85 @@ def test_damage_is_found_and_named(copied, run, capsys, name):
     assert "NOT complete and consistent" in messages.splitlines()[-1]
 
 
+def swap_video_poses(root: Path) -> None:
+    header, first, *others, last = (root / "video/poses.csv").read_text().splitlines()
+    one, other = first.split(","), last.split(",")
+    rows = [one[:2] + other[2:], *(row.split(",") for row in others), other[:2] + one[2:]]
+    (root / "video/poses.csv").write_text("\n".join([header, *map(",".join, rows)]) + "\n")
+
+
+def swap_pictures(root: Path) -> None:
+    sheet = cv2.imread(str(root / "contact_sheet.png"))[..., ::-1]
+    across = CAMERA.width + 4
+    first, second, rest = sheet[:, 4 : 4 + across], sheet[:, 4 + across : 4 + 2 * across], sheet[:, 4 + 2 * across :]
+    (root / "contact_sheet.png").write_bytes(encode_png(np.concatenate([sheet[:, :4], second, first, rest], axis=1)))
+
+
+def write_model(root: Path, folder: str, mesh: TriangleMesh, normals: np.ndarray) -> None:
+    colours = np.zeros((len(mesh.vertices), 3), np.uint8) if folder == "models" else None
+    write_ply(root / folder / "obj_000001.ply", mesh, colours=colours, normals=normals)
+
+
+def moved_vertex() -> TriangleMesh:
+    vertices = MESH.vertices.copy()
+    vertices[60] *= 1.05
+    return replace(MESH, vertices=vertices)
+
+
+SEALED = {
+    "poses of the video": (swap_video_poses, r"^video/trajectory\.mp4: \d+ px of frame 0 lie beside the surface"),
+    "pictures of the sheet": (swap_pictures, r"^contact_sheet\.png: the picture in row 1, column 1 is not \S+0\.png"),
+    "a vertex": (
+        lambda root: write_model(root, "models", moved_vertex(), moved_vertex().vertex_normals),
+        r"^models/obj_000001\.ply: its vertices and faces do not have the geometry_sha256",
+    ),
+    "normals": (
+        lambda root: write_model(root, "models", MESH, -MESH.vertex_normals),
+        r"^models/obj_000001\.ply: 222 of 222 normals are not those of the surface",
+    ),
+    "the model for errors": (
+        lambda root: write_model(root, "models_eval", moved_vertex(), moved_vertex().vertex_normals),
+        r"^models_eval/obj_000001\.ply: expected the surface of models/obj_000001\.ply",
+    ),
+    "a key of transforms.json": (
+        lambda root: edit(root / "transforms.json", lambda c: c.update(k1=0.1)),
+        r"^transforms\.json: expected other keys: unknown \[\"k1\"\]",
+    ),
+    "a key of a frame": (
+        lambda root: edit(root / "transforms.json", lambda c: c["frames"][1].update(fl_x=0.1)),
+        r"^transforms\.json: frame 1: unexpected key \"fl_x\"",
+    ),
+    "a column": (
+        lambda root: (root / "poses.csv").write_text((root / "poses.csv").read_text().replace("\n", ",1\n")),
+        r"^poses\.csv: expected the columns index, image, r00",
+    ),
+    "an option": (
+        lambda root: edit(root / "dataset.json", lambda c: c["options"].update(speed=1)),
+        r"^dataset\.json: options: expected other keys: unknown",
+    ),
+    "a pose twice": (
+        lambda root: change_record(root, 3, lambda c: c.update(cam_R_m2c=pose_of(1)[:3, :3].ravel().tolist(),
+                                                               cam_t_m2c=pose_of(1)[:3, 3].tolist())),
+        r"000001/frame/000000\.json: view 3 has the very pose of view 1",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SEALED)
+def test_what_hashes_do_not_tell_is_found(copied, run, capsys, name):
+    """All hashes are those of the changed files."""
+    change, expected = SEALED[name]
+    change(copied)
+    assert run(sealed(copied)) == 1
+    messages = capsys.readouterr().out
+    assert re.search(expected, messages, re.MULTILINE), messages
+    assert "sha256 or size" not in messages
+
+
 def test_without_hashes_swapped_images_are_still_seen(copied, run, capsys):
     swap(copied / S0 / "rgb/000000.png", copied / S0 / "rgb/000002.png")
     assert run(copied, "--fast") == 1
-    assert re.search(r"rgb/00000[02]\.png: \d+ px outside the mask", capsys.readouterr().out)
+    assert re.search(r"rgb/00000[02]\.png: (its sha256 or size|\d+ px outside the mask)", capsys.readouterr().out)
 
 
 def test_without_hashes_a_flipped_byte_is_still_seen(copied, run, capsys):
@@ -397,7 +501,8 @@ def test_soft_edges_of_anti_aliased_colours_reach_one_pixel(copied, run, margin_
     edit(copied / "dataset.json", lambda c: c["options"].update(samples=4))
     wider = cv2.dilate(image_of(copied, 1, "mask"), np.ones(2 * (2 * margin_px + 1,), np.uint8))
     replace_file(copied, 1, "rgb", np.repeat(wider[..., None], 3, axis=2))
-    assert run(copied) == code
+    (copied / "contact_sheet.png").write_bytes(sheet_of(copied))
+    assert run(sealed(copied)) == code
 
 
 def shift_camera(root: Path, **shift: float) -> None:
@@ -461,7 +566,7 @@ def test_a_stopped_run_is_unfinished_and_nothing_else(copied, run, capsys):
     [
         (["nowhere"], "expected the folder of a dataset"),
         (["."], "expected the folder of a dataset"),
-        (["other"], "expected the format 'oneframe dataset 1', found 'something'"),
+        (["other"], "expected the format 'oneframe dataset 2', found \"something\""),
     ],
 )
 def test_what_is_no_dataset_is_not_judged(tmp_path, monkeypatch, run, capsys, arguments, expected):
@@ -472,7 +577,9 @@ def test_what_is_no_dataset_is_not_judged(tmp_path, monkeypatch, run, capsys, ar
     assert expected in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("arguments", [[], ["a", "--views", "-1"], ["a", "--views", "x"], ["a", "--what"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["a", "--views", "-1"], ["a", "--views", "x"], ["a", "--what"], ["a", "--rerender", "2"]]
+)
 def test_wrong_arguments(run, arguments):
     assert run(*arguments) == 2
 

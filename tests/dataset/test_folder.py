@@ -1,17 +1,25 @@
 """The folder of a run: one writer, one identity, and nothing left behind that is not a dataset's."""
 
+import errno
 import json
 import os
+import subprocess
 import sys
+import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from pipeline.dataset import folder as run_folder
+from pipeline.dataset.checksums import read_checksums, sum_of, sums_to_json
 from pipeline.dataset.folder import RunFolder, Shard
+from pipeline.dataset.identity import identity_of
 from pipeline.dataset.layout import ViewPaths
+from pipeline.dataset.lock import STALE_SECONDS, lock_by_system
 from pipeline.errors import InputError, RunError
+from pipeline.files.content import partial_name
 
 WHOLE = Shard()
 IDENTITY = {"format": "1", "count": 3, "options": {"seed": 0, "scale": 1.0}, "inputs_sha256": {"frame": "ab"}}
@@ -26,6 +34,15 @@ def tree(folder: Path) -> dict[str, tuple[bytes, int]]:
     }
 
 
+def leave_partial(target: Path) -> Path:
+    """What a killed process leaves of a file that it was writing."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    partial = target.with_name(f".partial-0123456789abcdef-{target.name}")
+    partial.write_text("half")
+    assert partial_name(partial.name) == target.name
+    return partial
+
+
 def write_record(folder: Path, index: int) -> Path:
     path = ViewPaths(folder, index).file("frame")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -36,9 +53,8 @@ def write_record(folder: Path, index: int) -> Path:
 def test_a_finished_folder_holds_the_record_alone(tmp_path):
     out = tmp_path / "deep" / "out"
     with RunFolder(out, IDENTITY, WHOLE) as folder:
-        (out / ".partial-1").write_text("half")
-        (out / "train_pbr").mkdir()
-        (out / "train_pbr" / ".partial-2").write_text("half")
+        leave_partial(out / "poses.csv")
+        leave_partial(ViewPaths(out, 1).file("mask"))
         folder.finish()
     assert sorted(tree(out)) == ["dataset.json"]
     assert not (out / ".work").exists()
@@ -48,10 +64,10 @@ def test_a_finished_folder_holds_the_record_alone(tmp_path):
 def test_a_stopped_run_is_resumed_and_its_leftovers_removed(tmp_path):
     with RunFolder(tmp_path, IDENTITY, WHOLE):
         record = write_record(tmp_path, 0)
-        (tmp_path / ".partial-1").write_text("half")
+        partial = leave_partial(record)
     with RunFolder(tmp_path, IDENTITY, WHOLE):
         assert record.exists()
-        assert not (tmp_path / ".partial-1").exists()
+        assert not partial.exists()
 
 
 @pytest.mark.parametrize(("one", "other"), [(WHOLE, WHOLE), (WHOLE, Shard(0, 2)), (Shard(1, 2), Shard(1, 2))], ids=str)
@@ -74,8 +90,7 @@ def test_shards_share_a_folder_and_the_last_one_tidies_up(tmp_path, monkeypatch)
     monkeypatch.setattr(run_folder, "LAST_SHARDS_SECONDS", 0.2)
     with ExitStack() as stack:
         first, second, third = (stack.enter_context(RunFolder(tmp_path, IDENTITY, Shard(i, 3))) for i in range(3))
-        live = tmp_path / ".partial-of-another"
-        live.write_text("half")
+        live = leave_partial(tmp_path / "poses.csv")
         first.finish()
         second.finish()
         # the third one may be at work still
@@ -86,25 +101,26 @@ def test_shards_share_a_folder_and_the_last_one_tidies_up(tmp_path, monkeypatch)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no open files")
-def test_a_lock_on_a_removed_file_is_none(tmp_path, monkeypatch):
+def test_a_lock_on_a_removed_file_is_none(tmp_path):
     """A run that waits for the lock just as the dataset is finished must not take the dead file for the folder's."""
-    lock = run_folder._lock
+    removals = iter((True, True, False))
 
-    def lock_after_removal(descriptor: int, *, shared: bool) -> None:
-        (tmp_path / ".work" / "lock").unlink()
-        lock(descriptor, shared=shared)
+    def lock_after_removal(descriptor: int, shared: bool) -> None:
+        if next(removals):
+            (tmp_path / ".work" / "lock").unlink()
+        lock_by_system(descriptor, shared)
 
-    monkeypatch.setattr(run_folder, "_lock", lock_after_removal)
-    with pytest.raises(RunError, match="another process"):
-        RunFolder(tmp_path, IDENTITY, WHOLE)
+    with RunFolder(tmp_path, IDENTITY, WHOLE, system_lock=lock_after_removal):
+        assert next(removals, None) is None
+        with pytest.raises(RunError, match="another process"):
+            RunFolder(tmp_path, IDENTITY, WHOLE)
 
 
 CHANGES = {
-    "count": ({"count": 4}, "count was 3, is 4"),
     "seed": ({"options": {"seed": 1, "scale": 1.0}}, "options.seed was 0, is 1"),
     "a new option": ({"options": {"seed": 0, "scale": 1.0, "blur": True}}, "options.blur was null, is true"),
     "frame": ({"inputs_sha256": {"frame": "cd"}}, "the file of the frame has changed"),
-    "all": ({"count": 1, "format": "2", "a": 1, "b": 2, "c": 3}, r"\(a was null, is 1; .* and 1 more\)"),
+    "all": ({"count": 1, "e": 0, "d": 4, "a": 1, "b": 2, "c": 3}, r"\(a was null, is 1; .* and 1 more\)"),
 }
 
 
@@ -113,9 +129,8 @@ def test_another_runs_dataset_is_not_touched(tmp_path, change):
     values, message = CHANGES[change]
     with RunFolder(tmp_path, IDENTITY, WHOLE) as folder:
         write_record(tmp_path, 0)
-        (tmp_path / ".partial-1").write_text("half")
         folder.finish()
-    (tmp_path / ".partial-2").write_text("half")
+    leave_partial(tmp_path / "poses.csv")
     before = tree(tmp_path)
     with pytest.raises(RunError, match=f"holds the dataset of another run .*{message}.*; undo the change to resume it"):
         RunFolder(tmp_path, IDENTITY | values, WHOLE)
@@ -131,8 +146,8 @@ def test_foreign_folders_are_not_touched(tmp_path):
 
 
 def test_a_damaged_record_is_reported(tmp_path):
-    (tmp_path / "dataset.json").write_text("{")
-    with pytest.raises(RunError, match=r"dataset\.json: expected the record of a dataset, found no JSON"):
+    (tmp_path / "dataset.json").write_text("[{")
+    with pytest.raises(RunError, match=r"dataset\.json: expected the description of a dataset, found no JSON"):
         RunFolder(tmp_path, IDENTITY, WHOLE)
 
 
@@ -160,6 +175,152 @@ def test_a_protected_folder_is_reported(tmp_path):
         with pytest.raises(RunError, match=r"cannot write to the folder \(Permission denied\)"):
             RunFolder(out / "new", IDENTITY, WHOLE)
         out.chmod(0o755)
+
+
+USERS_FILES = ("models/mine.obj", "models/.partial-0123456789abcdef-mine.obj", "camera.json", "train_synt/notes.txt")
+
+
+@pytest.mark.parametrize("work", [".work/lock", ".work/notes.txt", "work/notes.txt"])
+def test_a_folder_of_somebody_else_is_refused_untouched(tmp_path, work):
+    """Also one that holds what looks like the folder of a stopped run."""
+    for name in (work, *USERS_FILES):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(name)
+    before = tree(tmp_path)
+    with pytest.raises(RunError, match="found other files"):
+        RunFolder(tmp_path, IDENTITY, WHOLE)
+    assert tree(tmp_path) == before
+
+
+def test_files_put_beside_those_of_a_run_survive_its_end_and_its_failure(tmp_path):
+    """Nothing is removed but what a run writes, whatever the ending; not even the temporary file of another program."""
+    names = ("models/mine.obj", ".partial-notes", ".partial-0123456789abcdef-frame.ply", ".work/mine", "video/a.mp4")
+
+    def end(error: Exception | None) -> None:
+        with RunFolder(tmp_path, IDENTITY, WHOLE) as folder:
+            for name in (*names, "models/models_info.json", "camera.json"):
+                (tmp_path / name).parent.mkdir(exist_ok=True)
+                (tmp_path / name).write_text(name)
+            if error is None:
+                folder.finish()
+            else:
+                raise error
+
+    with pytest.raises(InputError):
+        end(InputError("bad"))
+    assert sorted(tree(tmp_path)) == sorted(names)
+    for name in names:
+        (tmp_path / name).unlink()
+    for name in ("models", ".work", "video"):
+        (tmp_path / name).rmdir()
+    end(None)
+    assert sorted(tree(tmp_path)) == sorted([*names, "models/models_info.json", "camera.json", "dataset.json"])
+
+
+# --- damage, growth, file systems without locks ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("keep", [0.0, 0.5, 1.0])
+def test_a_description_that_a_loss_of_power_cut_off_is_written_again(tmp_path, keep):
+    with RunFolder(tmp_path, IDENTITY, WHOLE):
+        write_record(tmp_path, 0)
+    content = (tmp_path / "dataset.json").read_bytes()
+    cut = int(keep * (len(content) - 2))
+    (tmp_path / "dataset.json").write_bytes(content[:cut] + bytes(len(content) - cut))
+    with RunFolder(tmp_path, IDENTITY, WHOLE):
+        assert (tmp_path / "dataset.json").read_bytes() == content
+
+
+def test_a_dataset_grows_and_never_shrinks(tmp_path):
+    larger = IDENTITY | {"count": 300}
+    with RunFolder(tmp_path, IDENTITY, WHOLE):
+        write_record(tmp_path, 2)
+        sums = {name: sum_of(b"x") for name in ("poses.csv", "video/trajectory.mp4")}
+        content = {"identity": identity_of(IDENTITY), "files": sums_to_json(sums)}
+        (tmp_path / "checksums.json").write_text(json.dumps(content))
+    with RunFolder(tmp_path, larger, WHOLE):
+        assert json.loads((tmp_path / "dataset.json").read_text()) == larger
+        # the tables are no longer those of the dataset
+        assert read_checksums(tmp_path, identity_of(larger)) == {"video/trajectory.mp4": sum_of(b"x")}
+    before = tree(tmp_path)
+    with pytest.raises(RunError, match="holds a dataset of 300 views, and 3 are wanted: a dataset may grow, but not"):
+        RunFolder(tmp_path, IDENTITY, WHOLE)
+    assert tree(tmp_path) == before
+    along = {"options": {"views": 3}}
+    with pytest.raises(RunError, match="poses along a trajectory depend on the number of views"):
+        RunFolder(tmp_path, larger | along, WHOLE)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no shared locks")
+def test_a_dataset_does_not_grow_under_a_running_shard(tmp_path, monkeypatch):
+    monkeypatch.setattr(run_folder, "LAST_SHARDS_SECONDS", 0.2)
+    larger = IDENTITY | {"count": 300}
+    with RunFolder(tmp_path, IDENTITY, Shard(0, 2)):
+        with pytest.raises(RunError, match="another process"):
+            RunFolder(tmp_path, larger, Shard(1, 2))
+        assert json.loads((tmp_path / "dataset.json").read_text()) == IDENTITY
+    with RunFolder(tmp_path, larger, Shard(1, 2)), RunFolder(tmp_path, larger, Shard(0, 2)):
+        assert json.loads((tmp_path / "dataset.json").read_text()) == larger
+
+
+def no_locks(code: int) -> Callable[[int, bool], None]:
+    def answer(descriptor: int, shared: bool) -> None:
+        raise OSError(code, os.strerror(code))
+
+    return answer
+
+
+@pytest.mark.parametrize("code", [errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL, errno.EIO])
+def test_without_locks_of_the_system_runs_are_kept_apart_all_the_same(tmp_path, monkeypatch, code):
+    monkeypatch.setattr(run_folder, "LAST_SHARDS_SECONDS", 0.2)
+    without = {"system_lock": no_locks(code)}
+    with RunFolder(tmp_path, IDENTITY, WHOLE, **without):
+        for other in (WHOLE, Shard(0, 2)):
+            with pytest.raises(RunError, match="another process renders into this folder"):
+                RunFolder(tmp_path, IDENTITY, other, **without)
+    with (
+        RunFolder(tmp_path, IDENTITY, Shard(0, 2), **without) as first,
+        RunFolder(tmp_path, IDENTITY, Shard(1, 2), **without) as second,
+    ):
+        for other in (WHOLE, Shard(1, 2)):
+            with pytest.raises(RunError, match="another process"):
+                RunFolder(tmp_path, IDENTITY, other, **without)
+        first.finish()
+        assert (tmp_path / ".work").exists()
+        first.__exit__(None, None, None)
+        second.finish()
+    assert sorted(tree(tmp_path)) == ["dataset.json"]
+
+
+def test_claims_of_the_dead_are_taken_over_and_those_of_the_living_are_not(tmp_path):
+    without = {"system_lock": no_locks(errno.ENOLCK)}
+    with RunFolder(tmp_path, IDENTITY, WHOLE, **without):
+        (claim,) = (tmp_path / ".work").glob("*.claim")
+        content = json.loads(claim.read_text())
+    other = claim.with_name("lock.0123456789abcdef.claim")
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    now = time.time()
+    claims = {
+        "alive": (content, now, True),
+        "on another machine": (content | {"machine": "elsewhere", "process": ended.pid}, now, True),
+        "unreadable": ("half a cl", now, True),
+        "ended": (content | {"process": ended.pid}, now, False),
+        "its number given to another": (content | {"started": "1"}, now, False),
+        "silent": (content | {"machine": "elsewhere"}, now - 2 * STALE_SECONDS, False),
+    }
+    for name, (claimed, when, holds) in claims.items():
+        if name in ("ended", "its number given to another") and not Path("/proc/self/stat").exists():
+            continue
+        other.write_text(json.dumps(claimed)[: None if isinstance(claimed, dict) else -1])
+        os.utime(other, (when, when))
+        if holds:
+            with pytest.raises(RunError, match="another process"):
+                RunFolder(tmp_path, IDENTITY, WHOLE, **without)
+            assert other.exists(), name
+        else:
+            with RunFolder(tmp_path, IDENTITY, WHOLE, **without):
+                assert not other.exists(), name
 
 
 @pytest.mark.parametrize("existing", ["", "deep", "deep/out"])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.transforms import rigid
-from tests.dataset.blank_dataset import CAMERA, CENTRE, pose_of
+from tests.dataset.blank_dataset import BOUNDS, CAMERA, CENTRE, DEPTH_SCALE, pose_of, record_of
 
 POINTS = np.array([[1.0, 2.0, -3.0], [-4.0, 0.5, 2.0], [0.0, 0.0, 0.0]])
 
@@ -24,7 +24,7 @@ def test_nerf_poses_put_points_on_the_pixels_of_scene_gt(written):
     assert (content["w"], content["h"]) == CAMERA.size_wh
     assert np.tan(content["camera_angle_x"] / 2) == pytest.approx(CAMERA.width / 2 / CAMERA.fx)
     for index, frame in enumerate(content["frames"]):
-        assert frame["file_path"] == f"train_pbr/{index // 3:06d}/rgb/{index % 3:06d}.png"
+        assert frame["file_path"] == f"train_synt/{index // 3:06d}/rgb/{index % 3:06d}.png"
         opengl = np.linalg.solve(np.array(frame["transform_matrix"]), np.c_[POINTS, np.ones(3)].T).T[:, :3]
         expected = pixels(CAMERA.k, POINTS @ pose_of(index)[:3, :3].T + pose_of(index)[:3, 3])
         np.testing.assert_allclose(pixels(k, opengl * [1, -1, -1]) - 0.5, expected, atol=1e-9)
@@ -36,10 +36,24 @@ def test_poses_of_the_table_hold_in_both_frames(written):
     assert [int(row["index"]) for row in rows] == list(range(5))
     for index, row in enumerate(rows):
         rotation = np.array([[float(row[f"r{i}{j}"]) for j in range(3)] for i in range(3)])
-        from_model, from_given = (
-            np.array([float(row[f"{prefix}t{axis}_mm"]) for axis in "xyz"]) for prefix in ("", "given_")
+        from_model, from_mesh_frame = (
+            np.array([float(row[f"{prefix}t{axis}_mm"]) for axis in "xyz"]) for prefix in ("", "mesh_")
         )
         expected = POINTS @ pose_of(index)[:3, :3].T + pose_of(index)[:3, 3]
         np.testing.assert_array_equal(POINTS @ rotation.T + from_model, expected)
-        np.testing.assert_allclose((POINTS + CENTRE) @ rotation.T + from_given, expected, atol=1e-9)
+        np.testing.assert_allclose((POINTS + CENTRE) @ rotation.T + from_mesh_frame, expected, atol=1e-9)
         np.testing.assert_array_equal(rigid(rotation, from_model), pose_of(index))
+
+
+def test_instant_ngp_finds_the_surface_in_its_unit_cube_and_depths_in_its_unit(written):
+    """As in its src/nerf_loader.cu: points * scale + offset; one scale for all depths; views without depth_path."""
+    content = json.loads((written / "transforms.json").read_text())
+    corners = BOUNDS * content["scale"] + content["offset"]
+    assert ((corners > 0) & (corners < 1)).all()
+    assert np.ptp(corners, axis=0).max() > 0.8
+    assert content["aabb_scale"] == 1
+    assert content["integer_depth_scale"] == DEPTH_SCALE
+    scales = [record_of(view).depth_scale for view in range(5)]
+    assert len(set(scales)) == 2
+    for frame, scale in zip(content["frames"], scales, strict=True):
+        assert frame.get("depth_path") == (frame["depth_file_path"] if scale == DEPTH_SCALE else None)

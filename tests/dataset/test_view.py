@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from pipeline.dataset.coco import run_lengths
-from pipeline.dataset.layout import ViewPaths, finished_views
+from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.view import (
     RenderedSample,
     RenderedView,
     depth_scale_for,
     encode_view,
-    file_hashes,
+    file_sums,
     quantised_depth,
     view_files,
     write_view,
@@ -82,14 +82,13 @@ def test_a_view_is_its_files_and_then_its_record(tmp_path):
     np.testing.assert_array_equal(np.load(io.BytesIO(files["depth_mm"])), depth)
 
     paths = ViewPaths(tmp_path, 1003)
-    write_view(paths, files, replace(record_of(1003), sha256=file_hashes(paths, files)))
-    assert paths.relative("mask_observed") == "train_pbr/000001/mask_observed/000003_000000.png"
+    write_view(paths, files, replace(record_of(1003), files=file_sums(paths, files)))
+    assert paths.relative("mask_observed") == "train_synt/000001/mask_observed/000003_000000.png"
     record = read_record(paths)
     assert record.index == 1003
-    assert {tmp_path / name for name in record.sha256} == {paths.file(kind) for kind in files}
-    assert finished_views(tmp_path, range(1010)) == {1003}
+    assert {tmp_path / name for name in record.files} == {paths.file(kind) for kind in files}
     written = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
-    assert written == {*record.sha256, "train_pbr/000001/frame/000003.json"}
+    assert written == {*record.files, "train_synt/000001/frame/000003.json"}
 
 
 @pytest.mark.parametrize("index", [0, COUNT - 1])
@@ -103,7 +102,13 @@ def test_an_encoded_view_tells_the_silhouette_also_outside_the_image(tmp_path, i
     planned = PlannedPose(pose, ViewStatistics(1, 1, 1), 5, Rejections(surface=4))
     paths = ViewPaths(tmp_path, 1007)
     files, record = encode_view(
-        paths, RenderedSample(planned, view), SilhouetteEdges.of(MESH), WIDE, depth_scale=scale, float_depth=False
+        paths,
+        RenderedSample(planned, view),
+        SilhouetteEdges.of(MESH),
+        WIDE,
+        identity="ab",
+        depth_scale=scale,
+        float_depth=False,
     )
     rows = np.argwhere(wide > 0)
     (top, left), (bottom, right) = rows.min(axis=0), rows.max(axis=0)
@@ -119,4 +124,4 @@ def test_an_encoded_view_tells_the_silhouette_also_outside_the_image(tmp_path, i
     assert record.depth_scale == (scale if scale == 0.01 else depth_scale_for(float(depth.max())))
     units = cv2.imdecode(np.frombuffer(files["depth"], np.uint8), cv2.IMREAD_UNCHANGED)
     assert np.abs(units * record.depth_scale - depth).max() <= 0.51 * record.depth_scale
-    assert record.sha256 == file_hashes(paths, files)
+    assert record.files == file_sums(paths, files)

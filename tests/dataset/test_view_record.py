@@ -1,25 +1,29 @@
 """A record comes back as it was; a damaged one is refused by the name of its file and of what is wrong in it."""
 
 import json
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from pipeline.dataset.identity import identity_of
 from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.view import write_view
+from pipeline.dataset.survey import survey_views
+from pipeline.dataset.view import file_sums, write_view
 from pipeline.dataset.view_record import ViewRecord, read_record
 from pipeline.errors import RunError
 from tests.dataset.blank_dataset import record_of
 
 WHERE = "dataset/frame/000002.json"
-CONTENT = record_of(2).to_json() | {"sha256": {"rgb/000002.png": "00"}}
+CONTENT = record_of(2).to_json() | {"files": {"rgb/000002.png": {"sha256": "00" * 32, "bytes": 7}}}
 
 
 def test_the_file_has_the_keys_of_the_format():
     """docs: the layout of a dataset; readers of others depend on these names and their order."""
     assert list(CONTENT) == [
-        "index", "cam_R_m2c", "cam_t_m2c", "depth_scale", "gt_info", "px_count_observed", "attempts", "rejections",
-        "rle_counts", "sha256",
+        "index", "identity", "cam_R_m2c", "cam_t_m2c", "depth_scale", "gt_info", "px_count_observed", "attempts",
+        "rejections", "files", "rle_counts",
     ]  # fmt: skip
     assert list(CONTENT["gt_info"]) == [
         "bbox_obj", "bbox_visib", "px_count_all", "px_count_valid", "px_count_visib", "visib_fract",
@@ -55,6 +59,35 @@ def test_a_missing_or_wrong_value_is_named_with_its_file(place):
         assert str(caught.value).startswith(f"{WHERE}: expected ")
         # of an object, what is missing in it may be named
         assert place[-1] in str(caught.value) or isinstance(wrong, dict)
+
+
+def test_whatever_is_left_of_a_record_is_no_view(tmp_path):
+    """Cut off, zeroed from anywhere, or damaged: not finished, and never another error; a whole one is."""
+    paths, files = ViewPaths(tmp_path, 7), {"rgb": b"picture"}
+    description = {"count": 9, "seed": 1}
+    record = replace(record_of(7), identity=identity_of(description), files=file_sums(paths, files))
+    write_view(paths, files, record)
+
+    def finished() -> set[int]:
+        return survey_views(tmp_path, range(9), description, ("rgb",)).finished
+
+    whole, rng = paths.file("frame").read_bytes(), np.random.default_rng(3)
+    assert finished() == {7}
+    for cut in range(0, len(whole), 5):
+        for data in (whole[:cut], whole[:cut] + bytes(len(whole) - cut)):
+            paths.file("frame").write_bytes(data)
+            assert finished() == set()
+    for _ in range(200):
+        first, last = sorted(rng.integers(0, len(whole) + 1, 2))
+        data = whole[:first] + rng.bytes(last - first) + whole[last:]
+        paths.file("frame").write_bytes(data)
+        # nobody reads a mask to resume, but its digits stay digits
+        assert finished() <= {7}
+        assert not finished() or data == whole or first >= whole.index(b"rle_counts")
+    for number in ("1" + "0" * 400, "NaN", "-Infinity", "1e999", "9" * 5000):
+        data = re.sub(rb'"depth_scale":[^,]+', b'"depth_scale":' + number.encode(), whole)
+        paths.file("frame").write_bytes(data)
+        assert finished() == set()
 
 
 @pytest.mark.parametrize("data", [None, b"", b"{", b"[]", b"\xff"])

@@ -1,6 +1,7 @@
 """Disturbed poses, trials and their counts; the refinement itself is tested with the alignment."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,9 +25,17 @@ from pipeline.evaluation.refinement_basin import (
     summary,
     trials_to_csv,
 )
-from pipeline.evaluation.refinement_scenes import LMO_OBJECTS, RefinementScene, case_scene, lmo_scenes, visible_points
+from pipeline.evaluation.refinement_scenes import (
+    LMO_OBJECTS,
+    RefinementScene,
+    bloster_scenes,
+    case_scene,
+    lmo_scenes,
+    visible_points,
+)
 from pipeline.images.png import encode_png
 from pipeline.surface.mesh import TriangleMesh
+from pipeline.surface.mesh_writer import write_ply
 from pipeline.transforms import inverse_rigid, rigid, rotation_angle_deg, transform_points
 
 CAMERA = PinholeCamera(160, 120, 800.0, 790.0, 82.0, 58.0)
@@ -102,8 +111,8 @@ trial_rows = st.builds(
     accepted=st.booleans(),
     score_before=finite,
     score_after=finite,
-    edge_px_before=finite,
-    edge_px_after=finite,
+    estimated_px_before=finite,
+    estimated_px_after=finite,
     split_half_px=st.just(np.inf),
     second_peak_ratio=finite,
     seconds=finite,
@@ -202,3 +211,35 @@ def test_an_incomplete_lmo_is_refused(tmp_path):
     (tmp_path / "scene_gt.json").write_text("[1]")
     with pytest.raises(InputError, match="in BOP's format"):
         lmo_scenes(tmp_path)
+
+
+def test_scenes_of_bloster_are_coloured_by_the_next_photograph(tmp_path, bumpy_mesh):
+    """Views of one plain colour each: a vertex that the next one sees has exactly its colour."""
+    write_ply(tmp_path / "mesh_70k.ply", bumpy_mesh.scaled(0.001))
+    middle_m = bumpy_mesh.vertices.mean(axis=0) / 1000
+    frames, colours = [], ((255, 0, 0), (0, 255, 0))
+    for number, colour in enumerate(colours):
+        pose = rigid(np.diag([1.0, -1, -1]), np.array([0.0, 0, 0.4 + 0.1 * number])) @ rigid(translation=-middle_m)
+        frames.append({"color": f"rgb/{number}.png", "cam_from_world_refined": pose.tolist()})
+        (tmp_path / "rgb").mkdir(exist_ok=True)
+        (tmp_path / f"rgb/{number}.png").write_bytes(encode_png(np.full((120, 160, 3), colour, np.uint8)))
+    k = {"width": 160, "height": 120, "fx": 400.0, "fy": 400.0, "cx": 80.0, "cy": 60.0}
+    (tmp_path / "cameras.json").write_text(json.dumps({"color": k, "frames": frames}))
+    scenes = bloster_scenes(tmp_path, coloured=True)
+    assert [scene.name for scene in scenes] == ["view 0", "view 1"]
+    for scene, following, distance_mm in zip(scenes, colours[::-1], (400, 500), strict=True):
+        assert scene.colours == pytest.approx(np.tile(np.array(following) / 255, (len(scene.mesh.vertices), 1)))
+        assert transform_points(scene.cam_from_model, np.zeros(3))[2] == pytest.approx(distance_mm, abs=0.01)
+    assert bloster_scenes(tmp_path, coloured=False)[0].colours is None
+    (tmp_path / "cameras.json").write_text("{}")
+    with pytest.raises(InputError, match=r"cameras.json of bloster"):
+        bloster_scenes(tmp_path, coloured=False)
+
+
+def test_estimates_are_compared_with_the_truth(scene):
+    """Of trials that state twice, and half of, the true error."""
+    (trial,) = run_trials([scene], [Disturbance(RIGHT_IMAGE, 5, 5)], 1)
+    known = replace(trial, accepted=True, start_px=8.0, error_px=2.0, estimated_px_before=16.0, estimated_px_after=1.0)
+    lines = summary([known])
+    assert any(line.startswith("estimated / true") and "2.00 / 2.00 / 2.00" in line for line in lines)
+    assert any(line.startswith("estimated / true") and "0.50 / 0.50 / 0.50" in line for line in lines)

@@ -181,7 +181,7 @@ def test_metres_are_millimetres_inside(case_path, tmp_path, align):
         ("none", 2, "at least 4 enabled correspondences, found 0"),
         ("shuffled", 2, "no pose fits these 7 correspondences"),
         ("no file", 2, "it does not exist"),
-        ("no folder", 3, "cannot write the file"),
+        ("no folder", 3, "cannot write the file (Not a directory)"),
         ("sigma", 2, "click noise: expected a positive number"),
         ("option", 2, "did you mean '--pairs'"),
     ],
@@ -199,7 +199,7 @@ def test_what_cannot_be_used_ends_with_one_line(case_path, tmp_path, align, kind
     if kind != "no file":
         write_landmarks(pairs, landmarks)
     further = {
-        "no folder": ["--json", tmp_path / "missing" / "pose.json"],
+        "no folder": ["--json", pairs / "pose.json"],
         "sigma": ["--click-sigma-px", "-1"],
         "option": ["--pair", "x"],
     }
@@ -240,3 +240,26 @@ def test_an_image_that_shows_nothing_of_the_shape_refines_no_pose(case_path, tmp
     assert ended.returncode == 0, ended.stderr
     assert "note: " in ended.stdout
     assert read_case(tmp_path / "refined.toml").alignment["method"] == "landmarks"
+
+
+def test_a_refused_pose_is_taken_by_choice_and_marked_as_such(case_path, tmp_path, align):
+    true, out, record = case_path.with_name("true.toml"), tmp_path / "taken.toml", tmp_path / "taken.json"
+    write_landmarks(tmp_path / "pairs.csv", clicked_landmarks(case_path))
+    pairs = ("--pairs", tmp_path / "pairs.csv", FINE)
+    ended = align(true, *pairs, "--refine", "--take-refused", "--out", out, "--json", record)
+    assert ended.returncode == 0, ended.stderr
+    assert "warning: taken although refused: " in ended.stdout
+    found, table = read_case(out), json.loads(record.read_text())
+    assert found.alignment["method"] == "refined"
+    assert found.alignment["refused"] in ended.stdout
+    assert (found.alignment["start_method"], found.alignment["start_pairs"]) == ("landmarks", 7)
+    assert table["refinement"]["taken_although_refused"]
+    assert not table["refinement"]["accepted"]
+    assert np.array_equal(np.array(table["cam_from_mesh"]), found.cam_from_mesh)
+    assert np.array_equal(np.array(table["refinement"]["found_cam_from_mesh"]), found.cam_from_mesh)
+    # residuals and uncertainty stay with the pose that they are about
+    assert "pairs" not in table
+    assert np.array(table["start"]["cam_from_mesh"]) == pytest.approx(true_case(case_path).cam_from_mesh, abs=1e-4)
+    ended = align(true, "--take-refused")
+    assert ended.returncode == 2
+    assert "expected --refine" in ended.stderr

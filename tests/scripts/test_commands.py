@@ -41,7 +41,7 @@ def oneframe(run_command):
 
 def parser_of(name: str) -> argparse.ArgumentParser:
     module = import_module(f"pipeline.commands.{name}")
-    return command_parser(f"oneframe {name}", module.__doc__, module.EPILOG, module.add_arguments)
+    return command_parser(f"oneframe {name}", module.ABOUT, module.EPILOG, module.add_arguments)
 
 
 def examples(epilog: str) -> list[list[str]]:

@@ -1,5 +1,6 @@
 """Reading mesh files: any legal layout gives the same triangles, any damage gives a refusal that says where."""
 
+import os
 import re
 import struct
 import warnings
@@ -429,9 +430,11 @@ def test_missing_folder_and_unreadable_are_refused(tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"folder\.ply: expected a mesh file, cannot read it \(a folder\)"):
         read_mesh(tmp_path / "folder.ply")
 
-    def locked(path: Path) -> bytes:
+    (tmp_path / "a.ply").touch()
+
+    def locked(path: Path, *_: object) -> int:
         raise PermissionError(13, "Permission denied", str(path))
 
-    monkeypatch.setattr(Path, "read_bytes", locked)  # a file mode would not stop an administrator
+    monkeypatch.setattr(os, "open", locked)  # a file mode would not stop an administrator
     with pytest.raises(InputError, match=r"a\.ply: expected a mesh file, cannot read it \(Permission denied\); check"):
         read_mesh(tmp_path / "a.ply")

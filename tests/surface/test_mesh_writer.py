@@ -1,6 +1,7 @@
 """Writing meshes: exact round trips, agreement with an independent reader and writer, atomic replacement."""
 
 import os
+import re
 import struct
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from pipeline.errors import InputError
 from pipeline.files.content import write_bytes_atomically
 from pipeline.surface.mesh import TriangleMesh, checked_mesh
 from pipeline.surface.mesh_reader import read_mesh
-from pipeline.surface.mesh_writer import write_obj, write_ply
+from pipeline.surface.mesh_writer import material_path, texture_path, write_obj, write_ply
 
 SHARED_DATA = Path(__file__).parents[3] / "shared" / "data"
 quick = settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -103,21 +104,42 @@ def test_trimesh_reads_what_is_written_and_the_reverse(tmp_path, mesh):
 def test_trimesh_reads_texture_coordinates_per_corner(tmp_path, mesh, seed):
     trimesh = pytest.importorskip("trimesh")
     uv = np.random.default_rng(seed).integers(0, 9, (*mesh.faces.shape, 2)) / np.float32(8)
-    write_obj(tmp_path / "a.obj", mesh, uv=uv, texture="skin 1.png")
-    write_ply(tmp_path / "a.ply", mesh, uv=uv, texture="skin 1.png")
+    write_obj(tmp_path / "a.obj", mesh, uv=uv, texture="skin-1.png")
+    write_ply(tmp_path / "a.ply", mesh, uv=uv, texture="skin-1.png")
     theirs = trimesh.load(tmp_path / "a.obj", process=False)
     assert np.array_equal(theirs.triangles, mesh.vertices[mesh.faces])
     assert np.array_equal(theirs.visual.uv[theirs.faces], uv)
-    material = (tmp_path / "a.mtl").read_text().splitlines()
-    assert material == ["newmtl surface", "Kd 1 1 1", "illum 0", "map_Kd skin 1.png"]
+    material = [line for line in (tmp_path / "a.mtl").read_text().splitlines() if not line.startswith("#")]
+    # Blender warns of illum 0
+    assert material == ["newmtl surface", "Ka 0 0 0", "Kd 1 1 1", "Ks 0 0 0", "illum 1", "map_Kd skin-1.png"]
     header, _, body = (tmp_path / "a.ply").read_bytes().partition(b"end_header\n")
-    assert b"\ncomment TextureFile skin 1.png\n" in header
+    assert b"\ncomment TextureFile skin-1.png\n" in header
     rows = body[12 * len(mesh.vertices) :]
     assert len(rows) == 38 * len(mesh.faces)
     for index in range(len(mesh.faces)):
         three, *corners, six = struct.unpack_from("<B3iB", rows, 38 * index)
         assert (three, corners, six) == (3, mesh.faces[index].tolist(), 6)
         assert struct.unpack_from("<6f", rows, 38 * index + 14) == tuple(uv[index].ravel().tolist())
+
+
+@settings(deadline=None)
+@given(st.text(st.characters(exclude_characters="/\0", exclude_categories=("Cs",)), min_size=1, max_size=60))
+def test_companions_have_names_that_every_reader_finds(stem):
+    """Pure ASCII without spaces, the same for the same name, and the file's own name where that is safe."""
+    path = Path("folder") / f"{stem}.obj"
+    for companion, suffix in ((texture_path(path), ".png"), (material_path(path), ".mtl")):
+        assert companion.parent == path.parent
+        assert companion.suffix == suffix
+        assert re.fullmatch(r"\w[\w.-]*", companion.name, re.ASCII)
+        assert companion.stem == stem or not re.fullmatch(r"\w[\w.-]*", stem, re.ASCII)
+
+
+def test_companions_of_different_files_differ():
+    names = ["bone 1", "bone_1", "bone  1", "Schädel", "Schadel", "頭骨", "骨", "bone#1", "bone[1]", "-bone", "bone"]
+    assert len({texture_path(Path(f"{name}.ply")).name.lower() for name in names}) == len(names)
+    assert texture_path(Path("Schädel.ply")).name.startswith("Schadel_")
+    # one name in two forms of Unicode is one file on macOS
+    assert texture_path(Path("Scha\u0308del.ply")) == texture_path(Path("Sch\u00e4del.ply"))
 
 
 @pytest.mark.parametrize(
@@ -154,7 +176,7 @@ def test_published_meshes(name, tmp_path):
         ({"normals": np.zeros((3, 4))}, "normals"),
         ({"uv": np.zeros((3, 2))}, "uv"),
         ({"texture": "a.png"}, "texture"),
-        ({"texture": "b/a.png", "uv": np.zeros((1, 3, 2))}, "texture"),
+        *(({"texture": name, "uv": np.zeros((1, 3, 2))}, "texture") for name in ("b/a.png", "a b.png", "ä.png", "-a")),
     ],
 )
 def test_write_refuses_arrays_that_do_not_fit(tmp_path, options, message):

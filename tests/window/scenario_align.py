@@ -1,4 +1,4 @@
-"""From a rough pose to an aligned one by landmarks, as an annotator does it; counts every click and key."""
+"""From a rough pose to an aligned one by a pin and landmarks, as an annotator does it; counts every click and key."""
 
 import bpy
 import numpy as np
@@ -13,16 +13,14 @@ from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_
 
 FEATURES = [(170, 250), (330, 190), (800, 190), (860, 560), (460, 540), (150, 600), (640, 330), (560, 120)]
 """Pixels of the frame at which the user recognises features."""
-MOST_ACTIONS = 16
+MOST_ACTIONS = 15
 
 
 def scenario(user):
-    scene = bpy.context.scene
     true = read_case(user.case)
     rough = user.case.parent / "rough.toml"
-    with user.context():
-        bpy.ops.oneframe.open_case(filepath=str(user.case))
-    yield from user.redraw()
+    yield from user.open_case()
+    scene = bpy.context.scene
     camera = from_scene.camera(scene)
     true_pose = from_scene.cam_from_model(scene)
     points = [surface_point_at(scene, pixel) for pixel in FEATURES]
@@ -42,27 +40,34 @@ def scenario(user):
     # a file is chosen by a double click
     counted.actions += 2
     yield from user.choose_file(rough)
+    yield from user.at_workbench()
     scene = bpy.context.scene
     yield from user.until(lambda: scene.oneframe.case_path == str(rough), "the case to be open")
     user.facts["start_px"] = round(error_px(scene, camera, shown, true_pose), 1)
     yield from user.picture("2_opened")
 
-    with user.context():
-        bpy.ops.wm.tool_set_by_id(name="oneframe.landmark_tool")
-    counted.actions += 1
-    yield from user.redraw()
     pairs = 0
-    for pixel, point in zip(FEATURES, points, strict=True):
-        if point is None or pairs == 6:
-            continue
+    waiting = [(pixel, point) for pixel, point in zip(FEATURES, points, strict=True) if point is not None]
+    for _ in range(2 * len(waiting)):
+        if pairs == 6 or not waiting:
+            break
+        pixel, point = waiting.pop(0)
         pose = from_scene.cam_from_model(scene)
         seen = camera.project(transform_points(pose, point[None]))[0]
         hit = surface_point_at(scene, seen)
-        # skip a feature that is hidden at the current pose
+        # leave a feature that is hidden at the current pose for later
         if hit is None or np.linalg.norm(hit - point) > 1.0 or not in_view(user, scene, seen):
+            waiting.append((pixel, point))
             continue
-        yield from counted.click(place(user, scene, seen), shift=True)
-        yield from counted.click(place(user, scene, np.array(pixel, float)))
+        if pairs == 0:
+            # the tool that is active at first: a pin brings the surface near
+            yield from counted.drag(place(user, scene, seen), place(user, scene, np.array(pixel, float)))
+            with user.context():
+                bpy.ops.wm.tool_set_by_id(name="oneframe.landmark_tool")
+            counted.actions += 1
+        else:
+            yield from counted.click(place(user, scene, seen), shift=True)
+            yield from counted.click(place(user, scene, np.array(pixel, float)))
         pairs += 1
         yield from user.redraw()
         user.facts[f"px after {pairs} pairs"] = round(error_px(scene, camera, shown, true_pose), 2)
@@ -115,6 +120,10 @@ class Counted:
     def click(self, place, **modifiers):
         self.actions += 1
         yield from self.user.click(place, **modifiers)
+
+    def drag(self, start, end):
+        self.actions += 1
+        yield from self.user.drag(start, end)
 
     def press(self, name):
         self.actions += 1

@@ -39,8 +39,7 @@ def scenario(user):
     rng = np.random.default_rng(4)
     grid = np.stack(np.meshgrid(np.linspace(40, 919, 7), np.linspace(40, 679, 6)), -1).reshape(-1, 2)
     dots = grid + rng.uniform(-15, 15, grid.shape)
-    with user.context():
-        bpy.ops.oneframe.open_case(filepath=str(write_dotted_case(user.folder, dots, rng)))
+    yield from user.open_case(write_dotted_case(user.folder, dots, rng))
     scene, space = bpy.context.scene, user.area.spaces.active
     surface = scene.oneframe.surface
     scene.oneframe.show_gizmo = False
@@ -49,7 +48,12 @@ def scenario(user):
     space.shading.light, space.shading.show_cavity, space.shading.background_type = "FLAT", False, "VIEWPORT"
     space.shading.background_color = (0.0, 0.0, 0.0)
     surface.color = (1.0, 1.0, 1.0, 1.0)
-    space.show_gizmo = False
+    # the surface as Blender draws it
+    scene.oneframe_view.opacity, scene.oneframe_view.contour = 1.0, False
+    with user.context():
+        # no loupe over the dots
+        bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
+    space.show_gizmo = space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = False
     background = scene.oneframe.camera_object.data.background_images[0]
 
     # zoom in until the window's pixels are smaller than the tolerance

@@ -18,15 +18,15 @@ ADDON = "bl_ext.user_default.oneframe"
 
 
 def scenario(user):
-    with user.context():
-        bpy.ops.oneframe.open_case(filepath=str(user.case))
-    yield from user.redraw()
+    yield from user.open_case()
     true = from_scene.cam_from_model(bpy.context.scene)
     points = np.array([surface_point_at(bpy.context.scene, pixel) for pixel in FEATURES])
     start = rigid(rotation_from_vector(np.radians([3.0, -2.5, 3.0])), [4.0, -3.0, 8.0]) @ true
     surface_object.set_pose(bpy.context.scene.oneframe.camera_object, bpy.context.scene.oneframe.surface, start)
     with user.context():
         bpy.ops.wm.tool_set_by_id(name=TOOL)
+        # at the rough pose some features lie outside the frame
+        bpy.ops.oneframe.zoom_frame(factor=0.7)
         bpy.ops.ed.undo_push(message="rough pose")
     yield from user.redraw()
     yield from pull(user, points)

@@ -9,12 +9,13 @@ from bl_ext.user_default.oneframe.move.gizmo import GAP
 from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.state.pivot import pivot_of
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
+from bl_ext.user_default.oneframe.ui.keymap import MOVE_TOOL
 
 
 def scenario(user):
+    yield from user.open_case()
     with user.context():
-        # as a separate undo step, as when a user opens it
-        bpy.ops.oneframe.open_case("EXEC_DEFAULT", True, filepath=str(user.case))
+        bpy.ops.wm.tool_set_by_id(name=MOVE_TOOL)
     yield from user.redraw()
     start = pose()
 

@@ -15,10 +15,9 @@ VIEWS = 200
 
 
 def scenario(user):
+    yield from user.open_case()
     scene = bpy.context.scene
     settings = scene.oneframe
-    with user.context():
-        bpy.ops.oneframe.open_case(filepath=str(user.case))
     yield from user.open_sidebar("OneFrame")
     pose = from_scene.cam_from_model(scene)
     for mode in ("vertex", "texture"):
@@ -71,4 +70,4 @@ def running():
 
 def views(out):
     """The finished views and their times."""
-    return {path.name: path.stat().st_mtime_ns for path in out.glob("train_pbr/*/frame/*.json")}
+    return {path.name: path.stat().st_mtime_ns for path in out.glob("train_synt/*/frame/*.json")}

@@ -13,14 +13,14 @@ bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 from bl_ext.user_default.oneframe.landmarks import loupe
 from bl_ext.user_default.oneframe.pipeline.blender.bridge.image import read_image
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
+from bl_ext.user_default.oneframe.ui.keymap import PIN_TOOL
 
 STILL_PX = 1.0
 """How far the frame may move under the pointer while the wheel is turned, pixels of the screen."""
 
 
 def scenario(user):
-    with user.context():
-        bpy.ops.oneframe.open_case("EXEC_DEFAULT", True, filepath=str(user.case))
+    yield from user.open_case()
     scene, space = bpy.context.scene, user.area.spaces.active
     scene.oneframe.show_gizmo = False
     space.show_gizmo, space.overlay.show_text = False, False
@@ -71,7 +71,7 @@ def zoom(user, scene):
 
 def keys(user, scene):
     view = scene.oneframe_view
-    view.opacity = 1.0
+    view.opacity, view.contour = 1.0, False
     yield from user.move(user.middle())
     for key, state in (
         ("ONE", lambda: round(view.opacity, 1) == 0.6),
@@ -149,7 +149,7 @@ def magnify(user, scene):
         yield from user.redraw()
         yield 0.3
         pointer = np.round(user._place) + 0.5 - np.array([region.x, region.y])
-        left, below = loupe.corner(region, *pointer, size)
+        left, below = map(int, loupe.corner(user.area, pointer, size, []))
         window = x11_capture.capture()[::-1].astype(float)[region.y + below :, region.x + left :][:size, :size]
         y, x = (np.mgrid[:size, :size] + 0.5 - size / 2) / loupe.MAGNIFICATION
         at = seen(user).px_from_region(pointer)
@@ -163,7 +163,7 @@ def magnify(user, scene):
     user.facts["loupe"] = best
     assert all(shift == (0.0, 0.0) and error < 2 for shift, error in best), best
     with user.context():
-        bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
+        bpy.ops.wm.tool_set_by_id(name=PIN_TOOL)
 
 
 def bilinear(image, u, v):

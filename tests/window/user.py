@@ -172,6 +172,24 @@ class User(Hands):
         """Move the pointer off the sidebar, so that nothing is highlighted there."""
         yield from self.move(self.middle())
 
+    # --- the workbench ---------------------------------------------------------------------------------------------
+
+    def open_case(self, case: Path | None = None) -> Action:
+        """Open a case as one undo step, and wait for the add-on's own workspace."""
+        with self.context():
+            bpy.ops.oneframe.open_case("EXEC_DEFAULT", True, filepath=str(case or self.case))
+        yield from self.at_workbench()
+
+    def at_workbench(self) -> Action:
+        """Wait until the add-on's own workspace shows its scene, with the whole frame in view."""
+        yield from self.until(
+            lambda: "oneframe_workspace" in self.window.workspace and "oneframe_workbench" in self.window.scene,
+            "the add-on's workspace with its scene",
+        )
+        yield from self.redraw()
+        yield 0.3
+        yield from self.redraw()
+
     # --- files ------------------------------------------------------------------------------------------------------
 
     def choose_file(self, path: Path) -> Action:

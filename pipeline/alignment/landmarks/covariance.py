@@ -70,7 +70,8 @@ class PoseUncertainty:
     dof
         Degrees of freedom of the noise estimate, for confidence regions.
     sigma_px
-        The noise estimate: standard deviation of a click in each image direction, px.
+        The noise estimate: standard deviation of a click in each image direction, px. NaN for a pose that does not
+        come from clicks.
     radius_mm
         Root mean square distance of these points from the pivot: makes rotations comparable with shifts.
     pivot_cam

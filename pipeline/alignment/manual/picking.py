@@ -36,6 +36,20 @@ def new_name(landmarks: Sequence[Landmark]) -> str:
     return f"Landmark {number}"
 
 
+def asked_half(landmarks: Sequence[Landmark], active: int) -> Half | None:
+    """The half that the next pick completes a landmark with; ``None`` if it starts a landmark, by either half."""
+    index = _half_picked(landmarks, active)
+    if index is None or (0 <= active < len(landmarks) and _count_halves(landmarks[active]) == 0):
+        return None
+    return "point" if landmarks[index].point is None else "pixel"
+
+
+def _half_picked(landmarks: Sequence[Landmark], active: int) -> int | None:
+    """Index of the landmark to complete next, the active one first; ``None`` if none has just one half."""
+    indices = [index for index, landmark in enumerate(landmarks) if _count_halves(landmark) == 1]
+    return active if active in indices else next(iter(indices), None)
+
+
 def next_step(landmarks: Sequence[Landmark], active: int, *, in_frame: bool) -> str:
     """One sentence: what a click in this viewport does next.
 
@@ -47,11 +61,10 @@ def next_step(landmarks: Sequence[Landmark], active: int, *, in_frame: bool) -> 
         Whether the viewport looks through the frame's camera, so that both halves can be picked in it.
     """
     surface_click = "Shift + click" if in_frame else "click"
-    halves = [_count_halves(landmark) for landmark in landmarks]
-    if 0 <= active < len(landmarks) and halves[active] == 0:
+    chosen = _half_picked(landmarks, active)
+    if 0 <= active < len(landmarks) and _count_halves(landmarks[active]) == 0:
         feature = f"{landmarks[active].name}: click a feature"
-    elif 1 in halves:
-        chosen = active if 0 <= active < len(landmarks) and halves[active] == 1 else halves.index(1)
+    elif chosen is not None:
         name = landmarks[chosen].name
         if landmarks[chosen].point is None:
             return f"{name}: {surface_click} the same point on the surface"

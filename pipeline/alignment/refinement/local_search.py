@@ -7,7 +7,7 @@ Pereyra 1973, in the form of Kaufman 1975). Gradients are a mean of those of the
 are damped (Levenberg-Marquardt).
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -34,11 +34,35 @@ RENDERING_CONVERGED_PX = 0.1
 """Mean movement of the points, in px of the level, below which a rendering is the last."""
 
 
+Part = tuple[Literal["half", "without quarter"], int] | None
+"""Which part of the image counts: one of two complementary halves, the fields of a chequerboard (0 or 1); all but one
+quarter (0 to 3), divided at the middle of the surface; or ``None``, all of it."""
+
+
 class LocalResult(NamedTuple):
     """The local maximum: squared correlation, 0..1, and ``(4, 4)`` pose."""
 
     score: float
     cam_from_model: np.ndarray
+
+
+class Linearisation(NamedTuple):
+    """The least squares problem at a pose, linear in a twist (mm, radians) about ``pivot_cam``, in the camera frame.
+
+    Attributes
+    ----------
+    pivot_cam
+        ``(3,)`` mean of the points, mm.
+    pixels
+        ``(N, 2)`` where the points lie in the image of the level.
+    jacobian, residuals
+        ``(N, 6)`` and ``(N,)``, without what a change of the mixture explains.
+    """
+
+    pivot_cam: np.ndarray
+    pixels: np.ndarray
+    jacobian: np.ndarray
+    residuals: np.ndarray
 
 
 class _Points(NamedTuple):
@@ -62,7 +86,7 @@ class _State(NamedTuple):
 
 
 def refine_on_level(
-    level: PyramidLevel, cam_from_model: np.ndarray, *, renderings: int = 8, steps: int = 12, half: int | None = None
+    level: PyramidLevel, cam_from_model: np.ndarray, *, renderings: int = 8, steps: int = 12, part: Part = None
 ) -> LocalResult | None:
     """Refine a pose on one level; ``None`` if too little of the surface is in the image.
 
@@ -74,15 +98,15 @@ def refine_on_level(
         ``(4, 4)`` the initial pose.
     renderings, steps
         Largest number of renderings, and of steps for each.
-    half
-        0 or 1 to use only one of two complementary halves of the image, a chequerboard; ``None`` for the whole image.
+    part
+        The part of the image to use, see :data:`Part`.
     """
     result = None
     for rendering in range(renderings):
         seen = appearance(level.surface, level.camera, cam_from_model, window_px=level.window_px)
         if seen is None:
             return result
-        points = _sample_points(seen, rendering, half)
+        points = _sample_points(seen, rendering, part)
         image = image_without_local_mean(level.image, level.valid, seen.region, level.window_px)
         state = _evaluate(level, image, points, cam_from_model)
         if state is None:
@@ -106,7 +130,21 @@ def score(level: PyramidLevel, cam_from_model: np.ndarray) -> float:
     return 0.0 if state is None else state.mixture.score
 
 
-def _sample_points(seen: Appearance, rendering: int, half: int | None) -> _Points:
+def linearised(level: PyramidLevel, cam_from_model: np.ndarray) -> Linearisation | None:
+    """The least squares problem of a level at a pose; ``None`` if too little of the surface is in the image."""
+    seen = appearance(level.surface, level.camera, cam_from_model, window_px=level.window_px)
+    if seen is None:
+        return None
+    image = image_without_local_mean(level.image, level.valid, seen.region, level.window_px)
+    points = _sample_points(seen, 0, None)
+    state = _evaluate(level, image, points, cam_from_model)
+    if state is None:
+        return None
+    pivot = state.points_cam.mean(axis=0)
+    return Linearisation(pivot, state.pixels, *_linear_system(level.camera, image, points, state, pivot))
+
+
+def _sample_points(seen: Appearance, rendering: int, part: Part) -> _Points:
     selected = seen.region
     step = max(int(np.ceil(np.sqrt(np.count_nonzero(selected) / MAX_POINTS))), 1)
     if step > 1:
@@ -116,9 +154,13 @@ def _sample_points(seen: Appearance, rendering: int, half: int | None) -> _Point
         selected = selected & lattice
     y, x = np.nonzero(selected)
     weights = np.ones(len(x))
-    if half is not None:
-        field = max(np.sqrt(np.count_nonzero(seen.region)) / 5, 2)
-        weights = ((x // field + y // field) % 2 == half).astype(float)
+    if part is not None:
+        kind, number = part
+        if kind == "half":
+            field = max(np.sqrt(np.count_nonzero(seen.region)) / 5, 2)
+            weights = ((x // field + y // field) % 2 == number).astype(float)
+        else:
+            weights = ((x > np.median(x)) + 2 * (y > np.median(y)) != number).astype(float)
     planes = np.moveaxis(seen.features, 2, 0)
     gradients = np.stack([_gradient(plane)[y, x] for plane in planes], axis=1)
     return _Points(seen.points_model[y, x], seen.features[y, x].astype(float), gradients, weights)
@@ -154,7 +196,8 @@ def _levenberg_marquardt(level: PyramidLevel, image: np.ndarray, points: _Points
     damping, min_weight = 1e-3, MIN_OVERLAP * state.weights.sum()
     pivot = state.points_cam.mean(axis=0)
     for _ in range(steps):
-        normal, gradient = _normal_equations(level.camera, image, points, state, pivot)
+        jacobian, residuals = _linear_system(level.camera, image, points, state, pivot)
+        normal, gradient = jacobian.T @ jacobian, jacobian.T @ residuals
         for _ in range(4):
             twist = np.linalg.solve(normal + damping * np.diag(np.diag(normal)) + 1e-12 * np.eye(6), -gradient)
             moved = rigid(translation=pivot) @ se3_exp(twist) @ rigid(translation=-pivot) @ state.cam_from_model
@@ -172,10 +215,10 @@ def _levenberg_marquardt(level: PyramidLevel, image: np.ndarray, points: _Points
     return state
 
 
-def _normal_equations(
+def _linear_system(
     camera: PinholeCamera, image: np.ndarray, points: _Points, state: _State, pivot: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """J^T J ``(6, 6)`` and J^T r ``(6,)`` for a twist (mm, radians) about ``pivot``, in the camera frame."""
+    """J ``(N, 6)`` and r ``(N,)`` for a twist (mm, radians) about ``pivot``, in the camera frame."""
     mixture, weights = state.mixture, state.weights
     total = weights.sum()
     mixed, predicted = state.channels @ mixture.channel_weights, points.features @ mixture.feature_weights
@@ -196,4 +239,4 @@ def _normal_equations(
     within = basis.T @ basis
     within += np.diag(1e-9 * np.diag(within) + 1e-30)
     jacobian -= basis @ np.linalg.solve(within, basis.T @ jacobian)
-    return jacobian.T @ jacobian, jacobian.T @ (residual * root[:, 0])
+    return jacobian, residual * root[:, 0]

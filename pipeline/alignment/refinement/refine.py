@@ -2,12 +2,10 @@
 
 A local search (:mod:`.local_search`) starts from the rough pose. If its result fails the verification, a search over
 tilts, rolls, distances and shifts on a coarse image (:mod:`.pose_search`) gives further initial poses, which are
-refined from coarse to fine. The result is accepted only if it explains the image better than the rough pose, has a low
-second peak ratio, and agrees between two halves of the image (:mod:`.verification`). Needs ``cv2``.
+refined from coarse to fine. :mod:`.verdict` accepts or refuses the result. Needs ``cv2``.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,16 +17,16 @@ from ...surface.mesh import TriangleMesh
 from ...transforms import (
     checked_rigid,
     inverse_rigid,
-    rotation_angle_deg,
     rotation_from_vector,
     transform_points,
     turned_about,
 )
 from .image_pyramid import PyramidLevel, pyramid
-from .local_search import LocalResult, refine_on_level
+from .local_search import LocalResult, refine_on_level, score
 from .pose_search import REACH, search_poses, second_peak_ratio
 from .shading_features import RIM, Surface
-from .verification import ImageAgreement, Verification, agreement, contrast, mean_distance_px, verify
+from .verdict import MAX_SECOND_PEAK_RATIO, Refinement, judged, refused_unsearched
+from .verification import contrast, mean_distance_px
 
 SIDES_PX = (70.0, 125.0, 220.0)
 """Square roots of the surface's area on the pyramid levels."""
@@ -51,56 +49,11 @@ SMALL_PX = 10000
 MIN_CONTRAST = 1e-3
 """Root mean square of the coarsest image less its local mean, code values 0..1."""
 
-MIN_SCORE = 0.1
-"""Squared correlation of the refined pose."""
-
-MAX_SECOND_PEAK_RATIO = 0.5
-
-SHORT_ROTATION_DEG, MAX_ROTATION_DEG = 6.0, 15.0
-"""A local search that rotated by more than the first may have found a wrong peak and is followed by the pose search.
-Rotations beyond the second are refused: slanted views begin to fit anything."""
-
-MAX_SPLIT_HALF_PX, MAX_SPLIT_HALF_LEVEL_PX = 2.0, 0.7
-"""In pixels of the full image, and of the finest level; the larger bound applies."""
+SHORT_ROTATION_DEG = 6.0
+"""A local search that rotated by more may have found a wrong peak and is followed by the pose search."""
 
 MIN_SURFACE_PX = 64
 """Pixels that must show the surface at the rough pose, in an image of 160 px."""
-
-
-@dataclass(frozen=True)
-class Refinement:
-    """The outcome of a refinement.
-
-    Attributes
-    ----------
-    cam_from_model
-        ``(4, 4)`` the refined pose if accepted, else the rough one.
-    accepted
-        Whether the refined pose passed the verification and has a higher score than the rough one.
-    before, after
-        Agreement of the rough and of the refined pose with the image, whether accepted or not.
-    message
-        Why the refined pose was accepted or refused, with numbers.
-    found
-        ``(4, 4)`` the refined pose, also if it was refused.
-    verified
-        Whether ``found`` passed the verification; if so and not accepted, the rough pose was as good.
-    moved_px, rotation_deg
-        From the rough pose to ``found``: mean shift of the visible points, and angle of rotation.
-    verification
-        Measures of the verification; ``None`` if there was no refined pose to test.
-    """
-
-    cam_from_model: np.ndarray
-    accepted: bool
-    before: ImageAgreement
-    after: ImageAgreement
-    message: str
-    found: np.ndarray
-    verified: bool
-    moved_px: float
-    rotation_deg: float
-    verification: Verification | None
 
 
 def refine_pose(
@@ -143,18 +96,18 @@ def refine_pose(
     report(0.0)
     levels, points, area_px = _levels(image, valid, camera, Surface(mesh, colours), start)
     if not levels:
-        return _refuse_unsearched(
+        return refused_unsearched(
             start, "it shows almost no surface in the image; move the surface into the image first"
         )
     if contrast(levels[0]) < MIN_CONTRAST:
-        return _refuse_unsearched(start, "the image shows no detail there; use a frame with more contrast")
-    before = agreement(levels[-1], start)
+        return refused_unsearched(start, "the image shows no detail there; use a frame with more contrast")
+    before = score(levels[-1], start)
     report(0.05)
 
     def assess(pose: np.ndarray) -> Refinement:
         if area_px / levels[-1].px ** 2 < SMALL_PX:
             pose = _multistart(levels[-1], pose, points)
-        return _accept(start, pose, before, levels, points, camera)
+        return judged(start, pose, before, levels, points, camera)
 
     # a pose whose shifts fit as well is not worth refining on finer levels
     pose = _multistart(levels[0], start, points, lambda fraction: report(0.05 + 0.05 * fraction))
@@ -172,12 +125,6 @@ def refine_pose(
     result = assess(pose)
     report(1.0)
     return result
-
-
-def _refuse_unsearched(start: np.ndarray, reason: str) -> Refinement:
-    none = ImageAgreement(0.0, np.nan)
-    message = f"Refused, the pose is unchanged: {reason}."
-    return Refinement(start, False, none, none, message, start, False, 0.0, 0.0, None)
 
 
 def _check(
@@ -283,57 +230,3 @@ def _multistart(
         if best.score < MIN_GAIN * centre.score:
             break
     return pose if best is None else best.cam_from_model
-
-
-def _accept(
-    start: np.ndarray,
-    pose: np.ndarray,
-    before: ImageAgreement,
-    levels: list[PyramidLevel],
-    points: np.ndarray,
-    camera: PinholeCamera,
-) -> Refinement:
-    """Verify a refined pose, and accept or refuse it."""
-    after = agreement(levels[-1], pose)
-    tests = verify(levels[0], levels[-1], pose, points, camera)
-    moved_px = mean_distance_px(camera, points, start, pose)
-    rotation_deg = rotation_angle_deg(pose[:3, :3] @ start[:3, :3].T)
-    limit_px = max(MAX_SPLIT_HALF_PX, MAX_SPLIT_HALF_LEVEL_PX * levels[-1].px)
-    explained = f"the shape explains {after.score:.0%} of the image's variation ({before.score:.0%} before)"
-    objection = None
-    if after.score < MIN_SCORE:
-        objection = f"{explained}, which is too little (at least {MIN_SCORE:.0%})"
-    elif tests.second_peak_ratio > MAX_SECOND_PEAK_RATIO:
-        objection = (
-            f"{explained}, but another place fits {tests.second_peak_ratio:.0%} as well "
-            f"(at most {MAX_SECOND_PEAK_RATIO:.0%})"
-        )
-    elif rotation_deg > MAX_ROTATION_DEG:
-        objection = f"{explained}, but at a rotation of {rotation_deg:.0f}° (at most {MAX_ROTATION_DEG:.0f}°)"
-    elif tests.split_half_px > limit_px:
-        objection = (
-            f"{explained}, but the poses from two halves of the image differ by {tests.split_half_px:.1f} px "
-            f"(at most {limit_px:.1f} px)"
-        )
-    accepted = objection is None and after.score > before.score
-    if objection is not None:
-        message = f"Refused, the pose is unchanged: {objection}; bring the surface nearer by hand or with landmarks."
-    elif accepted:
-        message = (
-            f"Refined by {moved_px:.1f} px and {rotation_deg:.2f}°: {explained}, two halves of the image agree within "
-            f"{tests.split_half_px:.1f} px, and the next best place fits {tests.second_peak_ratio:.0%} as well."
-        )
-    else:
-        message = f"The pose is unchanged: the best pose nearby, {moved_px:.1f} px away, is no better ({explained})."
-    return Refinement(
-        cam_from_model=pose if accepted else start,
-        accepted=accepted,
-        before=before,
-        after=after,
-        message=message,
-        found=pose,
-        verified=objection is None,
-        moved_px=moved_px,
-        rotation_deg=rotation_deg,
-        verification=tests,
-    )

@@ -8,7 +8,9 @@ from ...alignment.landmarks.align_landmarks import Alignment, align_landmarks, c
 from ...alignment.landmarks.picture import marked
 from ...alignment.landmarks.report import alignment_record
 from ...alignment.landmarks.surface_distance import check_landmarks_belong, landmark_distances, off_surface
-from ...alignment.refinement.refine import Refinement, refine_pose
+from ...alignment.refinement.refine import refine_pose
+from ...alignment.refinement.report import refinement_record
+from ...alignment.refinement.verdict import Refinement
 from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase, check_pose
 from ...errors import InputError
@@ -31,15 +33,25 @@ class AlignedCase:
         The refinement against the image; ``None`` if not requested.
     messages
         Messages about the files and the landmarks.
+    took_refused
+        Whether the pose is that of a refused refinement.
     """
 
     loaded: LoadedCase
     alignment: Alignment | None
     refinement: Refinement | None
     messages: tuple[str, ...]
+    took_refused: bool = False
+
+    @property
+    def is_refined(self) -> bool:
+        """Whether the pose is a refined one, and not that of the landmarks."""
+        return self.took_refused or (self.refinement is not None and self.refinement.accepted)
 
 
-def align_case(case: Case, *, click_sigma_px: float, refine: bool, tool: str, date: str) -> AlignedCase:
+def align_case(
+    case: Case, *, click_sigma_px: float, refine: bool, take_refused: bool = False, tool: str, date: str
+) -> AlignedCase:
     """Find the pose of a case.
 
     Parameters
@@ -51,6 +63,8 @@ def align_case(case: Case, *, click_sigma_px: float, refine: bool, tool: str, da
         Standard deviation of the click noise, along each image axis.
     refine
         Also refine the pose against the image.
+    take_refused
+        Take the pose that the refinement has found even if it refuses it; the record in the case says so.
     tool, date
         For the record in the case.
 
@@ -78,20 +92,24 @@ def align_case(case: Case, *, click_sigma_px: float, refine: bool, tool: str, da
         cam_from_mesh = alignment.estimate.cam_from_model
         loaded = _with_pose(loaded, cam_from_mesh, alignment_record(alignment, tool, date))
         check_pose(loaded.case, loaded.mesh, loaded.cam_from_model)
+    took_refused = False
     if refine:
         refinement = refine_pose(loaded.image, loaded.valid, case.camera, loaded.mesh, loaded.cam_from_model)
-        if refinement.accepted:
-            cam_from_mesh = refinement.cam_from_model @ inverse_rigid(loaded.mesh_from_model)
-            loaded = _with_pose(loaded, cam_from_mesh, {"method": "refined", "tool": tool, "date": date})
+        took_refused = take_refused and refinement.can_be_taken
+        if refinement.accepted or took_refused:
+            start = loaded.case.alignment or {"method": "manual"}
+            cam_from_mesh = refinement.found @ inverse_rigid(loaded.mesh_from_model)
+            loaded = _with_pose(loaded, cam_from_mesh, refinement_record(refinement, start, tool, date))
         elif alignment is None:
-            raise InputError(f"{case.path.name}: {refinement.message}")
-    return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages))
+            advice = " --take-refused takes what it has found." if refinement.can_be_taken else ""
+            raise InputError(f"{case.path.name}: {refinement.message}{advice}")
+    return AlignedCase(loaded, alignment, refinement, (*loaded.messages, *messages), took_refused)
 
 
 def alignment_picture(aligned: AlignedCase) -> np.ndarray:
-    """``(H, W, 3)`` float32 values 0..1: the frame with its overlay and, if it has any, landmarks and residuals."""
+    """``(H, W, 3)`` float32 values 0..1: frame and overlay; landmarks and residuals if the pose is theirs."""
     overlay = frame_overlay(aligned.loaded)
-    return marked(overlay, aligned.alignment) if aligned.alignment else overlay
+    return marked(overlay, aligned.alignment) if aligned.alignment and not aligned.is_refined else overlay
 
 
 def _with_pose(loaded: LoadedCase, cam_from_mesh: np.ndarray, record: dict[str, object]) -> LoadedCase:

@@ -32,8 +32,6 @@ INTRINSICS = "oneframe_intrinsics"
 """Custom property of the camera object."""
 
 BONE_RGBA = (0.75, 0.72, 0.62, 1.0)
-FIRST_OPACITY = 0.6
-"""Opacity of a new surface: the frame shows through."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +174,7 @@ def put_surface(
     surface = new_surface_object(mesh, mesh_from_model, cam_from_model)
     alignment_collection(scene).objects.link(surface)
     surface.data.materials.append(_plain_material("OneFrame bone", BONE_RGBA))
-    surface.color = (*BONE_RGBA[:3], FIRST_OPACITY)
+    surface.color = BONE_RGBA
     return surface
 
 
@@ -189,8 +187,12 @@ def put_structure(
     structure.parent = surface
     structure.color = (*colour, 1.0)
     structure.data.materials.append(_plain_material(f"OneFrame {name}", (*colour, 1.0)))
-    # anatomy inside the bone must be visible through the surface
+    # anatomy inside the bone must be visible through the surface: the add-on draws it, fainter where it is hidden
     structure.show_in_front = True
+    for scene in structure.users_scene:
+        for layer in scene.view_layers:
+            layer.update()
+            structure.hide_set(True, view_layer=layer)
     structure.hide_select = True
     return structure
 

@@ -1,12 +1,16 @@
 """Image files read by Blender, and arrays as Blender images: code values without colour management."""
 
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from ...errors import InputError
-from ...images.image_check import check_image_file
+from ...images.image_check import LARGEST_FRAME, check_image_file
 
 
 def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
@@ -23,16 +27,17 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
         The file is missing, cut off, or not an image that Blender can read.
     """
     where = where or str(path)
-    check_image_file(path, where)
+    data = check_image_file(path, where, most_pixels=LARGEST_FRAME)
+    image = bpy.data.images.new("image", 1, 1)
     try:
-        image = bpy.data.images.load(str(path.resolve()), check_existing=False)
-    except RuntimeError as error:
-        raise InputError(f"{where}: expected an image, Blender cannot read it ({_one_line(error)})") from None
-    try:
+        # the bytes that were checked, whatever the file is called and whatever has become of it
+        image.source = "FILE"
+        image.pack(data=data, data_len=len(data))
         image.colorspace_settings.name = "Non-Color"
         # straight alpha: else Blender multiplies 16-bit colours by alpha
         image.alpha_mode = "CHANNEL_PACKED"
-        width, height = image.size
+        with _quiet_decoders():
+            width, height = image.size
         channels = image.channels
         if width == 0 or height == 0 or channels == 0:
             raise InputError(f"{where}: expected an image, Blender cannot decode it; open and save it again as PNG")
@@ -44,6 +49,20 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
     colours = values[..., :3] if channels >= 3 else np.repeat(values[..., :1], 3, axis=2)
     valid = values[..., 3] > 0 if channels == 4 else np.ones((height, width), dtype=bool)
     return np.ascontiguousarray(colours), np.ascontiguousarray(valid)
+
+
+@contextmanager
+def _quiet_decoders() -> Iterator[None]:
+    """Discard what libraries print about damaged images: the caller reports it in one sentence."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
 
 
 def new_float_image(name: str, rgba: np.ndarray) -> bpy.types.Image:
@@ -66,5 +85,6 @@ def new_packed_image(name: str, png: bytes, *, width: int, height: int) -> bpy.t
     return image
 
 
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
+def render_path(path: Path) -> str:
+    """A path for ``render.filepath``, where braces are a template and two slashes the folder of the .blend file."""
+    return str(path.resolve()).replace("{", "{{").replace("}", "}}")

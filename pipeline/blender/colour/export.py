@@ -3,7 +3,10 @@
 PLY and OBJ keep the coordinates and units of the user's mesh; GLB is in metres with y up, as glTF requires.
 """
 
-import tempfile
+import io
+import re
+from collections.abc import Mapping
+from contextlib import redirect_stderr
 from pathlib import Path
 from typing import Literal
 
@@ -12,18 +15,53 @@ import numpy as np
 
 from ...case.loaded_case import LoadedCase
 from ...colour.texture_atlas import TextureAtlas
-from ...colour.vertex_colours import VertexColours
+from ...colour.vertex_colours import VertexColours, colour_vertices
 from ...errors import InputError
 from ...files.content import write_bytes_atomically
+from ...files.kinds import GLB, MTL, OBJ, PLY, PNG
+from ...files.outputs import Output, check_outputs, companion, made_folder, writing
+from ...files.signature import signed
+from ...files.temporary import temporary_folder, unwritable_temporary, writing_temporary
 from ...images.pixel_values import linear_from_codes, to_uint8
 from ...images.png import encode_png
 from ...surface.mesh import TriangleMesh
-from ...surface.mesh_writer import write_obj, write_ply
+from ...surface.mesh_writer import material_path, texture_path, write_obj, write_ply
 from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colors, temporary_data
 from ..bridge.versions import new_node_material
+from ..render.engines import delayed_interrupts
 from .reference_view import baked_colour_of, reference_view_of
 
-FORMATS = (".glb", ".obj", ".ply")
+FORMATS = {".glb": GLB, ".obj": OBJ, ".ply": PLY}
+
+
+def check_export(path: Path, inputs: Mapping[str, Path], *, colour: str) -> None:
+    """Check before any work that the coloured surface can be written, with the files that go with it.
+
+    Parameters
+    ----------
+    path, colour
+        As for :func:`export_coloured_surface`.
+    inputs
+        Files that must not be replaced, by what they are.
+
+    Raises
+    ------
+    InputError
+        Another extension, a colour mode that the format does not support, or a file that must not be replaced.
+    RunError
+        The files cannot be written.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        raise InputError(f"{path}: expected a file name that ends in {', '.join(FORMATS)}, found {path.suffix!r}")
+    if colour not in ("texture", "vertex") or (suffix == ".obj" and colour == "vertex"):
+        raise InputError(f"{path}: a {suffix} file cannot hold {colour} colours; use texture")
+    outputs = [Output(path, FORMATS[suffix])]
+    if colour == "texture" and suffix != ".glb":
+        outputs.append(companion(texture_path(path), PNG))
+    if suffix == ".obj":
+        outputs.append(companion(material_path(path), MTL))
+    check_outputs(outputs, inputs)
 
 
 def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["texture", "vertex"]) -> list[str]:
@@ -45,51 +83,67 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["
     Raises
     ------
     InputError
-        Another extension, or a colour mode that the format does not support.
+        As :func:`check_export`, for the files of the case.
+    RunError
+        A file cannot be written.
     """
+    check_export(path, loaded.case.input_files(), colour=colour)
     suffix = path.suffix.lower()
-    if suffix not in FORMATS:
-        raise InputError(f"{path}: expected a file name that ends in {', '.join(FORMATS)}, found {path.suffix!r}")
-    if colour not in ("texture", "vertex") or (suffix == ".obj" and colour == "vertex"):
-        raise InputError(f"{path}: a {suffix} file cannot hold {colour} colours; use texture")
     source = reference_view_of(loaded)
     surface_colour, messages = baked_colour_of(source, colour)
     given = source.mesh.moved(loaded.mesh_from_model[:3, 3])
-    path.parent.mkdir(parents=True, exist_ok=True)
+    made_folder(path)
     if suffix == ".glb":
-        _write_glb(path, given.scaled(1e-3), surface_colour)
+        data = _glb(given.scaled(1e-3), surface_colour)
+        with writing(path):
+            write_bytes_atomically(path, data)
         return [*source.messages, *messages]
     given = given.scaled(1 / loaded.case.mm_per_unit)
     if isinstance(surface_colour, TextureAtlas):
-        picture = path.with_suffix(".png")
-        write_bytes_atomically(picture, encode_png(to_uint8(surface_colour.image)))
-        write = write_ply if suffix == ".ply" else write_obj
-        write(path, given, uv=surface_colour.uv, texture=picture.name)
+        picture = texture_path(path)
+        with writing(picture):
+            write_bytes_atomically(picture, signed(encode_png(to_uint8(surface_colour.image))))
+        uv, texture = surface_colour.uv, picture.name
+        with writing(path):
+            if suffix == ".obj":
+                write_obj(path, given, uv=uv, texture=texture)
+            else:
+                # for readers that know no textures in a PLY
+                colours = to_uint8(colour_vertices(source.mesh, source.view).rgb)
+                write_ply(path, given, colours=colours, normals=given.vertex_normals, uv=uv, texture=texture)
     else:
-        write_ply(path, given, colours=to_uint8(surface_colour.rgb), normals=given.vertex_normals)
+        with writing(path):
+            write_ply(path, given, colours=to_uint8(surface_colour.rgb), normals=given.vertex_normals)
     return [*source.messages, *messages]
 
 
-def _write_glb(path: Path, mesh: TriangleMesh, colour: VertexColours | TextureAtlas) -> None:
-    """Write with Blender's glTF exporter, from a temporary scene; the material is unlit: colours as recorded."""
-    with temporary_data(), tempfile.TemporaryDirectory(prefix="oneframe-export-") as folder:
+def _glb(mesh: TriangleMesh, colour: VertexColours | TextureAtlas) -> bytes:
+    """The file of Blender's glTF exporter, from a temporary scene; the material is unlit: colours as recorded."""
+    with temporary_data(), temporary_folder() as folder:
         scene = bpy.data.scenes.new("oneframe export")
         surface = new_mesh_object("surface", mesh)
         scene.collection.objects.link(surface)
-        surface.data.materials.append(_unlit_material(surface, colour, Path(folder)))
-        partial = path.with_name(f".partial-{path.stem}.glb")
+        surface.data.materials.append(_unlit_material(surface, colour, folder))
+        path = folder / "surface.glb"
         try:
-            with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
+            with (
+                bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]),
+                delayed_interrupts(),
+                # where Blender prints the exporter's traceback
+                redirect_stderr(io.StringIO()),
+            ):
                 bpy.ops.export_scene.gltf(
-                    filepath=str(partial),
+                    filepath=str(path),
                     export_format="GLB",
                     use_active_scene=True,
                     export_vertex_color="ACTIVE",
                     export_yup=True,
                 )
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
+            return path.read_bytes()
+        except (RuntimeError, OSError) as error:
+            if not (reason := re.search(r"\[Errno \d+\] ([^\n:]*)", str(error))):
+                raise
+            raise unwritable_temporary(reason[1]) from None
 
 
 def _unlit_material(
@@ -100,7 +154,8 @@ def _unlit_material(
     if isinstance(colour, TextureAtlas):
         set_corner_uv(surface, "UVMap", colour.uv)
         file = folder / "frame.png"
-        file.write_bytes(encode_png(to_uint8(colour.image)))
+        with writing_temporary():
+            file.write_bytes(encode_png(to_uint8(colour.image)))
         node = nodes.new("ShaderNodeTexImage")
         node.image = bpy.data.images.load(str(file))
         node.image.pack()

@@ -1,22 +1,25 @@
-"""The end of a dataset job: tables, contact sheet and video, once the views that they need exist."""
+"""The end of a dataset job: models, tables, contact sheet and video, once the views that they need exist."""
 
 from collections.abc import Iterator
-from dataclasses import asdict
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from ...colour.vertex_colours import colour_vertices
-from ...dataset.bop import write_camera, write_models, write_scene
-from ...dataset.layout import VIEWS_PER_SCENE, ViewPaths, finished_views
+from ...dataset.bop import is_test_target, write_camera, write_models, write_scene, write_test_targets
+from ...dataset.checksums import FileSurvey, write_checksums
+from ...dataset.dataset_info import write_dataset_info
+from ...dataset.layout import VIDEO_FILES, VIEWS_PER_SCENE, ViewPaths, other_files
 from ...dataset.pose_tables import POSE_COLUMNS, pose_cells, write_poses
-from ...dataset.view_record import read_record
-from ...files.content import write_bytes_atomically
+from ...dataset.survey import Tally
+from ...dataset.view_record import ViewRecord, read_record
+from ...errors import RunError
+from ...files.content import create_folder, write_bytes_atomically
 from ...files.tables import write_csv
 from ...images.contact_sheet import contact_sheet
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
-from ...poses.constraints import Rejections
 from ...progress import Progress
 from ..alignment.frame_overlay import frame_overlay
 from ..bridge.image import read_image
@@ -25,16 +28,6 @@ from .job import OpenJob
 from .view_renderer import ViewRenderer
 
 SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
-TABLES = ("camera.json", "models/models_info.json", "poses.csv", "transforms.json", "overlay.png", "contact_sheet.png")
-SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "scene_gt_coco.json")
-
-
-def is_complete(job: OpenJob) -> bool:
-    """Whether all views and all tables of the whole dataset exist."""
-    out, views = job.job.out, range(job.count)
-    scenes = [ViewPaths(out, first).scene for first in views[::VIEWS_PER_SCENE]]
-    tables = [out / name for name in TABLES] + [scene / name for scene in scenes for name in SCENE_TABLES]
-    return all(path.exists() for path in tables) and len(finished_views(out, views)) == job.count
 
 
 def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
@@ -51,87 +44,103 @@ def write_overlay(job: OpenJob, renderer: ViewRenderer) -> None:
     write_bytes_atomically(job.job.out / "overlay.png", encode_png(to_uint8(picture)))
 
 
-def write_finished_scenes(job: OpenJob, renderer: ViewRenderer) -> bool:
-    """Write the tables of every complete scene that has views of this job's shard.
+def write_finished_scenes(job: OpenJob, renderer: ViewRenderer) -> None:
+    """Write the tables of every complete scene that has views of this job's shard, while others are not complete."""
+    for scene in sorted({index // VIEWS_PER_SCENE for index in job.views}):
+        # a record of another shard may be missing or damaged
+        with suppress(RunError):
+            write_scene(job.job.out, _scene_records(job, scene), renderer.camera, job.object_name)
+
+
+def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
+    """Write the tables of a complete dataset, its overlay and its contact sheet.
+
+    Every record is read once, and those of one scene are in memory at a time.
 
     Returns
     -------
-    Whether all views of the whole dataset exist.
+    Sums over all views.
+
+    Raises
+    ------
+    RunError
+        A record is missing, damaged or of another run.
     """
-    out, done = job.job.out, finished_views(job.job.out, range(job.count))
-    touched = sorted({index // VIEWS_PER_SCENE for index in job.views})
-    for scene in touched:
-        views = range(scene * VIEWS_PER_SCENE, min((scene + 1) * VIEWS_PER_SCENE, job.count))
-        if done.issuperset(views):
-            write_scene(out, views, renderer.camera)
-    return len(done) == job.count
+    out, camera, tally, targets = job.job.out, renderer.camera, Tally(), []
+    mesh, depth_scale = renderer.source.mesh, renderer.depth_scale
 
+    def records() -> Iterator[ViewRecord]:
+        for scene in range(-(-job.count // VIEWS_PER_SCENE)):
+            in_scene = _scene_records(job, scene)
+            write_scene(out, in_scene, camera, job.object_name)
+            for record in in_scene:
+                tally.add(record)
+                if is_test_target(record):
+                    targets.append(record.index)
+                yield record
 
-def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> None:
-    """Write the tables of a complete dataset: missing scene tables, poses, overlay and contact sheet."""
-    out = job.job.out
-    for first in range(0, job.count, VIEWS_PER_SCENE):
-        views = range(first, min(first + VIEWS_PER_SCENE, job.count))
-        if not (ViewPaths(out, first).scene / SCENE_TABLES[-1]).exists():
-            write_scene(out, views, renderer.camera)
-    write_poses(out, range(job.count), renderer.camera, job.loaded.mesh_from_model)
+    write_poses(out, records(), camera, job.loaded.mesh_from_model, bounds=mesh.bounds, depth_scale=depth_scale)
+    write_test_targets(out, targets)
+    write_dataset_info(out, job.object_name, job.count, camera, mesh, depth_scale)
+    write_overlay(job, renderer)
     chosen = np.unique(np.linspace(0, job.count - 1, min(SHEET_VIEWS, job.count)).round().astype(int))
     images = [read_image(ViewPaths(out, int(index)).file("rgb"))[0] for index in chosen]
-    columns = min(SHEET_COLUMNS, len(images))
-    write_overlay(job, renderer)
-    sheet = contact_sheet(images, columns=columns, tile_width=SHEET_TILE_PX)
+    sheet = contact_sheet(images, columns=min(SHEET_COLUMNS, len(images)), tile_width=SHEET_TILE_PX)
     write_bytes_atomically(out / "contact_sheet.png", encode_png(to_uint8(sheet)))
+    return tally
 
 
-def lacks_video(job: OpenJob) -> bool:
-    """Whether the options ask for a video that does not exist or is incomplete; its poses are written last."""
-    folder, options = job.job.out / "video", job.job.options
-    if not options.video:
-        return False
-    if not ((folder / "trajectory.mp4").exists() and (folder / "poses.csv").exists()):
-        return True
-    return (folder / "poses.csv").read_bytes().count(b"\n") - 1 != options.video_frames
+def _scene_records(job: OpenJob, scene: int) -> list[ViewRecord]:
+    views = range(scene * VIEWS_PER_SCENE, min((scene + 1) * VIEWS_PER_SCENE, job.count))
+    records = []
+    for index in views:
+        paths = ViewPaths(job.job.out, index)
+        record = read_record(paths)
+        if record.identity != job.identity:
+            raise RunError(
+                f"{paths.file('frame')}: expected a view of this run, found one of another; "
+                "do not change the folder during a run, and run the same command again"
+            )
+        records.append(record)
+    return records
 
 
-def write_trajectory_video(job: OpenJob, renderer: ViewRenderer, progress: Progress) -> Path:
+def video_to_render(job: OpenJob, files: FileSurvey) -> int | None:
+    """Number of frames of the video that is to be rendered; ``None`` if there is nothing to do.
+
+    That is the video that the options ask for, or one that the dataset had and that is damaged now.
+    """
+    frames = job.job.options.video_frames
+    video, poses = VIDEO_FILES
+    found = _video_frames(job.job.out / poses) if poses in files.intact else None
+    if job.job.options.video:
+        return None if video in files.intact and found == frames else frames
+    if video in files.damaged or poses in files.damaged:
+        return found or frames
+    return None
+
+
+def _video_frames(poses: Path) -> int:
+    return poses.read_bytes().count(b"\n") - 1
+
+
+def write_trajectory_video(job: OpenJob, renderer: ViewRenderer, frames: int, progress: Progress) -> Path:
     """Write ``video/trajectory.mp4`` and ``video/poses.csv``, one pose per frame; returns the video's path."""
-    folder = job.job.out / "video"
-    (folder / "poses.csv").unlink(missing_ok=True)
-    poses = renderer.video_poses()
+    video, table = (job.job.out / name for name in VIDEO_FILES)
+    poses = renderer.video_poses(frames)
 
     def images() -> Iterator[np.ndarray]:
         for pose in poses:
             yield renderer.render(pose).rgb
             progress.advance()
 
-    write_video(folder / "trajectory.mp4", images())
+    create_folder(video.parent)
+    write_video(video, images())
     rows = [[number, repr(number / FRAMES_PER_SECOND), *pose_cells(pose)] for number, pose in enumerate(poses)]
-    write_csv(folder / "poses.csv", ("frame", "time_s", *POSE_COLUMNS), rows)
-    return folder / "trajectory.mp4"
+    write_csv(table, ("frame", "time_s", *POSE_COLUMNS), rows)
+    return video
 
 
-def summary(job: OpenJob) -> list[str]:
-    """Messages about a complete dataset: the observed fraction of the surface, and the rejected poses."""
-    visible = observed = attempts = 0
-    rejections = Rejections()
-    for index in range(job.count):
-        record = read_record(ViewPaths(job.job.out, index))
-        visible += record.gt_info.px_count_visib
-        observed += record.px_count_observed
-        attempts += record.attempts
-        rejections += record.rejections
-    names = {"surface": "too little surface", "observed": "too little observed surface", "clearance": "too near"}
-    messages = [
-        f"the frame observed {observed / visible:.1%} of the surface in the views"
-        if visible
-        else "no view shows any surface"
-    ]
-    reasons = ", ".join(f"{count} with {names[name]}" for name, count in asdict(rejections).items() if count)
-    if reasons:
-        drawn = attempts > job.count
-        messages.append(
-            f"{attempts} poses drawn, {attempts - job.count} rejected ({reasons})"
-            if drawn
-            else f"poses that break the constraints, kept because they were listed: {reasons}"
-        )
-    return messages
+def write_sums(job: OpenJob, *, video: bool) -> None:
+    """Write ``checksums.json`` of a dataset whose other files are all written, with or without a video."""
+    write_checksums(job.job.out, job.identity, [*other_files(job.count), *(VIDEO_FILES if video else ())])

@@ -1,12 +1,12 @@
 """The dataset job: from a case and options to a complete dataset on disk, in any number of processes, resumable."""
 
 import errno
-import hashlib
 import os
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 
 import bpy
@@ -16,14 +16,16 @@ from ... import __version__
 from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase
 from ...dataset.folder import Shard
+from ...dataset.identity import geometry_hash, identity_of
 from ...dataset.layout import FORMAT, VIEWS_PER_SCENE, ViewPaths
 from ...dataset.options import DatasetOptions
 from ...dataset.view import RenderedSample, write_view
 from ...errors import RunError
-from ...files.content import read_content
+from ...files.content import hashed_reading
 from ...poses.pose_file import read_poses
 from ..case.load_case import load_case
 from ..colour.reference_view import reference_view_of
+from ..process import STDOUT
 from .view_renderer import ViewRenderer, view_camera
 
 NO_CONTENT = ("count", "poses", "video", "video_frames")
@@ -56,17 +58,37 @@ class Job:
 
 @dataclass(frozen=True)
 class OpenJob:
-    """A job with its inputs in memory."""
+    """A job with its inputs in memory.
+
+    Attributes
+    ----------
+    job
+        The job.
+    loaded
+        The case with its files.
+    given_poses
+        ``(N, 4, 4)`` explicit ``cam_from_model``, mm, or ``None`` to draw poses.
+    messages
+        Messages about what was corrected.
+    inputs_sha256
+        SHA-256 of the bytes that were read of each input, by its name.
+    """
 
     job: Job
     loaded: LoadedCase
     given_poses: np.ndarray | None
     messages: tuple[str, ...]
+    inputs_sha256: Mapping[str, str]
 
     @property
     def count(self) -> int:
         """Number of views of the whole dataset."""
         return self.job.options.count if self.given_poses is None else len(self.given_poses)
+
+    @property
+    def object_name(self) -> str:
+        """Name of the surface in the dataset's tables: that of its file, without folder and extension."""
+        return self.loaded.case.mesh.stem
 
     @property
     def views(self) -> range:
@@ -76,32 +98,41 @@ class OpenJob:
     def renderer(self, *, threads: int) -> ViewRenderer:
         """Create the renderer of this job's views, with this number of render threads."""
         source = reference_view_of(self.loaded)
-        return ViewRenderer(self.loaded, source, self.job.options, self.given_poses, threads=threads)
+        return ViewRenderer(
+            self.loaded, source, self.job.options, self.given_poses, identity=self.identity, threads=threads
+        )
 
-    def identity(self) -> dict:
+    @cached_property
+    def identity(self) -> str:
+        """The dataset's identity: see :func:`.identity_of`."""
+        return identity_of(self.description)
+
+    @cached_property
+    def description(self) -> dict[str, object]:
         """The content of ``dataset.json``: everything that the dataset depends on, or that its users need."""
         case, options = self.loaded.case, self.job.options
-        # the case file's values are below; its text may change, e.g. by landmarks, comments or a video
-        files = {name: path for name, path in case.input_files().items() if name != "case"}
-        if options.poses is not None:
-            files["poses"] = Path(options.poses)
         camera = view_camera(self.loaded, options)
+        content = {name: value for name, value in asdict(options).items() if name not in NO_CONTENT}
+        if options.sampler == "trajectory" and self.given_poses is None:
+            content["views"] = self.count  # each pose depends on it
         return {
             "format": FORMAT,
             "versions": {"oneframe": __version__, "blender": bpy.app.version_string},
             "conventions": "mm; OpenCV camera axes; pixel (0, 0): centre of the top-left pixel; b_from_a matrices",
             "count": self.count,
-            "options": {name: value for name, value in asdict(options).items() if name not in NO_CONTENT},
+            "object": self.object_name,
+            "options": content,
             "camera": {**asdict(camera), "K": camera.k.tolist()},
             "frame": {
                 **asdict(case.camera),
                 "distortion": None if case.distortion is None else asdict(case.distortion),
                 "cam_from_model": self.loaded.cam_from_model.tolist(),
             },
-            "given_from_model": self.loaded.mesh_from_model.tolist(),
-            "mm_per_given_unit": case.mm_per_unit,
+            "mesh_from_model": self.loaded.mesh_from_model.tolist(),
+            "mm_per_unit": case.mm_per_unit,
+            "geometry_sha256": geometry_hash(self.loaded.mesh),
             "structures": {structure.name: list(structure.colour) for structure in case.structures},
-            "inputs_sha256": {name: _file_hash(path) for name, path in files.items()},
+            "inputs_sha256": dict(self.inputs_sha256),
         }
 
 
@@ -113,14 +144,19 @@ def open_job(job: Job) -> OpenJob:
     InputError
         An input cannot be used.
     """
-    loaded = load_case(job.case)
+    case, poses = job.case, None if job.options.poses is None else Path(job.options.poses)
     given_poses: np.ndarray | None = None
     messages: list[str] = []
-    if job.options.poses is not None:
-        given_poses, messages = read_poses(
-            job.options.poses, mesh_from_model=loaded.mesh_from_model, mm_per_unit=job.case.mm_per_unit
-        )
-    return OpenJob(job, loaded, given_poses, tuple(messages))
+    # the case file's values are in the description; its text may change, e.g. by landmarks, comments or a video
+    files = {name: path for name, path in case.input_files().items() if name != "case"}
+    with hashed_reading() as hashes:
+        loaded = load_case(case)
+        if poses is not None:
+            files["poses"] = poses
+            given_poses, messages = read_poses(
+                poses, mesh_from_model=loaded.mesh_from_model, mm_per_unit=case.mm_per_unit
+            )
+    return OpenJob(job, loaded, given_poses, tuple(messages), {name: hashes[path] for name, path in files.items()})
 
 
 def render_views(
@@ -166,13 +202,14 @@ def render_views(
 
 def write_error(error: OSError, out: Path) -> RunError:
     """The error to report if a file of the dataset cannot be written."""
+    if error.filename == STDOUT or isinstance(error, BrokenPipeError):
+        return RunError(
+            f"{STDOUT}: cannot write to it ({error.strerror}); "
+            "the views finished so far are safe: run the same command again"
+        )
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RunError(
             f"{out}: the disk is full; the views finished so far are safe: free space and run the same command again"
-        )
-    if isinstance(error, BrokenPipeError):
-        return RunError(
-            "the standard output was closed; the views finished so far are safe: run the same command again"
         )
     return RunError(
         f"{out}: cannot write {error.filename or 'a file'} ({error.strerror}); "
@@ -183,7 +220,3 @@ def write_error(error: OSError, out: Path) -> RunError:
 def available_cores() -> int:
     """Number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _file_hash(path: Path) -> str:
-    return hashlib.sha256(read_content(path, "an input of the dataset")).hexdigest()

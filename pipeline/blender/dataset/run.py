@@ -3,13 +3,15 @@
 import signal
 import sys
 import threading
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TextIO
 
-from ...dataset.folder import RECORD, RunFolder, check_identity
-from ...dataset.layout import finished_views
-from ...errors import RunError
+from ...dataset.checksums import FileSurvey, survey_files
+from ...dataset.folder import RunFolder
+from ...dataset.identity import check_description
+from ...dataset.layout import VIDEO_FILES, other_files, view_kinds
+from ...dataset.survey import Survey, Tally, recorded_views, survey_views, view_ranges
 from ...progress import LINE_SECONDS, Progress
 from ..render.engines import check_engine, keep_freed_memory
 from . import finish
@@ -26,6 +28,7 @@ def run(
     workers: int,
     worker_command: Sequence[str],
     stream: TextIO,
+    verify: bool = False,
     progress_seconds: float = LINE_SECONDS,
 ) -> None:
     """Render the missing views of a job and, when the dataset is complete, write its tables.
@@ -40,6 +43,8 @@ def run(
         Starts another process that calls :func:`work` with the same job.
     stream
         Stream for progress and messages.
+    verify
+        Compare the hashes of all existing files, not only their sizes.
     progress_seconds
         Time between lines of progress where there is no terminal.
 
@@ -57,22 +62,21 @@ def run(
 
     check_engine(job.options.engine)
     opened = open_job(job)
-    with RunFolder(job.out, opened.identity(), job.shard) as folder:
+    with RunFolder(job.out, opened.description, job.shard) as folder:
         try:
-            complete = finish.is_complete(opened)
-            if not complete or finish.lacks_video(opened):
-                complete = _render_missing(opened, workers, worker_command, report, stream, progress_seconds)
+            found = _survey(opened, verify=verify)
+            for message in found.messages():
+                report(message)
+            tally: Tally | None = found.views.tally
+            if found.missing or not found.has_tables or found.video_frames is not None:
+                tally = _render_missing(opened, found, workers, worker_command, report, stream, progress_seconds)
         except OSError as error:
             raise write_error(error, job.out) from error
-        if complete:
+        if tally is not None:
             folder.finish()
-    if complete:
-        for message in (*finish.summary(opened), f"dataset of {opened.count} views: {job.out}"):
+    if tally is not None:
+        for message in (*tally.messages(opened.count), f"dataset of {opened.count} views: {job.out}"):
             report(message)
-    elif job.shard.count == 1:
-        raise RunError(
-            f"{job.out}: finished views have disappeared; do not change the folder, and run the same command again"
-        )
     else:
         report(
             f"shard {job.shard.index}/{job.shard.count}: {len(opened.views)} views are finished; when all shards are "
@@ -80,58 +84,112 @@ def run(
         )
 
 
+@dataclass(frozen=True)
+class _Found:
+    """What is on disk of a dataset: files that are no view's, and views; what is missing of these and of the video."""
+
+    files: FileSurvey
+    views: Survey
+    has_tables: bool
+    missing: tuple[int, ...]
+    video_frames: int | None
+
+    def messages(self) -> Iterator[str]:
+        """What was lost or damaged after it was finished."""
+        if self.views.damaged:
+            first = self.views.damaged[min(self.views.damaged)]
+            yield (
+                f"{len(self.views.damaged)} finished views are no longer whole and are rendered again: "
+                f"{view_ranges(self.views.damaged)} ({first})"
+            )
+        if self.files.damaged:
+            what = "; ".join(list(self.files.damaged.values())[:4])
+            yield f"{len(self.files.damaged)} files of the dataset are no longer whole and are written again: {what}"
+
+
+def _survey(opened: OpenJob, *, verify: bool) -> _Found:
+    job = opened.job
+    files = survey_files(job.out, opened.identity, hashes=verify)
+    has_tables = files.intact.issuperset(other_files(opened.count))
+    # all views of a dataset that was complete; else the other shards may be working on theirs
+    views = _survey_views(opened, range(opened.count) if has_tables else opened.views, verify=verify)
+    missing = tuple(
+        index for index in (range(opened.count) if has_tables else opened.views) if index not in views.finished
+    )
+    return _Found(files, views, has_tables, missing, finish.video_to_render(opened, files))
+
+
+def _survey_views(opened: OpenJob, views: range, *, verify: bool = False) -> Survey:
+    kinds = view_kinds(float_depth=opened.job.options.float_depth)
+    return survey_views(opened.job.out, views, opened.description, kinds, hashes=verify, threads=available_cores())
+
+
 def _render_missing(
     opened: OpenJob,
+    found: _Found,
     workers: int,
     worker_command: Sequence[str],
     report: Report,
     stream: TextIO,
     progress_seconds: float,
-) -> bool:
-    """Render the missing views, then write the tables and the video; whether the whole dataset is complete."""
-    out = opened.job.out
-    done = finished_views(out, opened.views)
-    missing = [index for index in opened.views if index not in done]
-    workers = min(workers or available_cores(), max(1, len(missing)))
+) -> Tally | None:
+    """Render what is missing, and write the tables and the video; sums over all views if the dataset is complete."""
+    out, total = opened.job.out, len(found.views.finished) + len(found.missing)
+    workers = min(workers or available_cores(), max(1, len(found.missing)))
     lock = threading.Lock()
-    progress = Progress(len(opened.views), "views", finished=len(done), stream=stream, line_seconds=progress_seconds)
+    progress = Progress(
+        total, "views", finished=len(found.views.finished), stream=stream, line_seconds=progress_seconds
+    )
 
     def finished(_index: int) -> None:
         with lock:
             progress.advance()
 
     keep_freed_memory()
-    pool = WorkerPool(missing, finished)
+    pool = WorkerPool(found.missing, finished)
     try:
         pool.start(worker_command, workers - 1)
         with opened.renderer(threads=_threads(workers)) as renderer:
             for message in (*opened.messages, *renderer.messages):
                 report(message)
-            complete = finish.is_complete(opened)
-            if not complete:
+            tally: Tally | None = found.views.tally
+            if found.missing or not found.has_tables:
                 finish.write_model_files(opened, renderer)
                 render_views(renderer, out, pool.views(), finished)
                 progress.close()
-                complete = finish.write_finished_scenes(opened, renderer)
-                if complete:
-                    finish.write_dataset_tables(opened, renderer)
-                    report(f"contact sheet: {out / 'contact_sheet.png'}")
-            if complete and finish.lacks_video(opened):
-                shown = Progress(
-                    opened.job.options.video_frames, "video frames", stream=stream, line_seconds=progress_seconds
-                )
-                report(f"video: {_video(opened, renderer, shown)}")
+                tally = _write_tables(opened, renderer, report)
+            if tally is not None:
+                frames = finish.video_to_render(opened, found.files)
+                if frames is not None:
+                    shown = Progress(frames, "video frames", stream=stream, line_seconds=progress_seconds)
+                    report(f"video: {finish.write_trajectory_video(opened, renderer, frames, shown)}")
+                    shown.close()
+                finish.write_sums(opened, video=frames is not None or found.files.intact.issuperset(VIDEO_FILES))
     finally:
         pool.stop()
     for message in pool.messages:
         sys.stderr.write(message + "\n")
-    return complete
+    return tally
 
 
-def _video(opened: OpenJob, renderer: ViewRenderer, progress: Progress) -> Path:
-    path = finish.write_trajectory_video(opened, renderer, progress)
-    progress.close()
-    return path
+def _write_tables(opened: OpenJob, renderer: ViewRenderer, report: Report) -> Tally | None:
+    """Write the tables if all views of the dataset exist; sums over the views, or ``None`` if some are missing."""
+    out, count = opened.job.out, opened.count
+    complete = len(opened.views) == count
+    if not complete and recorded_views(out, count) == count:
+        others = _survey_views(opened, range(count))
+        complete = len(others.finished) == count
+        if not complete:
+            report(
+                f"{len(others.damaged)} views of other shards are not whole: {view_ranges(others.damaged)}; run the "
+                "same command without --shard to render them again"
+            )
+    if not complete:
+        finish.write_finished_scenes(opened, renderer)
+        return None
+    tally = finish.write_dataset_tables(opened, renderer)
+    report(f"contact sheet: {out / 'contact_sheet.png'}")
+    return tally
 
 
 def work(job: Job, *, workers: int, stream: TextIO) -> None:
@@ -143,7 +201,7 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     keep_freed_memory()
     opened = open_job(job)
     # the files may have changed since the run began
-    check_identity(job.out / RECORD, opened.identity())
+    check_description(job.out, opened.description)
     with opened.renderer(threads=_threads(workers)) as renderer:
         render_views(renderer, job.out, views, lambda index: report_finished(index, stream))
 

@@ -29,6 +29,7 @@ class ViewRenderer:
         options: DatasetOptions,
         given_poses: np.ndarray | None,
         *,
+        identity: str = "",
         threads: int = 0,
     ) -> None:
         """Prepare colour, scene, probe and pose distribution.
@@ -41,10 +42,12 @@ class ViewRenderer:
             The run's options.
         given_poses
             ``(N, 4, 4)`` explicit ``cam_from_model``, mm, or ``None`` to draw poses.
+        identity
+            Identity of the dataset, for the records of the views.
         threads
             Number of render threads, 0 for one per core.
         """
-        self._options = options
+        self._options, self._identity = options, identity
         self.camera = view_camera(loaded, options)
         self.source = source
         colour, messages = colour_of(source, options.colour)
@@ -117,9 +120,9 @@ class ViewRenderer:
             return self._sampler.render(cam_from_model)
         return render_view(self._scene, cam_from_model)
 
-    def video_poses(self) -> np.ndarray:
-        """``(video_frames, 4, 4)`` poses of the video's trajectory."""
-        return self._trajectory.poses(self._options.video_frames)
+    def video_poses(self, frames: int) -> np.ndarray:
+        """``(frames, 4, 4)`` poses of the video's trajectory."""
+        return self._trajectory.poses(frames)
 
     def encode(self, paths: ViewPaths, sample: RenderedSample) -> tuple[dict[str, bytes], ViewRecord]:
         """Encode a view's files, by kind, and its record; uses no Blender data, so any thread may call it."""
@@ -128,6 +131,7 @@ class ViewRenderer:
             sample,
             self._edges,
             self.camera,
+            identity=self._identity,
             depth_scale=self.depth_scale,
             float_depth=self._options.float_depth,
         )

@@ -4,7 +4,6 @@ A worker reads one number per line and answers "finished: number" when that view
 come from Blender. When its input ends, which also happens if the parent dies in any way, the worker ends at once.
 """
 
-import os
 import queue
 import subprocess
 import sys
@@ -15,6 +14,7 @@ from typing import TextIO
 
 from ...errors import InputError, RunError
 from ..command_line import EXIT_INPUT, EXIT_RUN
+from ..process import end_process
 
 _FINISHED = "finished: "
 
@@ -140,7 +140,7 @@ def assigned_views(stream: TextIO = sys.stdin) -> Iterator[int | None]:
     def read() -> None:
         for line in stream:
             lines.put(line)
-        os._exit(0)
+        end_process(0)
 
     threading.Thread(target=read, daemon=True).start()
 

@@ -1,11 +1,17 @@
 """A comparison with photographs as files: a table of similarities, a picture of each pair, a sheet of all pairs."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+
+import numpy as np
 
 from ...case.loaded_case import LoadedCase
 from ...evaluation.photographs import PosedPhotograph
+from ...evaluation.picture_names import picture_names, shown_path
 from ...files.content import write_bytes_atomically
+from ...files.kinds import PNG, Kind, csv_table
+from ...files.outputs import check_outputs, companion, made_folder, writing
+from ...files.signature import signed
 from ...files.tables import write_csv
 from ...images.contact_sheet import contact_sheet
 from ...images.pixel_values import to_uint8
@@ -13,9 +19,32 @@ from ...images.png import encode_png
 from .comparison import Comparison, compare
 
 TABLE, SHEET = "likeness.csv", "sheet.png"
-COLUMNS = ("image", "ssim", "mean_error_of_255", "correlation", "pixels")
+COLUMNS = ("image", "picture", "ssim", "mean_error_of_255", "correlation", "pixels")
+LIKENESS = Kind("a table of similarities", csv_table(",".join(COLUMNS)))
 TILE_WIDTH = 900
 """Width of a picture in the sheet, px."""
+
+
+def check_comparisons(out: Path, photographs: Sequence[PosedPhotograph], inputs: Mapping[str, Path]) -> None:
+    """Check before any work that the files of a comparison can be written.
+
+    Parameters
+    ----------
+    out, photographs
+        As for :func:`write_comparisons`.
+    inputs
+        Files that must not be replaced, by what they are; the photographs are added.
+
+    Raises
+    ------
+    InputError
+        A file must not be replaced.
+    RunError
+        The files cannot be written.
+    """
+    pictures = [companion(out / name, PNG) for name in (*_picture_names(photographs), SHEET)]
+    shown = {f"photograph {number}": photograph.path for number, photograph in enumerate(photographs, start=1)}
+    check_outputs([*pictures, companion(out / TABLE, LIKENESS, LIKENESS.is_of)], {**inputs, **shown})
 
 
 def write_comparisons(
@@ -30,7 +59,7 @@ def write_comparisons(
     photographs
         The photographs to compare views with.
     out
-        Folder, created if it does not exist; files of the same names are replaced.
+        Folder, created if it does not exist; the files of an earlier comparison are replaced.
     colour
         How the frame colours the surface: one of :data:`.COLOURS`.
 
@@ -41,21 +70,40 @@ def write_comparisons(
     Raises
     ------
     InputError
-        As :func:`.compare`.
+        As :func:`.compare` and :func:`check_comparisons`.
+    RunError
+        A file cannot be written.
     """
-    out.mkdir(parents=True, exist_ok=True)
+    check_comparisons(out, photographs, loaded.case.input_files())
     comparisons, pictures = [], []
-    for comparison in compare(loaded, list(photographs), colour=colour):
+    names = _picture_names(photographs)
+    for name, comparison in zip(names, compare(loaded, list(photographs), colour=colour), strict=True):
         comparisons.append(comparison)
         pictures.append(comparison.picture())
-        name = f"{comparison.photograph.path.stem}.png"
-        write_bytes_atomically(out / name, encode_png(to_uint8(pictures[-1])))
+        _write_picture(out / name, pictures[-1])
         yield comparison
-    write_csv(out / TABLE, COLUMNS, map(_row, comparisons))
-    sheet = contact_sheet(pictures, columns=2, tile_width=TILE_WIDTH)
-    write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
+    with writing(out / TABLE):
+        write_csv(out / TABLE, COLUMNS, map(_row, names, comparisons))
+    _write_picture(out / SHEET, contact_sheet(pictures, columns=2, tile_width=TILE_WIDTH))
 
 
-def _row(comparison: Comparison) -> tuple[object, ...]:
-    found, name = comparison.similarity, comparison.photograph.path.name
-    return name, f"{found.ssim:.4f}", f"{found.mean_error:.2f}", f"{found.correlation:.4f}", found.pixels
+def _picture_names(photographs: Sequence[PosedPhotograph]) -> list[str]:
+    return picture_names([photograph.path for photograph in photographs], (TABLE, SHEET))
+
+
+def _write_picture(path: Path, picture: np.ndarray) -> None:
+    data = signed(encode_png(to_uint8(picture)))
+    with writing(made_folder(path)):
+        write_bytes_atomically(path, data)
+
+
+def _row(picture: str, comparison: Comparison) -> tuple[object, ...]:
+    found, image = comparison.similarity, shown_path(comparison.photograph.path)
+    return (
+        image,
+        shown_path(Path(picture)),
+        f"{found.ssim:.4f}",
+        f"{found.mean_error:.2f}",
+        f"{found.correlation:.4f}",
+        found.pixels,
+    )

@@ -84,7 +84,7 @@ def measure_memory(folder: Path, report: Callable[[str], None], *, views: int) -
         if (index + 1) % MEMORY_STEP == 0:
             sizes[index + 1] = resident_mb()
             # the disk may be small
-            shutil.rmtree(out / "train_pbr" / "000000" / "rgb", ignore_errors=True)
+            shutil.rmtree(out / "train_synt" / "000000" / "rgb", ignore_errors=True)
 
     with job.renderer(threads=available_cores()) as renderer:
         render_views(renderer, out, range(views), finished)

@@ -8,20 +8,21 @@ import ctypes
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import bpy
 import numpy as np
 
 from ...colour.vertex_colours import NEUTRAL
 from ...dataset.view import RenderedView
-from ...errors import InputError, RunError
+from ...errors import InputError
+from ...files.temporary import temporary_folder, unwritable_temporary
 from ...images.exr import ExrError, read_exr
+from ..bridge.image import render_path
 from ..bridge.versions import ENGINE_IDS, set_multilayer_exr
+from ..process import ENDING_SIGNALS, interrupt
 from .material import COLOUR_ATTRIBUTE, OBSERVED_COLOUR_ATTRIBUTE, OBSERVED_PASS
 from .surface_scene import SurfaceScene
 
@@ -113,18 +114,15 @@ def _render_workbench(surface_scene: SurfaceScene) -> dict[str, np.ndarray]:
 
 def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
     set_multilayer_exr(scene)
-    with tempfile.TemporaryDirectory(prefix="oneframe-") as folder:
-        path = Path(folder) / "view.exr"
-        scene.render.filepath = str(path)
+    with temporary_folder() as folder:
+        path = folder / "view.exr"
+        scene.render.filepath = render_path(path)
         try:
             with delayed_interrupts():
                 bpy.ops.render.render(scene=scene.name, write_still=True)
             channels = read_exr(path)
         except (RuntimeError, OSError, ExrError) as error:
-            reason = " ".join(str(error).split())
-            raise RunError(
-                f"{folder}: cannot write a render ({reason}); is the disk of temporary files full?"
-            ) from error
+            raise unwritable_temporary(" ".join(str(error).split())) from error
     passes: dict[str, list[np.ndarray]] = {}
     for suffix in "RXVZGYBZA":
         for name, plane in channels.items():
@@ -136,29 +134,34 @@ def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
 
 @contextmanager
 def delayed_interrupts() -> Iterator[None]:
-    """Delay Ctrl-C until a render has ended, then raise KeyboardInterrupt.
+    """Delay Ctrl-C and the other signals that end a command until a render has ended, then raise KeyboardInterrupt.
 
     Otherwise Python would raise it inside Cycles' own code, where Blender swallows it, and Blender's own handler would
     cancel the render and return a partial image as if it were complete.
     """
-    in_main_thread = threading.current_thread() is threading.main_thread()
-    if not in_main_thread or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+    raising = (signal.default_int_handler, interrupt)
+    numbers = [number for number in ENDING_SIGNALS if signal.getsignal(number) in raising]
+    if not numbers or threading.current_thread() is not threading.main_thread():
         yield  # another handler is installed, or none
         return
     received: list[int] = []
-    previous = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
+    previous = {number: signal.signal(number, lambda number, _: received.append(number)) for number in numbers}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, previous)
+        for number, handler in previous.items():
+            signal.signal(number, handler)
     if received:
+        if previous[received[0]] is interrupt:
+            interrupt(received[0], None)
         raise KeyboardInterrupt
 
 
 def check_engine(engine: str) -> None:
     """Check by a trial render in a separate process that an engine works on this machine.
 
-    Without an OpenGL context Blender does not report an error: the process ends at once.
+    Without an OpenGL context Blender does not report an error: the process ends at once, while it sets up OpenGL, by a
+    segmentation fault (5.2, also in ``gpu.init()``) or an abort (4.5).
 
     Raises
     ------

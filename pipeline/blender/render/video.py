@@ -1,8 +1,6 @@
 """Write images as an MP4 video with Blender's sequencer."""
 
-import errno
 import struct
-import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -10,9 +8,11 @@ import bpy
 import numpy as np
 
 from ...files.content import write_bytes_atomically
+from ...files.temporary import temporary_folder, unwritable_temporary, writing_temporary
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ..bridge.data_blocks import temporary_data
+from ..bridge.image import render_path
 from ..bridge.versions import new_image_strip, set_mp4
 
 FRAMES_PER_SECOND = 24
@@ -26,26 +26,30 @@ def write_video(path: Path, images: Iterable[np.ndarray]) -> None:
     Raises
     ------
     OSError
-        A file cannot be written, or the video is damaged.
+        The video cannot be written.
+    RunError
+        Temporary files cannot be written.
     """
-    with tempfile.TemporaryDirectory(prefix="oneframe-video-") as folder:
+    with temporary_folder() as folder:
         files, height, width = [], 0, 0
         for number, image in enumerate(images):
             padded = np.pad(image, ((0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)), mode="edge")
             height, width = padded.shape[:2]
-            file = Path(folder) / f"{number:06d}.png"
-            file.write_bytes(encode_png(to_uint8(padded)))
+            file = folder / f"{number:06d}.png"
+            with writing_temporary():
+                file.write_bytes(encode_png(to_uint8(padded)))
             files.append(file)
-        written = Path(folder) / "video.mp4"
+        written = folder / "video.mp4"
         with temporary_data():
             scene = bpy.data.scenes.new("oneframe video")
             _set_up(scene, files, width=width, height=height)
-            scene.render.filepath = str(written)
+            scene.render.filepath = render_path(written)
             bpy.ops.render.render(animation=True, scene=scene.name)
-        data = written.read_bytes()
+        # a full disk may leave no file at all
+        data = written.read_bytes() if written.exists() else b""
     # Blender reports no error when the disk is full
     if not _is_whole(data):
-        raise OSError(errno.EIO, "Blender wrote a damaged video; is the disk of temporary files full?", str(written))
+        raise unwritable_temporary("Blender wrote a damaged video")
     path.parent.mkdir(parents=True, exist_ok=True)
     write_bytes_atomically(path, data)
 
@@ -70,6 +74,10 @@ def _set_up(scene: bpy.types.Scene, files: list[Path], *, width: int, height: in
     render.fps, render.fps_base = FRAMES_PER_SECOND, 1.0
     render.use_sequencer, render.use_compositing = True, False
     scene.frame_start, scene.frame_end = 1, len(files)
+    # the same images make the same bytes: Blender would note day, duration, memory and paths in the file
+    for name in dir(render):
+        if name.startswith("use_stamp"):
+            setattr(render, name, False)
     # both ends are sRGB code values: nothing to convert
     scene.view_settings.view_transform = "Standard"
     scene.sequencer_colorspace_settings.name = "sRGB"

@@ -5,7 +5,6 @@ project's own colouring: colours come from three-dimensional noise in the materi
 shadows, interreflection and wet highlights come from a light next to the lens that moves with the camera.
 """
 
-import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -14,11 +13,16 @@ import numpy as np
 from mathutils import Matrix
 
 from ...camera.pinhole import PinholeCamera
+from ...files.content import write_bytes_atomically
+from ...files.outputs import writing
+from ...files.signature import signed
+from ...files.temporary import temporary_folder, unwritable_temporary
 from ...sample.temporal_bone import SampleSurface
 from ...transforms import inverse_rigid, rigid
 from ..bridge.camera import new_camera, place_camera
 from ..bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
 from ..bridge.versions import IS_5, new_node_material
+from ..render.engines import delayed_interrupts
 
 LAMP_OFFSET_MM = np.array([-13.0, -16.0, 0.0])
 """Position of the lamp next to the lens, ``cam`` axes: about 20 mm off the optical axis."""
@@ -52,6 +56,11 @@ def take_photographs(
     Yields
     ------
     The path of each file once it is complete.
+
+    Raises
+    ------
+    RunError
+        A file cannot be written.
     """
     with temporary_data():
         scene = bpy.data.scenes.new("sample photograph")
@@ -66,12 +75,23 @@ def take_photographs(
             cam_from_scene = cam_from_mesh @ rigid(translation=centre)
             place_camera(camera_object, cam_from_scene)
             _place_lamp(lamp, cam_from_scene)
-            bpy.ops.render.render(scene=scene.name)
-            partial = path.with_name(f".partial-{path.name}").absolute()
-            # unlike render.filepath, this path is literal: # and {} have no special meaning
-            bpy.data.images["Render Result"].save_render(str(partial), scene=scene)
-            os.replace(partial, path)
+            with delayed_interrupts():
+                bpy.ops.render.render(scene=scene.name)
+            data = signed(_png_of_render(scene))
+            with writing(path):
+                write_bytes_atomically(path, data)
             yield path
+
+
+def _png_of_render(scene: bpy.types.Scene) -> bytes:
+    with temporary_folder() as folder:
+        path = folder / "photograph.png"
+        try:
+            # unlike render.filepath, this path is literal: # and {} have no special meaning
+            bpy.data.images["Render Result"].save_render(str(path), scene=scene)
+            return path.read_bytes()
+        except (RuntimeError, OSError) as error:
+            raise unwritable_temporary(" ".join(str(error).split())) from None
 
 
 def _set_render(scene: bpy.types.Scene, samples: int) -> None:

@@ -8,18 +8,40 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.case_file import Case, Structure
-from ...case.case_writer import write_case
+from ...case.case_writer import CASE_FILE, case_text, write_case
+from ...case.structure_colour import structure_colour
 from ...files.content import write_bytes_atomically
+from ...files.kinds import PLY, PNG, Kind, json_array
+from ...files.outputs import check_outputs, companion, made_folder, writing
 from ...sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses
 from ...surface.mesh_writer import write_ply
 from .photograph import take_photographs
 
-STRUCTURE_COLORS = {
-    "facial_nerve": (1.0, 0.0, 1.0),
-    "chorda_tympani": (0.0, 1.0, 0.0),
-    "ossicles": (0.0, 1.0, 1.0),
-}
+STRUCTURES = ("facial_nerve", "chorda_tympani", "ossicles")
+HELD_OUT = "held_out.json"
+PHOTOGRAPHS = Kind("a list of photographs", json_array("image", "cam_from_mesh"))
 COMMENT = "A photograph of a drilled temporal bone: generated, not a patient"
+
+
+def check_sample_case(folder: Path, *, camera: PinholeCamera = MICROSCOPE, held_out: bool = True) -> None:
+    """Check before any work that the files of :func:`write_sample_case` can be written.
+
+    Raises
+    ------
+    InputError
+        One exists that this program has not written, or that somebody has changed.
+    RunError
+        The files cannot be written.
+    """
+    text = case_text(folder / "case.toml", _case(folder, camera), comment=COMMENT)
+    images = ("frame.png", *(_held_out_views() if held_out else ()))
+    outputs = [companion(folder / name, PLY) for name in ("surface.ply", *map(_structure_file, STRUCTURES))]
+    outputs += [companion(folder / name, PNG) for name in images]
+    outputs.append(companion(folder / "case.toml", CASE_FILE, lambda path: path.read_bytes() == text.encode()))
+    if held_out:
+        listed = _held_out_list()
+        outputs.append(companion(folder / HELD_OUT, PHOTOGRAPHS, lambda path: path.read_bytes() == listed))
+    check_outputs(outputs, {})
 
 
 def write_sample_case(
@@ -34,7 +56,7 @@ def write_sample_case(
     Parameters
     ----------
     folder
-        Created if it does not exist; files of these names are replaced.
+        Created if it does not exist; the files of an earlier sample case are replaced.
     surface
         From :func:`pipeline.sample.temporal_bone.sample_surface`.
     camera
@@ -45,40 +67,54 @@ def write_sample_case(
     Yields
     ------
     Each file's path once it is complete; ``case.toml`` is the last.
-    """
-    for part in ("structures", "held_out") if held_out else ("structures",):
-        (folder / part).mkdir(parents=True, exist_ok=True)
-    write_ply(folder / "surface.ply", surface.bone)
-    yield folder / "surface.ply"
-    for name, mesh in surface.structures.items():
-        write_ply(folder / f"structures/{name}.ply", mesh)
-        yield folder / f"structures/{name}.ply"
 
-    others = held_out_poses() if held_out else []
-    views = {f"held_out/view_{number}.png": pose for number, pose in enumerate(others, start=1)}
-    shots = {"frame.png": frame_pose(), **views}
-    yield from take_photographs(surface, camera, [(pose, folder / name) for name, pose in shots.items()])
+    Raises
+    ------
+    InputError, RunError
+        As :func:`check_sample_case`.
+    """
+    check_sample_case(folder, camera=camera, held_out=held_out)
+    meshes = {"surface.ply": surface.bone}
+    meshes |= {_structure_file(name): mesh for name, mesh in surface.structures.items()}
+    for name, mesh in meshes.items():
+        with writing(made_folder(folder / name)):
+            write_ply(folder / name, mesh)
+        yield folder / name
+
+    shots = {"frame.png": frame_pose(), **(_held_out_views() if held_out else {})}
+    yield from take_photographs(surface, camera, [(pose, made_folder(folder / name)) for name, pose in shots.items()])
     if held_out:
-        listed = [{"image": name, "cam_from_mesh": pose.tolist()} for name, pose in views.items()]
-        write_bytes_atomically(folder / "held_out.json", (json.dumps(listed, indent=1) + "\n").encode())
-        yield folder / "held_out.json"
+        with writing(folder / HELD_OUT):
+            write_bytes_atomically(folder / HELD_OUT, _held_out_list())
+        yield folder / HELD_OUT
     path = folder / "case.toml"
-    write_case(path, _case(path, camera, shots["frame.png"], surface), comment=COMMENT)
+    with writing(path):
+        write_case(path, _case(folder, camera), comment=COMMENT)
     yield path
 
 
-def _case(path: Path, camera: PinholeCamera, cam_from_mesh: np.ndarray, surface: SampleSurface) -> Case:
-    folder = path.parent
-    structures = [
-        Structure(name, folder / f"structures/{name}.ply", STRUCTURE_COLORS[name]) for name in surface.structures
-    ]
+def _structure_file(name: str) -> str:
+    return f"structures/{name}.ply"
+
+
+def _held_out_views() -> dict[str, np.ndarray]:
+    return {f"held_out/view_{number}.png": pose for number, pose in enumerate(held_out_poses(), start=1)}
+
+
+def _held_out_list() -> bytes:
+    listed = [{"image": name, "cam_from_mesh": pose.tolist()} for name, pose in _held_out_views().items()]
+    return (json.dumps(listed, indent=1) + "\n").encode()
+
+
+def _case(folder: Path, camera: PinholeCamera) -> Case:
+    structures = [Structure(name, folder / _structure_file(name), structure_colour(name)) for name in STRUCTURES]
     return Case(
-        path=path,
+        path=folder / "case.toml",
         mm_per_unit=1.0,
         image=folder / "frame.png",
         camera=camera,
         distortion=None,
         mesh=folder / "surface.ply",
-        cam_from_mesh=cam_from_mesh,
+        cam_from_mesh=frame_pose(),
         structures=tuple(structures),
     )

@@ -2,44 +2,56 @@
 
 The check does not read the files with the code that wrote them: it decodes images with OpenCV, converts the poses and
 intrinsics of every table itself, and computes depths by projecting the model (:mod:`pipeline.dataset.check.depth`).
-Needs cv2 and OpenCV's video reader.
+It goes through the scenes one by one and keeps little of a view, so its memory does not grow with the masks. Needs cv2
+and OpenCV's video reader.
 """
 
 import hashlib
-import os
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
 
-import cv2
 import numpy as np
 
+from ...case.case_file import Case
 from ...errors import InputError
-from ...images.image_check import check_image_file
 from ...progress import Progress
 from ...projection.silhouette import SilhouetteEdges
-from ...surface.mesh import diameter
-from ...surface.mesh_reader import read_mesh
-from ..folder import RECORD, WORK
-from ..layout import OBJECT_ID, SPLIT, VIEWS_PER_SCENE, ViewPaths
+from ..layout import RECORD, SPLIT, WORK, ViewPaths
+from .checksums import Checksums, check_sums, read_checksums
+from .contents import (
+    CHECKSUMS,
+    VIDEO,
+    VIDEO_POSES,
+    Contents,
+    SceneContents,
+    list_dataset,
+    list_scene,
+    ranges_text,
+    runs,
+    scene_count,
+    scene_views,
+)
 from .depth import DepthAgreement
+from .files import DamagedFile
 from .findings import Findings
 from .images import check_view
-from .records import DamagedFile, Identity, ViewRecord, mapping, numbers, read_identity, read_object, read_view_record
-from .tables import (
-    SCENE_TABLES,
+from .inputs import check_inputs
+from .model import check_model
+from .pictures import OVERLAY, SHEET, check_contact_sheet, check_overlay, check_video
+from .pose_tables import (
+    ViewPose,
     check_camera_file,
     check_nerf_file,
     check_pose_table,
-    check_scene_tables,
-    check_video_poses,
+    check_targets,
+    read_video_poses,
 )
+from .records import Description, ViewRecord, read_description, read_view_record
+from .rerendered import Rerendering, check_rerendered
+from .scene_tables import check_scene_tables
 
 DEFAULT_VIEWS = 200
-DESKTOP_FILES = {".DS_Store", "Thumbs.db", "desktop.ini"}
-MODEL, MODELS_INFO = f"models/obj_{OBJECT_ID:06d}.ply", "models/models_info.json"
-VIDEO, VIDEO_POSES = "video/trajectory.mp4", "video/poses.csv"
 AGAIN = "run the same command of render_dataset.py again"
 
 
@@ -57,12 +69,15 @@ class CheckReport:
         Number of files whose hash was compared.
     compared
         Agreement of depth image and surface, for each view whose pixels were checked and fit.
+    rerendered
+        Number of views that were rendered again; 0 also if something else was wrong before.
     """
 
     count: int
     findings: Findings
     hashed: int
     compared: tuple[DepthAgreement, ...]
+    rerendered: int = 0
 
     def summary(self) -> str:
         """The result as one line."""
@@ -81,11 +96,20 @@ class CheckReport:
                 f"; the reprojected surface agrees with the depth images at {agreeing:.2%} of {pixels} px, "
                 f"median |dz| = {dz:.2g} mm, largest shift of a view {shift:.2g} px"
             )
+        if self.rerendered:
+            checked += f"; {self.rerendered} views rendered again from the case are the same"
         return f"dataset of {self.count} views: complete and consistent ({checked})"
 
 
 def check_dataset(
-    root: Path, *, views: int = DEFAULT_VIEWS, hashes: bool = True, stream: TextIO | None = None
+    root: Path,
+    *,
+    views: int = DEFAULT_VIEWS,
+    hashes: bool = True,
+    case: Case | None = None,
+    poses: Path | None = None,
+    rerendering: Rerendering | None = None,
+    stream: TextIO | None = None,
 ) -> CheckReport:
     """Check a dataset.
 
@@ -97,13 +121,19 @@ def check_dataset(
         Compare the pixels of this many views, evenly spaced; 0 for all.
     hashes
         Compare the hashes of all files.
+    case
+        The case that the dataset was rendered from, to compare its files.
+    poses
+        The file of the views' poses, if they were listed and the case does not name it.
+    rerendering
+        Renders views again, if nothing else is wrong.
     stream
         Stream for the progress.
 
     Raises
     ------
     InputError
-        Not a dataset at all.
+        Not a dataset at all, or one of another format.
     """
     if not (root / RECORD).is_file() and not (root / SPLIT).is_dir():
         raise InputError(
@@ -111,186 +141,156 @@ def check_dataset(
         )
     findings = Findings()
     try:
-        identity = read_identity(root)
+        description = read_description(root)
     except DamagedFile as damage:
         findings.add("damaged files", damage)
         return CheckReport(0, findings, 0, ())
-    missing = _check_files(root, identity, findings)
-    surface = _read_model(root, missing, findings)
-    chosen = _evenly_spaced(identity.count, views)
-    records: dict[int, ViewRecord] = {}
-    hashed, compared = 0, []
-    progress = Progress(identity.count, "views checked", stream=stream)
-    for first in range(0, identity.count, VIEWS_PER_SCENE):
-        scene = range(first, min(first + VIEWS_PER_SCENE, identity.count))
-        for index in scene:
+    report = _Check(root, description, findings, views=views, hashes=hashes).run(stream)
+    if case is not None:
+        check_inputs(description, case, poses, findings)
+    if rerendering is None or findings:
+        return report
+    chosen = sorted(_evenly_spaced(description.count, rerendering.views))
+    with rerendering.open(description) as renderer:
+        check_rerendered(root, description, renderer, chosen, findings, stream)
+    return replace(report, rerendered=len(chosen))
+
+
+class _Check:
+    """One check of one dataset."""
+
+    def __init__(self, root: Path, description: Description, findings: Findings, *, views: int, hashes: bool) -> None:
+        self._root, self._description, self._findings, self._hashes = root, description, findings, hashes
+        self._contents: Contents = list_dataset(root, description.count, findings)
+        self._sums: Checksums = read_checksums(root, self._contents, description.identity, findings)
+        self._mesh = check_model(root, self._contents.missing, description.content["geometry_sha256"], findings)
+        self._surface = None if self._mesh is None else SilhouetteEdges.of(self._mesh)
+        self._chosen = _evenly_spaced(description.count, views)
+        self._poses: dict[int, ViewPose] = {}
+        self._same_poses: dict[bytes, int] = {}
+        self._same_images: dict[bytes, int] = {}
+        self._hashed, self._images_intact = 0, True
+        self._compared: list[DepthAgreement] = []
+
+    def run(self, stream: TextIO | None) -> CheckReport:
+        """Check scene by scene, then what belongs to all views."""
+        contents, findings = self._contents, self._findings
+        count, unfinished = self._description.count, contents.unfinished
+        if unfinished:
+            findings.add(
+                "unfinished parts",
+                f"{WORK}: a run is still going on or was stopped: the dataset is unfinished ({contents.recorded} of "
+                f"{count} views exist): {AGAIN}",
+            )
+        absent: list[range] = []
+        missing = set(contents.missing)
+        progress = Progress(contents.recorded, "views checked", stream=stream)
+        present = set(contents.scenes)
+        for number in range(scene_count(count)):
+            if number not in present:
+                absent.append(scene_views(number, count))
+                continue
+            scene = list_scene(self._root, number, count, self._description.kinds, findings, unfinished=unfinished)
+            self._check_scene(number, scene, progress)
+            absent += runs(scene.absent)
+            missing |= scene.missing
+        progress.close()
+        if absent and not unfinished:
+            lost = sum(map(len, absent))
+            findings.add(
+                "missing files",
+                f"{RECORD}: expected {count} views, found {count - lost}: nothing exists of {ranges_text(absent)}",
+            )
+        self._check_beside(frozenset(missing))
+        return CheckReport(count, findings, self._hashed, tuple(self._compared))
+
+    def _check_scene(self, number: int, scene: SceneContents, progress: Progress) -> None:
+        root, findings = self._root, self._findings
+        records: dict[int, ViewRecord] = {}
+        digest = hashlib.sha256()
+        for index in scene.recorded:
             paths = ViewPaths(root, index)
-            record = _read_record(paths, identity, missing, findings)
-            if record is not None:
-                records[index] = record
-                intact = missing.isdisjoint(record.sha256)
-                if hashes:
-                    wrong = _check_hashes(root, record, missing, findings)
-                    intact &= not wrong
-                    hashed += len(record.sha256)
-                if intact and index in chosen:
-                    compared.append(check_view(paths, record, identity, surface, findings))
             progress.advance()
-        scene_records = {index: records[index] for index in scene if index in records}
-        check_scene_tables(root, scene, scene_records, identity, missing, findings)
-    progress.close()
-    _check_whole(root, identity, records, missing, findings)
-    return CheckReport(identity.count, findings, hashed, tuple(view for view in compared if view is not None))
+            try:
+                record = read_view_record(paths, self._description)
+            except DamagedFile as damage:
+                findings.add("damaged files", damage)
+                continue
+            records[index] = record
+            digest.update(record.data)
+            self._check_view(paths, record, scene)
+            visible = record.gt_info["visib_fract"]
+            self._poses[index] = ViewPose(record.cam_from_model, record.depth_scale, visible)
+        folder = ViewPaths(root, scene.views[0]).scene.relative_to(root).as_posix()
+        expected = self._sums.records.get(folder)
+        if expected is not None and len(records) == len(scene.views) and digest.hexdigest() != expected:
+            findings.add(
+                "damaged files", f"{folder}/frame: the records do not have the sha256 in {CHECKSUMS}: one was changed"
+            )
+        check_scene_tables(root, scene, records, self._description, findings)
+
+    def _check_view(self, paths: ViewPaths, record: ViewRecord, scene: SceneContents) -> None:
+        """Check that the view is of this dataset and no copy, its files' hashes and, if it is chosen, its pixels."""
+        root, findings, index = self._root, self._findings, paths.index
+        if self._description.poses_differ:
+            first = self._same_poses.setdefault(record.pose_hash, index)
+            if first != index:
+                findings.add("duplicated views", f"{record.where}: view {index} has the very pose of view {first}")
+            images = "".join(record.files[paths.relative(kind)].sha256 for kind in ("rgb", "depth"))
+            first = self._same_images.setdefault(hashlib.blake2b(images.encode(), digest_size=16).digest(), index)
+            if first != index and record.gt_info["px_count_visib"]:
+                findings.add("duplicated views", f"{record.where}: view {index} has the very images of view {first}")
+        if record.identity != self._description.identity:
+            findings.add(
+                "views of another run",
+                f"{record.where}: its identity is not that of {RECORD}: the view is of another run, or {RECORD} was "
+                "changed",
+            )
+        wrong = check_sums(root, record.files, scene.missing, record.where, findings, hashes=self._hashes)
+        self._hashed += len(record.files) * self._hashes
+        if not wrong and scene.missing.isdisjoint(record.files) and index in self._chosen:
+            before = len(findings)
+            compared = check_view(paths, record, self._description, self._surface, findings)
+            if compared is not None:
+                self._compared.append(compared)
+            wrong = len(findings) - before
+        self._images_intact &= not wrong
+
+    def _check_beside(self, missing: frozenset[str]) -> None:
+        """Check the files that are not a view's, and the tables of all views."""
+        root, description, findings, poses = self._root, self._description, self._findings, self._poses
+        missing |= {name for name in self._sums.files if name not in self._contents.tables}
+        absent = self._absent_scene_tables()
+        check_sums(root, self._sums.files, missing | absent, CHECKSUMS, findings, hashes=self._hashes)
+        self._hashed += len(self._sums.files.keys() - missing - absent) * self._hashes
+        depth_scale = None
+        if "camera.json" not in missing:
+            depth_scale = check_camera_file(root, description, poses, findings)
+        if "poses.csv" not in missing:
+            check_pose_table(root, poses, description, findings)
+        if "transforms.json" not in missing:
+            check_nerf_file(root, poses, description, self._mesh, depth_scale, findings)
+        if "test_targets_bop19.json" not in missing:
+            check_targets(root, poses, description, findings)
+        if OVERLAY not in missing:
+            check_overlay(root, description, findings)
+        if SHEET not in missing and len(poses) == description.count and self._images_intact:
+            check_contact_sheet(root, description, findings)
+        if VIDEO in self._contents.tables and not {VIDEO, VIDEO_POSES} & missing:
+            video_poses = read_video_poses(root, findings)
+            if video_poses:
+                check_video(root, description, video_poses, self._mesh, findings)
+
+    def _absent_scene_tables(self) -> set[str]:
+        """The tables of scenes that have no folder: the views' absence says it all."""
+        present = {f"{SPLIT}/{number:06d}" for number in self._contents.scenes}
+        return {
+            name for name in self._contents.tables if name.count("/") == 2 and name.rpartition("/")[0] not in present
+        }
 
 
-def _evenly_spaced(count: int, views: int) -> set[int]:
+def _evenly_spaced(count: int, views: int) -> set[int] | range:
     """Numbers of ``views`` evenly spaced ones of ``count`` views; all if ``views`` is 0 or too large."""
     if not views or views >= count:
-        return set(range(count))
+        return range(count)
     return set(np.linspace(0, count - 1, views).round().astype(int).tolist())
-
-
-def _check_files(root: Path, identity: Identity, findings: Findings) -> set[str]:
-    """Compare the files in the folder with those expected; return the missing ones, relative to the folder."""
-    present, views, tables = set(_files(root)), set(), set(_tables_beside_scenes(root))
-    for index in range(identity.count):
-        paths = ViewPaths(root, index)
-        views |= {paths.relative(kind) for kind in (*identity.kinds, "frame")}
-        if paths.image_id == 0:
-            tables |= {f"{paths.scene.relative_to(root).as_posix()}/{name}" for name in SCENE_TABLES}
-    missing = (views | tables) - present
-    unfinished = (root / WORK).exists()
-    if unfinished:
-        done = identity.count - sum("/frame/" in name for name in missing)
-        findings.add(
-            "unfinished parts",
-            f"{WORK}: a run is still going on or was stopped: the dataset is unfinished ({done} of "
-            f"{identity.count} views exist): {AGAIN}",
-        )
-    else:
-        for name in sorted(missing):
-            findings.add("missing files", f"{name}: expected a file, found none")
-    for name in sorted(present - views - tables):
-        if "/.partial-" in f"/{name}":
-            if not unfinished:
-                findings.add("stray files", f"{name}: left by a run that was stopped: remove it")
-        elif name.startswith(f"{SPLIT}/") and Path(name).name not in DESKTOP_FILES:
-            findings.add("stray files", f"{name}: expected no such file in a dataset of {identity.count} views")
-    return missing
-
-
-def _tables_beside_scenes(root: Path) -> Iterator[str]:
-    yield from ("camera.json", "poses.csv", "transforms.json", "contact_sheet.png", "overlay.png")
-    yield from (MODEL, MODELS_INFO)
-    if (root / "video").is_dir():
-        yield from (VIDEO, VIDEO_POSES)
-
-
-def _files(root: Path) -> Iterator[str]:
-    """Every file below a folder, relative to it, with forward slashes; without the work files of a run."""
-    for folder, folders, names in os.walk(root):
-        relative = Path(folder).relative_to(root)
-        if relative == Path():
-            folders[:] = [name for name in folders if name != WORK]
-        prefix = "" if relative == Path() else relative.as_posix() + "/"
-        yield from (prefix + name for name in names)
-
-
-def _read_record(paths: ViewPaths, identity: Identity, missing: set[str], findings: Findings) -> ViewRecord | None:
-    if paths.relative("frame") in missing:
-        return None
-    try:
-        return read_view_record(paths, identity.kinds)
-    except DamagedFile as damage:
-        findings.add("damaged files", damage)
-        return None
-
-
-def _check_hashes(root: Path, record: ViewRecord, missing: set[str], findings: Findings) -> int:
-    """Compare the hashes of a view's files; return how many differ."""
-    wrong = 0
-    for name, expected in record.sha256.items():
-        if name in missing:
-            continue
-        try:
-            with (root / name).open("rb") as stream:
-                same = hashlib.file_digest(stream, "sha256").hexdigest() == expected
-            problem = f"its sha256 is not the one in {record.where}: the file was changed or damaged"
-        except OSError as error:
-            same, problem = False, f"cannot read the file ({error.strerror})"
-        if not same:
-            wrong += 1
-            findings.add("damaged files", f"{name}: {problem}")
-    return wrong
-
-
-def _read_model(root: Path, missing: set[str], findings: Findings) -> SilhouetteEdges | None:
-    """Read the model and compare it with ``models_info.json``; ``None`` if it cannot be read."""
-    if MODEL in missing:
-        return None
-    try:
-        mesh, messages = read_mesh(root / MODEL)
-    except InputError as error:
-        findings.add("damaged files", f"{MODEL}: {error}")
-        return None
-    for message in messages:
-        findings.add("damaged files", f"{MODEL}: {message}")
-    # coordinates are stored in single precision
-    rounding = 2e-6 * mesh.radius
-    off = float(np.abs(mesh.vertices.mean(axis=0)).max())
-    if off > rounding:
-        findings.add(
-            "damaged files", f"{MODEL}: expected the mean of the vertices at the origin, it is {off:.2g} mm off"
-        )
-    if MODELS_INFO in missing:
-        return SilhouetteEdges.of(mesh)
-    low, high = mesh.bounds
-    expected = {"diameter": diameter(mesh.vertices)}
-    expected |= {f"min_{axis}": value for axis, value in zip("xyz", low, strict=True)}
-    expected |= {f"size_{axis}": value for axis, value in zip("xyz", high - low, strict=True)}
-    try:
-        content = read_object(root / MODELS_INFO, MODELS_INFO)
-        info = mapping(content, str(OBJECT_ID), MODELS_INFO)
-        for name, value in expected.items():
-            if abs(numbers(info, name, (), MODELS_INFO) - value) > rounding:
-                raise DamagedFile(f"{MODELS_INFO}: {name} is {info[name]}, {MODEL} has {value:.9g}")
-    except DamagedFile as damage:
-        findings.add("tables that disagree", damage)
-    return SilhouetteEdges.of(mesh)
-
-
-def _check_whole(
-    root: Path, identity: Identity, records: dict[int, ViewRecord], missing: set[str], findings: Findings
-) -> None:
-    """Check the files outside the scenes."""
-    if "camera.json" not in missing:
-        finest = min((record.depth_scale for record in records.values()), default=np.inf)
-        check_camera_file(root, identity.camera, finest, findings)
-    if "poses.csv" not in missing:
-        check_pose_table(root, records, identity, findings)
-    if "transforms.json" not in missing:
-        check_nerf_file(root, records, identity, findings)
-    for picture in {"contact_sheet.png", "overlay.png"} - missing:
-        try:
-            check_image_file(root / picture, picture)
-        except InputError as error:
-            findings.add("damaged files", error)
-    if (root / "video").is_dir() and not {VIDEO, VIDEO_POSES} & missing:
-        _check_video(root, identity, check_video_poses(root, findings), findings)
-
-
-def _check_video(root: Path, identity: Identity, frames: int, findings: Findings) -> None:
-    video = cv2.VideoCapture(str(root / VIDEO))
-    found = tuple(
-        round(video.get(what))
-        for what in (cv2.CAP_PROP_FRAME_COUNT, cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
-    )
-    video.release()
-    # H.264 has even sides
-    width, height = (side + side % 2 for side in identity.camera.size_wh)
-    if frames and found != (frames, width, height):
-        findings.add(
-            "damaged files",
-            f"{VIDEO}: expected {frames} frames, as {VIDEO_POSES} has, of {width}x{height} px, found {found[0]} of "
-            f"{found[1]}x{found[2]}",
-        )

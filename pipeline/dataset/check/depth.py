@@ -34,6 +34,8 @@ RELATIVE = 1e-5
 LEAST_AGREEING = 0.99
 LARGEST_SHIFT_PX = 0.1
 PIXELS_OF_ROUNDING = 4
+ELSEWHERE = 2e-5
+"""Allowed fraction of pixels on unbroken surface whose depths differ: renderers have none, so it is but a margin."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,8 @@ class DepthAgreement:
         Standard error of its length.
     only_one, outline
         Number of pixels with surface in only one of the two; number of pixels of the outline.
+    elsewhere
+        Number of pixels on an unbroken part of the surface whose depths differ by more than twice that rounding.
     """
 
     compared: int
@@ -70,6 +74,7 @@ class DepthAgreement:
     shift_error_px: float
     only_one: int
     outline: int
+    elsewhere: int
 
     @property
     def misfit(self) -> str:
@@ -79,6 +84,8 @@ class DepthAgreement:
             parts.append(f"{self.only_one} px are in only one of the two masks (outline {self.outline} px)")
         if self.agreeing < LEAST_AGREEING * self.compared:
             parts.append(f"only {self.agreeing / self.compared:.1%} of the depths agree")
+        if self.elsewhere > PIXELS_OF_ROUNDING + ELSEWHERE * self.compared:
+            parts.append(f"the depths of {self.elsewhere} px on unbroken surface differ")
         if np.hypot(*self.shift_px) > LARGEST_SHIFT_PX + 5 * self.shift_error_px:
             parts.append(f"the depths fit best with a shift of ({self.shift_px[0]:+.2f}, {self.shift_px[1]:+.2f}) px")
         return ", ".join(parts)
@@ -121,10 +128,26 @@ def agreement(depth: np.ndarray, depth_scale: float, surface: SurfaceDepth, foca
         shift_error_px=error,
         only_one=int((seen != expected).sum()),
         outline=int(outline.sum()),
+        elsewhere=int((_smooth(surface)[both] & (np.abs(dz) > 2 * tolerance)).sum()),
     )
 
 
 _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
+
+
+def _smooth(surface: SurfaceDepth) -> np.ndarray:
+    """``(H, W)`` bool: pixels that the surface's slopes lead to from all four neighbours: no outline is near."""
+    z, steepest = surface.z, np.abs(surface.slope).max(axis=0)
+    smooth = z > 0
+    for axis in (0, 1):
+        one, other = (np.moveaxis(z, axis, 0)[part] for part in (slice(None, -1), slice(1, None)))
+        slope = np.moveaxis(steepest, axis, 0)
+        reach = 1.5 * np.maximum(slope[:-1], slope[1:]) + RELATIVE * one
+        joined = (one > 0) & (other > 0) & (np.abs(one - other) <= reach)
+        along = np.moveaxis(smooth, axis, 0)
+        along[:-1] &= joined
+        along[1:] &= joined
+    return smooth
 
 
 def _best_shift(

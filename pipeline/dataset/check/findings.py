@@ -1,38 +1,49 @@
-"""The findings of a check: all are counted, a readable number is shown."""
+"""The findings of a check: all are counted, a readable number is kept and shown."""
 
 from dataclasses import dataclass, field
 
 SHOWN, SHOWN_OF_A_KIND = 20, 5
+LONGEST = 500
+"""Characters of a message: a damaged file can put anything in it."""
 
 
 @dataclass
 class Findings:
-    """Messages about what is wrong, by kind, in the order of their arrival."""
+    """Messages about what is wrong, by kind, in the order of their arrival: the first ones, and how many there are."""
 
-    by_kind: dict[str, list[str]] = field(default_factory=dict)
+    first: dict[str, list[str]] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
 
     def add(self, kind: str, message: object) -> None:
         """Add a finding; ``kind`` is a short plural such as ``"damaged files"``."""
-        self.by_kind.setdefault(kind, []).append(str(message))
+        self.counts[kind] = self.counts.get(kind, 0) + 1
+        kept = self.first.setdefault(kind, [])
+        if len(kept) < SHOWN:
+            kept.append(printable(str(message)))
 
     def __len__(self) -> int:
-        return sum(map(len, self.by_kind.values()))
-
-    @property
-    def messages(self) -> list[str]:
-        """The messages of all kinds."""
-        return [message for messages in self.by_kind.values() for message in messages]
+        return sum(self.counts.values())
 
     def shown(self) -> list[str]:
         """At most about :data:`SHOWN` lines: some findings of each kind, then how many more there are."""
-        each = SHOWN_OF_A_KIND if len(self.by_kind) > 1 else SHOWN
+        each = SHOWN_OF_A_KIND if len(self.first) > 1 else SHOWN
         if len(self) <= SHOWN:
             each = SHOWN
-        while each > 1 and sum(min(len(messages), each) for messages in self.by_kind.values()) > SHOWN:
+        while each > 1 and sum(min(len(messages), each) for messages in self.first.values()) > SHOWN:
             each -= 1
         lines = []
-        for kind, messages in self.by_kind.items():
+        for kind, messages in self.first.items():
             lines += messages[:each]
-            if len(messages) > each:
-                lines.append(f"... and {len(messages) - each} more {kind}")
+            more = self.counts[kind] - min(len(messages), each)
+            if more:
+                lines.append(f"... and {more} more {kind}")
         return lines
+
+
+def printable(text: str) -> str:
+    """A text that any terminal shows on one line: names of files can hold line breaks, escapes and broken UTF-8."""
+    text = text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+    return "".join(
+        character if character.isprintable() else character.encode("unicode_escape", "surrogatepass").decode()
+        for character in text
+    )

@@ -1,23 +1,21 @@
 """The images of one view: do they decode, agree with each other and the record, and show the surface at its pose?
 
-OpenCV decodes the images and computes the boxes (``cv2.imdecode``, ``cv2.boundingRect``): a reader independent of
-:mod:`pipeline.images.png`, which writes them. Needs cv2.
+OpenCV decodes the images and computes the boxes (:mod:`pipeline.dataset.check.png`, ``cv2.boundingRect``): a reader
+independent of :mod:`pipeline.images.png`, which writes them. Needs cv2.
 """
-
-import io
-from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import DTypeLike
 
 from ...errors import InputError
-from ...images.image_check import check_image_file
+from ...files.numbers import npy_array
 from ...projection.silhouette import SilhouetteEdges, silhouette_statistics
 from ..layout import ViewPaths
 from .depth import PIXELS_OF_ROUNDING, DepthAgreement, agreement, surface_depth
+from .files import DamagedFile, read_bytes
 from .findings import Findings
-from .records import DamagedFile, Identity, ViewRecord
+from .png import PngHeader, read_png
+from .records import Description, ViewRecord
 
 IMAGES = "images that disagree"
 POSES = "views whose pose does not fit the pixels"
@@ -30,14 +28,14 @@ Parts of the surface that are thinner than a pixel cause them.
 
 
 def check_view(
-    paths: ViewPaths, record: ViewRecord, identity: Identity, surface: SilhouetteEdges | None, findings: Findings
+    paths: ViewPaths, record: ViewRecord, description: Description, surface: SilhouetteEdges | None, findings: Findings
 ) -> DepthAgreement | None:
     """Check one view, whose files exist.
 
     Parameters
     ----------
-    paths, record, identity
-        The view, its record and the dataset's identity.
+    paths, record, description
+        The view, its record and the dataset's description.
     surface
         The model with its edges; ``None`` if it cannot be read: poses are not checked then.
     findings
@@ -48,8 +46,8 @@ def check_view(
     Agreement of depth image and surface; ``None`` if something is wrong or poses are not checked.
     """
     try:
-        images = {kind: _decoded(paths, kind, identity) for kind in identity.kinds}
-        _check_images(images, paths, record, identity)
+        images = {kind: _decoded(paths, kind, description) for kind in description.kinds}
+        _check_images(images, paths, record, description)
         _check_record(images, paths, record)
     except DamagedFile as damage:
         findings.add(IMAGES, damage)
@@ -60,65 +58,52 @@ def check_view(
         found = agreement(
             images["depth"],
             record.depth_scale,
-            surface_depth(surface.mesh, identity.camera, record.cam_from_model),
-            identity.camera.fx,
+            surface_depth(surface.mesh, description.camera, record.cam_from_model),
+            description.camera.fx,
         )
         misfit = found.misfit
         if misfit:
             where = paths.relative("depth")
             raise DamagedFile(f"{where}: the surface projected with scene_gt and cam_K does not fit: {misfit}")
-        _check_silhouette(surface, record, identity)
+        _check_silhouette(surface, record, description)
     except DamagedFile as damage:
         findings.add(POSES, damage)
         return None
     return found
 
 
-def _decoded(paths: ViewPaths, kind: str, identity: Identity) -> np.ndarray:
-    where, path = paths.relative(kind), paths.file(kind)
-    height, width = identity.camera.shape_hw
+def _decoded(paths: ViewPaths, kind: str, description: Description) -> np.ndarray:
+    where, (height, width) = paths.relative(kind), description.camera.shape_hw
     if kind == "depth_mm":
-        return _float_depth(path, where, (height, width))
-    try:
-        # cv2 silently fills what is missing in a damaged file
-        check_image_file(path, where)
-    except InputError as error:
-        raise DamagedFile(str(error)) from None
-    image = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise DamagedFile(f"{where}: expected a PNG image, found a file that cannot be decoded")
-    shape = (height, width, 3) if kind == "rgb" else (height, width)
-    dtype = np.uint16 if kind == "depth" else np.uint8
-    if image.shape != shape or image.dtype != dtype:
-        raise DamagedFile(f"{where}: expected {_described(shape, dtype)}, found {_described(image.shape, image.dtype)}")
+        return _float_depth(paths, where, (height, width))
+    expected = PngHeader(width, height, channels=3 if kind == "rgb" else 1, bits=16 if kind == "depth" else 8)
+    image = read_png(paths.root, where, expected)
     if kind.startswith("mask") and not ((image == 0) | (image == 255)).all():
         raise DamagedFile(f"{where}: expected a mask of 0 and 255, found other values")
     return image
 
 
-def _described(shape: tuple[int, ...], dtype: DTypeLike) -> str:
-    channels = shape[2] if len(shape) > 2 else 1
-    return f"{shape[1]}x{shape[0]} px with {channels} channel{'s' * (channels > 1)} of {np.dtype(dtype).name}"
-
-
-def _float_depth(path: Path, where: str, shape: tuple[int, int]) -> np.ndarray:
+def _float_depth(paths: ViewPaths, where: str, shape: tuple[int, int]) -> np.ndarray:
+    header_bytes = 4096
     try:
-        depth = np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
-        raise DamagedFile(f"{where}: expected a NumPy array, found a damaged file ({error})") from None
+        depth = npy_array(read_bytes(paths.root, where, 4 * shape[0] * shape[1] + header_bytes), where)
+    except InputError as error:
+        raise DamagedFile(str(error)) from None
     if depth.shape != shape or depth.dtype != np.float32:
         raise DamagedFile(f"{where}: expected {shape} of float32, found {depth.shape} of {depth.dtype}")
     return depth
 
 
-def _check_images(images: dict[str, np.ndarray], paths: ViewPaths, record: ViewRecord, identity: Identity) -> None:
+def _check_images(
+    images: dict[str, np.ndarray], paths: ViewPaths, record: ViewRecord, description: Description
+) -> None:
     """Check the images against each other."""
     mask, depth = images["mask"] > 0, images["depth"]
     _require_none(mask != (depth > 0), paths, "mask", "differ from where the depth image has surface")
     for kind in ("mask_visib", "mask_observed"):
         _require_none((images[kind] > 0) & ~mask, paths, kind, "lie outside the mask")
     coloured = images["rgb"].any(axis=2)
-    if not identity.anti_aliased:
+    if not description.anti_aliased:
         _require_none(coloured & ~mask, paths, "rgb", "outside the mask are not black")
     else:
         near = cv2.dilate(images["mask"], np.ones((3, 3), np.uint8)) > 0
@@ -170,9 +155,9 @@ def _box(mask: np.ndarray) -> list[int]:
     return [x, y, width - 1, height - 1] if width else [-1, -1, -1, -1]
 
 
-def _check_silhouette(surface: SilhouetteEdges, record: ViewRecord, identity: Identity) -> None:
+def _check_silhouette(surface: SilhouetteEdges, record: ViewRecord, description: Description) -> None:
     """Check the numbers about the silhouette outside the image, which no image shows."""
-    info, silhouette = record.gt_info, silhouette_statistics(surface, identity.camera, record.cam_from_model)
+    info, silhouette = record.gt_info, silhouette_statistics(surface, description.camera, record.cam_from_model)
     visible = info["px_count_visib"]
     whole = silhouette.px_count_all - silhouette.px_count_inside + visible
     if abs(info["px_count_all"] - whole) > PIXELS_OF_ROUNDING + 1e-3 * whole:

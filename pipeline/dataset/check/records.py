@@ -1,38 +1,67 @@
-"""A dataset's identity and the records of its views, read strictly: every number that the check needs must be there.
+"""A dataset's description and the records of its views, read strictly: the keys of the format and no others.
 
 Written from the description of the format and, except for file names, independent of the code that writes it.
 """
 
-import json
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
-from ...files.content import read_content
-from ...files.tables import parsed_json
-from ..folder import RECORD
-from ..layout import FORMAT, ViewPaths
+from ..layout import FORMAT, RECORD, ViewPaths
+from ..options import option_names
+from .checksums import FileSum, identity_of, read_sums
+from .comparison import require_equal
+from .files import (
+    LARGEST_SMALL_FILE,
+    DamagedFile,
+    check_rotation,
+    mapping,
+    numbers,
+    parsed_object,
+    read_bytes,
+    read_object,
+    require_keys,
+    shortened,
+    whole_number,
+)
+from .png import LARGEST_IMAGE_PX
 
-ROTATION_TOLERANCE = 1e-9
+MOST_VIEWS = 10_000_000
+LARGEST_RECORD = 16 << 20
 GT_INFO_COUNTS = ("px_count_all", "px_count_valid", "px_count_visib")
-
-
-class DamagedFile(ValueError):
-    """A file of a dataset is missing or does not hold what it should; the message names the file."""
+DESCRIPTION_KEYS = {
+    "format", "versions", "conventions", "count", "object", "options", "camera", "frame", "mesh_from_model",
+    "mm_per_unit", "geometry_sha256", "structures", "inputs_sha256",
+}  # fmt: skip
+CAMERA_KEYS = {"width", "height", "fx", "fy", "cx", "cy"}
+ELSEWHERE = {"count", "poses", "video", "video_frames"}
+"""Options that the description does not list among the others."""
+RECORD_KEYS = {
+    "index", "identity", "cam_R_m2c", "cam_t_m2c", "depth_scale", "gt_info", "px_count_observed", "attempts",
+    "rejections", "files", "rle_counts",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Identity:
+class Description:
     """The content of ``dataset.json``.
 
     Attributes
     ----------
+    content
+        The whole object.
+    identity
+        Its identity, which every record repeats.
     count
         Number of views.
+    object_name
+        Name of the surface.
     camera
         Intrinsics of the views.
     mesh_from_model
@@ -43,11 +72,30 @@ class Identity:
         Whether the colour images have soft edges.
     """
 
+    content: dict[str, Any]
+    identity: str
     count: int
+    object_name: str
     camera: PinholeCamera
     mesh_from_model: np.ndarray
     kinds: tuple[str, ...]
     anti_aliased: bool
+
+    @property
+    def poses_differ(self) -> bool:
+        """Whether no two views have the same pose: none of a sampler that draws, unless it cannot but repeat itself.
+
+        A trajectory may cross itself, and a list may hold a pose twice.
+        """
+        options = self.content["options"]
+        spread = {
+            "cone": ("cone_deg", "roll_deg", "shift_mm"),
+            "gaussian": ("sigma_deg", "sigma_mm"),
+            "shell": ("polar_deg", "roll_deg"),
+        }
+        names = spread.get(str(options["sampler"]), ())
+        distances = options["sampler"] in ("cone", "shell") and options["distance_min"] != options["distance_max"]
+        return "poses" not in self.content["inputs_sha256"] and (distances or any(options[name] for name in names))
 
 
 @dataclass(frozen=True)
@@ -58,6 +106,10 @@ class ViewRecord:
     ----------
     where
         Its file, relative to the dataset, for messages.
+    data
+        The bytes of the file.
+    identity
+        The dataset's identity, if the view belongs to it.
     rotation, translation
         The record's lists of 9 and 3 numbers: ``cam_from_model``, row-major, mm.
     cam_from_model
@@ -70,11 +122,13 @@ class ViewRecord:
         Pixels of ``mask_observed``.
     run_lengths
         ``(N,)`` run lengths of the visible mask, column by column, zeros first.
-    sha256
-        Hash of every file, by path relative to the dataset.
+    files
+        Sum of every file, by path relative to the dataset.
     """
 
     where: str
+    data: bytes
+    identity: object
     rotation: list[float]
     translation: list[float]
     cam_from_model: np.ndarray
@@ -82,10 +136,15 @@ class ViewRecord:
     gt_info: dict
     observed: int
     run_lengths: np.ndarray
-    sha256: dict[str, str]
+    files: dict[str, FileSum]
+
+    @property
+    def pose_hash(self) -> bytes:
+        """Equal for equal poses, short enough to keep for every view."""
+        return hashlib.blake2b(self.cam_from_model.tobytes(), digest_size=16).digest()
 
 
-def read_identity(root: Path) -> Identity:
+def read_description(root: Path) -> Description:
     """Read ``dataset.json``.
 
     Raises
@@ -95,30 +154,43 @@ def read_identity(root: Path) -> Identity:
     InputError
         The file is intact, but of another format.
     """
-    content = read_object(root / RECORD, RECORD)
+    content = read_object(root, RECORD)
     if content.get("format") != FORMAT:
         raise InputError(
-            f"{root / RECORD}: expected the format {FORMAT!r}, found {content.get('format')!r}; "
+            f"{root / RECORD}: expected the format {FORMAT!r}, found {shortened(content.get('format'))}; "
             "check the dataset with the version that made it"
         )
-    count = whole_number(content, "count", RECORD, least=1)
+    require_keys(content, DESCRIPTION_KEYS, RECORD)
+    count = whole_number(content, "count", RECORD, least=1, most=MOST_VIEWS)
+    if not isinstance(content["object"], str):
+        raise DamagedFile(f"{RECORD}: expected object to be a name, found {shortened(content['object'])}")
     options, given = mapping(content, "options", RECORD), mapping(content, "camera", RECORD)
-    width, height = (whole_number(given, side, f"{RECORD}: camera", least=1) for side in ("width", "height"))
-    k = numbers(given, "K", (3, 3), f"{RECORD}: camera")
-    try:
-        camera = PinholeCamera.from_matrix(k, size=(width, height), where=f"{RECORD}: camera K")
-    except InputError as error:
-        raise DamagedFile(str(error)) from None
-    for name in ("fx", "fy", "cx", "cy"):
-        if given.get(name) != getattr(camera, name):
-            raise DamagedFile(f"{RECORD}: camera: {name} is {given.get(name)!r}, K has {getattr(camera, name)!r}")
-    mesh_from_model = numbers(content, "given_from_model", (4, 4), RECORD)
-    check_rotation(mesh_from_model[:3, :3], f"{RECORD}: given_from_model")
-    frame = numbers(mapping(content, "frame", RECORD), "cam_from_model", (4, 4), f"{RECORD}: frame")
-    check_rotation(frame[:3, :3], f"{RECORD}: frame: cam_from_model")
-    float_depth = ("depth_mm",) if options.get("float_depth") else ()
-    return Identity(
+    names = set(option_names()) - ELSEWHERE
+    if options.get("sampler") == "trajectory" and "poses" not in mapping(content, "inputs_sha256", RECORD):
+        # each pose of a trajectory depends on their number
+        names.add("views")
+        require_equal(options.get("views"), count, f"{RECORD}: options: views")
+    require_keys(options, names, f"{RECORD}: options")
+    camera = _camera(given)
+    mesh_from_model = numbers(content, "mesh_from_model", (4, 4), RECORD)
+    check_rotation(mesh_from_model[:3, :3], f"{RECORD}: mesh_from_model")
+    frame = mapping(content, "frame", RECORD)
+    require_keys(frame, CAMERA_KEYS | {"distortion", "cam_from_model"}, f"{RECORD}: frame")
+    for side in ("width", "height"):
+        whole_number(frame, side, f"{RECORD}: frame", least=1)
+    cam_from_model = numbers(frame, "cam_from_model", (4, 4), f"{RECORD}: frame")
+    check_rotation(cam_from_model[:3, :3], f"{RECORD}: frame: cam_from_model")
+    if not numbers(content, "mm_per_unit", (), RECORD) > 0:
+        raise DamagedFile(f"{RECORD}: expected mm_per_unit above 0, found {shortened(content['mm_per_unit'])}")
+    require_keys(mapping(content, "versions", RECORD), {"oneframe", "blender"}, f"{RECORD}: versions")
+    mapping(content, "structures", RECORD)
+    mapping(content, "inputs_sha256", RECORD)
+    float_depth = ("depth_mm",) if options["float_depth"] else ()
+    return Description(
+        content=content,
+        identity=identity_of(content),
         count=count,
+        object_name=content["object"],
         camera=camera,
         mesh_from_model=mesh_from_model,
         kinds=("rgb", "depth", "mask", "mask_visib", "mask_observed", *float_depth),
@@ -126,18 +198,40 @@ def read_identity(root: Path) -> Identity:
     )
 
 
-def read_view_record(paths: ViewPaths, kinds: tuple[str, ...]) -> ViewRecord:
-    """Read ``frame/NNNNNN.json`` of a view that has files of these kinds.
+def _camera(given: Mapping) -> PinholeCamera:
+    where = f"{RECORD}: camera"
+    require_keys(given, CAMERA_KEYS | {"K"}, where)
+    width, height = (whole_number(given, side, where, least=1) for side in ("width", "height"))
+    if width * height > LARGEST_IMAGE_PX:
+        raise DamagedFile(f"{where}: expected at most {LARGEST_IMAGE_PX} px, found {width}x{height}")
+    k = numbers(given, "K", (3, 3), where)
+    try:
+        camera = PinholeCamera.from_matrix(k, size=(width, height), where=f"{where} K")
+    except InputError as error:
+        raise DamagedFile(str(error)) from None
+    for name in ("fx", "fy", "cx", "cy"):
+        if given[name] != getattr(camera, name):
+            raise DamagedFile(f"{where}: {name} is {shortened(given[name])}, K has {getattr(camera, name)!r}")
+    return camera
+
+
+def read_view_record(paths: ViewPaths, description: Description) -> ViewRecord:
+    """Read ``frame/NNNNNN.json`` of a view of the dataset.
 
     Raises
     ------
     DamagedFile
         The file is missing, or a value in it is missing or wrong.
     """
-    where = paths.relative("frame")
-    content = read_object(paths.file("frame"), where)
+    where, camera = paths.relative("frame"), description.camera
+    # at worst, every pixel is a run of its own
+    most = min(LARGEST_SMALL_FILE + 2 * camera.width * camera.height, LARGEST_RECORD)
+    data = read_bytes(paths.root, where, most)
+    content = parsed_object(data, where)
     if content.get("index") != paths.index:
-        raise DamagedFile(f"{where}: expected the record of view {paths.index}, found index {content.get('index')!r}")
+        found = shortened(content.get("index"))
+        raise DamagedFile(f"{where}: expected the record of view {paths.index}, found index {found}")
+    require_keys(content, RECORD_KEYS, where)
     cam_from_model = np.eye(4)
     cam_from_model[:3, :3] = numbers(content, "cam_R_m2c", (9,), where).reshape(3, 3)
     cam_from_model[:3, 3] = numbers(content, "cam_t_m2c", (3,), where)
@@ -146,20 +240,24 @@ def read_view_record(paths: ViewPaths, kinds: tuple[str, ...]) -> ViewRecord:
     if depth_scale <= 0:
         raise DamagedFile(f"{where}: expected a positive depth_scale, found {depth_scale:g}")
     gt_info = mapping(content, "gt_info", where)
+    require_keys(gt_info, {*GT_INFO_COUNTS, "bbox_obj", "bbox_visib", "visib_fract"}, f"{where}: gt_info")
     for name in GT_INFO_COUNTS:
         whole_number(gt_info, name, f"{where}: gt_info")
     for name in ("bbox_obj", "bbox_visib"):
         numbers(gt_info, name, (4,), f"{where}: gt_info")
     numbers(gt_info, "visib_fract", (), f"{where}: gt_info")
-    sha256 = mapping(content, "sha256", where)
-    expected = {paths.relative(kind) for kind in kinds}
-    if sha256.keys() != expected:
-        different = ", ".join(sorted(sha256.keys() ^ expected)[:3])
+    _check_attempts(content, where)
+    files = read_sums(mapping(content, "files", where), where)
+    expected = {paths.relative(kind) for kind in description.kinds}
+    if files.keys() != expected:
+        different = ", ".join(sorted(files.keys() ^ expected)[:3])
         raise DamagedFile(
-            f"{where}: expected sha256 of the view's {len(expected)} files, missing or unexpected: {different}"
+            f"{where}: expected sums of the view's {len(expected)} files, missing or unexpected: {different}"
         )
     return ViewRecord(
         where=where,
+        data=data,
+        identity=content["identity"],
         rotation=content["cam_R_m2c"],
         translation=content["cam_t_m2c"],
         cam_from_model=cam_from_model,
@@ -167,69 +265,17 @@ def read_view_record(paths: ViewPaths, kinds: tuple[str, ...]) -> ViewRecord:
         gt_info=gt_info,
         observed=whole_number(content, "px_count_observed", where),
         run_lengths=numbers(content, "rle_counts", None, where).astype(np.int64),
-        sha256=sha256,
+        files=files,
     )
 
 
-def read_object(path: Path, where: str) -> dict:
-    """Read the object in a JSON file.
-
-    Raises
-    ------
-    DamagedFile
-        Missing, unreadable, not JSON, not an object.
-    """
-    try:
-        content = parsed_json(read_content(path, "a file of the dataset", where), where)
-    except InputError as error:
-        raise DamagedFile(str(error)) from None
-    if not isinstance(content, dict):
-        raise DamagedFile(f"{where}: expected an object, found {shortened(content)}")
-    return content
-
-
-def mapping(content: Mapping, key: str, where: str) -> dict:
-    """The object at a key of an object; :class:`DamagedFile` if there is none."""
-    value = content.get(key)
-    if not isinstance(value, dict):
-        raise DamagedFile(f"{where}: expected {key} with entries, found {shortened(value)}")
-    return value
-
-
-def numbers(content: Mapping, key: str, shape: tuple[int, ...] | None, where: str) -> np.ndarray:
-    """The finite numbers of a shape (``None``: any list) at a key of an object; :class:`DamagedFile` if not there."""
-    try:
-        values = np.array(content[key], dtype=np.float64)
-    except (KeyError, TypeError, ValueError):
-        values = np.array(np.nan)
-    fits = values.ndim == 1 if shape is None else values.shape == shape
-    if not fits or not np.isfinite(values).all():
-        meant = (
-            "a list of numbers" if shape is None else " x ".join(map(str, shape)) + " numbers" if shape else "a number"
-        )
-        raise DamagedFile(f"{where}: expected {key} to be {meant}, found {shortened(content.get(key))}")
-    return values
-
-
-def whole_number(content: Mapping, key: str, where: str, *, least: int = 0) -> int:
-    """The whole number at a key of an object; :class:`DamagedFile` if there is none."""
-    value = content.get(key)
-    if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise DamagedFile(f"{where}: expected {key} to be a whole number from {least}, found {shortened(value)}")
-    return value
-
-
-def check_rotation(rotation: np.ndarray, where: str) -> None:
-    """Check that a ``(3, 3)`` matrix is orthonormal with determinant 1; :class:`DamagedFile` if not."""
-    deviation = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    if deviation > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
-        raise DamagedFile(
-            f"{where}: expected a rotation, found a matrix off by {deviation:.2g} with determinant "
-            f"{np.linalg.det(rotation):.6g}"
-        )
-
-
-def shortened(value: object) -> str:
-    """A value as JSON of at most 60 characters, for messages."""
-    text = json.dumps(value, default=str)
-    return text if len(text) <= 60 else text[:57] + "..."
+def _check_attempts(content: Mapping, where: str) -> None:
+    """Every rejected pose broke one to three constraints; a pose from a list is the only one, whatever it broke."""
+    attempts = whole_number(content, "attempts", where, least=1)
+    rejections = mapping(content, "rejections", where)
+    names = ("surface", "observed", "clearance")
+    require_keys(rejections, set(names), f"{where}: rejections")
+    broken = [whole_number(rejections, name, f"{where}: rejections") for name in names]
+    rejected = attempts - 1
+    if not (max(broken) <= rejected <= sum(broken) or (rejected == 0 and max(broken) <= 1)):
+        raise DamagedFile(f"{where}: {attempts} attempts do not fit the rejections {shortened(rejections)}")

@@ -43,6 +43,11 @@ SOLVERS = (
 )
 
 
+def case_chart(data: Path) -> Path:
+    """The name that the chart of trials on the surface of a case goes by."""
+    return data.with_name(f"{data.stem}-case{data.suffix}")
+
+
 def landmark_accuracy_charts(figures: LandmarkFigures, data: Path) -> list[Path]:
     """Draw rotation error and displacement of the surface against the number of correspondences, ours and OpenCV's.
 
@@ -53,7 +58,10 @@ def landmark_accuracy_charts(figures: LandmarkFigures, data: Path) -> list[Path]
     The files written.
     """
     written = []
-    for rows, suffix, where in ((figures.box, "", "random points"), (figures.case, "-case", "the surface of a case")):
+    for rows, path, where in (
+        (figures.box, data, "random points"),
+        (figures.case, case_chart(data), "the surface of a case"),
+    ):
         if not rows:
             continue
         noises = sorted({row.sigma_px for row in rows})
@@ -62,7 +70,6 @@ def landmark_accuracy_charts(figures: LandmarkFigures, data: Path) -> list[Path]
             "refused trials count with their best candidate"
         )
         draw = partial(_draw_panels, rows=rows, noises=noises, caption=caption)
-        path = data.with_name(f"{data.stem}{suffix}{data.suffix}")
         height = 1.4 + 3.4 * len(noises)
         written += write_chart(path, draw, (10.2, height), title="Pose from landmarks: error by solver")
     return written

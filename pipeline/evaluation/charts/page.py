@@ -15,6 +15,9 @@ import numpy as np
 
 from ...errors import RunError
 from ...files.content import write_bytes_atomically
+from ...files.kinds import PNG, SVG
+from ...files.outputs import Output, companion, writing
+from ...files.signature import signed
 
 DPI = 160
 
@@ -62,6 +65,17 @@ def require_matplotlib() -> None:
         ) from None
 
 
+def chart_outputs(data: Path) -> list[Output]:
+    """The files of :func:`write_chart`, as outputs that replace charts only."""
+    kinds = {"svg": SVG, "png": PNG}
+    return [companion(chart_path(data, theme, name), kind) for theme in THEMES for name, kind in kinds.items()]
+
+
+def chart_path(data: Path, theme: Theme, kind: str) -> Path:
+    """The file of a chart; ``kind`` is svg or png."""
+    return data.with_name(f"{data.stem}{theme.suffix}.{kind}")
+
+
 def write_chart(data: Path, draw: Draw, size_inches: tuple[float, float], *, title: str) -> list[Path]:
     """Write a chart next to its data file: ``NAME.svg``, ``NAME.png``, ``NAME-dark.svg`` and ``NAME-dark.png``.
 
@@ -77,7 +91,7 @@ def write_chart(data: Path, draw: Draw, size_inches: tuple[float, float], *, tit
     Raises
     ------
     RunError
-        matplotlib is not installed.
+        matplotlib is not installed, or a file cannot be written.
     """
     require_matplotlib()
     written = []
@@ -92,8 +106,9 @@ def write_chart(data: Path, draw: Draw, size_inches: tuple[float, float], *, tit
             for kind, metadata in (("svg", {"Date": None, "Creator": None}), ("png", {"Software": None})):
                 content = io.BytesIO()
                 figure.savefig(content, format=kind, metadata={"Title": title, **metadata})
-                path = data.with_name(f"{data.stem}{theme.suffix}.{kind}")
-                write_bytes_atomically(path, content.getvalue())
+                path = chart_path(data, theme, kind)
+                with writing(path):
+                    write_bytes_atomically(path, signed(content.getvalue()))
                 written.append(path)
     return written
 

@@ -1,6 +1,7 @@
 """Dataset runs as a user has them: the same files however the work is divided, stopped, killed or refused."""
 
 import dataclasses
+import hashlib
 import io
 import json
 import os
@@ -81,7 +82,7 @@ def assert_same_dataset(out: Path, reference: Path) -> None:
 
 
 def finished_views(out: Path) -> int:
-    return sum(1 for _ in out.glob("train_pbr/*/frame/*.json"))
+    return sum(1 for _ in out.glob("train_synt/*/frame/*.json"))
 
 
 def read_rgb(path: Path) -> np.ndarray:
@@ -91,9 +92,19 @@ def read_rgb(path: Path) -> np.ndarray:
 def test_all_files_of_the_layout_are_there(reference):
     kinds = ("rgb", "depth", "mask", "mask_visib", "mask_observed", "depth_mm", "frame")
     views = {ViewPaths(reference, index).relative(kind) for index in range(VIEWS) for kind in kinds}
-    scene = {f"train_pbr/000000/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco")}
-    models = {"models/models_info.json", "models/obj_000001.ply"}
-    tables = {"camera.json", "dataset.json", "poses.csv", "transforms.json", "contact_sheet.png", "overlay.png"}
+    scene = {f"train_synt/000000/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco")}
+    models = {f"{name}/{file}" for name in ("models", "models_eval") for file in ("models_info.json", "obj_000001.ply")}
+    tables = {
+        "camera.json",
+        "dataset.json",
+        "checksums.json",
+        "poses.csv",
+        "transforms.json",
+        "contact_sheet.png",
+        "overlay.png",
+        "test_targets_bop19.json",
+        "dataset_info.md",
+    }
     assert tree(reference).keys() == views | scene | models | tables
     assert json.loads((reference / "dataset.json").read_text())["count"] == VIEWS
     sheet = cv2.imread(str(reference / "contact_sheet.png"))
@@ -138,6 +149,37 @@ def test_shards_in_separate_folders_are_merged_by_copying(case, reference, tmp_p
     assert_same_dataset(out, reference)
 
 
+def test_a_shard_of_another_run_is_not_merged(case, tmp_path):
+    """Copied together, the description of the last one hides that of the other; the records tell all the same."""
+    options = dataclasses.replace(OPTIONS, count=4)
+    other = dataclasses.replace(options, seed=4)
+    for index, its in ((0, options), (1, other)):
+        run_here(case, tmp_path / f"part {index}", its, Shard(index, 2))
+    for last, backup, message in [
+        (0, False, r"views of another run are among those of dataset\.json: 2-3; .*frame/000002\.json"),
+        (0, True, r"another run .* \(options\.seed was 4, is 3\): 2-3"),
+        (1, False, r"holds the dataset of another run \(options\.seed was 4, is 3\)"),
+    ]:
+        out = tmp_path / f"merged {last} {backup}"
+        for index in (1 - last, last):
+            shutil.copytree(tmp_path / f"part {index}", out, dirs_exist_ok=True)
+        if backup:
+            shutil.copy(tmp_path / f"part {1 - last}" / "dataset.json", out / "dataset.json~")
+        before = tree(out)
+        with pytest.raises(RunError, match=message):
+            run_here(case, out, options)
+        assert tree(out) | {".work/lock": b""} == before | {".work/lock": b""}
+        # what the message advises
+        if last == 0:
+            for index in (2, 3):
+                ViewPaths(out, index).file("frame").unlink()
+            run_here(case, out, options)
+    run_here(case, tmp_path / "whole", options)
+    (tmp_path / "merged 0 True" / "dataset.json~").unlink()
+    for out in (tmp_path / "merged 0 True", tmp_path / "merged 0 False"):
+        assert_same_dataset(out, tmp_path / "whole")
+
+
 def test_shards_write_the_tables_of_their_own_scenes(case, tmp_path, monkeypatch):
     for module in (dataset, dataset_job, dataset_finish):
         monkeypatch.setattr(module, "VIEWS_PER_SCENE", 4)
@@ -145,7 +187,7 @@ def test_shards_write_the_tables_of_their_own_scenes(case, tmp_path, monkeypatch
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     run_here(case, whole, options)
     run_here(case, parts, options, Shard(0, 2))
-    scenes = [parts / "train_pbr" / f"{scene:06d}" / "scene_gt.json" for scene in range(3)]
+    scenes = [parts / "train_synt" / f"{scene:06d}" / "scene_gt.json" for scene in range(3)]
     assert [scene.exists() for scene in scenes] == [True, False, False]
     run_here(case, parts, options, Shard(1, 2))
     assert_same_dataset(parts, whole)
@@ -287,7 +329,6 @@ CHANGES = {
     ),
     "the mesh": (lambda folder, _: edit(folder / "surface.ply", "end_header", "comment \nend_header"), "the surface"),
     "the seed": (lambda _, options: dataclasses.replace(options, seed=4), "options.seed was 3, is 4"),
-    "the number": (lambda _, options: dataclasses.replace(options, count=31), "count was 30, is 31"),
     "the sampler": (lambda _, options: dataclasses.replace(options, sampler="shell"), 'sampler was "cone", is "shell"'),
     "the colour": (lambda _, options: dataclasses.replace(options, colour="vertex"), "options.colour was"),
 }
@@ -357,7 +398,7 @@ def test_refusals_end_with_3_and_one_line(case, reference, tmp_path, render_comm
     (tmp_path / "file").write_text("")
     for out, message in [
         (tmp_path / "file" / "out", "cannot write to the folder (Not a directory)"),
-        (reference, "holds the dataset of another run (count was 30, is 29)"),
+        (reference, "holds a dataset of 30 views, and 29 are wanted: a dataset may grow, but not shrink"),
     ]:
         ended = run_command(render_command(case, "--out", out, *ARGUMENTS, "--count", 29))
         assert (ended.returncode, ended.stdout) == (3, "")
@@ -399,7 +440,7 @@ def test_a_full_disk_stops_the_run_and_more_space_lets_it_resume(
     expected = tree(reference)
     for name, record in finished.items():
         assert record == expected[name]
-        assert all((out / file).read_bytes() == expected[file] for file in json.loads(record)["sha256"])
+        assert all((out / file).read_bytes() == expected[file] for file in json.loads(record)["files"])
     subprocess.run(["mount", "-o", "remount,size=20m", small_disk], check=True)
     before = times(out)
     run_here(case, out)
@@ -419,12 +460,69 @@ def test_a_complete_dataset_is_left_as_it_is_without_any_preparation(case, refer
     assert not (reference / ".work").exists()
 
 
-def test_a_lost_table_is_written_again(case, reference, tmp_path):
-    out = shutil.copytree(reference, tmp_path / "out")
-    (out / "train_pbr/000000/scene_gt.json").unlink()
-    (out / "transforms.json").unlink()
-    run_here(case, out)
+def test_what_is_lost_or_damaged_is_written_again_and_reported(case, tmp_path):
+    """Every file of a dataset in turn, in every way that a loss of power or a careless user leaves it."""
+    options = dataclasses.replace(OPTIONS, count=2, video=True, video_frames=3)
+    whole, out = tmp_path / "whole", tmp_path / "out"
+    run_here(case, whole, options)
+    shutil.copytree(whole, out)
+    harms = [
+        lambda path: path.unlink(),
+        lambda path: path.write_bytes(path.read_bytes()[:-7]),
+        lambda path: path.write_bytes(b""),
+        lambda path: path.write_bytes(bytes(len(path.read_bytes()) + 3)),
+        lambda path: path.write_bytes(b"[" * 30_000),
+    ]
+    names = sorted(tree(whole).keys() - {"dataset.json"})
+    groups = [names[start::7] for start in range(7)]
+    for number, group in enumerate(groups):
+        for place, name in enumerate(group):
+            harms[(number + place) % len(harms)](out / name)
+        views = {int(name.rpartition("/")[2][:6]) for name in group if name.count("/") == 3}
+        # one without a record has never been finished
+        views = {view for view in views if ViewPaths(out, view).file("frame").exists()}
+        reported = f"{len(views)} finished views are no longer whole and are rendered again"
+        assert (reported in run_here(case, out, options)) == bool(views)
+        assert_same_dataset(out, whole)
+    # what keeps its size is found by its hash
+    for name in ("models/obj_000001.ply", ViewPaths(out, 1).relative("rgb"), "video/trajectory.mp4"):
+        data = bytearray((out / name).read_bytes())
+        data[len(data) // 2] ^= 1
+        (out / name).write_bytes(data)
+    run_here(case, out, options)
+    assert tree(out) != tree(whole)
+    stream = io.StringIO()
+    job = Job(read_case(case), out, options, WHOLE)
+    dataset_run.run(job, workers=1, worker_command=(), stream=stream, verify=True)
+    assert "1 finished views are no longer whole and are rendered again: 1 (" in stream.getvalue()
+    assert "2 files of the dataset are no longer whole and are written again" in stream.getvalue()
+    assert_same_dataset(out, whole)
+
+
+@pytest.mark.parametrize("shards", [1, 2])
+def test_a_dataset_grows_to_what_it_would_have_been(case, reference, tmp_path, shards):
+    out, few = tmp_path / "out", dataclasses.replace(OPTIONS, count=6)
+    run_here(case, out, few)
+    before = times(out)
+    for index in range(shards):
+        run_here(case, out, OPTIONS, Shard(index, shards))
     assert_same_dataset(out, reference)
+    assert all(times(out)[name] == before[name] for name in before if name.count("/") == 3)
+
+
+def test_what_cannot_grow_is_refused_before_anything_starts(case, tmp_path, monkeypatch):
+    few = dataclasses.replace(OPTIONS, count=3, sampler="trajectory")
+    run_here(case, tmp_path / "along", few)
+    run_here(case, tmp_path / "cone", dataclasses.replace(OPTIONS, count=3))
+    monkeypatch.setattr(OpenJob, "renderer", lambda *_, **__: pytest.fail("prepared to render"))
+    before = times(tmp_path)
+    for out, options, message in [
+        ("along", dataclasses.replace(few, count=4), "poses along a trajectory depend on the number of views"),
+        ("cone", dataclasses.replace(OPTIONS, count=2), "holds a dataset of 3 views, and 2 are wanted"),
+    ]:
+        with pytest.raises(RunError, match=message):
+            run_here(case, tmp_path / out, options)
+    assert times(tmp_path) == before
 
 
 def test_a_video_is_added_later_and_once(case, reference, tmp_path):
@@ -434,7 +532,7 @@ def test_a_video_is_added_later_and_once(case, reference, tmp_path):
     assert "video: " in run_here(case, out, options)
     after = times(out)
     assert {name for name in after if name not in before} == {"video", "video/trajectory.mp4", "video/poses.csv"}
-    assert all(after[name] == before[name] for name in before)
+    assert [name for name in before if after[name] != before[name]] == ["checksums.json"]
     check_video(case, out / "video", options)
 
     assert "video: " not in run_here(case, out, options)
@@ -445,6 +543,14 @@ def test_a_video_is_added_later_and_once(case, reference, tmp_path):
     check_video(case, out / "video", options)
     # the dataset without a video is the same one
     assert "video: " not in run_here(case, out)
+
+
+def test_a_video_is_the_same_on_every_day(case, tmp_path):
+    options = dataclasses.replace(OPTIONS, count=1, video=True, video_frames=3)
+    run_here(case, tmp_path / "one", options)
+    time.sleep(1.1)  # what a date in the file counts
+    run_here(case, tmp_path / "other", options)
+    assert_same_dataset(tmp_path / "other", tmp_path / "one")
 
 
 def check_video(case: Path, folder: Path, options: DatasetOptions) -> None:
@@ -496,7 +602,20 @@ def test_a_job_reads_its_case_file_no_more(tmp_path, write_tiny_case):
     path.unlink()
     opened = open_job(job)
     assert opened.loaded.case is job.case
-    assert set(opened.identity()["inputs_sha256"]) == {"frame", "surface"}
+    assert set(opened.description["inputs_sha256"]) == {"frame", "surface"}
+
+
+def test_the_hashes_of_inputs_are_those_of_the_bytes_that_were_used(tmp_path, write_tiny_case):
+    """A file that is saved while a run starts is not taken for the one that it used."""
+    case = read_case(write_tiny_case(tmp_path / "case"))
+    np.save(tmp_path / "poses.npy", case.cam_from_mesh[None])
+    inputs = {"frame": case.image, "surface": case.mesh, "poses": tmp_path / "poses.npy"}
+    expected = {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in inputs.items()}
+    options = dataclasses.replace(OPTIONS, poses=str(tmp_path / "poses.npy"))
+    opened = open_job(Job(case, tmp_path / "out", options, WHOLE))
+    for path in inputs.values():
+        path.write_bytes(b"saved again")
+    assert opened.description["inputs_sha256"] == expected
 
 
 def test_explicit_poses_are_for_the_mesh_files_frame_and_replace_the_count(case, tmp_path):
@@ -507,7 +626,7 @@ def test_explicit_poses_are_for_the_mesh_files_frame_and_replace_the_count(case,
     run_here(case, tmp_path / "out", options)
     records = [read_record(ViewPaths(tmp_path / "out", index)) for index in range(3)]
     assert finished_views(tmp_path / "out") == 3
-    mesh_from_model = np.array(json.loads((tmp_path / "out/dataset.json").read_text())["given_from_model"])
+    mesh_from_model = np.array(json.loads((tmp_path / "out/dataset.json").read_text())["mesh_from_model"])
     assert np.allclose(mesh_from_model[:3, 3], [12, -7, 40], atol=0.1)
     found = np.stack([record.cam_from_model @ inverse_rigid(mesh_from_model) for record in records])
     assert np.allclose(found, poses, atol=1e-9)

@@ -9,9 +9,10 @@ bpy = pytest.importorskip("bpy")
 
 from pipeline.blender.bridge.image import read_image
 from pipeline.blender.sample.photograph import take_photographs
-from pipeline.blender.sample.sample_case import write_sample_case
+from pipeline.blender.sample.sample_case import check_sample_case, write_sample_case
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.case.case_file import read_case
+from pipeline.errors import InputError
 from pipeline.sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses, sample_surface
 from pipeline.surface.mesh import TriangleMesh
 from pipeline.surface.mesh_reader import read_mesh
@@ -124,3 +125,11 @@ def test_sample_case_is_read_back_as_written(tmp_path, coarse):
         np.testing.assert_array_equal(entry["cam_from_mesh"], pose)
         assert read_image(tmp_path / "case" / entry["image"])[0].shape == (48, 64, 3)
         np.testing.assert_allclose(pose @ inverse_rigid(pose), np.eye(4), atol=1e-9)
+    # made again, unless somebody has worked on a file of it
+    check_sample_case(tmp_path / "case", camera=SMALL)
+    for path in paths:
+        content = path.read_bytes()
+        path.write_bytes(content.replace(content[40:48], b"CHANGED!", 1))
+        with pytest.raises(InputError, match="one that this program wrote"):
+            check_sample_case(tmp_path / "case", camera=SMALL)
+        path.write_bytes(content)

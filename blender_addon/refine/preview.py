@@ -1,0 +1,141 @@
+"""The preview of a refined pose: before and after in the view, until the user keeps one of them."""
+
+from typing import Literal
+
+import bpy
+import numpy as np
+
+from ..pipeline.alignment.refinement.verdict import Refinement
+from ..pipeline.blender.alignment.surface_object import set_pose
+from ..pipeline.errors import InputError, RunError
+from ..pipeline.files.numbers import format_two_digits
+from ..setup.alignment_record import pose_record, remember_refined
+from ..state import from_scene
+from ..ui.operator import OperatorResult, redraw
+
+NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WHEELINMOUSE", "WHEELOUTMOUSE", "MOUSEMOVE"}
+NAVIGATION |= {"INBETWEEN_MOUSEMOVE", "TRACKPADPAN", "TRACKPADZOOM", "WINDOW_DEACTIVATE"}
+KEEP, DISCARD = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}, {"ESC", "RIGHTMOUSE"}
+TAKE = {"RET", "NUMPAD_ENTER"}
+"""With Ctrl: takes a refused pose. It must not happen by a habit of the hand."""
+
+
+def take(scene: bpy.types.Scene, result: Refinement, start: dict[str, object]) -> None:
+    """Move the surface to the pose that a refinement has found, and record how; ``start``: of its initial pose."""
+    set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), result.found)
+    remember_refined(scene, result, start)
+
+
+class Preview(bpy.types.Operator):
+    """Mixin: a modal operator that shows a refined pose and lets the user keep or discard it."""
+
+    def show_result(self, context: bpy.types.Context, result: Refinement, start: np.ndarray) -> None:
+        """Begin with the refined pose; ``start`` is the ``(4, 4)`` initial one, to which the preview can go back."""
+        self._result, self._start = result, start
+        self._start_record = pose_record(context.scene)
+        self._show(context, is_result=True)
+        self._show_figures(context)
+
+    def preview(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        """Handle an event during the preview."""
+        result = self._result
+        if event.value == "PRESS":
+            if event.type in DISCARD:
+                self._show(context, is_result=False)
+                return self.end(context, "CANCELLED", message="the refined pose is discarded, the pose is unchanged")
+            if (event.type in TAKE and event.ctrl) if result.can_be_taken else event.type in KEEP:
+                take(context.scene, result, self._start_record)
+                message = f"taken although refused: {result.objection}" if result.can_be_taken else result.message
+                return self.end(context, "FINISHED", message=message)
+            if event.type == "SPACE":
+                self._show(context, is_result=not self._shows_result)
+        self._show_figures(context)
+        return self.pass_navigation(event)
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        """Called by Blender."""
+        try:
+            return self.handle(context, event)
+        except (InputError, RunError) as error:
+            # the surface or the camera has been deleted
+            return self.end(context, "CANCELLED", error=str(error))
+        except Exception:
+            self.end(context, "CANCELLED")
+            raise
+
+    def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        """Handle an event."""
+        return self.preview(context, event)
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Called by Blender when it ends the operator: a file was opened, or the window closed."""
+        self.end(context, "CANCELLED")
+
+    def pass_navigation(self, event: bpy.types.Event) -> OperatorResult:
+        """Let the user navigate in the view meanwhile, but nothing else."""
+        return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
+
+    def end(
+        self,
+        context: bpy.types.Context,
+        outcome: Literal["FINISHED", "CANCELLED"],
+        *,
+        message: str = "",
+        error: str = "",
+    ) -> OperatorResult:
+        """Restore the headers, report, and end."""
+        show_status(context, None)
+        if message:
+            self.report({"INFO"}, message)
+        if error:
+            self.report({"ERROR"}, error)
+        redraw(context)
+        return {outcome}
+
+    def _show_figures(self, context: bpy.types.Context) -> None:
+        shown = "AFTER" if self._shows_result else "BEFORE"
+        figures = _figures(self._result, refined=self._shows_result)
+        show_status(context, f"{shown}: {figures}      {_keys(self._result)}")
+
+    def _show(self, context: bpy.types.Context, *, is_result: bool) -> None:
+        scene = context.scene
+        pose = self._result.found if is_result else self._start
+        set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), pose)
+        self._shows_result = is_result
+        redraw(context)
+
+
+def error_text(result: Refinement, *, refined: bool) -> str:
+    """The estimated error of the initial or of the refined pose."""
+    error_px = (result.after if refined else result.before).error_px
+    if not np.isfinite(error_px):
+        return "unknown"
+    return f"{'' if result.verified else '≥ '}{format_two_digits(error_px)} px"
+
+
+def _figures(result: Refinement, *, refined: bool) -> str:
+    agreement = result.after if refined else result.before
+    return f"{agreement.score:.0%} of the image explained, off by {error_text(result, refined=refined)}"
+
+
+def _keys(result: Refinement) -> str:
+    if result.can_be_taken:
+        return "REFUSED      Esc or Right Click: Discard      Ctrl + Enter: Take It Anyway      Space: Before / After"
+    return "Enter or Left Click: Accept      Esc or Right Click: Discard      Space: Before / After"
+
+
+_status: str | None = None
+"""The text shown at present: setting it again at every movement of the mouse would redraw the headers each time."""
+
+
+def show_status(context: bpy.types.Context, text: str | None) -> None:
+    """Show a text in the status bar and in the headers of the 3D views; ``None`` restores both."""
+    global _status
+    if text is not None and text == _status:
+        return
+    _status = text
+    context.workspace.status_text_set(text)
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.header_text_set(text)

@@ -1,0 +1,124 @@
+"""Files dropped onto a 3D view: each is opened as what its kind and content say."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import CollectionProperty, StringProperty
+
+from ..pipeline.case.structure_colour import OTHER, structure_colour
+from ..pipeline.errors import InputError
+from ..registration import class_registration, prop
+from ..state import from_scene, workbench
+from ..ui.operator import Reporting
+from .operators import CAMERAS, IMAGES, MESHES
+
+LANDMARKS = "*.csv"
+TOML = ".toml"
+_operators: Any = getattr(bpy.ops, "oneframe")  # noqa: B009  # Blender's type stubs do not know the add-on's
+
+
+def extensions(glob: str) -> tuple[str, ...]:
+    """``"*.png;*.jpg"`` -> ``(".png", ".jpg")``."""
+    return tuple(glob.replace("*", "").split(";"))
+
+
+class ONEFRAME_OT_drop_files(Reporting, bpy.types.Operator):
+    """Open the dropped files: a case, the frame, K, the surface and structures, landmarks"""
+
+    bl_idname = "oneframe.drop_files"
+    bl_label = "Open in OneFrame"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    directory: str = prop(StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"}))
+    files: "bpy.types.bpy_prop_collection_idprop[bpy.types.OperatorFileListElement]" = prop(
+        CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
+    )
+
+    def run(self, context: bpy.types.Context) -> None:
+        folder = Path(bpy.path.abspath(self.directory))
+        paths = [folder / entry.name for entry in self.files if entry.name]
+        if not paths:
+            raise InputError("expected files, found none; drop them from a file manager")
+        for operator, path in _steps(context.scene, paths):
+            try:
+                getattr(_operators, operator)("EXEC_DEFAULT", filepath=str(path))
+            except RuntimeError as error:  # how Blender passes on the report of a cancelled operator
+                raise InputError(str(error).removeprefix("Error: ").strip()) from None
+
+
+def _steps(scene: bpy.types.Scene, paths: list[Path]) -> list[tuple[str, Path]]:
+    """The operator for each file, in an order in which they can follow each other.
+
+    Raises
+    ------
+    InputError
+        Nothing opens a file of this kind, or several files compete for one place.
+    """
+    meshes = [path for path in paths if path.suffix.lower() in extensions(MESHES)]
+    bones = [path for path in meshes if structure_colour(path.stem) == OTHER]
+    if len(bones) > 1 or (meshes and not bones and from_scene.present_surface(scene) is None):
+        names = ", ".join(path.name for path in bones or meshes)
+        raise InputError(f"expected one surface, found {names}; drop the surface first, then the structures")
+    found: list[tuple[int, str, Path]] = []
+    for path in paths:
+        suffix = path.suffix.lower()
+        if suffix == TOML and _is_case(path):
+            found.append((0, "open_case", path))
+        elif suffix in extensions(IMAGES):
+            found.append((1, "load_frame", path))
+        elif suffix in extensions(CAMERAS):
+            found.append((2, "load_camera", path))
+        elif path in bones:
+            found.append((3, "load_surface", path))
+        elif path in meshes:
+            found.append((4, "add_structure", path))
+        elif suffix in extensions(LANDMARKS):
+            found.append((5, "import_landmarks", path))
+        else:
+            raise InputError(f"{path.name}: expected a case, an image, K, a mesh or landmarks; drop another file")
+    return [(operator, path) for _, operator, path in sorted(found)]
+
+
+def _is_case(path: Path) -> bool:
+    """Whether a TOML file is a case; else it may hold K alone. Only its beginning is read."""
+    try:
+        with path.open("rb") as opened:
+            return b"[frame]" in opened.read(1 << 16)
+    except OSError:
+        return True  # opening the case says what is wrong with it
+
+
+class ONEFRAME_FH_case(bpy.types.FileHandler):
+    """Cases, in any scene"""
+
+    bl_idname = "ONEFRAME_FH_case"
+    bl_label = "OneFrame Case"
+    bl_import_operator = "oneframe.drop_files"
+    bl_file_extensions = TOML
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context | None) -> bool:
+        return _is_3d_view(context)
+
+
+class ONEFRAME_FH_files(bpy.types.FileHandler):
+    """Everything else, in the workbench only: the user's scenes keep Blender's own handling of these files"""
+
+    bl_idname = "ONEFRAME_FH_files"
+    bl_label = "OneFrame"
+    bl_import_operator = "oneframe.drop_files"
+    bl_file_extensions = ";".join(
+        sorted({kind for glob in (IMAGES, CAMERAS, MESHES, LANDMARKS) for kind in extensions(glob)} - {TOML})
+    )
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context | None) -> bool:
+        return context is not None and _is_3d_view(context) and workbench.is_workbench(context.scene)
+
+
+def _is_3d_view(context: bpy.types.Context | None) -> bool:
+    return context is not None and context.area is not None and context.area.type == "VIEW_3D"
+
+
+register, unregister = class_registration((ONEFRAME_OT_drop_files, ONEFRAME_FH_case, ONEFRAME_FH_files))

@@ -1,0 +1,104 @@
+"""How 3D views show the alignment: through the frame's camera, ready to orbit about the surface, its shape in light."""
+
+from collections.abc import Callable, Iterator
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from ..pipeline.blender.alignment import surface_object
+from ..pipeline.errors import InputError
+from . import from_scene
+from .pivot import pivot_of
+
+WORKSPACE = "oneframe_workspace"
+"""Custom property of the add-on's workspace."""
+
+VIEW_SENSOR_MM = 36.0
+"""Blender's 3D views outside the camera have a lens for a sensor of this width."""
+
+_listeners: list[Callable[[bpy.types.Area], None]] = []
+
+
+def on_look(listener: Callable[[bpy.types.Area], None]) -> None:
+    """Call ``listener(area)`` when a 3D view begins to look through the camera, until :func:`remove_listener`."""
+    _listeners.append(listener)
+
+
+def remove_listener(listener: Callable[[bpy.types.Area], None]) -> None:
+    """Stop calling a listener."""
+    _listeners.remove(listener)
+
+
+def views(context: bpy.types.Context) -> list[bpy.types.Area]:
+    """The 3D views that the add-on may change: of its own workspace, or of Blender without a window."""
+    if context.screen is None or not (bpy.app.background or WORKSPACE in context.workspace):
+        return []
+    return [area for area in context.screen.areas if area.type == "VIEW_3D"]
+
+
+def look_through_camera(context: bpy.types.Context) -> None:
+    """Look through the camera in the context's 3D view, or else in the largest one; nothing if one already does."""
+    scene, areas = context.scene, views(context)
+    if scene.oneframe.camera_object is None:
+        return
+    for area in areas:
+        aim(scene, area.spaces.active)
+    if not areas or any(area.spaces.active.region_3d.view_perspective == "CAMERA" for area in areas):
+        return
+    area = context.area if context.area in areas else max(areas, key=lambda area: area.width * area.height)
+    through_camera(scene, area)
+
+
+def through_camera(scene: bpy.types.Scene, area: bpy.types.Area) -> None:
+    """Look through the frame's camera in a 3D view."""
+    space = area.spaces.active
+    scene.camera = from_scene.camera_object_of(scene)
+    space.use_local_camera = False
+    # a lock would move the camera with the view
+    space.lock_camera = False
+    space.region_3d.view_perspective = "CAMERA"
+    aim(scene, space)
+    for listener in _listeners:
+        listener(area)
+
+
+def aim(scene: bpy.types.Scene, space: bpy.types.SpaceView3D) -> None:
+    """Prepare a view for its first orbit: about the surface in view, seen as large as through the frame's camera.
+
+    Blender leaves the camera for the point at the depth of the view's location; by default that is next to the lens,
+    and the surface, hundreds of millimetres away, would be gone.
+    """
+    if from_scene.present_surface(scene) is None or space.region_3d.view_perspective != "CAMERA":
+        return
+    try:
+        pivot, _ = pivot_of(scene)
+        camera, pose = from_scene.camera(scene), from_scene.cam_from_model(scene)
+    except InputError:
+        # the panel reports it
+        return
+    surface, region_3d = from_scene.surface_of(scene), space.region_3d
+    depth = max(float((pose[:3, :3] @ pivot + pose[:3, 3])[2]), 1.0)
+    region_3d.view_location = surface.matrix_world @ Vector(pivot)
+    region_3d.view_distance = depth
+    space.lens = float(np.clip(VIEW_SENSOR_MM * camera.fx / max(camera.size_wh), 1, 250))
+    space.clip_start, space.clip_end = 0.01 * depth, 10 * (depth + surface_object.radius_of(surface))
+
+
+def show_shape(context: bpy.types.Context) -> None:
+    """Show the shape of a surface without colours, in studio light."""
+    for area in views(context):
+        shading = area.spaces.active.shading
+        shading.type, shading.light, shading.color_type = "SOLID", "STUDIO", "OBJECT"
+
+
+def spaces_of(surface: bpy.types.Object) -> Iterator[bpy.types.SpaceView3D]:
+    """The 3D views of all windows whose scene aligns this surface."""
+    for window in bpy.context.window_manager.windows:
+        if window.scene.oneframe.surface != surface:
+            continue
+        if not (bpy.app.background or WORKSPACE in window.workspace):
+            continue
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                yield area.spaces.active

@@ -1,0 +1,97 @@
+"""A dataset's views, video frames and other files rendered again from its case, to be compared with those on disk."""
+
+import json
+import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...case.case_file import Case
+from ...dataset.dataset_info import write_dataset_info
+from ...dataset.folder import Shard
+from ...dataset.layout import ViewPaths
+from ...dataset.options import DatasetOptions, checked_options
+from ...images.pixel_values import to_uint8
+from ..render.engines import check_engine
+from . import finish
+from .job import Job, OpenJob, available_cores, open_job
+
+
+class CaseRenderer:
+    """Renders a dataset again: a :class:`pipeline.dataset.check.rerendered.Renderer`. Use as a context manager."""
+
+    def __init__(self, case: Case, content: Mapping[str, Any], poses: Path | None) -> None:
+        """Load the case.
+
+        Parameters
+        ----------
+        case
+            The case that the dataset was rendered from.
+        content
+            The object in its ``dataset.json``.
+        poses
+            The file of its poses, if they were listed; that of the case if left out.
+
+        Raises
+        ------
+        InputError
+            An input cannot be used.
+        RunError
+            The engine does not work here.
+        """
+        options = _options(case, content, poses)
+        check_engine(options.engine)
+        # the dataset itself is never written to
+        self._folder = tempfile.TemporaryDirectory(prefix="oneframe-check-")
+        self._opened: OpenJob = open_job(Job(case, Path(self._folder.name), options, Shard()))
+        self.description: dict[str, Any] = json.loads(json.dumps(self._opened.description))
+        self._renderer = self._opened.renderer(threads=available_cores())
+
+    def __enter__(self) -> "CaseRenderer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._renderer.__exit__()
+        self._folder.cleanup()
+
+    def view(self, index: int) -> tuple[dict[str, bytes], dict[str, Any]]:
+        """The files of a view, by kind, and the object of its record."""
+        paths = ViewPaths(Path(self._folder.name), index)
+        files, record = self._renderer.encode(paths, self._renderer.make(index))
+        return files, json.loads(json.dumps(record.to_json()))
+
+    def files(self) -> dict[str, bytes]:
+        """The files that are made from the case alone, by path relative to the dataset."""
+        root, renderer = Path(self._folder.name), self._renderer
+        finish.write_model_files(self._opened, renderer)
+        finish.write_overlay(self._opened, renderer)
+        write_dataset_info(
+            root,
+            self._opened.object_name,
+            self._opened.count,
+            renderer.camera,
+            renderer.source.mesh,
+            renderer.depth_scale,
+        )
+        return {path.relative_to(root).as_posix(): path.read_bytes() for path in root.rglob("*") if path.is_file()}
+
+    def video_poses(self, frames: int) -> np.ndarray:
+        """``(frames, 4, 4)`` poses of a video of so many frames, mm."""
+        return self._renderer.video_poses(frames)
+
+    def picture(self, cam_from_model: np.ndarray) -> np.ndarray:
+        """``(H, W, 3)`` uint8 view from a pose (4x4, mm)."""
+        return to_uint8(self._renderer.render(cam_from_model).rgb)
+
+
+def _options(case: Case, content: Mapping[str, Any], poses: Path | None) -> DatasetOptions:
+    values = {name: value for name, value in content["options"].items() if name != "views"}
+    options = checked_options({**values, "count": content["count"]}, "dataset.json: options")
+    if "poses" not in content["inputs_sha256"]:
+        return options
+    if poses is None and "poses" in case.dataset:
+        poses = case.path.parent / str(case.dataset["poses"])
+    return replace(options, poses=None if poses is None else str(poses))

@@ -1,0 +1,206 @@
+"""What of a dataset is on disk and whole: read from the records and the folders before anything is rendered.
+
+A view counts as finished if its record is whole and its files exist with the sizes in it. Whatever a loss of power has
+left of a record is no record.
+"""
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from ..errors import RunError
+from ..poses.constraints import Rejections
+from . import layout
+from .checksums import damaged_file
+from .identity import described_differences, identity_of, other_description
+from .layout import RECORD, ViewPaths
+from .view_record import ViewRecord, read_record
+
+
+@dataclass
+class Tally:
+    """Sums over the records of views."""
+
+    visible_px: int = 0
+    observed_px: int = 0
+    attempts: int = 0
+    rejections: Rejections = field(default_factory=Rejections)
+
+    def add(self, record: ViewRecord) -> None:
+        """Add a view."""
+        self.visible_px += record.gt_info.px_count_visib
+        self.observed_px += record.px_count_observed
+        self.attempts += record.attempts
+        self.rejections += record.rejections
+
+    def messages(self, count: int) -> list[str]:
+        """What there is to say about ``count`` views: the observed fraction of the surface, and rejected poses."""
+        names = {"surface": "too little surface", "observed": "too little observed surface", "clearance": "too near"}
+        messages = [
+            f"the frame observed {self.observed_px / self.visible_px:.1%} of the surface in the views"
+            if self.visible_px
+            else "no view shows any surface"
+        ]
+        reasons = ", ".join(f"{many} with {names[name]}" for name, many in asdict(self.rejections).items() if many)
+        if reasons:
+            messages.append(
+                f"{self.attempts} poses drawn, {self.attempts - count} rejected ({reasons})"
+                if self.attempts > count
+                else f"poses that break the constraints, kept because they were listed: {reasons}"
+            )
+        return messages
+
+
+@dataclass(frozen=True)
+class Survey:
+    """The views that are on disk.
+
+    Attributes
+    ----------
+    finished
+        Numbers of the finished views.
+    damaged
+        Number of a view that has a record but is not whole -> what is wrong, as a clause.
+    tally
+        Sums over the finished views.
+    """
+
+    finished: set[int]
+    damaged: dict[int, str]
+    tally: Tally
+
+
+def survey_views(
+    root: Path,
+    views: range,
+    description: Mapping[str, object],
+    kinds: Sequence[str],
+    *,
+    hashes: bool = False,
+    threads: int = 1,
+) -> Survey:
+    """Find out which views are finished.
+
+    Parameters
+    ----------
+    root
+        The dataset's folder.
+    views
+        The views to look for.
+    description
+        The description of the run.
+    kinds
+        Kinds of files of each view, without its record.
+    hashes
+        Compare the hashes of all files, not only their sizes.
+    threads
+        Number of threads that hash.
+
+    Raises
+    ------
+    RunError
+        A record belongs to another run.
+    """
+    finished, damaged, tally = set(), {}, Tally()
+    foreign: dict[int, str] = {}
+    identity, names = identity_of(description), ("frame", *kinds)
+    for first in range(views.start - views.start % layout.VIEWS_PER_SCENE, views.stop, layout.VIEWS_PER_SCENE):
+        scene = range(max(first, views.start), min(first + layout.VIEWS_PER_SCENE, views.stop))
+        folder = ViewPaths(root, first).scene
+        sizes = _sizes(folder, folder.relative_to(root).as_posix(), names)
+        whole = []
+        for index in scene:
+            paths = ViewPaths(root, index)
+            if paths.relative("frame") not in sizes:
+                continue
+            try:
+                record = read_record(paths, with_mask=False)
+            except RunError:
+                damaged[index] = f"{paths.relative('frame')} is damaged"
+                continue
+            if record.identity != identity:
+                foreign[index] = record.identity
+                continue
+            problem = _wrong_size(record, {paths.relative(kind) for kind in kinds}, sizes)
+            if problem:
+                damaged[index] = problem
+            else:
+                whole.append(record)
+        if hashes:
+            whole = _unchanged(root, whole, damaged, threads)
+        for record in whole:
+            finished.add(record.index)
+            tally.add(record)
+    if foreign:
+        raise _foreign_views(root, foreign, description)
+    return Survey(finished, damaged, tally)
+
+
+def recorded_views(root: Path, count: int) -> int:
+    """How many of the first ``count`` views have a record; nothing is read but the names of files."""
+    found = 0
+    for first in range(0, count, layout.VIEWS_PER_SCENE):
+        paths = [ViewPaths(root, index) for index in range(first, min(first + layout.VIEWS_PER_SCENE, count))]
+        with suppress(FileNotFoundError):
+            names = set(os.listdir(paths[0].file("frame").parent))
+            found += sum(path.file("frame").name in names for path in paths)
+    return found
+
+
+def view_ranges(views: Iterable[int]) -> str:
+    """Numbers of views in short: ``0-9, 12``; at most four ranges."""
+    ranges: list[list[int]] = []
+    for index in sorted(views):
+        if ranges and ranges[-1][1] == index - 1:
+            ranges[-1][1] = index
+        else:
+            ranges.append([index, index])
+    shown = [str(low) if low == high else f"{low}-{high}" for low, high in ranges[:4]]
+    return ", ".join(shown) + (", ..." if len(ranges) > 4 else "")
+
+
+def _sizes(scene: Path, prefix: str, kinds: Iterable[str]) -> dict[str, int]:
+    """Sizes of the files in a scene's folders, by their names relative to the dataset: one listing a folder."""
+    sizes = {}
+    for kind in kinds:
+        with suppress(FileNotFoundError), os.scandir(scene / kind) as entries:
+            for entry in entries:
+                with suppress(FileNotFoundError):  # a link to nothing
+                    sizes[f"{prefix}/{kind}/{entry.name}"] = entry.stat().st_size
+    return sizes
+
+
+def _foreign_views(root: Path, foreign: dict[int, str], description: Mapping[str, object]) -> RunError:
+    known = other_description(root, next(iter(foreign.values())))
+    why = "" if known is None else f" ({'; '.join(described_differences(known, description)[:4])})"
+    first = ViewPaths(root, min(foreign)).relative("frame")
+    return RunError(
+        f"{root}: views of another run are among those of {RECORD}{why}: {view_ranges(foreign)}; put the right shard "
+        f"in their place, or remove their records (the first is {first}) and run the same command again: it renders "
+        "them again"
+    )
+
+
+def _wrong_size(record: ViewRecord, expected: set[str], sizes: dict[str, int]) -> str | None:
+    if record.files.keys() != expected:
+        return "its record lists other files"
+    for name, known in record.files.items():
+        if name not in sizes:
+            return f"{name} is missing"
+        if sizes[name] != known.bytes:
+            return f"{name} has {sizes[name]} bytes instead of {known.bytes}"
+    return None
+
+
+def _unchanged(root: Path, records: list[ViewRecord], damaged: dict[int, str], threads: int) -> list[ViewRecord]:
+    def problem(record: ViewRecord) -> str | None:
+        found = (damaged_file(root, name, known, hashes=True) for name, known in record.files.items())
+        return next(filter(None, found), None)
+
+    with ThreadPoolExecutor(threads) as pool:
+        problems = [*pool.map(problem, records)]
+    damaged.update({record.index: why for record, why in zip(records, problems, strict=True) if why})
+    return [record for record, why in zip(records, problems, strict=True) if not why]

@@ -1,0 +1,122 @@
+"""A function in a process of its own, where a parser in C++ can neither crash this one nor fill its memory.
+
+The child is the same Python without Blender. It gets bytes and gives bytes: nothing is unpickled.
+"""
+
+import importlib
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from ..errors import InputError
+
+SECONDS = 60.0
+"""Of waiting, on a busy computer."""
+
+CPU_SECONDS = 4.0
+"""Of computing, where the system can limit it (not on Windows)."""
+
+MEGABYTES = 600
+"""Of memory beyond what the imports take, where the system can limit it (Linux)."""
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+_ROOT = __name__.rpartition(".files.")[0]
+"""This package's name: as a part of the installed add-on it is not ``pipeline``."""
+
+_CHILD = """
+import importlib.util, json, sys
+package, sys.path[:], *call = json.loads(sys.argv[1])
+spec = importlib.util.spec_from_file_location("pipeline", package)
+sys.modules["pipeline"] = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(sys.modules["pipeline"])
+from pipeline.files.child_process import answer
+answer(*call)
+"""
+_VALUE, _REFUSED = b"v", b"r"
+
+
+class ChildError(RuntimeError):
+    """The child gave no answer; the message says why in a few words."""
+
+
+def called_apart(
+    function: Callable[..., bytes],
+    data: bytes,
+    arguments: Sequence[str | int | float] = (),
+    *,
+    seconds: float = SECONDS,
+    cpu_seconds: float = CPU_SECONDS,
+) -> bytes:
+    """Call ``function(data, *arguments)``, a public function of this package, in a process of its own.
+
+    Raises
+    ------
+    InputError
+        Raised by the function.
+    ChildError
+        The process crashed, or took too long or too much memory.
+    """
+    name = "pipeline" + function.__module__.removeprefix(_ROOT)
+    call = [str(_PACKAGE / "__init__.py"), sys.path, name, function.__name__, cpu_seconds, list(arguments)]
+    try:
+        ended = subprocess.run(
+            [sys.executable, "-I", "-c", _CHILD, json.dumps(call)],
+            input=data,
+            capture_output=True,
+            timeout=seconds,
+            check=False,
+            # threads of OpenBLAS take memory each
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+        )
+    except subprocess.TimeoutExpired:
+        raise ChildError(f"it takes longer than {seconds:g} s") from None
+    except OSError as error:
+        raise ChildError(f"cannot start {sys.executable}: {error.strerror}") from None
+    kind, content = ended.stdout[:1], ended.stdout[1:]
+    if kind == _VALUE:
+        return content
+    if kind == _REFUSED:
+        raise InputError(content.decode())
+    raise ChildError("it takes too much time or memory, or it crashes its parser")
+
+
+def answer(module: str, function: str, cpu_seconds: float, arguments: Sequence[str | int | float]) -> None:
+    """In the child: call the function with the standard input, and write its answer to the standard output."""
+    out = os.fdopen(os.dup(1), "wb")
+    # libraries print what they like
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    call = getattr(importlib.import_module(module), function)
+    data = sys.stdin.buffer.read()
+    _limit(cpu_seconds)
+    try:
+        result = _VALUE + call(data, *arguments)
+    except InputError as error:
+        result = _REFUSED + str(error).encode(errors="backslashreplace")
+    except ImportError as error:
+        result = _REFUSED + f"it needs the Python package {error.name}, which is not installed".encode()
+    out.write(result)
+    out.flush()
+    os._exit(0)
+
+
+def _limit(cpu_seconds: float) -> None:
+    """Limit this process from now on."""
+    if os.name == "nt":
+        return
+    import resource
+
+    def lower(what: int, value: int) -> None:
+        _, most = resource.getrlimit(what)
+        value = value if most == resource.RLIM_INFINITY else min(value, most)
+        resource.setrlimit(what, (value, most))
+
+    lower(resource.RLIMIT_CORE, 0)
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    lower(resource.RLIMIT_CPU, int(used.ru_utime + used.ru_stime + cpu_seconds) + 1)
+    if sys.platform == "linux":
+        pages = int(Path("/proc/self/statm").read_text().split()[0])
+        lower(resource.RLIMIT_AS, pages * resource.getpagesize() + (MEGABYTES << 20))

@@ -1,0 +1,135 @@
+"""Frame-accurate decoding of single video frames, in the child process of the reader. Needs ``cv2``.
+
+Frames are counted from 0 in display order. The frame count and the seeking of containers are unreliable, so neither is
+trusted. Instead the timestamps of all packets are read, without decoding, which takes milliseconds. They give the
+number of frames and the timestamp of the requested one. After a seek, frames are decoded up to exactly that timestamp.
+Where timestamps are not unique, all frames are decoded and counted.
+
+OpenCV converts all video to RGB with the matrix of BT.601, so colours of BT.709 video (most high definition) are off by
+a few code values.
+"""
+
+import io
+import json
+import os
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..errors import InputError
+
+FORMATS = "mov,matroska,webm,avi,mpeg,mpegts,mpegvideo,ogg,asf,flv,mxf,dv,h264,hevc,m4v,mjpeg"
+"""FFmpeg's names of the containers that are opened: others, such as playlists, may name other files."""
+
+_LEADS_S = (0.0, 2.0, 10.0, 60.0, float("inf"))
+"""How long before the frame a seek aims, tried in turn; the last starts at the beginning without a seek."""
+
+
+def info_as_json(_: bytes, name: str) -> bytes:
+    """Number of frames as counted, frames per second as the header states, (width, height) as displayed.
+
+    Raises
+    ------
+    InputError
+        Not a video, or its first frame cannot be decoded.
+    """
+    path = Path(name)
+    frames = len(_timestamps_ms(path))
+    capture = _open(path)
+    height, width = _decode(capture, path, 0).shape[:2]
+    info = {"frames": frames, "fps": float(capture.get(cv2.CAP_PROP_FPS)), "size_wh": [width, height]}
+    return json.dumps(info).encode()
+
+
+def frame_as_npy(_: bytes, name: str, index: int) -> bytes:
+    """Frame ``index``, ``(H, W, 3)`` uint8 RGB, as the bytes of an ``.npy`` file.
+
+    Raises
+    ------
+    InputError
+        Not a video, no such frame, or one that cannot be decoded.
+    """
+    stream = io.BytesIO()
+    np.save(stream, _frame(Path(name), index))
+    return stream.getvalue()
+
+
+def _frame(path: Path, index: int) -> np.ndarray:
+    timestamps_ms = _timestamps_ms(path)
+    count = len(timestamps_ms)
+    if not 0 <= index < count:
+        raise InputError(
+            f"{path.name}: expected a frame from 0 to {count - 1}, found {index}; the file has {count} frames"
+        )
+    # packets come in decoding order
+    timestamps_ms.sort()
+    if all(one < other for one, other in pairwise(timestamps_ms)):
+        for lead_s in _LEADS_S:
+            capture = _open(path)
+            if _advanced_to(capture, timestamps_ms[index], lead_s):
+                return _decode(capture, path, index, grabbed=True)
+    return _read_by_counting(path, index, count)
+
+
+def _open(path: Path) -> cv2.VideoCapture:
+    os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = f"format_whitelist;{FORMATS}"
+    # every thread holds frames of its own
+    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
+    if not capture.isOpened():
+        raise InputError(
+            f"{path.name}: expected a video, cannot open it; it is cut off or in an unknown format: "
+            "copy it again, or convert it to MP4 (H.264)"
+        )
+    return capture
+
+
+def _timestamps_ms(path: Path) -> list[float]:
+    """Display timestamps of the video's packets in file order; one packet is one frame."""
+    capture = _open(path)
+    # raw packets, not decoded
+    capture.set(cv2.CAP_PROP_FORMAT, -1)
+    timestamps_ms = []
+    while capture.grab():
+        timestamps_ms.append(float(capture.get(cv2.CAP_PROP_POS_MSEC)))
+    if not timestamps_ms:
+        raise InputError(f"{path.name}: expected a video, found no frames in it; copy it again")
+    return timestamps_ms
+
+
+def _advanced_to(capture: cv2.VideoCapture, time_ms: float, lead_s: float) -> bool:
+    """Seek, and decode up to the frame displayed at ``time_ms``; false if the seek ended after it."""
+    start_ms = time_ms - lead_s * 1000
+    if start_ms > 0:
+        capture.set(cv2.CAP_PROP_POS_MSEC, start_ms)
+    while capture.grab():
+        now_ms = capture.get(cv2.CAP_PROP_POS_MSEC)
+        if now_ms >= time_ms:
+            return bool(now_ms == time_ms)
+    return False
+
+
+def _read_by_counting(path: Path, index: int, frames: int) -> np.ndarray:
+    """Decode and count all frames; refuse if any is lost, since it may precede the requested one."""
+    capture, image, count = _open(path), None, 0
+    while capture.grab():
+        if count == index:
+            image = _decode(capture, path, index, grabbed=True)
+        count += 1
+    if image is None or count != frames:
+        raise _undecodable_frame(path, index)
+    return image
+
+
+def _decode(capture: cv2.VideoCapture, path: Path, index: int, *, grabbed: bool = False) -> np.ndarray:
+    ok, image = capture.retrieve() if grabbed else capture.read()
+    if not ok or image is None or image.dtype != np.uint8 or image.ndim != 3:
+        raise _undecodable_frame(path, index)
+    return np.ascontiguousarray(image[..., ::-1])
+
+
+def _undecodable_frame(path: Path, index: int) -> InputError:
+    return InputError(
+        f"{path.name}: cannot decode frame {index}; the file is damaged or cut off: copy it again, or use another frame"
+    )

@@ -1,0 +1,90 @@
+"""The first minutes: dropped files, the sample case, and the sentence that says what comes next."""
+
+import shutil
+
+import bpy
+import pytest
+
+
+@pytest.fixture
+def folder(write_tiny_case, tmp_path):
+    return write_tiny_case(tmp_path).parent
+
+
+def drop(folder, *names):
+    bpy.ops.oneframe.drop_files(directory=str(folder), files=[{"name": name} for name in names])
+    return bpy.context.scene.oneframe
+
+
+def test_a_dropped_case_is_opened(addon, folder):
+    assert drop(folder, "case.toml").case_path == str(folder / "case.toml")
+
+
+def test_files_dropped_together_are_a_case(addon, folder):
+    """In any order of the list; structures are told from the surface by their names."""
+    for name in ("ossicles", "facial_nerve"):
+        shutil.copy(folder / "surface.ply", folder / f"{name}.ply")
+    shutil.copy(folder / "case.toml", folder / "k.toml")
+    (folder / "k.toml").write_text("\n".join((folder / "case.toml").read_text().split("[surface]")[0].split("\n")))
+    text = (folder / "k.toml").read_text().replace('[frame]\nimage = "frame.png"\n', "").replace('units = "mm"\n', "")
+    (folder / "k.toml").write_text(text)
+    settings = drop(folder, "ossicles.ply", "surface.ply", "k.toml", "facial_nerve.ply", "frame.png")
+    assert settings.frame_path == str(folder / "frame.png")
+    assert settings.camera.fx == "320"
+    assert settings.surface.oneframe.mesh_path == str(folder / "surface.ply")
+    assert {child.name for child in settings.surface.children} == {"ossicles", "facial_nerve"}
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        ([], "expected files, found none"),
+        (["surface.ply", "other.ply"], "expected one surface, found surface.ply, other.ply"),
+        (["ossicles.ply"], "drop the surface first"),
+        (["notes.docx"], "notes.docx: expected a case, an image, K, a mesh or landmarks"),
+        (["missing.png"], "missing.png"),
+    ],
+)
+def test_what_cannot_be_opened_is_reported(addon, folder, names, message):
+    before = bpy.context.scene
+    with pytest.raises(RuntimeError, match=message):
+        drop(folder, *names)
+    assert bpy.context.scene == before
+
+
+def test_the_users_scenes_keep_blenders_own_handling_of_images_and_meshes(addon, folder):
+    window = bpy.context.window_manager.windows[0]
+    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+    with bpy.context.temp_override(window=window, area=area):
+        case, files = bpy.types.ONEFRAME_FH_case, bpy.types.ONEFRAME_FH_files
+        assert case.poll_drop(bpy.context)
+        assert not files.poll_drop(bpy.context)
+        drop(folder, "case.toml")
+        assert files.poll_drop(bpy.context)
+    assert ".toml" not in files.bl_file_extensions.split(";")
+    assert {".png", ".ply", ".yaml", ".csv"} <= set(files.bl_file_extensions.split(";"))
+
+
+def test_the_next_step_leads_to_a_complete_case(addon, folder):
+    from blender_addon.state.next_step import OPEN, next_step
+
+    said = [next_step(bpy.context.scene)]
+    for operator, file in (("load_frame", "frame.png"), ("load_camera", "case.toml"), ("load_surface", "surface.ply")):
+        getattr(bpy.ops.oneframe, operator)(filepath=str(folder / file))
+        said.append(next_step(bpy.context.scene))
+    assert said[0] == OPEN
+    assert ["load K" in said[1], "load the surface" in said[2], said[3]] == [True, True, ""]
+
+
+def test_the_sample_is_a_copy_that_the_user_may_change(addon, folder, tmp_path, monkeypatch):
+    from blender_addon.setup import sample
+
+    with pytest.raises(RuntimeError, match=r"make_sample\.py"):
+        bpy.ops.oneframe.open_sample()
+    monkeypatch.setattr(sample, "SHIPPED", folder)
+    copy = sample.copied_sample(tmp_path / "mine")
+    (copy / "case.toml").write_text("changed")
+    assert (sample.copied_sample(copy) / "case.toml").read_text() == "changed"
+    assert (copy / "surface.ply").read_bytes() == (folder / "surface.ply").read_bytes()
+    bpy.ops.oneframe.open_sample()
+    assert bpy.context.scene.oneframe.surface is not None

@@ -1,0 +1,127 @@
+"""The workbench has a scene of its own: the user's scenes, views and world stay bit for bit as they are."""
+
+import bpy
+import pytest
+
+
+@pytest.fixture
+def users_scene(addon):
+    """A scene as in a new file, with the user's own settings."""
+    scene = bpy.context.scene
+    scene.name = "mine"
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.ops.object.camera_add(location=(3, 4, 5))
+    scene.camera = bpy.context.object
+    scene.world = bpy.data.worlds.new("mine")
+    scene.render.resolution_x, scene.render.resolution_y, scene.unit_settings.scale_length = 1234, 567, 10.0
+    for area in bpy.context.screen.areas:
+        if area.type == "VIEW_3D":
+            area.spaces.active.shading.color_type = "RANDOM"
+    return scene
+
+
+def state(scene):
+    """Every plain setting of a scene with its render, unit and colour settings; its objects; its camera and world."""
+    plain = {}
+    for owner in (scene, scene.render, scene.unit_settings, scene.view_settings, scene.display):
+        for declared in owner.bl_rna.properties:
+            if declared.type in ("INT", "FLOAT", "BOOLEAN", "ENUM", "STRING") and declared.identifier != "use_nodes":
+                value = getattr(owner, declared.identifier)
+                plain[type(owner).__name__, declared.identifier] = list(value) if hasattr(value, "__len__") else value
+    objects = {found.name: [list(row) for row in found.matrix_world] for found in scene.objects}
+    return plain, objects, scene.camera, scene.world, [child.name for child in scene.collection.children]
+
+
+def load_all(folder):
+    bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
+    typed = bpy.context.scene.oneframe.camera
+    typed.fx = typed.fy = "320"
+    bpy.ops.oneframe.set_camera()
+    bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
+
+
+def open_case(folder):
+    bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))
+
+
+@pytest.mark.parametrize("set_up", [load_all, open_case])
+def test_the_users_scene_stays_as_it_is(users_scene, write_tiny_case, tmp_path, set_up):
+    folder, before = write_tiny_case(tmp_path).parent, state(users_scene)
+    set_up(folder)
+    bpy.ops.oneframe.nudge(axis="x", step_px=5.0)
+    bpy.ops.oneframe.project_colour(mode="vertex")
+    bench = bpy.context.scene
+    assert bench != users_scene
+    assert state(users_scene) == before
+    # nothing of the user's stands before the frame
+    assert set(bench.objects) == {bench.oneframe.camera_object, bench.oneframe.surface}
+    assert bench.world is None
+
+
+def test_undoing_the_first_step_returns_to_the_users_scene(users_scene, write_tiny_case, tmp_path):
+    bpy.ops.ed.undo_push(message="before")
+    bpy.ops.oneframe.open_case(filepath=str(write_tiny_case(tmp_path)))
+    bpy.ops.ed.undo_push(message="opened")
+    bpy.ops.ed.undo()
+    assert bpy.context.scene.name == "mine"
+    assert len(bpy.data.scenes) == 1
+    bpy.ops.ed.redo()
+    assert bpy.context.scene.oneframe.surface is not None
+
+
+def test_the_workbench_is_found_again(users_scene, write_tiny_case, tmp_path):
+    """From the user's scene, and after saving and opening the file: there is one, and typed values come along."""
+    folder = write_tiny_case(tmp_path).parent
+    bpy.context.scene.oneframe.camera.fx = "321"
+    bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
+    bench = bpy.context.scene
+    assert bench.oneframe.camera.fx == "321"
+    bpy.context.window.scene = users_scene
+    bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
+    assert bpy.context.scene == bench
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "work.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "work.blend"))
+    bpy.ops.oneframe.open_case(filepath=str(folder / "case.toml"))
+    assert len(bpy.data.scenes) == 2
+    assert bpy.context.scene.oneframe.frame_path == str(folder / "frame.png")
+
+
+def test_what_cannot_be_loaded_leaves_the_user_in_their_scene(users_scene, tmp_path):
+    (tmp_path / "broken.toml").write_text("units = 3")
+    for operator in ("open_case", "load_frame", "load_surface", "load_camera"):
+        with pytest.raises(RuntimeError, match="broken"):
+            getattr(bpy.ops.oneframe, operator)(filepath=str(tmp_path / "broken.toml"))
+        assert bpy.context.scene == users_scene
+        assert len(bpy.data.scenes) == 1
+
+
+def test_a_new_surface_shows_its_shape(addon, write_tiny_case, tmp_path):
+    """Also after another one was shown in flat colours."""
+    window = bpy.context.window_manager.windows[0]
+    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+    with bpy.context.temp_override(window=window, area=area):
+        case = str(write_tiny_case(tmp_path))
+        bpy.ops.oneframe.open_case(filepath=case)
+        for again in (
+            lambda: bpy.ops.oneframe.open_case(filepath=case),
+            lambda: bpy.ops.oneframe.load_surface(filepath=str(tmp_path / "surface.ply")),
+        ):
+            bpy.ops.oneframe.project_colour(mode="vertex")
+            shading = area.spaces.active.shading
+            assert (shading.light, shading.color_type) == ("FLAT", "VERTEX")
+            again()
+            assert (shading.light, shading.color_type) == ("STUDIO", "OBJECT")
+
+
+def test_the_first_orbit_turns_about_the_surface(addon, write_tiny_case, tmp_path):
+    window = bpy.context.window_manager.windows[0]
+    area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
+    with bpy.context.temp_override(window=window, area=area):
+        bpy.ops.oneframe.open_case(filepath=str(write_tiny_case(tmp_path)))
+        scene, view = bpy.context.scene, area.spaces.active.region_3d
+        # Blender leaves the camera for the point at the depth of the view's location
+        depth = -(scene.oneframe.camera_object.matrix_world.inverted() @ view.view_location).z
+        assert depth == pytest.approx(300, rel=0.05)
+        assert view.view_distance == pytest.approx(depth, rel=0.01)
+        assert area.spaces.active.clip_start < 30
+        assert area.spaces.active.clip_end > 600

@@ -1,0 +1,166 @@
+"""Coloured surfaces in the eyes of readers that others wrote: Blender, MeshLab, Open3D, trimesh, BOP's toolkit."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.images.png import encode_png
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.surface.mesh_reader import read_mesh
+from pipeline.surface.mesh_writer import texture_path, write_obj, write_ply
+from tests.conftest import grid_mesh
+from tests.outside.foreign_datasets import FRONTAL, OBJECT, scenes
+from tests.outside.foreign_meshes import NOT_INSTALLED, READERS, Read
+
+STEMS = (
+    "bone", "Schädel 1", "bone#1 [left]", "two  spaces", "bone (1)", "100%", "it's", 'a "b"', "a&b, c;d", "a.b", "-v",
+    "頭骨", "trailing ", "$HOME", "a'b`c", "ÀÉÎ", "e\u0301",
+)  # fmt: skip
+SHORT = STEMS[:3]
+SIZE = np.array([96, 64])
+"""Texels, (width, height)."""
+
+
+def surface() -> TriangleMesh:
+    x, y = np.meshgrid(np.linspace(-3, 3, 13), np.linspace(-2, 2, 9))
+    return grid_mesh(x, y, np.sin(x) * np.cos(y))
+
+
+def picture() -> np.ndarray:
+    """``(H, W, 3)`` uint8, a linear ramp in each direction: it does not matter how a reader samples it."""
+    v, u = np.mgrid[: SIZE[1], : SIZE[0]]
+    return np.stack([2 * u + 20, 3 * v + 10, 0 * u + 90], -1).astype(np.uint8)
+
+
+def colours_at(points: np.ndarray) -> np.ndarray:
+    """Colour 0..1 of points of the surface: the picture is spread over it, its first row at the largest y."""
+    uv = (points[..., :2] + [3, 2]) / [6, 4] * 0.9 + 0.05
+    u, v = uv[..., 0] * SIZE[0] - 0.5, (1 - uv[..., 1]) * SIZE[1] - 0.5
+    return np.stack([2 * u + 20, 3 * v + 10, 0 * u + 90], -1) / 255
+
+
+def uv_of(mesh: TriangleMesh) -> np.ndarray:
+    """Clear of the picture's edges, where readers differ."""
+    return ((mesh.vertices[:, :2] + [3, 2]) / [6, 4] * 0.9 + 0.05)[mesh.faces]
+
+
+def write(path: Path) -> Path:
+    """Write the surface with its texture, as ``export_coloured_surface`` does."""
+    mesh, image = surface(), texture_path(path)
+    image.write_bytes(encode_png(picture()))
+    if path.suffix == ".obj":
+        write_obj(path, mesh, uv=uv_of(mesh), texture=image.name)
+    else:
+        rgb = np.rint(255 * np.clip(colours_at(mesh.vertices), 0, 1)).astype(np.uint8)
+        write_ply(path, mesh, colours=rgb, normals=mesh.vertex_normals, uv=uv_of(mesh), texture=image.name)
+    return path
+
+
+def readings(reader: str, out: Path, files: list[Path]) -> list[Read]:
+    """What a reader finds in files; it skips the test if it is not installed, and fails it if the reader complains."""
+    script = Path(__file__).with_name("foreign_meshes.py")
+    ended = subprocess.run([sys.executable, script, reader, out, *files], capture_output=True, text=True, check=False)
+    if ended.returncode == NOT_INSTALLED:
+        pytest.skip(f"{reader} is not installed: {ended.stdout.strip().splitlines()[-1]}")
+    assert ended.returncode == 0, ended.stderr
+    complaints = [line for line in (ended.stdout + ended.stderr).splitlines() if COMPLAINT.search(line)]
+    assert not complaints
+    return [Read(**np.load(out / f"{number}.npz")) for number in range(len(files))]
+
+
+COMPLAINT = re.compile(r"(?i)warn|error|fail|cannot")
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_textured_surfaces_are_read_with_their_colours(tmp_path, reader, long_form):
+    """The same triangles, and the same colours to 8 bits, whatever the name."""
+    suffixes = (".ply",) if reader == "BOP" else (".obj", ".ply")
+    folders = [tmp_path / str(number) for number, _ in enumerate(STEMS if long_form else SHORT)]
+    files = []
+    for folder, stem in zip(folders, STEMS, strict=False):
+        folder.mkdir()
+        files += [write(folder / f"{stem}{suffix}") for suffix in suffixes]
+        assert {file.stem for file in folder.iterdir()} == {stem, texture_path(files[-1]).stem}
+    mesh = surface()
+    for file, read in zip(files, readings(reader, tmp_path, files), strict=True):
+        assert_same_faces(read, mesh.vertices[mesh.faces])
+        error = np.abs(read.colours - colours_at(read.corners.mean(axis=1)))
+        assert error.max() < 0.02, file
+
+
+def assert_same_faces(read: Read, corners: np.ndarray) -> None:
+    """The same triangles, whatever their order and first corner."""
+    assert read.corners.shape == corners.shape
+
+    def key(triangles: np.ndarray) -> np.ndarray:
+        first = np.lexsort(np.moveaxis(np.round(triangles, 3), -1, 0)[::-1], axis=-1)[:, 0]
+        turned = np.stack([np.roll(one, -start, axis=0) for one, start in zip(triangles, first, strict=True)])
+        return turned[np.lexsort(np.round(turned.reshape(len(turned), -1), 3).T[::-1])]
+
+    np.testing.assert_allclose(key(read.corners), key(corners), atol=1e-4)
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_models_of_a_dataset_are_read_with_their_colours(rendered_dataset, tmp_path, reader):
+    """The colours of ``models/`` are those of the views: a point has in the RGB the colour of its vertices."""
+    (read,) = readings(reader, tmp_path, [rendered_dataset / "models" / "obj_000001.ply"])
+    ((_, scene),) = scenes(rendered_dataset)
+    views = by_view(scene)
+    k, pose = views["3"]
+    middle = read.corners.mean(axis=1) @ pose[:3, :3].T + pose[:3, 3]
+    pixels = np.rint((middle @ k.T)[:, :2] / middle[:, 2:]).astype(int)
+    rgb = cv2.imread(str(scene / "rgb" / "000003.png"))[..., ::-1] / 255
+    inside = ((pixels > 1) & (pixels < [rgb.shape[1] - 2, rgb.shape[0] - 2])).all(axis=1)
+    assert inside.sum() > 500
+    found = rgb[pixels[inside, 1], pixels[inside, 0]]
+    assert np.median(np.abs(found - read.colours[inside])) < 0.02
+    assert np.percentile(np.abs(found - read.colours[inside]), 90) < 0.1
+
+
+def by_view(scene: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """K and ``cam_from_model`` (3x4) of each view."""
+    tables = {name: json.loads((scene / f"scene_{name}.json").read_text()) for name in ("camera", "gt")}
+    views = {}
+    for image, (truth,) in tables["gt"].items():
+        pose = np.column_stack([np.reshape(truth["cam_R_m2c"], (3, 3)), truth["cam_t_m2c"]])
+        views[image] = np.reshape(tables["camera"][image]["cam_K"], (3, 3)), pose
+    return views
+
+
+@pytest.fixture(scope="module")
+def exported(awkward_case, tmp_path_factory, run_command) -> list[Path]:
+    """What ``colour_mesh.py`` writes, in every format."""
+    pytest.importorskip("bpy")
+    script = Path(__file__).parents[2] / "scripts" / "colour_mesh.py"
+    files = [tmp_path_factory.mktemp("exported") / f"Schädel #1 [a]{suffix}" for suffix in (".glb", ".obj", ".ply")]
+    for file in files:
+        ended = run_command([sys.executable, str(script), str(awkward_case), "--out", str(file)])
+        assert ended.returncode == 0, ended.stderr
+    return files
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_exported_surfaces_are_read_with_the_colours_of_the_frame(awkward_case, exported, tmp_path, reader):
+    mesh, _ = read_mesh(awkward_case.parent / f"{OBJECT}.ply")
+    frame = cv2.imread(str(awkward_case.parent / "frame.png"))[..., ::-1] / 255
+    k = np.array([[320.0, 0, 30.0], [0, 318.0, 25.5], [0, 0, 1]])
+    files = [file for file in exported if reader != "BOP" or file.suffix == ".ply"]
+    for file, read in zip(files, readings(reader, tmp_path, files), strict=True):
+        corners = read.corners
+        if file.suffix == ".glb":
+            # metres; Blender turns y up into z up
+            corners = 1000 * (corners if reader == "Blender" else corners[..., [0, 2, 1]] * [1, -1, 1])
+        assert_same_faces(Read(corners, read.colours), mesh.vertices[mesh.faces])
+        middle = corners.mean(axis=1) @ FRONTAL[:3, :3].T + FRONTAL[:3, 3]
+        pixels = (middle @ k.T)[:, :2] / middle[:, 2:]
+        inside = ((pixels > 2) & (pixels < [frame.shape[1] - 3, frame.shape[0] - 3])).all(axis=1)
+        assert inside.sum() > 500
+        found, (x, y) = read.colours[inside], np.rint(pixels[inside]).astype(int).T
+        # the nearest pixel, and vertex colours in the mean of three
+        assert np.percentile(np.abs(found - frame[y, x]), 95) < 0.06, file

@@ -27,7 +27,7 @@ def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
     record = pose_evidence.remembered(scene)
     if record:
         # pins are recorded while they are dragged, by what cannot know the tool; other records stay as they are
-        return {**record, "tool": tool, "date": date} if record.get("method") == "pins" else record
+        return {"tool": tool, "date": date, **record} if record.get("method") == "pins" else record
     solved = solve.solution(scene)
     if solved.alignment is None or solve.departure(scene, solved) is not None:
         return {"method": "manual", "tool": tool, "date": date}

@@ -11,10 +11,11 @@ from bl_ext.user_default.oneframe.setup.unsaved import unsaved_parts
 
 
 def scenario(user):
-    scene = bpy.context.scene
-    settings = scene.oneframe
     with user.context():
         bpy.ops.oneframe.open_case(filepath=str(user.case))
+    # of the workbench
+    scene = user.window.scene
+    settings = scene.oneframe
     yield from user.open_sidebar("OneFrame")
     yield from user.picture("1_opened")
     text = user.case.read_bytes()

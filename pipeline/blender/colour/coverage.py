@@ -51,8 +51,9 @@ class Coverage:
 def coverage_of(source: ReferenceView, colour: VertexColours | TextureAtlas) -> Coverage:
     """Look at the coloured surface from the frame's pose and compare it with the frame.
 
-    The surface is rasterised in double precision, at the pixel centres, and coloured as its material is; a render has
-    the same values up to single precision. It needs no renderer, so it may run in a thread.
+    The surface is rasterised in double precision, at the pixel centres, and coloured as its material is. A render in
+    single precision may lack pixels at the rim of the observed surface, where the lookup just reaches an unobserved
+    texel; elsewhere it has the same values. It needs no renderer, so it may run in a thread.
     """
     frame, mesh = source.view, source.mesh
     shown = rasterise_depth(mesh, frame.camera, frame.cam_from_model)

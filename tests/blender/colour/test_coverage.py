@@ -21,10 +21,17 @@ def test_the_figures_are_those_of_a_rendered_view(write_tiny_case, tmp_path, mod
     with SurfaceScene(source.mesh, source.view.camera, colour) as scene:
         view = render_view(scene, source.view.cam_from_model)
     differences = 255 * np.abs(view.rgb[view.observed] - source.view.image[view.observed])
-    # single precision decides otherwise at a few pixels on an edge of the observed surface
-    assert abs(found.pixels - view.observed.sum()) <= 2e-3 * view.observed.size
-    assert found.of_view == pytest.approx(view.observed.sum() / view.mask.sum(), abs=3e-3)
+    # at the rim of the observed surface a lookup depends on the rounding of single precision, nowhere else
+    rim = view.mask & ~view.observed & beside(view.observed)
+    assert -3 <= found.pixels - view.observed.sum() <= rim.sum()
+    assert found.of_view == pytest.approx(found.pixels / view.mask.sum(), rel=1e-3)
     assert found.mean_error == pytest.approx(differences.mean(), rel=0.02, abs=0.01)
+
+
+def beside(flags):
+    """Pixels with a neighbour that has the flag."""
+    around = np.pad(flags, 1)
+    return around[2:, 1:-1] | around[:-2, 1:-1] | around[1:-1, 2:] | around[1:-1, :-2]
 
 
 def test_progress_never_goes_back_and_may_stop_the_work(write_tiny_case, tmp_path):

@@ -127,6 +127,21 @@ def distortion(scene: bpy.types.Scene) -> Distortion | None:
 
 
 def landmarks_model(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
+    """All landmarks as scripts read them from the saved case, points in the frame ``model``, mm."""
+    found = scene.oneframe.surface
+    if found is None:
+        return _stored_landmarks(scene)
+    model_from_mesh = inverse_rigid(mesh_from_model_of(found))
+    landmarks = []
+    for landmark in landmarks_mesh(scene):
+        if landmark.point is not None:
+            x, y, z = transform_points(model_from_mesh, np.array([landmark.point]))[0].tolist()
+            landmark = replace(landmark, point=(x, y, z))
+        landmarks.append(landmark)
+    return tuple(landmarks)
+
+
+def _stored_landmarks(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
     """All landmarks as Blender stores them in single precision, points in the frame ``model``, mm."""
     return tuple(
         Landmark(
@@ -144,7 +159,7 @@ def landmarks_mesh(scene: bpy.types.Scene) -> tuple[Landmark, ...]:
     found = scene.oneframe.surface
     mesh_from_model = np.eye(4) if found is None else mesh_from_model_of(found)
     landmarks = []
-    for entry, landmark in zip(scene.oneframe.landmarks, landmarks_model(scene), strict=True):
+    for entry, landmark in zip(scene.oneframe.landmarks, _stored_landmarks(scene), strict=True):
         if landmark.point is not None:
             moved = transform_points(mesh_from_model, np.array([landmark.point], float))[0].tolist()
             x, y, z = _exact_values(entry, "point", inverse_rigid(mesh_from_model)) or moved

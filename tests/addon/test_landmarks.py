@@ -69,16 +69,16 @@ def solved_directly(scene, *, without=()):
     from blender_addon.state import from_scene
 
     used = [
-        entry
-        for number, entry in enumerate(scene.oneframe.landmarks)
-        if entry.has_point and entry.has_pixel and number not in without
+        landmark
+        for number, landmark in enumerate(from_scene.landmarks_model(scene))
+        if landmark.point is not None and landmark.pixel is not None and number not in without
     ]
     return solve_pose(
-        np.array([entry.point for entry in used], float),
-        np.array([entry.pixel for entry in used], float),
+        np.array([landmark.point for landmark in used]),
+        np.array([landmark.pixel for landmark in used]),
         from_scene.camera(scene),
         click_sigma_px=SIGMA_PX,
-        names=[entry.name for entry in used],
+        names=[landmark.name for landmark in used],
     )
 
 
@@ -206,9 +206,9 @@ def test_one_pin_shifts_the_surface_and_more_give_the_functions_pose(scene, pair
         camera = from_scene.camera(scene)
         pivot = visible_surface(from_scene.surface_of(scene), camera, before).pivot_model
         bpy.ops.oneframe.landmark_pin(point=points[count - 1], pixel=pixels[count - 1])
-        entries = scene.oneframe.landmarks
-        own = np.array([entry.point for entry in entries], float), np.array([entry.pixel for entry in entries], float)
-        assert len(entries) == count
+        placed = from_scene.landmarks_model(scene)
+        own = np.array([landmark.point for landmark in placed]), np.array([landmark.pixel for landmark in placed])
+        assert len(placed) == count
         after = pose_of(scene)
         assert np.abs(after - pull_pins(*own, camera, before, pivot)).max() <= 1e-9
         assert np.allclose(camera.project(transform_points(after, own[0])), own[1], atol=0.02)

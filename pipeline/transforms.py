@@ -6,8 +6,7 @@ Frames
     The frame of the mesh file and of the user's pose, ``cam_from_mesh``, in millimetres.
 ``model``
     ``mesh`` moved so that the mean of the surface's vertices is the origin (V' = V - mean(V), Zhang & Noble). All
-    computation and every dataset file uses it; each dataset stores ``mesh_from_model`` (in ``dataset.json`` under the
-    name ``given_from_model``).
+    computation and every dataset file uses it; each dataset stores ``mesh_from_model``.
 ``cam``
     A camera with OpenCV axes: x right, y down, z forward, origin at the centre of projection.
 ``px``

@@ -8,8 +8,8 @@ been touched for :data:`STALE_SECONDS`, by the file system's own clock.
 import errno
 import json
 import os
+import platform
 import secrets
-import socket
 import threading
 import time
 from collections.abc import Callable
@@ -190,7 +190,7 @@ def _has_died(claim: dict) -> bool:
 
 def _machine() -> str:
     """A name that no other machine or container has, under which a number means the same process."""
-    parts = [socket.gethostname()]
+    parts = [platform.node()]
     with suppress(OSError):
         parts += [Path("/proc/sys/kernel/random/boot_id").read_text().strip(), os.readlink("/proc/self/ns/pid")]
     return " ".join(parts)

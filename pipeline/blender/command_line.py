@@ -28,6 +28,7 @@ from .process import (
     open_standard_streams,
     own_temporary_folder,
     print_error,
+    settle,
     stop_signal,
     stopped_message,
     watched_in_little_memory,
@@ -124,6 +125,10 @@ def run_script(main: Callable[[Sequence[str]], int]) -> None:
     try:
         code = exit_code(main, script_arguments())
         sys.stdout.flush()
+    except KeyboardInterrupt:
+        # between the end of the command and its report
+        number = stop_signal() or signal.SIGINT
+        code = _fail(stopped_message(number, ""), 128 + number)
     except BrokenPipeError:
         pass  # nobody reads the output any more
     except OSError as error:
@@ -181,5 +186,6 @@ def _shortage(error: Exception) -> str | None:
 
 
 def _fail(error: object, code: int) -> int:
+    settle()
     print_error(error)
     return code

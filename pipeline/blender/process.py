@@ -14,7 +14,8 @@ import sys
 import tempfile
 import threading
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn, TextIO
 
@@ -32,6 +33,7 @@ LEAST_MEMORY = 2000 << 20
 """Address space in bytes that Blender, numpy, OpenCV and SciPy need to load, with a third to spare."""
 
 _received: list[int] = []
+_settled: list[bool] = []
 _temporary: list[str] = []
 
 
@@ -151,7 +153,7 @@ def interrupt(number: int, frame: FrameType | None) -> None:
 
     An extension module that is interrupted while it is loaded may crash, as Blender does.
     """
-    if _received:
+    if _received or _settled:
         return
     if _is_importing(frame):
         again = threading.Timer(0.05, _send_again, (number,))
@@ -160,6 +162,36 @@ def interrupt(number: int, frame: FrameType | None) -> None:
         return
     _received.append(number)
     raise KeyboardInterrupt
+
+
+@contextmanager
+def delayed_interrupts() -> Iterator[None]:
+    """Delay Ctrl-C and the other signals that end a command until a render has ended, then raise KeyboardInterrupt.
+
+    Otherwise Python would raise it inside Cycles' own code, where Blender swallows it, and Blender's own handler would
+    cancel the render and return a partial image as if it were complete.
+    """
+    raising = (signal.default_int_handler, interrupt)
+    numbers = [number for number in ENDING_SIGNALS if signal.getsignal(number) in raising]
+    if not numbers or threading.current_thread() is not threading.main_thread():
+        yield  # another handler is installed, or none
+        return
+    received: list[int] = []
+    previous = {number: signal.signal(number, lambda number, _: received.append(number)) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+    if received:
+        if previous[received[0]] is interrupt:
+            interrupt(received[0], None)
+        raise KeyboardInterrupt
+
+
+def settle() -> None:
+    """From now on signals no longer interrupt: what the command ends with is known, and is being reported."""
+    _settled.append(True)
 
 
 def _send_again(number: int) -> None:

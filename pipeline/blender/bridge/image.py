@@ -11,6 +11,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...images.image_check import LARGEST_FRAME, check_image_file
+from ..process import delayed_interrupts
 
 
 def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
@@ -36,7 +37,8 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
         image.colorspace_settings.name = "Non-Color"
         # straight alpha: else Blender multiplies 16-bit colours by alpha
         image.alpha_mode = "CHANNEL_PACKED"
-        with _quiet_decoders():
+        # an interruption between the two would lose the standard error
+        with delayed_interrupts(), _quiet_decoders():
             width, height = image.size
         channels = image.channels
         if width == 0 or height == 0 or channels == 0:

@@ -28,7 +28,7 @@ from ...surface.mesh import TriangleMesh
 from ...surface.mesh_writer import material_path, texture_path, write_obj, write_ply
 from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colors, temporary_data
 from ..bridge.versions import new_node_material
-from ..render.engines import delayed_interrupts
+from ..process import delayed_interrupts
 from .reference_view import baked_colour_of, reference_view_of
 
 FORMATS = {".glb": GLB, ".obj": OBJ, ".ply": PLY}

@@ -5,10 +5,8 @@ write their passes only to files, so theirs are read from an uncompressed EXR in
 """
 
 import ctypes
-import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -22,7 +20,7 @@ from ...files.temporary import temporary_folder, unwritable_temporary
 from ...images.exr import ExrError, read_exr
 from ..bridge.image import render_path
 from ..bridge.versions import ENGINE_IDS, set_multilayer_exr
-from ..process import ENDING_SIGNALS, interrupt
+from ..process import delayed_interrupts
 from .material import COLOUR_ATTRIBUTE, OBSERVED_COLOUR_ATTRIBUTE, OBSERVED_PASS
 from .surface_scene import SurfaceScene
 
@@ -130,31 +128,6 @@ def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
             if channel == suffix and not (pass_name in passes and any(plane is p for p in passes[pass_name])):
                 passes.setdefault(pass_name, []).append(plane)
     return {name: np.stack(planes, axis=-1) for name, planes in passes.items()}
-
-
-@contextmanager
-def delayed_interrupts() -> Iterator[None]:
-    """Delay Ctrl-C and the other signals that end a command until a render has ended, then raise KeyboardInterrupt.
-
-    Otherwise Python would raise it inside Cycles' own code, where Blender swallows it, and Blender's own handler would
-    cancel the render and return a partial image as if it were complete.
-    """
-    raising = (signal.default_int_handler, interrupt)
-    numbers = [number for number in ENDING_SIGNALS if signal.getsignal(number) in raising]
-    if not numbers or threading.current_thread() is not threading.main_thread():
-        yield  # another handler is installed, or none
-        return
-    received: list[int] = []
-    previous = {number: signal.signal(number, lambda number, _: received.append(number)) for number in numbers}
-    try:
-        yield
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
-    if received:
-        if previous[received[0]] is interrupt:
-            interrupt(received[0], None)
-        raise KeyboardInterrupt
 
 
 def check_engine(engine: str) -> None:

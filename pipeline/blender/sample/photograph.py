@@ -22,7 +22,7 @@ from ...transforms import inverse_rigid, rigid
 from ..bridge.camera import new_camera, place_camera
 from ..bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
 from ..bridge.versions import IS_5, new_node_material
-from ..render.engines import delayed_interrupts
+from ..process import delayed_interrupts
 
 LAMP_OFFSET_MM = np.array([-13.0, -16.0, 0.0])
 """Position of the lamp next to the lens, ``cam`` axes: about 20 mm off the optical axis."""

@@ -26,8 +26,8 @@ ORTHONORMAL_TOLERANCE = 5e-3
 """Largest entry of |R Rt - 1| that counts as rounding: published ground truth reaches 2e-3 (LM-O)."""
 
 BLOCK = 1 << 14
-"""Points transformed at once: few enough for a processor's cache, and for one thread of the linear algebra library, whose
-other threads cost more than they save on matrices of three columns."""
+"""Number of points transformed at once: few enough for a processor's cache, and for the linear algebra library to
+use one thread; its other threads cost more than they save on matrices of three columns."""
 
 LONGEST_TRANSLATION = 1e12
 """In the unit of the file; squares of longer ones may overflow."""

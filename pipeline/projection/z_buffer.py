@@ -12,7 +12,6 @@ from ..surface.mesh import TriangleMesh
 from ..transforms import transform_points
 from .rasteriser import rasterise
 
-
 FARTHEST_PX = 1e5
 """The rasteriser's limit on coordinates."""
 

@@ -96,4 +96,4 @@ class SourceView:
 
     def facing_faces(self, mesh: TriangleMesh) -> np.ndarray:
         """``(F,)`` bool: faces whose front side faces the frame's camera."""
-        return self.facing(mesh.vertices[mesh.faces].mean(axis=1), mesh.face_normals)
+        return self.facing(mesh.face_centres, mesh.face_normals)

@@ -222,7 +222,7 @@ def _surface_points(
     """
     points = np.einsum("nk,nkd->nd", samples.barycentric, corners[samples.triangle])
     nearest = np.zeros_like(points)
-    gutter = np.flatnonzero(samples.barycentric.T.min(axis=0) < -1e-9)
+    gutter = np.flatnonzero(samples.least < -1e-9)
     face = samples.triangle[gutter]
     inner, distance = nearest_barycentric(texels[face], np.stack([samples.x[gutter], samples.y[gutter]], axis=1))
     nearest[gutter] = np.einsum("nk,nkd->nd", inner, corners[face])

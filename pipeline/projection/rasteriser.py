@@ -35,6 +35,12 @@ class Samples(NamedTuple):
     y: np.ndarray
     barycentric: np.ndarray
 
+    @property
+    def least(self) -> np.ndarray:
+        """``(N,)`` smallest barycentric, negative outside the triangle."""
+        # column by column: numpy is slow at reductions along an axis of three
+        return np.minimum(np.minimum(self.barycentric[:, 0], self.barycentric[:, 1]), self.barycentric[:, 2])
+
 
 def rasterise(triangles_px: np.ndarray, *, margin: float = 0.0, chunk: int = CHUNK) -> Iterator[Samples]:
     """All integer pixel centres in each triangle, in pieces of bounded size and no particular order.

@@ -66,8 +66,7 @@ def coverage_of(source: ReferenceView, colour: VertexColours | TextureAtlas) -> 
     observed &= front
     differences = 255 * np.abs(rgb[observed] - frame.image[v[observed], u[observed]])
     areas = np.linalg.norm(mesh.face_cross, axis=1)
-    centres = mesh.vertices[mesh.faces].mean(axis=1)
-    seen = frame.observed(centres, mesh.face_normals)
+    seen = frame.observed(mesh.face_centres, mesh.face_normals)
     return Coverage(
         of_view=float(observed.sum() / max(len(face), 1)),
         of_surface=float(areas[seen].sum() / areas.sum()),

@@ -147,8 +147,9 @@ def frame_layer(charts: Charts, depth: np.ndarray, fully: np.ndarray, camera: Pi
         owner[at[wins]] = pairs[wins]
         winner = owner[at]
         overlap = contains[pairs] & contains[winner]
-        allowed = np.where(overlap, SAME_DEPTH_PX, TOLERANCE_PX) * np.abs(z[winner]) / min(camera.fx, camera.fy)
-        other = np.abs(z[pairs] - z[winner]) > allowed
+        of_winner = z[winner]
+        allowed = np.where(overlap, SAME_DEPTH_PX, TOLERANCE_PX) * np.abs(of_winner) / min(camera.fx, camera.fy)
+        other = np.abs(z[pairs] - of_winner) > allowed
         # at a crease the extended plane of the face leaves the surface, but the owner's plane still meets the face
         creased = np.flatnonzero(other & ~overlap & fully[face[pairs]])
         here, there, where = face[pairs[creased]], face[winner[creased]], texel[pairs[creased]]

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..images.pixel_values import among_centres, sample_bilinear
-from ..projection.rasteriser import CHUNK, Samples, barycentric, nearest_barycentric, rasterise
+from ..projection.rasteriser import Samples, barycentric, nearest_barycentric, rasterise
 from ..surface.mesh import TriangleMesh
 from ..transforms import BLOCK, camera_centre, transform_points
 from .atlas_layout import GUTTER, affine_charts, frame_layer, pack_rectangles
@@ -169,8 +169,8 @@ def bake_atlas(
     texels[separate] += (origins[:-1] - low)[:, None]
 
     def owned_texels() -> Iterator[Samples]:
-        for start in range(0, len(layer.face), CHUNK):
-            part = slice(start, start + CHUNK)
+        for start in range(0, len(layer.face), BLOCK):
+            part = slice(start, start + BLOCK)
             face, x, y = layer.face[part], layer.x[part] - layer.low[0], layer.y[part] - layer.low[1]
             yield Samples(face, x, y, barycentric(texels[face], np.stack([x, y], axis=1)))
         for samples in rasterise(texels[separate], margin=GUTTER):

@@ -116,12 +116,15 @@ def nearest_barycentric(triangles_px: np.ndarray, points_px: np.ndarray) -> tupl
     """
     best = np.zeros((len(points_px), 3))
     distance = np.full(len(points_px), np.inf)
+    # column by column: numpy is slow at reductions along an axis of two
     for a, b in ((0, 1), (1, 2), (2, 0)):
-        origin, along = triangles_px[:, a], triangles_px[:, b] - triangles_px[:, a]
-        squared = (along**2).sum(axis=1)
-        t = ((points_px - origin) * along).sum(axis=1)
+        along_x, along_y = (triangles_px[:, b] - triangles_px[:, a]).T
+        right, down = (points_px - triangles_px[:, a]).T
+        squared = along_x * along_x + along_y * along_y
+        t = right * along_x + down * along_y
         t = np.clip(np.divide(t, squared, out=np.zeros_like(t), where=squared > 0), 0, 1)
-        here = np.linalg.norm(points_px - origin - t[:, None] * along, axis=1)
+        right, down = right - t * along_x, down - t * along_y
+        here = np.sqrt(right * right + down * down)
         nearer = here < distance
         distance[nearer] = here[nearer]
         best[nearer] = 0

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.transforms import cross_matrices, rotation_from_vector, se3_exp
+from pipeline.transforms import BLOCK, cross_matrices, rigid, rotation_from_vector, se3_exp, transform_points
 
 VECTORS = hnp.arrays(np.float64, (3,), elements=st.floats(-4, 4) | st.floats(-1e-7, 1e-7))
 MANY = hnp.arrays(
@@ -47,3 +47,11 @@ def test_many_rotations_are_those_of_each_vector_to_the_last_bit(vectors):
     assert rotations.shape == (*vectors.shape, 3)
     for index in np.ndindex(vectors.shape[:-1]):
         assert np.array_equal(rotations[index], rotation_from_vector(vectors[index]))
+
+
+def test_points_are_transformed_alike_one_by_one_and_in_blocks(rng):
+    b_from_a = rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 100)
+    points = rng.normal(size=(2 * BLOCK + 5, 3)) * 50
+    expected = np.array([b_from_a[:3, :3] @ point + b_from_a[:3, 3] for point in points])
+    np.testing.assert_allclose(transform_points(b_from_a, points), expected, rtol=0, atol=1e-12)
+    assert np.array_equal(transform_points(b_from_a, points)[BLOCK:], transform_points(b_from_a, points[BLOCK:]))

@@ -8,7 +8,13 @@ from typing import Literal
 import bpy
 
 from ..pipeline.blender.colour.coverage import Coverage, coverage_of
-from ..pipeline.blender.colour.reference_view import ReferenceView, baked_colour_of, reference_view_of
+from ..pipeline.blender.colour.reference_view import (
+    ReferenceView,
+    baked_colour_of,
+    can_rasterise,
+    rasterised_view_of,
+    reference_view_of,
+)
 from ..pipeline.blender.colour.surface_colour import colour_record, put_colour
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.colour.texture_atlas import TextureAtlas
@@ -16,22 +22,23 @@ from ..pipeline.colour.vertex_colours import VertexColours, colour_vertices
 from ..state import from_scene
 
 Mode = Literal["texture", "vertex"]
-BAKED = 0.8
-"""Fraction of the thread's time after which the colours are known, and are measured."""
+SEEN, BAKED = 0.1, 0.85
+"""Fractions of the thread's time after which the surface in the frame's view is known, and the colours."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """What a colouring starts from: the case, and the surface that its frame saw."""
+    """What a colouring starts from: the case, and the surface that its frame saw if only a render can tell."""
 
     loaded: LoadedCase
-    view: ReferenceView
+    rendered: ReferenceView | None
 
 
 @dataclass(frozen=True)
 class Colouring:
-    """The result: colours, those of the vertices, their coverage, and messages."""
+    """The result: the surface that the frame saw, colours, those of the vertices, their coverage, and messages."""
 
+    view: ReferenceView
     colour: VertexColours | TextureAtlas
     vertices: VertexColours
     coverage: Coverage
@@ -43,7 +50,7 @@ class Stopped(Exception):
 
 
 def source_of(scene: bpy.types.Scene) -> Source:
-    """Read the scene and render its geometry from the frame's pose; in Blender's main thread.
+    """Read the scene; in Blender's main thread.
 
     Raises
     ------
@@ -51,24 +58,32 @@ def source_of(scene: bpy.types.Scene) -> Source:
         Something is missing, or no pixel of the frame shows the surface.
     """
     loaded = from_scene.loaded_case(scene)
-    return Source(loaded, reference_view_of(loaded))
+    return Source(loaded, None if can_rasterise(loaded) else reference_view_of(loaded))
 
 
 def coloured(source: Source, mode: Mode, progress: Callable[[float], None] | None = None) -> Colouring:
-    """Compute the colours; in any thread. ``progress`` gets a fraction 0..1, and may raise to end the work."""
+    """Compute the colours; in any thread. ``progress`` gets a fraction 0..1, and may raise to end the work.
+
+    Raises
+    ------
+    InputError
+        No pixel of the frame shows the surface.
+    """
     report = progress or (lambda _fraction: None)
-    colour, messages = baked_colour_of(source.view, mode, lambda fraction: report(BAKED * fraction))
+    report(0.0)
+    view = source.rendered or rasterised_view_of(source.loaded)
+    colour, messages = baked_colour_of(view, mode, lambda fraction: report(SEEN + (BAKED - SEEN) * fraction))
     report(BAKED)
-    vertices = colour_vertices(source.view.mesh, source.view.view) if isinstance(colour, TextureAtlas) else colour
+    vertices = colour_vertices(view.mesh, view.view) if isinstance(colour, TextureAtlas) else colour
     report((BAKED + 1) / 2)
-    return Colouring(colour, vertices, coverage_of(source.view, colour), tuple(messages))
+    return Colouring(view, colour, vertices, coverage_of(view, colour), (*view.messages, *messages))
 
 
 def put(scene: bpy.types.Scene, source: Source, found: Colouring) -> tuple[str, ...]:
     """Colour the surface object with a result; in Blender's main thread. Returns messages."""
     surface = from_scene.surface_of(scene)
     before = colour_record(surface)
-    messages = [*source.view.messages, *found.messages]
+    messages = list(found.messages)
     record = {
         "frame": str(source.loaded.case.image),
         "cam_from_model": source.loaded.cam_from_model.tolist(),
@@ -81,7 +96,7 @@ def put(scene: bpy.types.Scene, source: Source, found: Colouring) -> tuple[str, 
     put_colour(
         surface,
         source.loaded.mesh,
-        source.view,
+        found.view,
         found.colour,
         mark_unseen=before is None or before["unseen_marked"],
         record=record,

@@ -105,10 +105,17 @@ class PinholeCamera:
 
         The equation of Zhang & Noble: (u, v, w) = K X, pixel = (u / w, v / w).
         """
-        z = points_cam[..., 2:3]
+        z = points_cam[..., 2]
+        behind = ~(z > 0)
+        pixels = np.empty((*points_cam.shape[:-1], 2))
+        # column by column: numpy is slow along an axis of two
         with np.errstate(divide="ignore", invalid="ignore"):
-            pixels = points_cam[..., :2] / z * [self.fx, self.fy] + [self.cx, self.cy]
-        return np.where(z > 0, pixels, np.nan)
+            for axis, focal, centre in ((0, self.fx, self.cx), (1, self.fy, self.cy)):
+                pixels[..., axis] = points_cam[..., axis] / z
+                pixels[..., axis] *= focal
+                pixels[..., axis] += centre
+        pixels[behind] = np.nan
+        return pixels
 
     def rays_cam(self, pixels: np.ndarray) -> np.ndarray:
         """``(N, 2)`` pixels -> ``(N, 3)`` ray directions in the camera frame, scaled so that z = 1."""

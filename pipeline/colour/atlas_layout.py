@@ -131,7 +131,7 @@ def frame_layer(charts: Charts, depth: np.ndarray, fully: np.ndarray, camera: Pi
         face = index[samples.triangle]
         texel = (samples.y - low[1]) * size[0] + samples.x - low[0]
         z = np.einsum("nk,nk->n", samples.barycentric, depth[face])
-        pieces.append((face.astype(np.int32), texel.astype(np.int32), z, samples.barycentric.T.min(axis=0)))
+        pieces.append((face.astype(np.int32), texel.astype(np.int32), z, samples.least))
     face, texel, z, least = (np.concatenate(column) for column in zip(*pieces, strict=True))
     contains = least >= -1e-9
     score = np.where(contains, z, 2 * depth.max() - least)
@@ -140,14 +140,16 @@ def frame_layer(charts: Charts, depth: np.ndarray, fully: np.ndarray, camera: Pi
     open_texels = np.ones(len(best), dtype=bool)
     while open_texels.any():
         pairs = np.flatnonzero(open_texels[texel] & members[face])
+        at, of_pairs = texel[pairs], score[pairs]
         best[open_texels], owner[open_texels] = np.inf, -1
-        np.minimum.at(best, texel[pairs], score[pairs])
-        wins = pairs[score[pairs] == best[texel[pairs]]]
-        owner[texel[wins]] = wins
-        winner = owner[texel[pairs]]
+        np.minimum.at(best, at, of_pairs)
+        wins = of_pairs == best[at]
+        owner[at[wins]] = pairs[wins]
+        winner = owner[at]
         overlap = contains[pairs] & contains[winner]
-        allowed = np.where(overlap, SAME_DEPTH_PX, TOLERANCE_PX) * np.abs(z[winner]) / min(camera.fx, camera.fy)
-        other = np.abs(z[pairs] - z[winner]) > allowed
+        of_winner = z[winner]
+        allowed = np.where(overlap, SAME_DEPTH_PX, TOLERANCE_PX) * np.abs(of_winner) / min(camera.fx, camera.fy)
+        other = np.abs(z[pairs] - of_winner) > allowed
         # at a crease the extended plane of the face leaves the surface, but the owner's plane still meets the face
         creased = np.flatnonzero(other & ~overlap & fully[face[pairs]])
         here, there, where = face[pairs[creased]], face[winner[creased]], texel[pairs[creased]]

@@ -24,7 +24,7 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..images.pixel_values import sample_bilinear
 from ..surface.mesh import TriangleMesh
-from ..transforms import camera_centre, transform_points
+from ..transforms import BLOCK, camera_centre, transform_points
 
 TOLERANCE_PX = 1.5
 """Depth tolerance in pixel footprints: a wrongly accepted point is displaced by less than about one pixel."""
@@ -76,8 +76,12 @@ class SourceView:
 
     def observed(self, points_model: np.ndarray, normals_model: np.ndarray) -> np.ndarray:
         """``(N, 3)`` surface points and their unit face normals -> ``(N,)`` bool: the frame saw them."""
-        seen = self.facing(points_model, normals_model)
-        seen[seen] = self.unoccluded(points_model[seen])
+        seen = np.empty(len(points_model), dtype=bool)
+        for start in range(0, len(points_model), BLOCK):
+            points, normals = points_model[start : start + BLOCK], normals_model[start : start + BLOCK]
+            facing = self.facing(points, normals)
+            facing[facing] = self.unoccluded(points[facing])
+            seen[start : start + BLOCK] = facing
         return seen
 
     def facing(self, points_model: np.ndarray, normals_model: np.ndarray) -> np.ndarray:
@@ -92,4 +96,4 @@ class SourceView:
 
     def facing_faces(self, mesh: TriangleMesh) -> np.ndarray:
         """``(F,)`` bool: faces whose front side faces the frame's camera."""
-        return self.facing(mesh.vertices[mesh.faces].mean(axis=1), mesh.face_normals)
+        return self.facing(mesh.face_centres, mesh.face_normals)

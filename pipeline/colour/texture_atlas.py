@@ -16,9 +16,9 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..images.pixel_values import among_centres, sample_bilinear
-from ..projection.rasteriser import CHUNK, Samples, barycentric, nearest_barycentric, rasterise
+from ..projection.rasteriser import Samples, barycentric, nearest_barycentric, rasterise
 from ..surface.mesh import TriangleMesh
-from ..transforms import camera_centre, transform_points
+from ..transforms import BLOCK, camera_centre, transform_points
 from .atlas_layout import GUTTER, affine_charts, frame_layer, pack_rectangles
 from .vertex_colours import NEUTRAL
 
@@ -93,32 +93,38 @@ def classify_faces(
     """
     towards_camera = camera_centre(cam_from_model) - mesh.vertices[mesh.faces[:, 0]]
     faces = np.flatnonzero(np.einsum("nk,nk->n", towards_camera, mesh.face_cross) > 0)
-    points_cam = transform_points(cam_from_model, mesh.vertices)[mesh.faces[faces]]
-    pixels = camera.project(points_cam)
+    vertices_cam = transform_points(cam_from_model, mesh.vertices)
     # a NaN (behind the camera) compares False, so those faces are kept
-    outside = (pixels < -0.5).all(axis=1) | (pixels > np.array(camera.size_wh) - 0.5).all(axis=1)
-    kept = ~outside.any(axis=1) & (points_cam[..., 2] > 0).any(axis=1)
-    faces, points_cam = faces[kept], points_cam[kept]
+    u, v = camera.project(vertices_cam).T
+    width, height = camera.size_wh
+    all_outside = (u < -0.5, u > width - 0.5, v < -0.5, v > height - 0.5, ~(vertices_cam[:, 2] > 0))
+    a, b, c = mesh.faces[faces].T
+    kept = np.ones(len(faces), dtype=bool)
+    for outside in all_outside:
+        kept &= ~(outside[a] & outside[b] & outside[c])
+    faces = faces[kept]
+    points_cam = vertices_cam[mesh.faces[faces]]
     corners, normals = mesh.vertices[mesh.faces[faces]], mesh.face_normals[faces]
-    tests = np.zeros(len(faces), dtype=np.int64)
-    passes = np.zeros(len(faces), dtype=np.int64)
+    passed = np.zeros(len(faces), dtype=bool)
+    failed = np.zeros(len(faces), dtype=bool)
 
-    def count(index: np.ndarray, weights: np.ndarray) -> None:
+    def test(index: np.ndarray, weights: np.ndarray) -> None:
         flags = observed(np.einsum("nk,nkd->nd", weights, corners[index]), normals[index])
-        np.add(tests, np.bincount(index, minlength=len(faces)), out=tests)
-        np.add(passes, np.bincount(index[flags], minlength=len(faces)), out=passes)
+        passed[index[flags]] = True
+        failed[index[~flags]] = True
 
     halves = (np.ones((3, 3)) - np.eye(3)) / 2
     for weights in (np.full(3, 1 / 3), *np.eye(3), *halves):
-        for start in range(0, len(faces), CHUNK):
-            index = np.arange(start, min(start + CHUNK, len(faces)))
-            count(index, np.broadcast_to(weights, (len(index), 3)))
-    # a face with both results is partly seen and needs no more tests
-    undecided = np.flatnonzero((passes == 0) | (passes == tests))
+        # a face with both results is partly seen and needs no more tests
+        undecided = np.flatnonzero(~(passed & failed))
+        for start in range(0, len(undecided), BLOCK):
+            index = undecided[start : start + BLOCK]
+            test(index, np.broadcast_to(weights, (len(index), 3)))
+    undecided = np.flatnonzero(~(passed & failed))
     for samples in rasterise(affine_charts(points_cam[undecided], camera).texels):
-        count(undecided[samples.triangle], samples.barycentric)
+        test(undecided[samples.triangle], samples.barycentric)
     seen = np.zeros(len(mesh.faces), dtype=np.uint8)
-    seen[faces] = (passes > 0).astype(np.uint8) + (passes == tests)
+    seen[faces] = passed.astype(np.uint8) + ~failed
     return seen
 
 
@@ -163,8 +169,8 @@ def bake_atlas(
     texels[separate] += (origins[:-1] - low)[:, None]
 
     def owned_texels() -> Iterator[Samples]:
-        for start in range(0, len(layer.face), CHUNK):
-            part = slice(start, start + CHUNK)
+        for start in range(0, len(layer.face), BLOCK):
+            part = slice(start, start + BLOCK)
             face, x, y = layer.face[part], layer.x[part] - layer.low[0], layer.y[part] - layer.low[1]
             yield Samples(face, x, y, barycentric(texels[face], np.stack([x, y], axis=1)))
         for samples in rasterise(texels[separate], margin=GUTTER):
@@ -216,7 +222,7 @@ def _surface_points(
     """
     points = np.einsum("nk,nkd->nd", samples.barycentric, corners[samples.triangle])
     nearest = np.zeros_like(points)
-    gutter = np.flatnonzero(samples.barycentric.T.min(axis=0) < -1e-9)
+    gutter = np.flatnonzero(samples.least < -1e-9)
     face = samples.triangle[gutter]
     inner, distance = nearest_barycentric(texels[face], np.stack([samples.x[gutter], samples.y[gutter]], axis=1))
     nearest[gutter] = np.einsum("nk,nkd->nd", inner, corners[face])

@@ -8,7 +8,7 @@ removed but files that a run writes itself, by their names.
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -139,7 +139,7 @@ class RunFolder:
         if content and not is_cut_off(content, description_bytes(self._description)):
             return False
         work = self.path / WORK
-        was_run = not work.exists() or all(re.fullmatch(_WORK_FILES, entry.name) for entry in work.iterdir())
+        was_run = all(re.fullmatch(_WORK_FILES, name) for name in _names(work))
         names = [entry.name for entry in self.path.iterdir()]
         others = [name for name in names if name not in (WORK, RECORD) and partial_name(name) != RECORD]
         if was_run and not others:
@@ -228,7 +228,7 @@ class RunFolder:
         if os.name == "nt":
             self._locks.close()  # Windows removes no open files
         work = self.path / WORK
-        for name in [*_names(work)]:
+        for name in _names(work):
             if re.fullmatch(_WORK_FILES, name):
                 (work / name).unlink(missing_ok=True)
         with suppress(OSError):  # it holds files of somebody else
@@ -240,8 +240,9 @@ _TOP = (*MODEL_FOLDERS, "video", SPLIT)
 _WORK_FILES = r"lock(-[0-9]+-of-[0-9]+)?(\.[0-9a-f]{16}\.(claim|new))?"
 
 
-def _names(folder: Path) -> Iterator[str]:
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            if entry.name.startswith((".", "lock")):
-                yield entry.name
+def _names(folder: Path) -> list[str]:
+    """The names in a folder; none if another process has just removed it."""
+    try:
+        return os.listdir(folder)
+    except FileNotFoundError:
+        return []

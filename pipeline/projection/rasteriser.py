@@ -10,7 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 CHUNK = 1 << 20
-"""Number of candidate pixels tested at once: limits the memory (about 60 bytes each)."""
+"""Largest number of candidate pixels of one box; larger boxes are cut."""
+
+BLOCK = 1 << 16
+"""Number of candidate pixels tested at once, unless one box has more: few enough for a processor's cache."""
 
 MANTISSA_BITS = 25
 """Bits of a coordinate for which an edge function is exact in float64: 2 (25 + 1) + 1 = 53."""
@@ -32,6 +35,12 @@ class Samples(NamedTuple):
     y: np.ndarray
     barycentric: np.ndarray
 
+    @property
+    def least(self) -> np.ndarray:
+        """``(N,)`` smallest barycentric, negative outside the triangle."""
+        # column by column: numpy is slow at reductions along an axis of three
+        return np.minimum(np.minimum(self.barycentric[:, 0], self.barycentric[:, 1]), self.barycentric[:, 2])
+
 
 def rasterise(triangles_px: np.ndarray, *, margin: float = 0.0, chunk: int = CHUNK) -> Iterator[Samples]:
     """All integer pixel centres in each triangle, in pieces of bounded size and no particular order.
@@ -44,7 +53,7 @@ def rasterise(triangles_px: np.ndarray, *, margin: float = 0.0, chunk: int = CHU
         Grows every triangle by a square of this half-width, px (Minkowski sum). 0.5 gives the pixels that a triangle
         touches ("conservative rasterisation"), 1 the texels that bilinear lookups inside it read.
     chunk
-        Number of candidate pixels tested at once.
+        Largest number of candidate pixels tested at once.
 
     Notes
     -----
@@ -56,11 +65,11 @@ def rasterise(triangles_px: np.ndarray, *, margin: float = 0.0, chunk: int = CHU
     """
     if len(triangles_px) == 0:
         return
-    largest = float(np.abs(triangles_px).max()) + margin + 1
+    largest = max(float(triangles_px.max()), -float(triangles_px.min())) + margin + 1
     fraction_bits = MANTISSA_BITS - int(np.ceil(np.log2(largest)))
     corners = np.round(np.ldexp(triangles_px, fraction_bits))
     corners = np.ldexp(corners, -fraction_bits)
-    direction = np.roll(corners, -1, axis=1) - corners
+    direction = corners[:, [1, 2, 0]] - corners
     area2 = direction[:, 0, 0] * direction[:, 1, 1] - direction[:, 0, 1] * direction[:, 1, 0]
     # orient all edges so that edge functions are positive inside
     direction[area2 < 0] *= -1
@@ -70,20 +79,26 @@ def rasterise(triangles_px: np.ndarray, *, margin: float = 0.0, chunk: int = CHU
         owns_ties = (direction[..., 1] < 0) | ((direction[..., 1] == 0) & (direction[..., 0] > 0))
         threshold = np.where(owns_ties, 0.0, np.ldexp(1.0, -2 * fraction_bits))
     gradients = _gradients(triangles_px)
-    low = np.ceil(corners.min(axis=1) - margin).astype(np.int64)
-    size = np.floor(corners.max(axis=1) + margin).astype(np.int64) - low + 1
-    kept = np.flatnonzero((size > 0).all(axis=1) & ((area2 != 0) | (margin > 0)))
+    # corner by corner: numpy is slow at reductions along an axis of three
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    low = np.ceil(np.minimum(np.minimum(a, b), c) - margin).astype(np.int64)
+    size = np.floor(np.maximum(np.maximum(a, b), c) + margin).astype(np.int64) - low + 1
+    kept = np.flatnonzero((size[:, 0] > 0) & (size[:, 1] > 0) & ((area2 != 0) | (margin > 0)))
     for index, start, stop, (width, height) in _boxes(kept, low, size, chunk):
-        x = start[:, :1] + np.arange(width)
-        y = start[:, 1:] + np.arange(height)
-        inside = (x < stop[:, :1])[:, None, :] & (y < stop[:, 1:])[:, :, None]
+        # boxes along the last axis: numpy is slow at short ones
+        x = start[:, 0] + np.arange(width)[:, None]
+        y = start[:, 1] + np.arange(height)[:, None]
+        inside = (x < stop[:, 0]) & (y < stop[:, 1])[:, None]
         for edge in range(3):
-            origin, along = corners[index, edge], direction[index, edge]
-            down = along[:, :1] * (y - origin[:, 1:])
-            across = along[:, 1:] * (x - origin[:, :1])
-            inside &= down[:, :, None] - across[:, None, :] >= threshold[index, edge][:, None, None]
-        row, j, i = np.nonzero(inside)
-        triangle, x, y = index[row], x[row, i], y[row, j]
+            origin, along = corners[index, edge].T, direction[index, edge].T
+            down = along[0] * (y - origin[1])
+            across = along[1] * (x - origin[0])
+            inside &= down[:, None] - across >= threshold[index, edge]
+        found = np.flatnonzero(inside.transpose(2, 0, 1))
+        row = found // (width * height)
+        j = (found - row * (width * height)) // width
+        i = found - (row * height + j) * width
+        triangle, x, y = index[row], start[row, 0] + i, start[row, 1] + j
         yield Samples(triangle, x, y, _weights(gradients[triangle], x, y))
 
 
@@ -101,12 +116,15 @@ def nearest_barycentric(triangles_px: np.ndarray, points_px: np.ndarray) -> tupl
     """
     best = np.zeros((len(points_px), 3))
     distance = np.full(len(points_px), np.inf)
+    # column by column: numpy is slow at reductions along an axis of two
     for a, b in ((0, 1), (1, 2), (2, 0)):
-        origin, along = triangles_px[:, a], triangles_px[:, b] - triangles_px[:, a]
-        squared = (along**2).sum(axis=1)
-        t = ((points_px - origin) * along).sum(axis=1)
+        along_x, along_y = (triangles_px[:, b] - triangles_px[:, a]).T
+        right, down = (points_px - triangles_px[:, a]).T
+        squared = along_x * along_x + along_y * along_y
+        t = right * along_x + down * along_y
         t = np.clip(np.divide(t, squared, out=np.zeros_like(t), where=squared > 0), 0, 1)
-        here = np.linalg.norm(points_px - origin - t[:, None] * along, axis=1)
+        right, down = right - t * along_x, down - t * along_y
+        here = np.sqrt(right * right + down * down)
         nearer = here < distance
         distance[nearer] = here[nearer]
         best[nearer] = 0
@@ -155,7 +173,7 @@ def _boxes(
     firsts = np.flatnonzero(np.diff(key[order], prepend=-1))
     for first, end in zip(firsts, np.append(firsts, len(order))[1:], strict=True):
         width, height = (int(length) for length in class_size[order[first]])
-        step = max(chunk // (width * height), 1)
+        step = max(min(chunk, BLOCK) // (width * height), 1)
         for begin in range(first, end, step):
             group = order[begin : min(begin + step, end)]
             yield index[group], start[group], stop[group], (width, height)

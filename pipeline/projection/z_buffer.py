@@ -1,6 +1,6 @@
 """A z-buffer of a mesh in a pinhole camera, in numpy: the nearest face at each pixel centre, and its depth.
 
-For interactive work on reduced images, where starting a renderer would take longer; datasets are ray traced.
+For interactive work, where starting a renderer would take longer; datasets are ray traced.
 """
 
 from typing import NamedTuple
@@ -11,6 +11,9 @@ from ..camera.pinhole import PinholeCamera
 from ..surface.mesh import TriangleMesh
 from ..transforms import transform_points
 from .rasteriser import rasterise
+
+FARTHEST_PX = 1e5
+"""The rasteriser's limit on coordinates."""
 
 
 class DepthRaster(NamedTuple):
@@ -51,7 +54,13 @@ def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: n
         of_a, of_b, of_c = values[a], values[b], values[c]
         low, high = np.minimum(np.minimum(of_a, of_b), of_c), np.maximum(np.maximum(of_a, of_b), of_c)
         # keep faces with a pixel centre in their bounds, and within the rasteriser's limit on coordinates
-        kept &= (np.ceil(low) <= np.floor(high)) & (high >= 0) & (low <= size - 1) & (low > -1e5) & (high < 1e5)
+        kept &= (
+            (np.ceil(low) <= np.floor(high))
+            & (high >= 0)
+            & (low <= size - 1)
+            & (low > -FARTHEST_PX)
+            & (high < FARTHEST_PX)
+        )
     kept = np.flatnonzero(kept)
     faces = mesh.faces[kept]
 
@@ -70,6 +79,13 @@ def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: n
         inverse_depth[target] = np.concatenate(nearness)[order]
         shown[target] = np.concatenate(face)[order]
     return DepthRaster(inverse_depth.reshape(height, width), shown.reshape(height, width))
+
+
+def is_within_limits(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> bool:
+    """Whether :func:`rasterise_depth` leaves out no face: all are in front of the camera, and not far off the image."""
+    points = transform_points(cam_from_model, mesh.vertices)
+    # NaN, of points behind the camera, is not within them
+    return bool((np.abs(camera.project(points)) < FARTHEST_PX).all())
 
 
 def inverse_depth_map(depth_mm: np.ndarray, valid: np.ndarray | None = None) -> np.ndarray:

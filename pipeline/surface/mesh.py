@@ -44,7 +44,14 @@ class TriangleMesh:
     @cached_property
     def face_normals(self) -> np.ndarray:
         """``(F, 3)`` unit outward face normals."""
-        return self.face_cross / np.linalg.norm(self.face_cross, axis=1, keepdims=True)
+        return self.face_cross / _lengths(self.face_cross)[:, None]
+
+    @cached_property
+    def face_centres(self) -> np.ndarray:
+        """``(F, 3)`` means of the corners, mm."""
+        # corner by corner: numpy is slow at reductions along an axis of three
+        a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
+        return (a + b + c) / 3
 
     @cached_property
     def vertex_normals(self) -> np.ndarray:
@@ -70,8 +77,8 @@ class TriangleMesh:
     def median_edge(self) -> float:
         """Median edge length over the sides of all faces, mm: it limits the resolution of vertex colours."""
         # all three sides: exporters that split quads start every face at the diagonal
-        sides = self.vertices[self.faces] - self.vertices[np.roll(self.faces, 1, axis=1)]
-        return float(np.median(np.linalg.norm(sides, axis=2)))
+        a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
+        return float(np.median(np.concatenate([_lengths(a - c), _lengths(b - a), _lengths(c - b)])))
 
     def moved(self, offset: np.ndarray) -> "TriangleMesh":
         """The mesh with ``offset`` (3,) in mm added to all vertices."""
@@ -143,6 +150,13 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
         new_index = np.cumsum(used) - 1
         vertices, faces = vertices[used], new_index[faces]
     return TriangleMesh(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.int32)), messages
+
+
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    """``(N,)`` lengths of ``(N, 3)`` vectors."""
+    # column by column: numpy is slow at reductions along an axis of three
+    x, y, z = vectors.T
+    return np.sqrt(x * x + y * y + z * z)
 
 
 def _flat(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

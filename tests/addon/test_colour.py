@@ -10,7 +10,7 @@ from mathutils import Matrix
 
 from pipeline.blender.case.load_case import load_case
 from pipeline.blender.colour.export import export_coloured_surface
-from pipeline.blender.colour.reference_view import colour_of, reference_view_of
+from pipeline.blender.colour.reference_view import colour_of, colouring_view_of
 from pipeline.case.case_file import read_case
 from pipeline.images.pixel_values import codes_from_linear, linear_from_codes
 from pipeline.images.png import encode_png
@@ -41,7 +41,7 @@ def blocks() -> Counter:
 
 
 def source_and_colour(case_path, mode):
-    source = reference_view_of(load_case(read_case(case_path)))
+    source = colouring_view_of(load_case(read_case(case_path)))
     return source, colour_of(source, mode)[0]
 
 

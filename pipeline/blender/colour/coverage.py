@@ -56,7 +56,7 @@ def coverage_of(source: ReferenceView, colour: VertexColours | TextureAtlas) -> 
     texel; elsewhere it has the same values. It needs no renderer, so it may run in a thread.
     """
     frame, mesh = source.view, source.mesh
-    shown = rasterise_depth(mesh, frame.camera, frame.cam_from_model)
+    shown = source.raster or rasterise_depth(mesh, frame.camera, frame.cam_from_model)
     v, u = np.nonzero(shown.face >= 0)
     face, pixels = shown.face[v, u], np.stack([u, v], axis=1).astype(float)
     weights = _surface_weights(mesh, frame, face, pixels, shown.inverse_depth[v, u])
@@ -66,8 +66,7 @@ def coverage_of(source: ReferenceView, colour: VertexColours | TextureAtlas) -> 
     observed &= front
     differences = 255 * np.abs(rgb[observed] - frame.image[v[observed], u[observed]])
     areas = np.linalg.norm(mesh.face_cross, axis=1)
-    centres = mesh.vertices[mesh.faces].mean(axis=1)
-    seen = frame.observed(centres, mesh.face_normals)
+    seen = frame.observed(mesh.face_centres, mesh.face_normals)
     return Coverage(
         of_view=float(observed.sum() / max(len(face), 1)),
         of_surface=float(areas[seen].sum() / areas.sum()),

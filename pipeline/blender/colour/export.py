@@ -29,7 +29,7 @@ from ...surface.mesh_writer import material_path, texture_path, write_obj, write
 from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colors, temporary_data
 from ..bridge.versions import new_node_material
 from ..process import delayed_interrupts
-from .reference_view import baked_colour_of, reference_view_of
+from .reference_view import baked_colour_of, colouring_view_of
 
 FORMATS = {".glb": GLB, ".obj": OBJ, ".ply": PLY}
 
@@ -89,7 +89,7 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["
     """
     check_export(path, loaded.case.input_files(), colour=colour)
     suffix = path.suffix.lower()
-    source = reference_view_of(loaded)
+    source = colouring_view_of(loaded)
     surface_colour, messages = baked_colour_of(source, colour)
     given = source.mesh.moved(loaded.mesh_from_model[:3, 3])
     made_folder(path)

@@ -1,4 +1,10 @@
-"""The reference view: the aligned frame as a source of colour, and the surface that it saw, from a render."""
+"""The reference view: the aligned frame as a source of colour, and the surface that it saw.
+
+Datasets take the surface from a render, by the ray tracer of their views. Coloured surfaces for the viewport and for
+files take it from a z-buffer in double precision, which needs no Blender. The two depths agree to the rounding of
+single precision, except at the few pixels whose centre lies on the outline of a surface to that rounding. A colour
+depends on the depth only through the question whether the frame saw its point, so the colours are the same.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,9 +19,9 @@ from ...colour.vertex_colours import VertexColours, colour_vertices
 from ...dataset.view import RenderedView
 from ...errors import InputError
 from ...projection.visible_surface import most_central
-from ...projection.z_buffer import inverse_depth_map
+from ...projection.z_buffer import DepthRaster, inverse_depth_map, is_within_limits, rasterise_depth
 from ...surface.mesh import TriangleMesh
-from ...transforms import inverse_rigid, transform_points
+from ...transforms import camera_centre, inverse_rigid, transform_points
 from ..render.engines import render_view
 from ..render.material import SurfaceColour
 from ..render.surface_scene import SurfaceScene
@@ -39,12 +45,15 @@ class ReferenceView:
         ``(3,)`` mm: the surface point at the centre of the visible surface; pose distributions use it as pivot.
     messages
         Messages for the user.
+    raster
+        The z-buffer of the view if it comes from one; its faces are those of ``mesh``.
     """
 
     mesh: TriangleMesh
     view: SourceView
     pivot_model: np.ndarray
     messages: tuple[str, ...]
+    raster: DepthRaster | None = None
 
 
 def reference_view_of(loaded: LoadedCase) -> ReferenceView:
@@ -55,22 +64,65 @@ def reference_view_of(loaded: LoadedCase) -> ReferenceView:
     InputError
         No pixel of the frame shows the surface.
     """
+    seen = _geometry(loaded.mesh, loaded.case.camera, loaded.cam_from_model)
+    return _view_of(loaded, seen.depth_mm, seen.observed)
+
+
+def can_rasterise(loaded: LoadedCase) -> bool:
+    """Whether :func:`rasterised_view_of` knows the whole surface: none of it is behind the frame's camera."""
+    return is_within_limits(loaded.mesh, loaded.case.camera, loaded.cam_from_model)
+
+
+def rasterised_view_of(loaded: LoadedCase) -> ReferenceView:
+    """The same from a z-buffer, if :func:`can_rasterise`; runs without Blender, so it may run in a thread.
+
+    Raises
+    ------
+    InputError
+        No pixel of the frame shows the surface.
+    """
+    mesh, pose = loaded.mesh, loaded.cam_from_model
+    raster = rasterise_depth(mesh, loaded.case.camera, pose)
+    inverse, shown = raster.inverse_depth, raster.face >= 0
+    depth_mm = np.divide(1.0, inverse, out=np.zeros(inverse.shape, np.float32), where=shown, casting="same_kind")
+    face = raster.face[shown]
+    front = np.zeros(shown.shape, dtype=bool)
+    to_camera = camera_centre(pose) - mesh.vertices[mesh.faces[face, 0]]
+    front[shown] = np.einsum("nk,nk->n", to_camera, mesh.face_cross[face]) > 0
+    return _view_of(loaded, depth_mm, front, raster)
+
+
+def colouring_view_of(loaded: LoadedCase) -> ReferenceView:
+    """The reference view of coloured surfaces: from a z-buffer where possible, otherwise from a render.
+
+    Raises
+    ------
+    InputError
+        No pixel of the frame shows the surface.
+    """
+    return rasterised_view_of(loaded) if can_rasterise(loaded) else reference_view_of(loaded)
+
+
+def _view_of(
+    loaded: LoadedCase, depth_mm: np.ndarray, front: np.ndarray, raster: DepthRaster | None = None
+) -> ReferenceView:
+    """The view of a surface with this depth (0 without surface), which shows its front side where ``front``."""
     camera, cam_from_model, mesh, messages = loaded.case.camera, loaded.cam_from_model, loaded.mesh, []
-    seen = _geometry(mesh, camera, cam_from_model)
     name = loaded.case.path.name
-    if not (seen.mask & loaded.valid).any():
+    shown = depth_mm > 0
+    if not (shown & loaded.valid).any():
         raise InputError(f"{name}: expected the surface in the frame, no pixel shows it; align the pose first")
-    front = seen.observed[seen.mask].mean()
-    if front < 0.5:
+    part = front[shown].mean()
+    if part < 0.5:
         mesh = mesh.flipped()
-        messages.append(f"{name}: the frame sees the back of {1 - front:.0%} of the surface; flipped its faces")
-    view = SourceView(camera, cam_from_model, loaded.image, inverse_depth_map(seen.depth_mm, loaded.valid))
-    v, u = np.nonzero(seen.mask & loaded.valid)
+        messages.append(f"{name}: the frame sees the back of {1 - part:.0%} of the surface; flipped its faces")
+    view = SourceView(camera, cam_from_model, loaded.image, inverse_depth_map(depth_mm, loaded.valid))
+    v, u = np.nonzero(shown & loaded.valid)
     central = most_central(np.stack([u, v], axis=1))
     pixel = np.array([[u[central], v[central]]], float)
-    pivot_cam = camera.rays_cam(pixel) * seen.depth_mm[v[central], u[central]]
+    pivot_cam = camera.rays_cam(pixel) * depth_mm[v[central], u[central]]
     pivot_model = transform_points(inverse_rigid(cam_from_model), pivot_cam)[0]
-    return ReferenceView(mesh, view, pivot_model, tuple(messages))
+    return ReferenceView(mesh, view, pivot_model, tuple(messages), raster)
 
 
 def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str]]:

@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.blender.case.load_case import load_case
 from pipeline.blender.colour.coverage import coverage_of
-from pipeline.blender.colour.reference_view import baked_colour_of, reference_view_of
+from pipeline.blender.colour.reference_view import baked_colour_of, colouring_view_of
 from pipeline.blender.render.engines import render_view
 from pipeline.blender.render.surface_scene import SurfaceScene
 from pipeline.case.case_file import read_case
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.render
 
 @pytest.mark.parametrize("mode", ["vertex", "texture"])
 def test_the_figures_are_those_of_a_rendered_view(write_tiny_case, tmp_path, mode):
-    source = reference_view_of(load_case(read_case(write_tiny_case(tmp_path))))
+    source = colouring_view_of(load_case(read_case(write_tiny_case(tmp_path))))
     colour, _ = baked_colour_of(source, mode)
     found = coverage_of(source, colour)
     with SurfaceScene(source.mesh, source.view.camera, colour) as scene:
@@ -35,7 +35,7 @@ def beside(flags):
 
 
 def test_progress_never_goes_back_and_may_stop_the_work(write_tiny_case, tmp_path):
-    source = reference_view_of(load_case(read_case(write_tiny_case(tmp_path))))
+    source = colouring_view_of(load_case(read_case(write_tiny_case(tmp_path))))
     fractions = []
     baked_colour_of(source, "texture", fractions.append)
     assert fractions == sorted(fractions)

@@ -1,0 +1,66 @@
+"""The reference view from a z-buffer is that of a render, up to the rounding of single precision."""
+
+import numpy as np
+import pytest
+
+from pipeline.blender.colour.reference_view import colouring_view_of, rasterised_view_of, reference_view_of
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.colour.texture_atlas import classify_faces
+from pipeline.colour.vertex_colours import colour_vertices
+from pipeline.transforms import rigid
+
+pytestmark = pytest.mark.render
+
+CAMERA = PinholeCamera(320, 240, 1600.0, 1580.0, 151.5, 122.25)
+
+
+@pytest.mark.parametrize("surface", ["bumpy_mesh", "stepped_mesh"])
+@pytest.mark.parametrize("flipped", [False, True])
+def test_depths_differ_by_rounding_and_colours_not_at_all(
+    surface, flipped, oblique_pose, sharp_image, loaded_case, request
+):
+    mesh = request.getfixturevalue(surface)
+    case = loaded_case(mesh.flipped() if flipped else mesh, sharp_image(CAMERA), oblique_pose, CAMERA)
+    rendered, rasterised = reference_view_of(case), rasterised_view_of(case)
+    expected, found = rendered.view.inverse_depth, rasterised.view.inverse_depth
+    assert found.dtype == expected.dtype
+    far = ~np.isclose(found, expected, rtol=2e-5, atol=0)
+    # only where the centre lies on an outline to that rounding does a render show the surface behind it
+    assert not (far & ~beside_a_step(expected)).any()
+    assert far.mean() < 1e-4
+    assert rasterised.messages == rendered.messages
+    assert len(rendered.messages) == flipped
+    assert np.array_equal(rasterised.mesh.faces, rendered.mesh.faces)
+    np.testing.assert_allclose(rasterised.pivot_model, rendered.pivot_model, atol=0.01)
+
+    vertices, same = colour_vertices(rasterised.mesh, rasterised.view), colour_vertices(rendered.mesh, rendered.view)
+    both = vertices.observed & same.observed
+    assert both.mean() > 0.3
+    assert np.array_equal(vertices.rgb[both], same.rgb[both])
+    assert (vertices.observed != same.observed).mean() < 1e-3
+    seen = [
+        classify_faces(source.mesh, CAMERA, oblique_pose, source.view.observed) for source in (rasterised, rendered)
+    ]
+    assert (seen[0] != seen[1]).mean() < 1e-3
+
+
+def beside_a_step(inverse_depth):
+    """Pixels with a neighbour of which the depth differs by more than a percent, or that has none."""
+    around = np.pad(inverse_depth, 1, mode="edge")
+    steps = np.zeros(inverse_depth.shape, dtype=bool)
+    for rows in (slice(0, -2), slice(1, -1), slice(2, None)):
+        for columns in (slice(0, -2), slice(1, -1), slice(2, None)):
+            steps |= np.abs(around[rows, columns] - inverse_depth) > 0.01 * inverse_depth.max()
+    return steps
+
+
+def test_a_surface_that_reaches_behind_the_camera_is_rendered(bumpy_mesh, sharp_image, loaded_case):
+    """The z-buffer has no near plane: it would leave out faces that the frame shows."""
+    wide = PinholeCamera(64, 48, 40.0, 40.0, 31.5, 23.5)
+    turned = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+    # the camera is 10 mm above the middle of the surface, or beside all of it, and looks along it
+    above, beside = (rigid(turned, np.array([0, 10.0, depth])) for depth in (0.0, 60.0))
+    source = colouring_view_of(loaded_case(bumpy_mesh, sharp_image(wide), above, wide))
+    assert source.raster is None
+    assert (source.view.inverse_depth > 0).mean() > 0.1
+    assert colouring_view_of(loaded_case(bumpy_mesh, sharp_image(wide), beside, wide)).raster is not None

@@ -120,9 +120,10 @@ class RunFolder:
     def finish(self) -> None:
         """Remove locks and temporary files of a complete dataset, unless another process still works in the folder."""
         # other shards of a complete dataset are about to end as well; the last one cleans up
-        if wait_for(self._common.try_exclusive, LAST_SHARDS_SECONDS):
-            self._remove_leftovers()
-            self._remove_work()
+        with suppress(FileNotFoundError):  # the last one was quicker
+            if wait_for(self._common.try_exclusive, LAST_SHARDS_SECONDS):
+                self._remove_leftovers()
+                self._remove_work()
 
     def _holds_nothing(self) -> bool:
         """Whether the folder is new: empty, or all that is in it was left by a run that was killed as it started.

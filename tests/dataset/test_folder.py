@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -101,6 +102,15 @@ def test_shards_share_a_folder_and_the_last_one_tidies_up(tmp_path, monkeypatch)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no open files")
+@pytest.mark.parametrize("locks", [None, lock_by_system], ids=["files", "system"])
+def test_shards_that_end_at_the_same_moment_both_end_well(tmp_path, locks):
+    with RunFolder(tmp_path, IDENTITY, Shard(0, 2), system_lock=locks or no_locks(errno.ENOSYS)) as folder:
+        # the other one has cleaned up
+        shutil.rmtree(tmp_path / ".work")
+        folder.finish()
+    assert [path.name for path in tmp_path.iterdir()] == ["dataset.json"]
+
+
 def test_a_lock_on_a_removed_file_is_none(tmp_path):
     """A run that waits for the lock just as the dataset is finished must not take the dead file for the folder's."""
     removals = iter((True, True, False))

@@ -1,6 +1,5 @@
 """Colouring the surface in steps: what needs Blender in its main thread, the arrays in a thread of their own."""
 
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -43,10 +42,6 @@ class Colouring:
     vertices: VertexColours
     coverage: Coverage
     messages: tuple[str, ...]
-
-
-class Stopped(Exception):
-    """Ends a colouring that the user has stopped."""
 
 
 def source_of(scene: bpy.types.Scene) -> Source:
@@ -103,47 +98,3 @@ def put(scene: bpy.types.Scene, source: Source, found: Colouring) -> tuple[str, 
         vertices=found.vertices,
     )
     return (*source.loaded.messages, *messages, found.coverage.summary())
-
-
-class ColouringThread:
-    """:func:`coloured` in a thread.
-
-    Attributes
-    ----------
-    fraction
-        Progress, 0..1.
-    result
-        The colours; ``None`` until they are known.
-    error
-        The exception with which it failed, otherwise ``None``.
-    """
-
-    def __init__(self, source: Source, mode: Mode) -> None:
-        self.fraction = 0.0
-        self.result: Colouring | None = None
-        self.error: Exception | None = None
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, args=(source, mode), daemon=True)
-        self._thread.start()
-
-    @property
-    def running(self) -> bool:
-        """Whether the thread has not ended yet."""
-        return self._thread.is_alive()
-
-    def stop(self) -> None:
-        """Ask the thread to stop; it ends at its next step."""
-        self._stop.set()
-
-    def _update(self, fraction: float) -> None:
-        self.fraction = fraction
-        if self._stop.is_set():
-            raise Stopped
-
-    def _run(self, source: Source, mode: Mode) -> None:
-        try:
-            self.result = coloured(source, mode, self._update)
-        except Stopped:
-            pass
-        except Exception as error:  # raised again in the main thread, where Blender reports it
-            self.error = error

@@ -1,5 +1,6 @@
 """Operators that project the frame's colours on the surface, show them, and export the coloured surface."""
 
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -15,13 +16,9 @@ from ..pipeline.errors import InputError, RunError
 from ..registration import class_registration, prop
 from ..state import from_scene
 from ..state.camera_view import spaces_of
+from ..ui.background_work import NAVIGATION, POLL_SECONDS, BackgroundWork, show_status
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, redraw
 from . import colouring
-
-POLL_SECONDS = 0.1
-NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WHEELINMOUSE", "WHEELOUTMOUSE", "MOUSEMOVE"}
-NAVIGATION |= {"INBETWEEN_MOUSEMOVE", "TRACKPADPAN", "TRACKPADZOOM", "WINDOW_DEACTIVATE"}
-"""Events that the user may use while the surface is coloured; others would change what is being coloured."""
 
 MODES = [
     ("vertex", "Vertex Colours", "One colour per vertex: as fine as the mesh"),
@@ -63,10 +60,10 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         self._source: colouring.Source | None = None
-        self._thread: colouring.ColouringThread | None = None
+        self._work: BackgroundWork | None = None
         self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
         context.window_manager.modal_handler_add(self)
-        _show_status(context, "Looking at the surface from the frame's pose      Esc: Stop")
+        show_status(context, "Looking at the surface from the frame's pose      Esc: Stop")
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
@@ -91,37 +88,28 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
             return {"CANCELLED"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
-        if self._source is None or self._thread is None:
+        if self._source is None or self._work is None:
             self._source = colouring.source_of(context.scene)
-            self._thread = colouring.ColouringThread(self._source, self.mode)
-        thread = self._thread
-        if thread.running:
-            _show_status(context, f"Projecting the frame on the surface: {thread.fraction:.0%}      Esc: Stop")
+            self._work = BackgroundWork(partial(colouring.coloured, self._source, self.mode))
+        work = self._work
+        if work.running:
+            show_status(context, f"Projecting the frame on the surface: {work.fraction:.0%}      Esc: Stop")
             return {"RUNNING_MODAL"}
-        if thread.error is not None:
-            raise thread.error
-        if thread.result is not None:
-            for message in colouring.put(context.scene, self._source, thread.result):
+        if work.error is not None:
+            raise work.error
+        if work.result is not None:
+            for message in colouring.put(context.scene, self._source, work.result):
                 self.report({"INFO"}, message)
             show_colour(from_scene.surface_of(context.scene))
         self._end(context)
         return {"FINISHED"}
 
     def _end(self, context: bpy.types.Context) -> None:
-        if self._thread is not None:
-            self._thread.stop()
+        if self._work is not None:
+            self._work.stop()
         context.window_manager.event_timer_remove(self._timer)
-        _show_status(context, None)
+        show_status(context, None)
         redraw(context)
-
-
-def _show_status(context: bpy.types.Context, text: str | None) -> None:
-    """Show a text in the status bar and in the headers of the 3D views; ``None`` restores both."""
-    context.workspace.status_text_set(text)
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.header_text_set(text)
 
 
 class _NeedsColour(bpy.types.Operator):

@@ -4,6 +4,8 @@ A refinement that does not improve the pose is refused. Its result can be looked
 record of the pose says so. Esc stops a refinement that runs.
 """
 
+from functools import partial
+
 import bpy
 import numpy as np
 from bpy.props import BoolProperty
@@ -13,13 +15,13 @@ from ..pipeline.errors import InputError, RunError
 from ..registration import class_registration, prop
 from ..setup.alignment_record import pose_record
 from ..state import from_scene, pose_evidence
+from ..ui.background_work import POLL_SECONDS, BackgroundWork, show_status
 from ..ui.keymap import Key, Keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
-from .preview import Preview, show_status, take
-from .refinement_thread import RefinementThread, known_colours, refined
+from .preview import Preview, take
+from .refined_pose import known_colours, refined
 
 KEYS = Keys([Key("oneframe.refine", "F")])
-POLL_SECONDS = 0.1
 
 
 class ONEFRAME_OT_refine(NeedsAlignment, Reporting, Preview, bpy.types.Operator):
@@ -58,7 +60,8 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, Preview, bpy.types.Operator)
         except (InputError, RunError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self._refining = RefinementThread(loaded, colours)
+        self._start = loaded.cam_from_model
+        self._refining = BackgroundWork(partial(refined, loaded, colours))
         self._timer: bpy.types.Timer | None = context.window_manager.event_timer_add(
             POLL_SECONDS, window=context.window
         )
@@ -94,7 +97,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, Preview, bpy.types.Operator)
                 return self.end(context, "CANCELLED", error=result.message)
             if not result.accepted:
                 self.report({"WARNING"}, result.message)
-            self.show_result(context, result, refining.start)
+            self.show_result(context, result, self._start)
         return self.preview(context, event)
 
     def _stop_timer(self, context: bpy.types.Context) -> None:

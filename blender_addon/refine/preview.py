@@ -11,10 +11,9 @@ from ..pipeline.errors import InputError, RunError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import pose_record, remember_refined
 from ..state import from_scene
+from ..ui.background_work import NAVIGATION, show_status
 from ..ui.operator import OperatorResult, redraw
 
-NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WHEELINMOUSE", "WHEELOUTMOUSE", "MOUSEMOVE"}
-NAVIGATION |= {"INBETWEEN_MOUSEMOVE", "TRACKPADPAN", "TRACKPADZOOM", "WINDOW_DEACTIVATE"}
 KEEP, DISCARD = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}, {"ESC", "RIGHTMOUSE"}
 TAKE = {"RET", "NUMPAD_ENTER"}
 """With Ctrl: takes a refused pose. It must not happen by a habit of the hand."""
@@ -122,20 +121,3 @@ def _keys(result: Refinement) -> str:
     if result.can_be_taken:
         return "REFUSED      Esc or Right Click: Discard      Ctrl + Enter: Take It Anyway      Space: Before / After"
     return "Enter or Left Click: Accept      Esc or Right Click: Discard      Space: Before / After"
-
-
-_status: str | None = None
-"""The text shown at present: setting it again at every movement of the mouse would redraw the headers each time."""
-
-
-def show_status(context: bpy.types.Context, text: str | None) -> None:
-    """Show a text in the status bar and in the headers of the 3D views; ``None`` restores both."""
-    global _status
-    if text is not None and text == _status:
-        return
-    _status = text
-    context.workspace.status_text_set(text)
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.header_text_set(text)

@@ -2,6 +2,7 @@
 
 import importlib
 import time
+from functools import partial
 
 import bpy
 import cv2
@@ -283,16 +284,18 @@ def wait_for(work) -> None:
 
 
 def test_the_thread_gives_the_same_and_can_be_stopped(opened, gather, refine):
+    from blender_addon.ui.background_work import BackgroundWork
+
     loaded = gather.loaded_case(opened)
-    work = refine.RefinementThread(loaded, None)
+    work = BackgroundWork(partial(refine.refined, loaded, None))
     wait_for(work)
     assert work.fraction == 1
     assert work.result.message == refine.refined(loaded, None).message
-    stopped = refine.RefinementThread(loaded, None)
+    stopped = BackgroundWork(partial(refine.refined, loaded, None))
     stopped.stop()
     wait_for(stopped)
     assert (stopped.result, stopped.error) == (None, None)
-    wrong = refine.RefinementThread(loaded, np.zeros((3, 3)))
+    wrong = BackgroundWork(partial(refine.refined, loaded, np.zeros((3, 3))))
     wait_for(wrong)
     assert "expected one colour per vertex" in str(wrong.error)
 

@@ -1,10 +1,14 @@
-"""A dataset on disk that the tests of its tables share."""
+"""Datasets on disk that the tests of tables and of the check share."""
 
+import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from pipeline.dataset import layout
 from tests.dataset.blank_dataset import write_blank_dataset
+from tests.dataset.synthetic_dataset import PER_SCENE, make_dataset
 
 
 @pytest.fixture(scope="session")
@@ -13,3 +17,25 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("dataset")
     write_blank_dataset(root)
     return root
+
+
+@pytest.fixture(scope="module")
+def small_scenes() -> Iterator[None]:
+    """Few views a scene, so that a small dataset has several."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(layout, "VIEWS_PER_SCENE", PER_SCENE)
+        yield
+
+
+@pytest.fixture(scope="module")
+def sound(small_scenes: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A dataset with nothing wrong, made without Blender."""
+    root = tmp_path_factory.mktemp("sound") / "dataset"
+    make_dataset(root)
+    return root
+
+
+@pytest.fixture
+def copied(sound: Path, tmp_path: Path) -> Path:
+    """A copy of it for a test to change."""
+    return Path(shutil.copytree(sound, tmp_path / "dataset"))

@@ -6,7 +6,7 @@ The dataset is rendered without Blender and without the code that is tested.
 import json
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -16,7 +16,6 @@ import pytest
 
 from pipeline.blender.command_line import exit_code
 from pipeline.commands import check
-from pipeline.dataset import layout as dataset
 from pipeline.dataset.bop import write_models
 from pipeline.dataset.check.findings import Findings
 from pipeline.dataset.coco import compressed_counts, run_lengths
@@ -36,31 +35,12 @@ from tests.dataset.synthetic_dataset import (
     CENTRE,
     COUNT,
     MESH,
-    PER_SCENE,
-    make_dataset,
     pose_of,
     write_pose_tables,
     write_tables,
 )
 
-
-@pytest.fixture(scope="module", autouse=True)
-def small_scenes() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dataset, "VIEWS_PER_SCENE", PER_SCENE)
-        yield
-
-
-@pytest.fixture(scope="module")
-def sound(small_scenes: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("sound") / "dataset"
-    make_dataset(root)
-    return root
-
-
-@pytest.fixture
-def copied(sound: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(sound, tmp_path / "dataset"))
+pytestmark = pytest.mark.usefixtures("small_scenes")
 
 
 @pytest.fixture(scope="module")

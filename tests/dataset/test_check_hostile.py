@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,7 +18,6 @@ from pipeline.dataset import layout
 from pipeline.dataset.check.check_dataset import CheckReport, check_dataset
 from pipeline.dataset.check.contents import ranges_text, runs
 from tests.dataset.sealing import sealed
-from tests.dataset.synthetic_dataset import PER_SCENE, make_dataset
 
 SCENE = "train_synt/000000"
 RGB, RECORD = f"{SCENE}/rgb/000001.png", f"{SCENE}/frame/000001.json"
@@ -27,23 +26,7 @@ ANY = (*JSON, "poses.csv", "video/poses.csv", "video/trajectory.mp4", "models/ob
 posix_only = pytest.mark.skipif(os.name != "posix", reason="pipes, devices and links of POSIX")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def small_scenes() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(layout, "VIEWS_PER_SCENE", PER_SCENE)
-        yield
-
-
-@pytest.fixture(scope="module")
-def sound(small_scenes: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("sound") / "dataset"
-    make_dataset(root)
-    return root
-
-
-@pytest.fixture
-def copied(sound: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(sound, tmp_path / "dataset"))
+pytestmark = pytest.mark.usefixtures("small_scenes")
 
 
 def checked(root: Path) -> CheckReport:

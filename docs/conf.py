@@ -39,7 +39,10 @@ suppress_warnings = ["autoapi.python_import_resolution"]
 # constants of one assignment to two names, and types in signatures under the name of another module that imports them
 nitpicky = True
 nitpick_ignore_regex = [
-    ("py:.*", r"\.?(argparse|bpy|collections|json|mathutils|numpy|pathlib|tempfile|tomllib)(\..*)?"),
+    (
+        "py:.*",
+        r"\.?(argparse|bpy|collections|contextlib|json|mathutils|numpy|pathlib|struct|tempfile|tomllib|types)(\..*)?",
+    ),
     ("py:data", r"\.?[A-Z_]+"),
     ("py:meth", r"\w+"),
     ("py:class", r"pipeline\..*"),

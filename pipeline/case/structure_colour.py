@@ -2,7 +2,7 @@
 
 import re
 
-COLOURS = {
+_COLOURS = {
     r"chorda": (0.0, 1.0, 0.0),
     r"ossic|malleus|incus|stapes": (0.0, 1.0, 1.0),
     r"facial|nerve|\bfn\b|\bcn ?(7|vii)\b": (1.0, 0.0, 1.0),
@@ -15,4 +15,4 @@ OTHER = (1.0, 1.0, 1.0)
 def structure_colour(name: str) -> tuple[float, float, float]:
     """The colour, sRGB 0..1, of a structure with this name: white for a name that is not known."""
     words = re.sub(r"[\W_]+", " ", name.lower())
-    return next((colour for pattern, colour in COLOURS.items() if re.search(pattern, words)), OTHER)
+    return next((colour for pattern, colour in _COLOURS.items() if re.search(pattern, words)), OTHER)

@@ -104,7 +104,7 @@ class OpenJob:
 
     @cached_property
     def identity(self) -> str:
-        """The dataset's identity: see :func:`.identity_of`."""
+        """The dataset's identity: see :func:`pipeline.dataset.identity.identity_of`."""
         return identity_of(self.description)
 
     @cached_property

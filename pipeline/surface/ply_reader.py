@@ -86,7 +86,7 @@ def read_ply(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarra
                 f"found {word!r}; the file is corrupt: copy or export it again"
             )
         # from here on a text body is a binary body in which every type is double
-        body = memoryview(numbers.astype("<f8", copy=False)).cast("B") if len(numbers) else b""
+        body = numbers.astype("<f8", copy=False).data.cast("B") if len(numbers) else b""
         start = 0
     columns: dict[str, dict[str, _Column]] = {}
     for element in elements:

@@ -60,7 +60,9 @@ class DatasetOptions:
     sigma_mm: float = _option(3.0, "gaussian: standard deviation of the translation along each axis", least=0)
     polar_deg: float = _option(60.0, "shell: largest angle from the frame's viewing direction", least=0, most=180)
     min_observed: float = _option(0.5, "least observed fraction of the surface in a view", least=0, most=1)
-    min_surface: float = _option(0.3, "least fraction of a view that the surface covers", least=0, most=1)
+    min_surface: float = _option(
+        0.3, "least fraction of a view that the surface covers, relative to the frame's", least=0, most=1
+    )  # fmt: skip
     min_clearance_mm: float = _option(5.0, "least distance from camera to surface", least=0)
 
 

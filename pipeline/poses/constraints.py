@@ -60,11 +60,13 @@ class Constraints:
     Attributes
     ----------
     min_surface
-        Smallest fraction of the image that the surface covers, 0..1.
+        Smallest fraction of the image that the surface covers, 0..1, relative to ``reference_surface``.
     min_observed
         Smallest fraction of the surface in view that the source frame observed, 0..1.
     min_clearance_mm
         Smallest distance from the centre of projection to the surface.
+    reference_surface
+        Fraction of the image that the surface covers in the frame, 0..1: a small surface stays small in every view.
     max_attempts
         Poses tried per view before giving up.
     """
@@ -72,10 +74,11 @@ class Constraints:
     min_surface: float = 0.0
     min_observed: float = 0.0
     min_clearance_mm: float = 0.0
+    reference_surface: float = 1.0
     max_attempts: int = 1000
 
     def __post_init__(self) -> None:
-        for name in ("min_surface", "min_observed"):
+        for name in ("min_surface", "min_observed", "reference_surface"):
             value = getattr(self, name)
             if not 0 <= value <= 1:
                 raise InputError(f"constraints: expected {name} to be a fraction from 0 to 1, found {value:g}")
@@ -91,7 +94,7 @@ class Constraints:
     def broken_by(self, statistics: ViewStatistics) -> Rejections:
         """Count 1 for each constraint that a view breaks; a statistic that is NaN breaks its constraint."""
         return Rejections(
-            surface=int(not statistics.surface_fraction >= self.min_surface),
+            surface=int(not statistics.surface_fraction >= self.min_surface * self.reference_surface),
             observed=int(not statistics.observed_fraction >= self.min_observed),
             clearance=int(not statistics.clearance_mm >= self.min_clearance_mm),
         )
@@ -182,7 +185,10 @@ def _reason(name: str, constraints: Constraints, views: list[ViewStatistics]) ->
     if name == "surface":
         best = np.nanmax([0.0, *(view.surface_fraction for view in views)])
         wanted = constraints.min_surface
-        return f"min_surface = {wanted:g}", f"showed less than {100 * wanted:g} % surface", f"{100 * best:.3g} %"
+        what = f"showed less than {100 * wanted:g} % of the surface that the frame shows"
+        # with a reference of 0 no view breaks it
+        share = best / (constraints.reference_surface or 1.0)
+        return f"min_surface = {wanted:g}", what, f"{100 * share:.3g} %"
     if name == "observed":
         best = np.nanmax([0.0, *(view.observed_fraction for view in views)])
         wanted = constraints.min_observed

@@ -95,7 +95,7 @@ def test_impossible_constraints_end_with_counts():
     message = str(caught.value)
     assert message.startswith("view 17: found no pose")
     assert f"of 200 poses tried, 200 came nearer than 5000 mm to the surface (the best: {best:.3g} mm)" in message
-    assert f"{far} showed less than 60 % surface" in message
+    assert f"{far} showed less than 60 % of the surface that the frame shows" in message
     assert "lower min_clearance_mm, which" in message
     assert "observed" not in message
 
@@ -106,6 +106,10 @@ def test_statistics_on_the_limit_pass_and_nan_does_not():
     below = np.nextafter([0.25, 0.5, 10], 0)
     assert constraints.broken_by(ViewStatistics(*below)) == Rejections(1, 1, 1)
     assert constraints.broken_by(ViewStatistics(0.3, np.nan, 20)) == Rejections(observed=1)
+    # a surface that fills a fifth of the frame is not asked to fill a quarter of a view
+    small = Constraints(min_surface=0.25, reference_surface=0.2)
+    assert not small.broken_by(ViewStatistics(0.05, 0, 0))
+    assert small.broken_by(ViewStatistics(np.nextafter(0.05, 0), 0, 0)) == Rejections(surface=1)
 
 
 @pytest.mark.parametrize(

@@ -253,7 +253,7 @@ def test_a_frame_without_a_visible_pixel_is_refused_and_nothing_is_left(case):
     [
         (
             {"min_observed": 1.0, "min_surface": 1.0, "distance_min": 2.0, "distance_max": 3.0},
-            "of 1000 poses tried, .*showed less than 100 % surface .the best: .*; lower min_surface",
+            "of 1000 poses tried, .*showed less than 100 % of the surface that the frame shows .*; lower min_surface",
         ),
         ({"min_clearance_mm": 1e6}, r"1000 came nearer than 1e\+06 mm to the surface .*; lower min_clearance_mm"),
     ],

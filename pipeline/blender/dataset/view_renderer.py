@@ -83,6 +83,7 @@ class ViewRenderer:
         self._distribution = _distribution(options, reference, self.camera)
         self._constraints = Constraints(
             min_surface=options.min_surface,
+            reference_surface=self._probe(loaded.cam_from_model).surface_fraction,
             min_observed=options.min_observed,
             min_clearance_mm=options.min_clearance_mm,
         )

@@ -18,7 +18,7 @@ from ..errors import InputError, RunError
 from ..files.content import create_folder, partial_name, write_bytes_atomically
 from .checksums import keep_checksums
 from .identity import COUNT, check_description, description_bytes, identity_of, is_cut_off
-from .layout import MODEL_FOLDERS, RECORD, SPLIT, VIDEO_FILES, WORK, is_own_file, own_folders
+from .layout import FOLDERS, RECORD, SPLIT, VIDEO_FILES, WORK, is_own_file, own_folders
 from .lock import Busy, FileLock, SystemLock, wait_for
 
 
@@ -146,7 +146,7 @@ class RunFolder:
         if was_run and not others:
             return True
         # a loss of power may leave a part of the description, but whole views; their records tell whose they are
-        if record.exists() and was_run and all(name in _TOP or is_own_file(name) for name in others):
+        if record.exists() and was_run and all(name in FOLDERS or is_own_file(name) for name in others):
             return False
         raise RunError(
             f"{self.path}: expected a new or empty folder or a dataset to resume, found other files; "
@@ -237,7 +237,6 @@ class RunFolder:
 
 
 _ATTEMPTS = 10
-_TOP = (*MODEL_FOLDERS, "video", SPLIT)
 _WORK_FILES = r"lock(-[0-9]+-of-[0-9]+)?(\.[0-9a-f]{16}\.(claim|new))?"
 
 

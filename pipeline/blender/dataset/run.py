@@ -11,7 +11,8 @@ from ...dataset.checksums import FileSurvey, survey_files
 from ...dataset.folder import RunFolder
 from ...dataset.identity import check_description
 from ...dataset.layout import VIDEO_FILES, other_files, view_kinds
-from ...dataset.survey import Survey, Tally, recorded_views, survey_views, view_ranges
+from ...dataset.survey import Survey, Tally, recorded_views, survey_views
+from ...dataset.view_ranges import view_ranges
 from ...progress import LINE_SECONDS, Progress
 from ..render.engines import check_engine, keep_freed_memory
 from . import finish
@@ -112,10 +113,9 @@ def _survey(opened: OpenJob, *, verify: bool) -> _Found:
     files = survey_files(job.out, opened.identity, hashes=verify)
     has_tables = files.intact.issuperset(other_files(opened.count))
     # all views of a dataset that was complete; else the other shards may be working on theirs
-    views = _survey_views(opened, range(opened.count) if has_tables else opened.views, verify=verify)
-    missing = tuple(
-        index for index in (range(opened.count) if has_tables else opened.views) if index not in views.finished
-    )
+    wanted = range(opened.count) if has_tables else opened.views
+    views = _survey_views(opened, wanted, verify=verify)
+    missing = tuple(index for index in wanted if index not in views.finished)
     return _Found(files, views, has_tables, missing, finish.video_to_render(opened, files))
 
 
@@ -159,7 +159,7 @@ def _render_missing(
                 progress.close()
                 tally = _write_tables(opened, renderer, report)
             if tally is not None:
-                frames = finish.video_to_render(opened, found.files)
+                frames = found.video_frames
                 if frames is not None:
                     shown = Progress(frames, "video frames", stream=stream, line_seconds=progress_seconds)
                     report(f"video: {finish.write_trajectory_video(opened, renderer, frames, shown)}")

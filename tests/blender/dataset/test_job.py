@@ -17,8 +17,6 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.blender.dataset import finish as dataset_finish
-from pipeline.blender.dataset import job as dataset_job
 from pipeline.blender.dataset import run as dataset_run
 from pipeline.blender.dataset.job import Job, OpenJob, open_job
 from pipeline.blender.render.engines import check_engine
@@ -181,8 +179,7 @@ def test_a_shard_of_another_run_is_not_merged(case, tmp_path):
 
 
 def test_shards_write_the_tables_of_their_own_scenes(case, tmp_path, monkeypatch):
-    for module in (dataset, dataset_job, dataset_finish):
-        monkeypatch.setattr(module, "VIEWS_PER_SCENE", 4)
+    monkeypatch.setattr(dataset, "VIEWS_PER_SCENE", 4)
     options = dataclasses.replace(OPTIONS, count=10)
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     run_here(case, whole, options)

@@ -3,11 +3,9 @@
 Nothing here imports Blender, so a mistake in the arguments is reported before Blender loads.
 """
 
-import _thread
 import argparse
 import errno
 import itertools
-import os
 import signal
 import sys
 import threading
@@ -28,6 +26,7 @@ from .process import (
     open_standard_streams,
     own_temporary_folder,
     print_error,
+    send_to_itself,
     settle,
     stop_signal,
     stopped_message,
@@ -104,11 +103,7 @@ def end_with_input() -> None:
     def watch() -> None:
         while sys.stdin.buffer.read(4096):
             pass
-        if os.name == "nt":
-            _thread.interrupt_main()
-        else:
-            # a signal also wakes a main thread that waits for others
-            os.kill(os.getpid(), signal.SIGINT)
+        send_to_itself(signal.SIGINT)
         time.sleep(STOPPING_SECONDS)
         end_process(EXIT_STOPPED)
 

@@ -156,7 +156,7 @@ def interrupt(number: int, frame: FrameType | None) -> None:
     if _received or _settled:
         return
     if _is_importing(frame):
-        again = threading.Timer(0.05, _send_again, (number,))
+        again = threading.Timer(0.05, send_to_itself, (number,))
         again.daemon = True
         again.start()
         return
@@ -194,7 +194,8 @@ def settle() -> None:
     _settled.append(True)
 
 
-def _send_again(number: int) -> None:
+def send_to_itself(number: int) -> None:
+    """Send a signal to this process; it also wakes a main thread that waits for others."""
     if os.name == "nt":
         _thread.interrupt_main(signal.Signals(number))
     else:

@@ -22,6 +22,11 @@ from .coco import coco_table
 from .layout import OBJECT_ID, ViewPaths
 from .view_record import Box, ViewRecord
 
+EVAL_VERTICES = 10_000
+"""Most vertices of the model in ``models_eval/``: about as many as in BOP's, as errors of poses visit every vertex."""
+LEAST_VISIBLE = 0.1
+"""BOP tests on objects of at least this visible fraction."""
+
 
 def bounding_box(mask: np.ndarray) -> Box:
     """The box of an ``(H, W)`` bool mask as in BOP: (x, y, x_max - x, y_max - y); all -1 for an empty mask."""
@@ -30,12 +35,6 @@ def bounding_box(mask: np.ndarray) -> Box:
         return -1, -1, -1, -1
     x, y = int(columns[0]), int(rows[0])
     return x, y, int(columns[-1]) - x, int(rows[-1]) - y
-
-
-EVAL_VERTICES = 10_000
-"""Most vertices of the model in ``models_eval/``: about as many as in BOP's, as errors of poses visit every vertex."""
-LEAST_VISIBLE = 0.1
-"""BOP tests on objects of at least this visible fraction."""
 
 
 def write_models(root: Path, mesh: TriangleMesh, colours: np.ndarray) -> None:

@@ -5,8 +5,8 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from ..files.tables import write_json
@@ -44,18 +44,45 @@ def sums_to_json(files: Mapping[str, FileSum]) -> dict[str, dict[str, object]]:
     return {name: asdict(known) for name, known in files.items()}
 
 
-def write_checksums(root: Path, identity: str, names: Iterable[str]) -> None:
+@dataclass(frozen=True)
+class Checksums:
+    """The content of ``checksums.json``: sums of files by name, and hashes of the records of scenes by their folder."""
+
+    files: Mapping[str, FileSum] = field(default_factory=dict)
+    records: Mapping[str, str] = field(default_factory=dict)
+
+    def without(self, files: Collection[str], scenes: Collection[str]) -> "Checksums":
+        """All but those of some files and scenes."""
+        return Checksums(
+            {name: known for name, known in self.files.items() if name not in files},
+            {scene: known for scene, known in self.records.items() if scene not in scenes},
+        )
+
+    def write(self, root: Path, identity: str) -> None:
+        """Write ``checksums.json``."""
+        files = sums_to_json(dict(sorted(self.files.items())))
+        write_json(root / CHECKSUMS, {"identity": identity, "files": files, "records": dict(self.records)})
+
+
+def write_checksums(root: Path, identity: str, names: Iterable[str], *, known: Checksums | None = None) -> None:
     """Write ``checksums.json`` for the named files, given relative to ``root``, and the records of their scenes.
+
+    Parameters
+    ----------
+    known
+        What to repeat instead of the sums of the files as they are now: that of the files which nobody has written
+        since. Else a file that was changed behind the dataset's back would be taken for sound.
 
     Raises
     ------
     OSError
         A file is missing or cannot be read.
     """
-    files = {name: sum_of_file(root / name) for name in sorted(names)}
-    scenes = [name.removesuffix("/scene_gt.json") for name in files if name.endswith("/scene_gt.json")]
-    records = {scene: records_hash(root / scene) for scene in scenes}
-    write_json(root / CHECKSUMS, {"identity": identity, "files": sums_to_json(files), "records": records})
+    known = known or Checksums()
+    files = {name: known.files.get(name) or sum_of_file(root / name) for name in names}
+    scenes = sorted(name.removesuffix("/scene_gt.json") for name in files if name.endswith("/scene_gt.json"))
+    records = {scene: known.records.get(scene) or records_hash(root / scene) for scene in scenes}
+    Checksums(files, records).write(root, identity)
 
 
 def records_hash(scene: Path) -> str:
@@ -66,8 +93,8 @@ def records_hash(scene: Path) -> str:
     return digest.hexdigest()
 
 
-def keep_checksums(root: Path, identity: str, names: Iterable[str]) -> None:
-    """Remove from ``checksums.json``, if there is one, all files but the named ones: the others are about to change.
+def keep_checksums(root: Path, identity: str, names: Collection[str], scenes: Collection[str]) -> None:
+    """Remove all but the named files and scenes from ``checksums.json``, if there is one: the others are to change.
 
     Raises
     ------
@@ -76,19 +103,19 @@ def keep_checksums(root: Path, identity: str, names: Iterable[str]) -> None:
     """
     known = read_checksums(root, identity)
     if known is not None:
-        kept = {name: known[name] for name in names if name in known}
-        write_json(root / CHECKSUMS, {"identity": identity, "files": sums_to_json(kept)})
+        known.without(known.files.keys() - names, known.records.keys() - scenes).write(root, identity)
 
 
-def read_checksums(root: Path, identity: str) -> dict[str, FileSum] | None:
-    """The files in ``checksums.json``; ``None`` if it is missing, damaged or of another dataset."""
+def read_checksums(root: Path, identity: str) -> Checksums | None:
+    """The content of ``checksums.json``; ``None`` if it is missing, damaged or of another dataset."""
     try:
         content = json.loads((root / CHECKSUMS).read_bytes())
         if content["identity"] != identity:
             return None
-        return {
+        files = {
             str(name): FileSum(str(known["sha256"]), int(known["bytes"])) for name, known in content["files"].items()
         }
+        return Checksums(files, {str(scene): str(digest) for scene, digest in content["records"].items()})
     except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError):
         return None
 
@@ -119,7 +146,7 @@ def survey_files(root: Path, identity: str, *, hashes: bool = False) -> FileSurv
     hashes
         Compare the hashes too, not only the sizes.
     """
-    known = read_checksums(root, identity) or {}
+    known = (read_checksums(root, identity) or Checksums()).files
     problems = {name: damaged_file(root, name, known[name], hashes=hashes) for name in known}
     damaged = {name: why for name, why in problems.items() if why is not None}
     return FileSurvey(frozenset(known.keys() - damaged.keys()), damaged)

@@ -5,7 +5,8 @@ from pathlib import Path
 from ..camera.pinhole import PinholeCamera
 from ..files.content import write_bytes_atomically
 from ..surface.mesh import TriangleMesh
-from .layout import OBJECT_ID, SPLIT, VIEWS_PER_SCENE
+from . import layout
+from .layout import OBJECT_ID, SPLIT, scene_count
 
 TEXT = """\
 # {name}: {count} rendered views
@@ -70,14 +71,14 @@ def write_dataset_info(
         Millimetres per unit of the depth images.
     """
     split, split_type = SPLIT.split("_")
-    scenes = -(-count // VIEWS_PER_SCENE)
+    scenes = scene_count(count)
     text = TEXT.format(
         name=object_name,
         count=count,
         scenes=scenes,
         s="s" * (scenes > 1),
         object_id=OBJECT_ID,
-        per_scene=VIEWS_PER_SCENE,
+        per_scene=layout.VIEWS_PER_SCENE,
         width=camera.width,
         height=camera.height,
         centre=", ".join(f"{value:.3f}" for value in mesh.bounds.mean(axis=0)),

@@ -16,9 +16,10 @@ from types import TracebackType
 
 from ..errors import InputError, RunError
 from ..files.content import create_folder, partial_name, write_bytes_atomically
+from . import layout
 from .checksums import keep_checksums
 from .identity import COUNT, check_description, description_bytes, identity_of, is_cut_off
-from .layout import MODEL_FOLDERS, RECORD, SPLIT, VIDEO_FILES, WORK, is_own_file, own_folders
+from .layout import FOLDERS, RECORD, SPLIT, VIDEO_FILES, WORK, is_own_file, own_folders, scene_folder
 from .lock import Busy, FileLock, SystemLock, wait_for
 
 
@@ -146,7 +147,7 @@ class RunFolder:
         if was_run and not others:
             return True
         # a loss of power may leave a part of the description, but whole views; their records tell whose they are
-        if record.exists() and was_run and all(name in _TOP or is_own_file(name) for name in others):
+        if record.exists() and was_run and all(name in FOLDERS or is_own_file(name) for name in others):
             return False
         raise RunError(
             f"{self.path}: expected a new or empty folder or a dataset to resume, found other files; "
@@ -181,12 +182,18 @@ class RunFolder:
             record, content = self.path / RECORD, description_bytes(self._description)
             if record.exists() and not is_cut_off(existing := record.read_bytes(), content):
                 if json.loads(existing)[COUNT] == self._description[COUNT]:
+                    if existing != content:
+                        # the same values, but not as a run writes them: its sum is that of these bytes
+                        write_bytes_atomically(record, content)
                     return True
                 # shards that work on fewer views would write tables of these
                 if self._shared and not self._common.try_exclusive():
                     return False
                 # the tables are those of fewer views from now on
-                keep_checksums(self.path, identity_of(self._description), VIDEO_FILES)
+                whole = range(json.loads(existing)[COUNT] // layout.VIEWS_PER_SCENE)
+                keep_checksums(
+                    self.path, identity_of(self._description), VIDEO_FILES, [scene_folder(number) for number in whole]
+                )
             write_bytes_atomically(record, content)
             return True
 
@@ -237,7 +244,6 @@ class RunFolder:
 
 
 _ATTEMPTS = 10
-_TOP = (*MODEL_FOLDERS, "video", SPLIT)
 _WORK_FILES = r"lock(-[0-9]+-of-[0-9]+)?(\.[0-9a-f]{16}\.(claim|new))?"
 
 

@@ -29,6 +29,8 @@ TABLES = (
 )  # fmt: skip
 SCENE_TABLES = ("scene_camera.json", "scene_gt.json", "scene_gt_info.json", "scene_gt_coco.json")
 VIDEO_FILES = ("video/trajectory.mp4", "video/poses.csv")
+FOLDERS = (*MODEL_FOLDERS, "video", SPLIT)
+"""The folders beside ``dataset.json`` that a run writes into, apart from :data:`WORK`."""
 KINDS = ("rgb", "depth", "mask", "mask_visib", "mask_observed", "depth_mm", "frame")
 """Kinds of a view's files, each in a folder of its own."""
 
@@ -53,7 +55,7 @@ class ViewPaths:
     @property
     def scene(self) -> Path:
         """Folder of the scene."""
-        return self.root / SPLIT / f"{self.scene_id:06d}"
+        return self.root / scene_folder(self.scene_id)
 
     def file(self, kind: str) -> Path:
         """Path of one of the view's files, by its kind (a key of :func:`.view_files`, or ``"frame"``)."""
@@ -63,7 +65,7 @@ class ViewPaths:
         """Path of one of the view's files relative to the dataset's folder, with forward slashes."""
         gt = "_000000" if kind in ("mask", "mask_visib", "mask_observed") else ""
         suffix = {"frame": ".json", "depth_mm": ".npy"}.get(kind, ".png")
-        return f"{SPLIT}/{self.scene_id:06d}/{kind}/{self.image_id:06d}{gt}{suffix}"
+        return f"{scene_folder(self.scene_id)}/{kind}/{self.image_id:06d}{gt}{suffix}"
 
 
 def view_kinds(*, float_depth: bool) -> tuple[str, ...]:
@@ -71,13 +73,28 @@ def view_kinds(*, float_depth: bool) -> tuple[str, ...]:
     return tuple(kind for kind in KINDS if kind != "frame" and (float_depth or kind != "depth_mm"))
 
 
+def scene_count(count: int) -> int:
+    """Number of scenes of a dataset of ``count`` views."""
+    return -(-count // VIEWS_PER_SCENE)
+
+
+def scene_views(number: int, count: int) -> range:
+    """The views of a scene of a dataset of ``count`` views."""
+    return range(number * VIEWS_PER_SCENE, min((number + 1) * VIEWS_PER_SCENE, count))
+
+
+def scene_folder(number: int) -> str:
+    """Path of a scene's folder relative to the dataset's folder, with forward slashes."""
+    return f"{SPLIT}/{number:06d}"
+
+
 def other_files(count: int) -> list[str]:
     """The files of a dataset of ``count`` views that are no view's, relative to its folder.
 
     Its video and ``checksums.json`` are not among them.
     """
-    scenes = range(-(-count // VIEWS_PER_SCENE))
-    return [RECORD, *TABLES, *(f"{SPLIT}/{scene:06d}/{name}" for scene in scenes for name in SCENE_TABLES)]
+    scenes = map(scene_folder, range(scene_count(count)))
+    return [RECORD, *TABLES, *(f"{scene}/{name}" for scene in scenes for name in SCENE_TABLES)]
 
 
 def is_own_file(name: str) -> bool:
@@ -96,7 +113,7 @@ def is_own_file(name: str) -> bool:
 def own_folders(root: Path) -> Iterator[tuple[str, Path]]:
     """The existing folders that a run writes into: the beginning of their files' names, and their path."""
     yield "", root
-    for name in (*MODEL_FOLDERS, "video", SPLIT):
+    for name in FOLDERS:
         if (root / name).is_dir():
             yield f"{name}/", root / name
     for scene in sorted((root / SPLIT).glob("[0-9]*")):

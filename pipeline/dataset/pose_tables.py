@@ -17,15 +17,13 @@ from .view_record import ViewRecord
 
 POSE_COLUMNS = (*(f"r{row}{column}" for row in range(3) for column in range(3)), "tx_mm", "ty_mm", "tz_mm")
 """Columns of a pose in CSV tables."""
+NGP_FILL = 0.9
+"""The part of Instant NGP's unit cube that the surface's box spans."""
 
 
 def pose_cells(cam_from_model: np.ndarray) -> list[str]:
     """A pose (4x4, mm) as cells of :data:`POSE_COLUMNS`, to the last bit."""
     return [repr(float(value)) for value in (*cam_from_model[:3, :3].ravel(), *cam_from_model[:3, 3])]
-
-
-NGP_FILL = 0.9
-"""The part of Instant NGP's unit cube that the surface's box spans."""
 
 
 def write_poses(

@@ -13,10 +13,10 @@ from pathlib import Path
 
 from ..errors import RunError
 from ..poses.constraints import Rejections
-from . import layout
 from .checksums import damaged_file
 from .identity import described_differences, identity_of, other_description
-from .layout import RECORD, ViewPaths
+from .layout import RECORD, ViewPaths, scene_count, scene_folder, scene_views
+from .view_ranges import view_ranges
 from .view_record import ViewRecord, read_record
 
 
@@ -107,12 +107,12 @@ def survey_views(
     finished, damaged, tally = set(), {}, Tally()
     foreign: dict[int, str] = {}
     identity, names = identity_of(description), ("frame", *kinds)
-    for first in range(views.start - views.start % layout.VIEWS_PER_SCENE, views.stop, layout.VIEWS_PER_SCENE):
-        scene = range(max(first, views.start), min(first + layout.VIEWS_PER_SCENE, views.stop))
-        folder = ViewPaths(root, first).scene
-        sizes = _sizes(folder, folder.relative_to(root).as_posix(), names)
+    for number in range(ViewPaths(root, views.start).scene_id, scene_count(views.stop)):
+        sizes = _sizes(root, scene_folder(number), names)
         whole = []
-        for index in scene:
+        for index in scene_views(number, views.stop):
+            if index < views.start:
+                continue
             paths = ViewPaths(root, index)
             if paths.relative("frame") not in sizes:
                 continue
@@ -142,34 +142,22 @@ def survey_views(
 def recorded_views(root: Path, count: int) -> int:
     """How many of the first ``count`` views have a record; nothing is read but the names of files."""
     found = 0
-    for first in range(0, count, layout.VIEWS_PER_SCENE):
-        paths = [ViewPaths(root, index) for index in range(first, min(first + layout.VIEWS_PER_SCENE, count))]
+    for number in range(scene_count(count)):
+        paths = [ViewPaths(root, index) for index in scene_views(number, count)]
         with suppress(FileNotFoundError):
             names = set(os.listdir(paths[0].file("frame").parent))
             found += sum(path.file("frame").name in names for path in paths)
     return found
 
 
-def view_ranges(views: Iterable[int]) -> str:
-    """Numbers of views in short: ``0-9, 12``; at most four ranges."""
-    ranges: list[list[int]] = []
-    for index in sorted(views):
-        if ranges and ranges[-1][1] == index - 1:
-            ranges[-1][1] = index
-        else:
-            ranges.append([index, index])
-    shown = [str(low) if low == high else f"{low}-{high}" for low, high in ranges[:4]]
-    return ", ".join(shown) + (", ..." if len(ranges) > 4 else "")
-
-
-def _sizes(scene: Path, prefix: str, kinds: Iterable[str]) -> dict[str, int]:
+def _sizes(root: Path, scene: str, kinds: Iterable[str]) -> dict[str, int]:
     """Sizes of the files in a scene's folders, by their names relative to the dataset: one listing a folder."""
     sizes = {}
     for kind in kinds:
-        with suppress(FileNotFoundError), os.scandir(scene / kind) as entries:
+        with suppress(FileNotFoundError), os.scandir(root / scene / kind) as entries:
             for entry in entries:
                 with suppress(FileNotFoundError):  # a link to nothing
-                    sizes[f"{prefix}/{kind}/{entry.name}"] = entry.stat().st_size
+                    sizes[f"{scene}/{kind}/{entry.name}"] = entry.stat().st_size
     return sizes
 
 

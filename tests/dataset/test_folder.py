@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.dataset import folder as run_folder
-from pipeline.dataset.checksums import read_checksums, sum_of, sums_to_json
+from pipeline.dataset.checksums import Checksums, read_checksums, sum_of
 from pipeline.dataset.folder import RunFolder, Shard
 from pipeline.dataset.identity import identity_of
 from pipeline.dataset.layout import ViewPaths
@@ -246,12 +246,11 @@ def test_a_dataset_grows_and_never_shrinks(tmp_path):
     with RunFolder(tmp_path, IDENTITY, WHOLE):
         write_record(tmp_path, 2)
         sums = {name: sum_of(b"x") for name in ("poses.csv", "video/trajectory.mp4")}
-        content = {"identity": identity_of(IDENTITY), "files": sums_to_json(sums)}
-        (tmp_path / "checksums.json").write_text(json.dumps(content))
+        Checksums(sums, {"train_synt/000000": "ab"}).write(tmp_path, identity_of(IDENTITY))
     with RunFolder(tmp_path, larger, WHOLE):
         assert json.loads((tmp_path / "dataset.json").read_text()) == larger
         # the tables are no longer those of the dataset
-        assert read_checksums(tmp_path, identity_of(larger)) == {"video/trajectory.mp4": sum_of(b"x")}
+        assert read_checksums(tmp_path, identity_of(larger)) == Checksums({"video/trajectory.mp4": sum_of(b"x")})
     before = tree(tmp_path)
     with pytest.raises(RunError, match="holds a dataset of 300 views, and 3 are wanted: a dataset may grow, but not"):
         RunFolder(tmp_path, IDENTITY, WHOLE)

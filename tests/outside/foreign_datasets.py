@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.dataset import dataset_info, layout
+from pipeline.dataset import layout
 from pipeline.transforms import rigid, rotation_from_vector
 from tests.dataset.synthetic_dataset import PER_SCENE, make_dataset
 
@@ -35,8 +35,7 @@ def ray_cast_dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two scenes, rendered by casting rays at the triangles, without Blender."""
     root = tmp_path_factory.mktemp("ray-cast") / "dataset"
     with pytest.MonkeyPatch.context() as patch:
-        for module in (layout, dataset_info):
-            patch.setattr(module, "VIEWS_PER_SCENE", PER_SCENE)
+        patch.setattr(layout, "VIEWS_PER_SCENE", PER_SCENE)
         make_dataset(root)
     return root
 

@@ -1,6 +1,6 @@
 """The end of a dataset job: models, tables, contact sheet and video, once the views that they need exist."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -8,9 +8,9 @@ import numpy as np
 
 from ...colour.vertex_colours import colour_vertices
 from ...dataset.bop import is_test_target, write_camera, write_models, write_scene, write_test_targets
-from ...dataset.checksums import FileSurvey, write_checksums
+from ...dataset.checksums import Checksums, FileSurvey, read_checksums, write_checksums
 from ...dataset.dataset_info import write_dataset_info
-from ...dataset.layout import VIDEO_FILES, VIEWS_PER_SCENE, ViewPaths, other_files
+from ...dataset.layout import VIDEO_FILES, ViewPaths, other_files, scene_count, scene_folder, scene_views
 from ...dataset.pose_tables import POSE_COLUMNS, pose_cells, write_poses
 from ...dataset.survey import Tally
 from ...dataset.view_record import ViewRecord, read_record
@@ -46,7 +46,7 @@ def write_overlay(job: OpenJob, renderer: ViewRenderer) -> None:
 
 def write_finished_scenes(job: OpenJob, renderer: ViewRenderer) -> None:
     """Write the tables of every complete scene that has views of this job's shard, while others are not complete."""
-    for scene in sorted({index // VIEWS_PER_SCENE for index in job.views}):
+    for scene in sorted({ViewPaths(job.job.out, index).scene_id for index in job.views}):
         # a record of another shard may be missing or damaged
         with suppress(RunError):
             write_scene(job.job.out, _scene_records(job, scene), renderer.camera, job.object_name)
@@ -70,7 +70,7 @@ def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
     mesh, depth_scale = renderer.source.mesh, renderer.depth_scale
 
     def records() -> Iterator[ViewRecord]:
-        for scene in range(-(-job.count // VIEWS_PER_SCENE)):
+        for scene in range(scene_count(job.count)):
             in_scene = _scene_records(job, scene)
             write_scene(out, in_scene, camera, job.object_name)
             for record in in_scene:
@@ -91,9 +91,8 @@ def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
 
 
 def _scene_records(job: OpenJob, scene: int) -> list[ViewRecord]:
-    views = range(scene * VIEWS_PER_SCENE, min((scene + 1) * VIEWS_PER_SCENE, job.count))
     records = []
-    for index in views:
+    for index in scene_views(scene, job.count):
         paths = ViewPaths(job.job.out, index)
         record = read_record(paths)
         if record.identity != job.identity:
@@ -141,6 +140,22 @@ def write_trajectory_video(job: OpenJob, renderer: ViewRenderer, frames: int, pr
     return video
 
 
-def write_sums(job: OpenJob, *, video: bool) -> None:
-    """Write ``checksums.json`` of a dataset whose other files are all written, with or without a video."""
-    write_checksums(job.job.out, job.identity, [*other_files(job.count), *(VIDEO_FILES if video else ())])
+def write_sums(job: OpenJob, *, written: Collection[str], rendered: Iterable[int], video: bool) -> None:
+    """Write ``checksums.json`` of a dataset whose other files are all written.
+
+    Parameters
+    ----------
+    job
+        The job.
+    written
+        Files that this run has written; of the others, ``checksums.json`` keeps what it says.
+    rendered
+        Views that this run has rendered.
+    video
+        Whether the dataset has a video.
+    """
+    out = job.job.out
+    scenes = {scene_folder(ViewPaths(out, index).scene_id) for index in rendered}
+    known = (read_checksums(out, job.identity) or Checksums()).without(written, scenes)
+    names = [*other_files(job.count), *(VIDEO_FILES if video else ())]
+    write_checksums(out, job.identity, names, known=known)

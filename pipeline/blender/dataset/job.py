@@ -15,9 +15,10 @@ import numpy as np
 from ... import __version__
 from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase
+from ...dataset import layout
 from ...dataset.folder import Shard
 from ...dataset.identity import geometry_hash, identity_of
-from ...dataset.layout import FORMAT, VIEWS_PER_SCENE, ViewPaths
+from ...dataset.layout import FORMAT, ViewPaths
 from ...dataset.options import DatasetOptions
 from ...dataset.view import RenderedSample, write_view
 from ...errors import RunError
@@ -93,7 +94,7 @@ class OpenJob:
     @property
     def views(self) -> range:
         """The views of this job's shard."""
-        return self.job.shard.views(self.count, VIEWS_PER_SCENE)
+        return self.job.shard.views(self.count, layout.VIEWS_PER_SCENE)
 
     def renderer(self, *, threads: int) -> ViewRenderer:
         """Create the renderer of this job's views, with this number of render threads."""

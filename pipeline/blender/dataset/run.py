@@ -10,8 +10,9 @@ from typing import TextIO
 from ...dataset.checksums import FileSurvey, survey_files
 from ...dataset.folder import RunFolder
 from ...dataset.identity import check_description
-from ...dataset.layout import VIDEO_FILES, other_files, view_kinds
-from ...dataset.survey import Survey, Tally, recorded_views, survey_views, view_ranges
+from ...dataset.layout import RECORD, VIDEO_FILES, other_files, view_kinds
+from ...dataset.survey import Survey, Tally, recorded_views, survey_views
+from ...dataset.view_ranges import view_ranges
 from ...progress import LINE_SECONDS, Progress
 from ..render.engines import check_engine, keep_freed_memory
 from . import finish
@@ -112,10 +113,9 @@ def _survey(opened: OpenJob, *, verify: bool) -> _Found:
     files = survey_files(job.out, opened.identity, hashes=verify)
     has_tables = files.intact.issuperset(other_files(opened.count))
     # all views of a dataset that was complete; else the other shards may be working on theirs
-    views = _survey_views(opened, range(opened.count) if has_tables else opened.views, verify=verify)
-    missing = tuple(
-        index for index in (range(opened.count) if has_tables else opened.views) if index not in views.finished
-    )
+    wanted = range(opened.count) if has_tables else opened.views
+    views = _survey_views(opened, wanted, verify=verify)
+    missing = tuple(index for index in wanted if index not in views.finished)
     return _Found(files, views, has_tables, missing, finish.video_to_render(opened, files))
 
 
@@ -153,18 +153,23 @@ def _render_missing(
             for message in (*opened.messages, *renderer.messages):
                 report(message)
             tally: Tally | None = found.views.tally
+            written: list[str] = []
             if found.missing or not found.has_tables:
                 finish.write_model_files(opened, renderer)
                 render_views(renderer, out, pool.views(), finished)
                 progress.close()
                 tally = _write_tables(opened, renderer, report)
+                # the description is written by the folder, which forgets its sum
+                written += set(other_files(opened.count)) - {RECORD}
             if tally is not None:
-                frames = finish.video_to_render(opened, found.files)
+                frames = found.video_frames
                 if frames is not None:
                     shown = Progress(frames, "video frames", stream=stream, line_seconds=progress_seconds)
                     report(f"video: {finish.write_trajectory_video(opened, renderer, frames, shown)}")
                     shown.close()
-                finish.write_sums(opened, video=frames is not None or found.files.intact.issuperset(VIDEO_FILES))
+                    written += VIDEO_FILES
+                video = frames is not None or found.files.intact.issuperset(VIDEO_FILES)
+                finish.write_sums(opened, written=written, rendered=found.missing, video=video)
     finally:
         pool.stop()
     for message in pool.messages:

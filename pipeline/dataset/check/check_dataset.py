@@ -17,7 +17,8 @@ from ...case.case_file import Case
 from ...errors import InputError
 from ...progress import Progress
 from ...projection.silhouette import SilhouetteEdges
-from ..layout import RECORD, SPLIT, WORK, ViewPaths
+from ..layout import RECORD, SPLIT, WORK, ViewPaths, scene_count, scene_folder, scene_views
+from ..view_ranges import ranges_text, runs
 from .checksums import Checksums, check_sums, read_checksums
 from .contents import (
     CHECKSUMS,
@@ -27,10 +28,6 @@ from .contents import (
     SceneContents,
     list_dataset,
     list_scene,
-    ranges_text,
-    runs,
-    scene_count,
-    scene_views,
 )
 from .depth import DepthAgreement
 from .files import DamagedFile
@@ -221,7 +218,7 @@ class _Check:
             self._check_view(paths, record, scene)
             visible = record.gt_info["visib_fract"]
             self._poses[index] = ViewPose(record.cam_from_model, record.depth_scale, visible)
-        folder = ViewPaths(root, scene.views[0]).scene.relative_to(root).as_posix()
+        folder = scene_folder(number)
         expected = self._sums.records.get(folder)
         if expected is not None and len(records) == len(scene.views) and digest.hexdigest() != expected:
             findings.add(
@@ -283,7 +280,7 @@ class _Check:
 
     def _absent_scene_tables(self) -> set[str]:
         """The tables of scenes that have no folder: the views' absence says it all."""
-        present = {f"{SPLIT}/{number:06d}" for number in self._contents.scenes}
+        present = {scene_folder(number) for number in self._contents.scenes}
         return {
             name for name in self._contents.tables if name.count("/") == 2 and name.rpartition("/")[0] not in present
         }

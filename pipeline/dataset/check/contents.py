@@ -7,11 +7,9 @@ cost is that of the files that exist, whatever number of views ``dataset.json`` 
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path, PurePosixPath
 
-from .. import layout
-from ..layout import RECORD, SPLIT, WORK, ViewPaths
+from ..layout import RECORD, SPLIT, WORK, ViewPaths, scene_count, scene_folder, scene_views
 from .findings import Findings
 from .model import MODEL, MODELS_INFO, REDUCED, REDUCED_INFO
 
@@ -84,7 +82,7 @@ def list_dataset(root: Path, count: int, findings: Findings) -> Contents:
     folders: dict[str, set[str]] = {
         "models": set(),
         "models_eval": set(),
-        SPLIT: {_scene_folder(number) for number in numbers},
+        SPLIT: {scene_folder(number) for number in numbers},
     }
     folders |= {"video": set()} if video else {}
     stray = _Stray(findings, f"a dataset of {count} views", unfinished)
@@ -100,9 +98,9 @@ def list_dataset(root: Path, count: int, findings: Findings) -> Contents:
     missing = expected - files
     if not unfinished:
         _report_missing(missing, findings)
-    present = tuple(number for number in numbers if _scene_folder(number) in scenes)
+    present = tuple(number for number in numbers if scene_folder(number) in scenes)
     recorded = sum(len(_recorded(root, number, count)) for number in present)
-    in_scenes = (f"{_scene_folder(number)}/{name}" for number in numbers for name in SCENE_TABLES)
+    in_scenes = (f"{scene_folder(number)}/{name}" for number in numbers for name in SCENE_TABLES)
     return Contents(frozenset({*TABLES, *video, *in_scenes}), frozenset(missing), present, recorded, unfinished)
 
 
@@ -110,7 +108,7 @@ def list_scene(
     root: Path, number: int, count: int, kinds: tuple[str, ...], findings: Findings, *, unfinished: bool
 ) -> SceneContents:
     """List the folder of a scene of views with files of these kinds, and report what is missing or not its own."""
-    scene, views = _scene_folder(number), scene_views(number, count)
+    scene, views = scene_folder(number), scene_views(number, count)
     tables = {f"{scene}/{name}" for name in SCENE_TABLES}
     folders = {f"{scene}/{kind}" for kind in (*kinds, "frame")}
     stray = _Stray(findings, f"a dataset of {count} views", unfinished)
@@ -135,43 +133,9 @@ def list_scene(
     return SceneContents(views, recorded, absent, frozenset(missing))
 
 
-def scene_count(count: int) -> int:
-    """Number of scenes of a dataset of ``count`` views."""
-    return -(-count // layout.VIEWS_PER_SCENE)
-
-
-def scene_views(number: int, count: int) -> range:
-    """The views of a scene of a dataset of ``count`` views."""
-    per_scene = layout.VIEWS_PER_SCENE
-    return range(number * per_scene, min((number + 1) * per_scene, count))
-
-
-def ranges_text(numbers: Iterable[range]) -> str:
-    """Increasing ranges as text: "3, 6 to 2999"; some of them if there are many."""
-    joined: list[range] = []
-    for one in numbers:
-        if joined and joined[-1].stop == one.start:
-            joined[-1] = range(joined[-1].start, one.stop)
-        elif len(one):
-            joined.append(one)
-    texts = [str(one.start) if len(one) == 1 else f"{one.start} to {one.stop - 1}" for one in joined]
-    return ", ".join(texts[:5]) + (" and others" if len(texts) > 5 else "")
-
-
-def runs(numbers: list[int]) -> list[range]:
-    """Increasing numbers as ranges of consecutive ones."""
-    starts = [place for place, (one, other) in enumerate(pairwise(numbers), 1) if other != one + 1]
-    bounds = [0, *starts, len(numbers)] if numbers else []
-    return [range(numbers[first], numbers[stop - 1] + 1) for first, stop in pairwise(bounds)]
-
-
-def _scene_folder(number: int) -> str:
-    return f"{SPLIT}/{number:06d}"
-
-
 def _recorded(root: Path, number: int, count: int) -> set[int]:
     """The views of a scene that have a record."""
-    folder = f"{_scene_folder(number)}/frame"
+    folder = f"{scene_folder(number)}/frame"
     try:
         names = set(os.listdir(root / folder))
     except OSError:

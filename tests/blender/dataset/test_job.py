@@ -17,14 +17,13 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.blender.dataset import finish as dataset_finish
-from pipeline.blender.dataset import job as dataset_job
 from pipeline.blender.dataset import run as dataset_run
 from pipeline.blender.dataset.job import Job, OpenJob, open_job
 from pipeline.blender.render.engines import check_engine
 from pipeline.blender.render.video import _is_whole, write_video
 from pipeline.case.case_file import read_case
 from pipeline.dataset import layout as dataset
+from pipeline.dataset.check.check_dataset import check_dataset
 from pipeline.dataset.folder import Shard
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.options import DatasetOptions
@@ -181,8 +180,7 @@ def test_a_shard_of_another_run_is_not_merged(case, tmp_path):
 
 
 def test_shards_write_the_tables_of_their_own_scenes(case, tmp_path, monkeypatch):
-    for module in (dataset, dataset_job, dataset_finish):
-        monkeypatch.setattr(module, "VIEWS_PER_SCENE", 4)
+    monkeypatch.setattr(dataset, "VIEWS_PER_SCENE", 4)
     options = dataclasses.replace(OPTIONS, count=10)
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     run_here(case, whole, options)
@@ -486,6 +484,7 @@ def test_what_is_lost_or_damaged_is_written_again_and_reported(case, tmp_path):
         assert (reported in run_here(case, out, options)) == bool(views)
         assert_same_dataset(out, whole)
     # what keeps its size is found by its hash
+    (out / "dataset.json").write_text((out / "dataset.json").read_text().replace("\n", "\t"))
     for name in ("models/obj_000001.ply", ViewPaths(out, 1).relative("rgb"), "video/trajectory.mp4"):
         data = bytearray((out / name).read_bytes())
         data[len(data) // 2] ^= 1
@@ -544,6 +543,39 @@ def test_a_video_is_added_later_and_once(case, reference, tmp_path):
     check_video(case, out / "video", options)
     # the dataset without a video is the same one
     assert "video: " not in run_here(case, out)
+
+
+def test_what_a_run_does_not_write_keeps_its_sum(case, reference, tmp_path):
+    """A file that was changed behind the dataset's back is not taken for sound because another one was written."""
+    out = Path(shutil.copytree(reference, tmp_path / "out"))
+    harmed = ["models/obj_000001.ply", "train_synt/000000/scene_gt.json", "poses.csv"]
+    for name in (*harmed, ViewPaths(out, 4).relative("frame")):
+        data = (out / name).read_bytes()
+        digit = max(data.rfind(bytes([number])) for number in b"0123456789")
+        (out / name).write_bytes(data[:digit] + bytes([data[digit] ^ 1]) + data[digit + 1 :])
+    before = json.loads((out / "checksums.json").read_text())
+
+    def sums() -> dict:
+        return json.loads((out / "checksums.json").read_text())
+
+    with_video = dataclasses.replace(OPTIONS, video=True, video_frames=2)
+    run_here(case, out, with_video)
+    assert {name: sums()["files"][name] for name in before["files"]} == before["files"]
+    assert sums()["records"] == before["records"]
+    # a table that is written again comes with the others; the video and the records do not
+    video = out / "video" / "trajectory.mp4"
+    video.write_bytes(video.read_bytes()[:-1] + b"?")
+    (out / "camera.json").unlink()
+    known = sums()
+    run_here(case, out, with_video)
+    assert sums()["files"]["video/trajectory.mp4"] == known["files"]["video/trajectory.mp4"]
+    assert sums()["records"] == known["records"]
+    found = {"train_synt/000000/frame: the records", "video/trajectory.mp4: its sha256"}
+    report = check_dataset(out).findings.shown()
+    assert {what for what in found if any(what in line for line in report)} == found
+    job, stream = Job(read_case(case), out, with_video, WHOLE), io.StringIO()
+    dataset_run.run(job, workers=1, worker_command=(), stream=stream, verify=True)
+    assert "video/trajectory.mp4 has changed" in stream.getvalue()
 
 
 def test_a_video_is_the_same_on_every_day(case, tmp_path):

@@ -310,7 +310,6 @@ _CLASSES = (
     ONEFRAME_OT_import_landmarks,
     ONEFRAME_OT_export_landmarks,
 )
-_register_classes, _unregister_classes = class_registration(_CLASSES)
 
 
 def _on_mark(operator: str, key: str, *, alt: bool = False) -> Key:
@@ -324,15 +323,4 @@ KEYS = Keys(
         _on_mark("oneframe.landmark_remove", "DEL"),
     ]
 )
-
-
-def register() -> None:
-    """Register operators and keys."""
-    _register_classes()
-    KEYS.register()
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    KEYS.unregister()
-    _unregister_classes()
+register, unregister = class_registration(_CLASSES, KEYS)

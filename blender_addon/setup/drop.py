@@ -1,7 +1,6 @@
 """Files dropped onto a 3D view: each is opened as what its kind and content say."""
 
 from pathlib import Path
-from typing import Any
 
 import bpy
 from bpy.props import CollectionProperty, StringProperty
@@ -10,12 +9,11 @@ from ..pipeline.case.structure_colour import OTHER, structure_colour
 from ..pipeline.errors import InputError
 from ..registration import class_registration, prop
 from ..state import from_scene, workbench
-from ..ui.operator import Reporting
+from ..ui.operator import Reporting, call
 from .operators import CAMERAS, IMAGES, MESHES
 
 LANDMARKS = "*.csv"
 TOML = ".toml"
-_operators: Any = getattr(bpy.ops, "oneframe")  # noqa: B009  # Blender's type stubs do not know the add-on's
 
 
 def extensions(glob: str) -> tuple[str, ...]:
@@ -41,10 +39,7 @@ class ONEFRAME_OT_drop_files(Reporting, bpy.types.Operator):
         if not paths:
             raise InputError("expected files, found none; drop them from a file manager")
         for operator, path in _steps(context.scene, paths):
-            try:
-                getattr(_operators, operator)("EXEC_DEFAULT", filepath=str(path))
-            except RuntimeError as error:  # how Blender passes on the report of a cancelled operator
-                raise InputError(str(error).removeprefix("Error: ").strip()) from None
+            call(operator, filepath=str(path))
 
 
 def _steps(scene: bpy.types.Scene, paths: list[Path]) -> list[tuple[str, Path]]:

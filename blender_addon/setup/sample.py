@@ -7,7 +7,7 @@ import bpy
 
 from ..pipeline.errors import InputError
 from ..registration import class_registration
-from ..ui.operator import Reporting
+from ..ui.operator import Reporting, call
 
 SHIPPED = Path(__file__).resolve().parents[1] / "sample"
 """In the built extension; a checkout has none."""
@@ -21,11 +21,7 @@ class ONEFRAME_OT_open_sample(Reporting, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> None:
-        case = copied_sample(_own_folder()) / "case.toml"
-        try:
-            getattr(bpy.ops, "oneframe").open_case("EXEC_DEFAULT", filepath=str(case))  # noqa: B009  # not in the stubs
-        except RuntimeError as error:  # how Blender passes on the report of a cancelled operator
-            raise InputError(str(error).removeprefix("Error: ").strip()) from None
+        call("open_case", filepath=str(copied_sample(_own_folder()) / "case.toml"))
 
 
 def copied_sample(folder: Path) -> Path:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import bpy
 
@@ -68,6 +68,21 @@ class NeedsAlignment(bpy.types.Operator):
             return True
         cls.poll_message_set("Set up a frame, a camera and a surface first")
         return False
+
+
+def call(name: str, **settings: object) -> None:
+    """Run another operator of the add-on, without its dialog; ``name`` is its ``bl_idname`` without the prefix.
+
+    Raises
+    ------
+    InputError
+        It has reported an error.
+    """
+    operators: Any = getattr(bpy.ops, "oneframe")  # noqa: B009  # Blender's type stubs do not know the add-on's
+    try:
+        getattr(operators, name)("EXEC_DEFAULT", **settings)
+    except RuntimeError as error:  # how Blender passes on the report of a cancelled operator
+        raise InputError(str(error).removeprefix("Error: ").strip()) from None
 
 
 def redraw(context: bpy.types.Context) -> None:

@@ -6,7 +6,7 @@ Blender takes a property from an annotation, ``width: IntProperty(min=1)``, whic
 
 import inspect
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import bpy
 
@@ -18,14 +18,28 @@ def prop(definition: object) -> Any:
     return definition
 
 
-def class_registration(classes: Sequence[type]) -> tuple[Callable[[], None], Callable[[], None]]:
-    """Functions that register classes, and unregister them in the opposite order.
+class Registered(Protocol):
+    """What an add-on registers beside its classes."""
+
+    def register(self) -> None:
+        """Called after the classes are registered."""
+
+    def unregister(self) -> None:
+        """Called before the classes are unregistered."""
+
+
+def class_registration(
+    classes: Sequence[type], keys: Registered | None = None
+) -> tuple[Callable[[], None], Callable[[], None]]:
+    """Functions that register classes and their keys, and unregister them in the opposite order.
 
     Parameters
     ----------
     classes
         Operators, panels, property groups and so on, each after those that it refers to. Their properties, and those
         of the mixins that they inherit from, are written as above.
+    keys
+        The keys of these operators (:class:`.keymap.Keys`).
     """
     for kind in classes:
         for base in kind.__mro__:
@@ -34,5 +48,16 @@ def class_registration(classes: Sequence[type]) -> tuple[Callable[[], None], Cal
                 delattr(base, name)
             if definitions:
                 base.__annotations__ = {**inspect.get_annotations(base), **definitions}
-    register, unregister = bpy.utils.register_classes_factory(classes)
+    register_classes, unregister_classes = bpy.utils.register_classes_factory(classes)
+    if keys is None:
+        return register_classes, unregister_classes
+
+    def register() -> None:
+        register_classes()
+        keys.register()
+
+    def unregister() -> None:
+        keys.unregister()
+        unregister_classes()
+
     return register, unregister

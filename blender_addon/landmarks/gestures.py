@@ -284,16 +284,4 @@ KEYS = Keys(
         _gesture("PIN", PIN_TOOL, shift=True),
     ]
 )
-_register_classes, _unregister_classes = class_registration((ONEFRAME_OT_landmark_gesture,))
-
-
-def register() -> None:
-    """Register the operator and its keys."""
-    _register_classes()
-    KEYS.register()
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    KEYS.unregister()
-    _unregister_classes()
+register, unregister = class_registration((ONEFRAME_OT_landmark_gesture,), KEYS)

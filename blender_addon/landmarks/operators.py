@@ -15,7 +15,7 @@ from ..registration import class_registration, prop
 from ..state import events, from_scene, pose_evidence, to_scene
 from ..state.inputs import input_files
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, Keys
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
+from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
 from . import edit, solve
 from .gestures import is_alignment_view, landmark_under
 
@@ -206,7 +206,7 @@ class ONEFRAME_OT_landmarks_clear(_HasLandmarks, Reporting, bpy.types.Operator):
         to_scene.replace_landmarks(context.scene, ())
 
 
-class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Asking, bpy.types.Operator):
     """Move the surface to the pose that fits the landmarks"""
 
     bl_idname = "oneframe.solve_landmarks"
@@ -227,14 +227,8 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Reporting, bpy.types.Operator):
             return {"CANCELLED"}
         error_px = record.get("error_px")
         off = f", off by about {format_two_digits(error_px)} px" if isinstance(error_px, float) else ""
-        return context.window_manager.invoke_confirm(
-            self,
-            event,
-            title="Replace the refined pose?",
-            message=f"It comes from the image{off}. The landmarks' pose is up to {away.largest_px:.1f} px away.",
-            confirm_text="Solve",
-            icon="QUESTION",
-        )
+        question = f"It comes from the image{off}. The landmarks' pose is up to {away.largest_px:.1f} px away."
+        return self.ask(context, "Replace the Refined Pose?", question, "Solve")
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
@@ -310,7 +304,6 @@ _CLASSES = (
     ONEFRAME_OT_import_landmarks,
     ONEFRAME_OT_export_landmarks,
 )
-_register_classes, _unregister_classes = class_registration(_CLASSES)
 
 
 def _on_mark(operator: str, key: str, *, alt: bool = False) -> Key:
@@ -324,15 +317,4 @@ KEYS = Keys(
         _on_mark("oneframe.landmark_remove", "DEL"),
     ]
 )
-
-
-def register() -> None:
-    """Register operators and keys."""
-    _register_classes()
-    KEYS.register()
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    KEYS.unregister()
-    _unregister_classes()
+register, unregister = class_registration(_CLASSES, KEYS)

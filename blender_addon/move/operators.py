@@ -223,16 +223,4 @@ class ONEFRAME_OT_paste_pose(Reporting, bpy.types.Operator):
 
 
 _CLASSES = (ONEFRAME_OT_nudge, ONEFRAME_OT_drag_pose, ONEFRAME_OT_copy_pose, ONEFRAME_OT_paste_pose)
-_register_classes, _unregister_classes = class_registration(_CLASSES)
-
-
-def register() -> None:
-    """Register operators and keys."""
-    _register_classes()
-    KEYS.register()
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    KEYS.unregister()
-    _unregister_classes()
+register, unregister = class_registration(_CLASSES, KEYS)

@@ -175,18 +175,11 @@ def is_taken(scene: bpy.types.Scene) -> bool:
 
 
 _CLASSES = (ONEFRAME_OT_refine, ONEFRAME_OT_take_refused)
-_register_classes, _unregister_classes = class_registration(_CLASSES)
-
-
-def register() -> None:
-    """Register the operators and the key."""
-    _register_classes()
-    KEYS.register()
+register, _unregister = class_registration(_CLASSES, KEYS)
 
 
 def unregister() -> None:
     """Undo :func:`register`."""
     global _last
-    KEYS.unregister()
-    _unregister_classes()
+    _unregister()
     _last = None

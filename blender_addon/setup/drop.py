@@ -1,7 +1,6 @@
 """Files dropped onto a 3D view: each is opened as what its kind and content say."""
 
 from pathlib import Path
-from typing import Any
 
 import bpy
 from bpy.props import CollectionProperty, StringProperty
@@ -10,12 +9,12 @@ from ..pipeline.case.structure_colour import OTHER, structure_colour
 from ..pipeline.errors import InputError
 from ..registration import class_registration, prop
 from ..state import from_scene, workbench
-from ..ui.operator import Reporting
+from ..ui.operator import Asking, OperatorResult, call
 from .operators import CAMERAS, IMAGES, MESHES
+from .unsaved import ANSWER, QUESTION, unsaved_text
 
 LANDMARKS = "*.csv"
 TOML = ".toml"
-_operators: Any = getattr(bpy.ops, "oneframe")  # noqa: B009  # Blender's type stubs do not know the add-on's
 
 
 def extensions(glob: str) -> tuple[str, ...]:
@@ -23,7 +22,7 @@ def extensions(glob: str) -> tuple[str, ...]:
     return tuple(glob.replace("*", "").split(";"))
 
 
-class ONEFRAME_OT_drop_files(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_drop_files(Asking, bpy.types.Operator):
     """Open the dropped files: a case, the frame, K, the surface and structures, landmarks"""
 
     bl_idname = "oneframe.drop_files"
@@ -35,16 +34,20 @@ class ONEFRAME_OT_drop_files(Reporting, bpy.types.Operator):
         CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     )
 
-    def run(self, context: bpy.types.Context) -> None:
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        question = unsaved_text(context.scene) if any(map(_is_case, self._paths())) else ""
+        return self.ask(context, QUESTION, question, ANSWER) if question else self.execute(context)
+
+    def _paths(self) -> list[Path]:
         folder = Path(bpy.path.abspath(self.directory))
-        paths = [folder / entry.name for entry in self.files if entry.name]
+        return [folder / entry.name for entry in self.files if entry.name]
+
+    def run(self, context: bpy.types.Context) -> None:
+        paths = self._paths()
         if not paths:
             raise InputError("expected files, found none; drop them from a file manager")
         for operator, path in _steps(context.scene, paths):
-            try:
-                getattr(_operators, operator)("EXEC_DEFAULT", filepath=str(path))
-            except RuntimeError as error:  # how Blender passes on the report of a cancelled operator
-                raise InputError(str(error).removeprefix("Error: ").strip()) from None
+            call(operator, filepath=str(path))
 
 
 def _steps(scene: bpy.types.Scene, paths: list[Path]) -> list[tuple[str, Path]]:
@@ -63,7 +66,7 @@ def _steps(scene: bpy.types.Scene, paths: list[Path]) -> list[tuple[str, Path]]:
     found: list[tuple[int, str, Path]] = []
     for path in paths:
         suffix = path.suffix.lower()
-        if suffix == TOML and _is_case(path):
+        if _is_case(path):
             found.append((0, "open_case", path))
         elif suffix in extensions(IMAGES):
             found.append((1, "load_frame", path))
@@ -81,7 +84,9 @@ def _steps(scene: bpy.types.Scene, paths: list[Path]) -> list[tuple[str, Path]]:
 
 
 def _is_case(path: Path) -> bool:
-    """Whether a TOML file is a case; else it may hold K alone. Only its beginning is read."""
+    """Whether a file is a case; a TOML file may hold K alone. Only its beginning is read."""
+    if path.suffix.lower() != TOML:
+        return False
     try:
         with path.open("rb") as opened:
             return b"[frame]" in opened.read(1 << 16)

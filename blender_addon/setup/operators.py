@@ -31,16 +31,15 @@ from ..state.from_scene import surface_extents
 from ..state.inputs import input_files
 from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
+from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, call
 from .alignment_record import recorded_case, remember_opened
-from .unsaved import unsaved_text
+from .unsaved import ANSWER, QUESTION, unsaved_text
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
 VIDEOS = "*.mp4;*.avi;*.mov;*.mkv;*.m4v;*.mpg;*.mpeg;*.webm"
 CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.xml;*.npy;*.txt;*.pkl;*.pickle"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"
-QUESTION, ANSWER = "Open Another Case?", "Open Without Saving"
 
 
 class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
@@ -62,15 +61,10 @@ class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        question = "" if self.discard else unsaved_text(context.scene)
-        if question and not self.filepath:
-            bpy.ops.oneframe.discard_case("INVOKE_DEFAULT")  # type: ignore[attr-defined]  # the add-on's own
+        if not self.discard and unsaved_text(context.scene):
+            # an operator of its own: the file dialog would show what this one draws
+            bpy.ops.oneframe.discard_case("INVOKE_DEFAULT", filepath=self.filepath)  # type: ignore[attr-defined]
             return {"CANCELLED"}
-        if question:
-            # a file that was dropped on the window
-            return context.window_manager.invoke_confirm(
-                self, event, title=QUESTION, message=question, confirm_text=ANSWER, icon="WARNING"
-            )
         return self.execute(context) if self.filepath else super().invoke(context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:
@@ -84,25 +78,24 @@ class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
         return *loaded.messages, f"{self.filepath}: frame {width} x {height} px, {len(loaded.mesh.faces)} triangles"
 
 
-class ONEFRAME_OT_discard_case(bpy.types.Operator):
+class ONEFRAME_OT_discard_case(Asking, bpy.types.Operator):
     """Ask whether to open another case, although the present one has changes that its file lacks"""
 
     bl_idname = "oneframe.discard_case"
     bl_label = "Open Another Case"
     bl_options = {"INTERNAL"}
 
+    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
+
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return not bpy.app.background
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        return context.window_manager.invoke_confirm(
-            self, event, title=QUESTION, message=unsaved_text(context.scene), confirm_text=ANSWER, icon="WARNING"
-        )
+        return self.ask(context, QUESTION, unsaved_text(context.scene), ANSWER)
 
-    def execute(self, context: bpy.types.Context) -> OperatorResult:
-        bpy.ops.oneframe.open_case("INVOKE_DEFAULT", discard=True)  # type: ignore[attr-defined]  # the add-on's own
-        return {"FINISHED"}
+    def run(self, context: bpy.types.Context) -> None:
+        call("open_case", "INVOKE_DEFAULT", discard=True, filepath=self.filepath)
 
 
 class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):

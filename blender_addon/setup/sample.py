@@ -7,25 +7,26 @@ import bpy
 
 from ..pipeline.errors import InputError
 from ..registration import class_registration
-from ..ui.operator import Reporting
+from ..ui.operator import Asking, OperatorResult, call
+from .unsaved import ANSWER, QUESTION, unsaved_text
 
 SHIPPED = Path(__file__).resolve().parents[1] / "sample"
 """In the built extension; a checkout has none."""
 
 
-class ONEFRAME_OT_open_sample(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_open_sample(Asking, bpy.types.Operator):
     """Open the sample case: a drilled temporal bone with its frame, K and structures"""
 
     bl_idname = "oneframe.open_sample"
     bl_label = "Open Sample Case"
     bl_options = {"REGISTER", "UNDO"}
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        question = unsaved_text(context.scene)
+        return self.ask(context, QUESTION, question, ANSWER) if question else self.execute(context)
+
     def run(self, context: bpy.types.Context) -> None:
-        case = copied_sample(_own_folder()) / "case.toml"
-        try:
-            getattr(bpy.ops, "oneframe").open_case("EXEC_DEFAULT", filepath=str(case))  # noqa: B009  # not in the stubs
-        except RuntimeError as error:  # how Blender passes on the report of a cancelled operator
-            raise InputError(str(error).removeprefix("Error: ").strip()) from None
+        call("open_case", filepath=str(copied_sample(_own_folder()) / "case.toml"))
 
 
 def copied_sample(folder: Path) -> Path:

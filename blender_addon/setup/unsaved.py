@@ -11,6 +11,8 @@ from ..pipeline.case.case_update import differing_fields
 from ..pipeline.errors import InputError
 from ..state import from_scene, to_scene
 
+QUESTION, ANSWER = "Open Another Case?", "Open Without Saving"
+
 _WORDS = {
     "mm_per_unit": "units",
     "image": "frame",

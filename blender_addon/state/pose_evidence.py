@@ -6,7 +6,7 @@ movement of the surface can leave it stale.
 """
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import bpy
@@ -14,6 +14,8 @@ import numpy as np
 
 from ..pipeline.alignment.landmarks.covariance import PoseUncertainty
 from ..pipeline.blender.bridge.exact_values import exact, set_exact
+from ..pipeline.case.alignment_record import scaled_record
+from ..pipeline.transforms import inverse_rigid, transform_points
 from . import from_scene
 
 EVIDENCE, POSE = "oneframe_evidence", "oneframe_evidence_pose"
@@ -27,15 +29,34 @@ def remember(
     uncertainty: PoseUncertainty | None = None,
 ) -> None:
     """Store what a pose ``(4, 4)``, mm, rests on; an empty record: it was given, nobody knows how it was found."""
-    surface = from_scene.surface_of(scene)
-    numbers = None
+    _store(from_scene.surface_of(scene), record, cam_from_model, uncertainty)
+
+
+def rescale(surface: bpy.types.Object, factor: float) -> None:
+    """Follow a surface that was scaled about the camera's centre: its pixels, and so what the pose rests on, stay."""
+    stored, pose = _read(surface)
+    if stored is None or pose is None:
+        return
+    pose[:3, 3] *= factor
+    uncertainty = _uncertainty(stored)
+    _store(
+        surface,
+        scaled_record(stored["record"], factor),
+        pose,
+        None if uncertainty is None else uncertainty.scaled(factor),
+    )
+
+
+def reframe(surface: bpy.types.Object, old_from_new: np.ndarray) -> None:
+    """Follow a change of the frame ``model``; ``old_from_new`` is ``(4, 4)``, mm."""
+    stored, pose = _read(surface)
+    if stored is None or pose is None:
+        return
+    uncertainty = _uncertainty(stored)
     if uncertainty is not None:
-        numbers = {
-            key: value.tolist() if isinstance(value, np.ndarray) else value
-            for key, value in asdict(uncertainty).items()
-        }
-    surface[EVIDENCE] = json.dumps({"record": record, "uncertainty": numbers})
-    set_exact(surface, POSE, cam_from_model)
+        pivot = transform_points(inverse_rigid(old_from_new), uncertainty.pivot_model[None])[0]
+        uncertainty = replace(uncertainty, pivot_model=pivot)
+    _store(surface, stored["record"], pose @ old_from_new, uncertainty)
 
 
 def remembered(scene: bpy.types.Scene) -> dict[str, object] | None:
@@ -59,13 +80,7 @@ def remembered_uncertainty(scene: bpy.types.Scene) -> PoseUncertainty | None:
         There is no pose.
     """
     stored = _stored(scene)
-    if stored is None or stored["uncertainty"] is None:
-        return None
-    numbers: dict[str, Any] = {
-        key: np.array(value) if isinstance(value, list) else float(value)
-        for key, value in stored["uncertainty"].items()
-    }
-    return PoseUncertainty(**numbers)
+    return None if stored is None else _uncertainty(stored)
 
 
 def is_refined(scene: bpy.types.Scene) -> bool:
@@ -80,9 +95,39 @@ def is_refined(scene: bpy.types.Scene) -> bool:
     return record is not None and record.get("method") == "refined"
 
 
-def _stored(scene: bpy.types.Scene) -> dict | None:
-    surface = from_scene.surface_of(scene)
+def _stored(scene: bpy.types.Scene) -> dict[str, Any] | None:
+    """What is stored about the present pose."""
+    stored, pose = _read(from_scene.surface_of(scene))
+    return stored if pose is not None and np.array_equal(pose, from_scene.cam_from_model(scene)) else None
+
+
+def _read(surface: bpy.types.Object) -> tuple[dict[str, Any] | None, np.ndarray | None]:
+    """Record and uncertainty, and the pose ``(4, 4)`` that they are about."""
     text, pose = surface.get(EVIDENCE), exact(surface, POSE)
-    if not isinstance(text, str) or pose is None or not np.array_equal(pose, from_scene.cam_from_model(scene)):
+    return (json.loads(text) if isinstance(text, str) else None), pose
+
+
+def _store(
+    surface: bpy.types.Object,
+    record: dict[str, object],
+    cam_from_model: np.ndarray,
+    uncertainty: PoseUncertainty | None,
+) -> None:
+    numbers = None
+    if uncertainty is not None:
+        numbers = {
+            key: value.tolist() if isinstance(value, np.ndarray) else value
+            for key, value in asdict(uncertainty).items()
+        }
+    surface[EVIDENCE] = json.dumps({"record": record, "uncertainty": numbers})
+    set_exact(surface, POSE, cam_from_model)
+
+
+def _uncertainty(stored: dict[str, Any]) -> PoseUncertainty | None:
+    if stored["uncertainty"] is None:
         return None
-    return json.loads(text)
+    numbers: dict[str, Any] = {
+        key: np.array(value) if isinstance(value, list) else float(value)
+        for key, value in stored["uncertainty"].items()
+    }
+    return PoseUncertainty(**numbers)

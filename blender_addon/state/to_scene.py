@@ -20,7 +20,7 @@ from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.transforms import inverse_rigid, rigid, transform_points
-from . import events, from_scene, workbench
+from . import events, from_scene, pose_evidence, workbench
 from .camera_view import look_through_camera, show_shape
 from .pivot import PIVOT
 
@@ -188,7 +188,7 @@ def set_surface(context: bpy.types.Context, path: Path, given: TriangleMesh, uni
 def rescale(context: bpy.types.Context, units: str) -> None:
     """Read the files' numbers in another unit: surface, structures, landmarks and pose scale about the camera.
 
-    The picture stays the same; colours stay on the surface.
+    The picture stays the same; colours stay on the surface, and the pose rests on what it did.
     """
     scene = context.scene
     settings = scene.oneframe
@@ -213,6 +213,7 @@ def rescale(context: bpy.types.Context, units: str) -> None:
     surface_object.set_pose(camera_object, surface, pose)
     if camera_object is not None:
         alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), pose)
+    pose_evidence.rescale(surface, factor)
     rescale_colour(surface, factor)
     settings.units = units
     moved = []
@@ -238,6 +239,7 @@ def relink_surface(context: bpy.types.Context, path: Path) -> None:
     for child in surface.children:
         child.location = [value - offset for value, offset in zip(child.location, shift, strict=True)]
     surface_object.set_pose(settings.camera_object, surface, pose @ old_from_new)
+    pose_evidence.reframe(surface, old_from_new)
     surface.oneframe.mesh_path = str(path.resolve())
     replace_landmarks(scene, landmarks)
 

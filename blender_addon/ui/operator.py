@@ -1,13 +1,18 @@
 """Base classes of the add-on's operators: an error becomes one message in the status bar and changes nothing."""
 
+import textwrap
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import bpy
 
 from ..pipeline.errors import InputError, RunError
 from ..state import from_scene
+from .wrapped_text import CHARACTER_PX
+
+DIALOG_PX = 400
+"""Width of a question, at scale 1."""
 
 Messages = Iterable[str] | None
 """Messages for the status bar."""
@@ -40,6 +45,31 @@ class Reporting(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class Asking(Reporting):
+    """Mixin: asks before something of the user's is lost. Return cancels, as the safe answer."""
+
+    _question = ""
+
+    def ask(self, context: bpy.types.Context, title: str, question: str, answer: str) -> OperatorResult:
+        """Open the question; the button ``answer`` runs the operator. For ``invoke`` to return."""
+        self._question = question
+        # invoke_confirm has no safe default
+        return context.window_manager.invoke_props_dialog(
+            self, width=DIALOG_PX, title=title, confirm_text=answer, cancel_default=True
+        )
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Called by Blender."""
+        column = self.layout.column(align=True)
+        for number, line in enumerate(textwrap.wrap(self._question, int(DIALOG_PX / CHARACTER_PX) - 8)):
+            column.label(text=line, icon="BLANK1" if number else "ERROR")
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        """Called by Blender."""
+        self._question = ""  # it is answered: Adjust Last Operation would show it again
+        return super().execute(context)
+
+
 class ReportingFile(Reporting):
     """Mixin for operators with a file dialog."""
 
@@ -68,6 +98,28 @@ class NeedsAlignment(bpy.types.Operator):
             return True
         cls.poll_message_set("Set up a frame, a camera and a surface first")
         return False
+
+
+def call(name: str, context: str = "EXEC_DEFAULT", **settings: object) -> None:
+    """Run another operator of the add-on; ``name`` is its ``bl_idname`` without the prefix.
+
+    Parameters
+    ----------
+    name, settings
+        The operator and its properties.
+    context
+        As in ``bpy.ops``: without the operator's dialog, or ``"INVOKE_DEFAULT"``.
+
+    Raises
+    ------
+    InputError
+        It has reported an error.
+    """
+    operators: Any = getattr(bpy.ops, "oneframe")  # noqa: B009  # Blender's type stubs do not know the add-on's
+    try:
+        getattr(operators, name)(context, **settings)
+    except RuntimeError as error:  # how Blender passes on the report of a cancelled operator
+        raise InputError(str(error).removeprefix("Error: ").strip()) from None
 
 
 def redraw(context: bpy.types.Context) -> None:

@@ -201,7 +201,6 @@ VIEW_OPERATORS = (
 )
 """In the order of their keys."""
 _CLASSES = (ONEFRAME_PG_view, *VIEW_OPERATORS, ONEFRAME_OT_show_frame)
-_register_classes, _unregister_classes = class_registration(_CLASSES)
 _KEYS = Keys(
     (
         *(
@@ -214,17 +213,16 @@ _KEYS = Keys(
         Key("oneframe.fit_frame", "HOME"),
     )
 )
+_register, _unregister = class_registration(_CLASSES, _KEYS)
 
 
 def register() -> None:
     """Register operators, settings and keys."""
-    _register_classes()
+    _register()
     bpy.types.Scene.oneframe_view = bpy.props.PointerProperty(type=ONEFRAME_PG_view)
-    _KEYS.register()
 
 
 def unregister() -> None:
     """Undo :func:`register`."""
-    _KEYS.unregister()
     del bpy.types.Scene.oneframe_view
-    _unregister_classes()
+    _unregister()

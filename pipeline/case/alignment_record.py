@@ -4,6 +4,7 @@ It records how the pose was found and its uncertainty; nothing is computed from 
 """
 
 import math
+import re
 from collections.abc import Mapping
 from datetime import date, datetime
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.keys import check_keys
+from ..files.numbers import format_two_digits
 
 KEYS = (
     "method",
@@ -65,6 +67,8 @@ KEYS = (
     The least certain direction, in words.
 """
 
+_MILLIMETRES = re.compile(r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?(?= mm\b)")
+
 _TEXTS = ("method", "tool", "refused", "start_method", "weakest")
 _COUNTS = ("pairs", "start_pairs")
 _NUMBERS = {
@@ -90,6 +94,19 @@ def checked_alignment_record(table: object, where: str) -> dict[str, object]:
         raise InputError(f"{where}: expected a table, found {table!r}")
     check_keys(table, (), KEYS, f"{where} ")
     return {key: _checked(key, table[key], f"{where} {key}") for key in KEYS if key in table}
+
+
+def scaled_record(record: Mapping[str, object], factor: float) -> dict[str, object]:
+    """The record of the same pose with the surface scaled about the camera's centre.
+
+    Pixels and angles stay, millimetres are multiplied, those in the words of ``weakest`` as well.
+    """
+    scaled = dict(record)
+    if isinstance(deviations := record.get("standard_deviation_mm"), list):
+        scaled["standard_deviation_mm"] = [value * factor for value in deviations]
+    if isinstance(words := record.get("weakest"), str):
+        scaled["weakest"] = _MILLIMETRES.sub(lambda found: format_two_digits(float(found[0]) * factor), words)
+    return scaled
 
 
 def _checked(key: str, value: Any, where: str) -> object:

@@ -91,8 +91,7 @@ def classify_faces(
     Tests the corners, edge midpoints and centroid, and a grid as fine as the frame's pixels. Faces that face away from
     the camera or lie outside the frame are 0 without a test.
     """
-    towards_camera = camera_centre(cam_from_model) - mesh.vertices[mesh.faces[:, 0]]
-    faces = np.flatnonzero(np.einsum("nk,nk->n", towards_camera, mesh.face_cross) > 0)
+    faces = np.flatnonzero(mesh.front_facing(camera_centre(cam_from_model)))
     vertices_cam = transform_points(cam_from_model, mesh.vertices)
     # a NaN (behind the camera) compares False, so those faces are kept
     u, v = camera.project(vertices_cam).T

@@ -80,6 +80,11 @@ class TriangleMesh:
         a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
         return float(np.median(np.concatenate([_lengths(a - c), _lengths(b - a), _lengths(c - b)])))
 
+    def front_facing(self, viewpoint: np.ndarray, faces: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Whether faces, all or those with indices ``(N,)``, show a viewpoint (3,), mm, their front: ``(N,)`` bool."""
+        towards_viewpoint = viewpoint - self.vertices[self.faces[faces, 0]]
+        return np.einsum("nk,nk->n", towards_viewpoint, self.face_cross[faces]) > 0
+
     def moved(self, offset: np.ndarray) -> "TriangleMesh":
         """The mesh with ``offset`` (3,) in mm added to all vertices."""
         return replace(self, vertices=self.vertices + offset)

@@ -12,7 +12,6 @@ sys.path.insert(0, str(ROOT))
 
 import argparse
 import os
-import shutil
 import subprocess
 from collections.abc import Sequence
 
@@ -59,11 +58,7 @@ def install(blender: str, resources: Path) -> None:
 def main(argv: Sequence[str]) -> int:
     arguments = parse_arguments(argv)
     try:
-        if not (blender := shutil.which(arguments.blender or "")):
-            raise InputError(
-                f"expected a Blender program, found {arguments.blender or 'none'!r}; "
-                "name one: make addon-dev BLENDER=/path/to/blender"
-            )
+        blender = build_extension.found_blender(arguments.blender, "addon-dev")
         install(blender, RESOURCES)
         case = arguments.case.resolve()
         if case == SAMPLE and not case.exists():

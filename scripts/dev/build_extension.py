@@ -71,6 +71,28 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
     return parser.parse_args(argv)
 
 
+def found_blender(program: str | None, target: str) -> str:
+    """The path of a Blender program, given as one or by its name in PATH.
+
+    Parameters
+    ----------
+    program
+        As the user gave it, if at all.
+    target
+        The target of the Makefile that needs it, for the message.
+
+    Raises
+    ------
+    InputError
+        There is no such program.
+    """
+    if found := shutil.which(program or ""):
+        return found
+    raise InputError(
+        f"expected a Blender program, found {program or 'none'!r}; name one: make {target} BLENDER=/path/to/blender"
+    )
+
+
 def platforms(text: str) -> list[str]:
     """Blender's names of the platforms that ``--platform`` asks for.
 

@@ -107,11 +107,7 @@ def window_pictures(blender: str, case: Path, folder: Path) -> dict[str, Image.I
 def main(argv: Sequence[str]) -> int:
     arguments = parse_arguments(argv)
     try:
-        if not (blender := shutil.which(arguments.blender or "")):
-            raise InputError(
-                f"expected a Blender program, found {arguments.blender or 'none'!r}; "
-                "name one: make screenshots BLENDER=/path/to/blender"
-            )
+        blender = build_extension.found_blender(arguments.blender, "screenshots")
         if not shutil.which("Xvfb"):
             raise InputError("expected Xvfb, a virtual display for Blender's window, found none; install it")
         with tempfile.TemporaryDirectory(prefix="oneframe-screenshots-") as name:

@@ -37,6 +37,7 @@ NEVER_NONE = frozenset(
         "Context.screen",
         "Context.window_manager",
         "Context.workspace",
+        "Operator.layout",  # while it draws
         "Panel.layout",
         # parts that their owners always have
         "ID.original",

@@ -227,6 +227,52 @@ def test_landmarks_do_not_replace_a_refined_pose_unasked(opened, gather, tmp_pat
     assert any("6 correspondences" in line for line in evidence_of(scene))
 
 
+def test_what_a_refined_pose_rests_on_follows_units_and_frame(opened, gather, case_folder, tmp_path):
+    """The picture stays, so its evidence does: figures in mm scale with the surface, pixels and degrees stay."""
+    evidence = importlib.import_module("blender_addon.state.pose_evidence")
+
+    def known() -> tuple[dict, np.ndarray, np.ndarray]:
+        uncertainty = evidence.remembered_uncertainty(opened)
+        pose, mesh_from_model = gather.cam_from_model(opened), gather.mesh_from_model_of(gather.surface_of(opened))
+        corners = np.array([[0.0, 0, 0], [30, -20, 5], [-10, 25, -5]])
+        points = gather.MM_PER_UNIT[opened.oneframe.units] * corners - mesh_from_model[:3, 3]
+        return (
+            evidence.remembered(opened),
+            uncertainty.pixel_covariances(points, gather.camera(opened), pose),
+            gather.camera(opened).project(transform_points(pose, uncertainty.pivot_model[None])),
+        )
+
+    bpy.ops.oneframe.refine()
+    record, covariances, pivot_px = known()
+    bpy.ops.oneframe.change_units(units="m")
+    scaled, scaled_covariances, scaled_pivot_px = known()
+    assert evidence.is_refined(opened)
+    assert np.allclose(scaled["standard_deviation_mm"], 1000 * np.array(record["standard_deviation_mm"]), rtol=1e-12)
+    assert scaled["weakest"] == evidence.remembered_uncertainty(opened).weakest
+    ours = {"standard_deviation_mm", "weakest"}
+    assert {key: scaled[key] for key in scaled if key not in ours} == {
+        key: record[key] for key in record if key not in ours
+    }
+    assert np.allclose(scaled_covariances, covariances, rtol=1e-5)
+    assert np.allclose(scaled_pivot_px, pivot_px, atol=1e-6)
+    (tmp_path / "case").mkdir()
+    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case" / "case.toml"))
+    assert read_case(tmp_path / "case" / "case.toml").alignment == scaled
+
+    bpy.ops.oneframe.change_units(units="mm")
+    back = evidence.remembered(opened)
+    assert back["weakest"] == record["weakest"]
+    assert np.allclose(back["standard_deviation_mm"], record["standard_deviation_mm"], rtol=1e-12)
+    # an edit moves the mean of the vertices, which is the origin of the frame `model`
+    data = gather.surface_of(opened).data
+    data.vertices[0].co.z += 50
+    bpy.ops.oneframe.save_edited_surface(filepath=str(tmp_path / "edited.ply"))
+    edited, edited_covariances, edited_pivot_px = known()
+    assert edited == back
+    assert np.allclose(edited_covariances, covariances, rtol=1e-4)
+    assert np.allclose(edited_pivot_px, pivot_px, atol=1e-6)
+
+
 def test_pins_are_told_from_landmarks_and_from_the_hand(opened):
     frame_view = importlib.import_module("blender_addon.ui.frame_view")
     record = importlib.import_module("blender_addon.setup.alignment_record")

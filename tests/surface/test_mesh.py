@@ -39,6 +39,18 @@ def test_diameter_is_that_of_all_pairs(points, flattening, offset):
     assert diameter(points) == pytest.approx(brute_force_diameter(points), rel=1e-12, abs=1e-9)
 
 
+@settings(deadline=None)
+@given(st.tuples(*[st.integers(-5, 5).map(lambda x: x + 0.5)] * 3))
+def test_a_cube_shows_its_front_on_the_sides_that_a_viewpoint_is_beyond(viewpoint):
+    cube = TriangleMesh(CUBE_VERTICES, CUBE_FACES)
+    outward = cube.face_normals
+    shown = (outward @ np.array(viewpoint)) > (outward * cube.face_centres).sum(axis=1)
+    assert cube.front_facing(np.array(viewpoint)).tolist() == shown.tolist()
+    some = np.array([7, 2, 2])
+    assert cube.front_facing(np.array(viewpoint), some).tolist() == shown[some].tolist()
+    assert cube.flipped().front_facing(np.array(viewpoint)).tolist() == (~shown).tolist()
+
+
 @pytest.mark.parametrize("shape", ["ball", "sphere", "disc", "needle", "cube surface", "two clusters", "Reuleaux"])
 def test_diameter_of_many_points(shape):
     rng = np.random.default_rng(5)

@@ -52,6 +52,29 @@ def scenario(user):
     yield 0.3
     assert unsaved_parts(scene) == ("pose",)
 
+    # however it would be replaced; Return is the safe answer too, and leaves no dialog
+    dropped = {"directory": str(user.case.parent), "files": [{"name": user.case.name}]}
+    for operator, settings_of in (
+        ("open_case", {}),
+        ("open_case", {"filepath": str(user.case)}),
+        ("open_sample", {}),
+        ("drop_files", dropped),
+    ):
+        with user.context():
+            getattr(bpy.ops.oneframe, operator)("INVOKE_DEFAULT", **settings_of)
+        yield 0.5
+        yield from user.picture(f"3_{operator}_{len(settings_of)}")
+        yield from user.key("RET")
+        yield 0.5
+        assert unsaved_parts(user.window.scene) == ("pose",), operator
+        assert not [area for area in user.window.screen.areas if area.type == "FILE_BROWSER"], operator
+    # the key that its button underlines
+    with user.context():
+        bpy.ops.oneframe.drop_files("INVOKE_DEFAULT", **dropped)
+    yield 0.5
+    yield from user.key("O")
+    yield from user.until(lambda: not unsaved_parts(user.window.scene), "the case as its file has it")
+
     # a run renders a snapshot, and keeps the file "modified" even after it has been saved
     settings.dataset_out = str(user.folder / "dataset")
     settings.dataset.count = 2000

@@ -1,6 +1,6 @@
 """How well the correspondences determine the pose: covariance, 95 % confidence region and weakest direction."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -131,6 +131,17 @@ class PoseUncertainty:
         covariance = axes @ self.covariance @ axes.T
         deviation = np.sqrt(covariance[number, number])
         return _DIRECTIONS[number].format(format_two_digits(deviation if number < 3 else np.degrees(deviation)))
+
+    def scaled(self, factor: float) -> "PoseUncertainty":
+        """That of the pose of the surface scaled about the camera's centre: every pixel is as uncertain as before."""
+        scale = np.array([factor] * 3 + [1.0] * 3)
+        return replace(
+            self,
+            pivot_model=self.pivot_model * factor,
+            covariance=self.covariance * np.outer(scale, scale),
+            radius_mm=self.radius_mm * factor,
+            pivot_cam=self.pivot_cam * factor,
+        )
 
     def pixel_covariances(
         self, points_model: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray

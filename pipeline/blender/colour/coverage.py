@@ -60,10 +60,8 @@ def coverage_of(source: ReferenceView, colour: VertexColours | TextureAtlas) -> 
     v, u = np.nonzero(shown.face >= 0)
     face, pixels = shown.face[v, u], np.stack([u, v], axis=1).astype(float)
     weights = _surface_weights(mesh, frame, face, pixels, shown.inverse_depth[v, u])
-    to_camera = camera_centre(frame.cam_from_model) - mesh.vertices[mesh.faces[face, 0]]
-    front = (to_camera * mesh.face_cross[face]).sum(axis=1) > 0
     rgb, observed = _colours(mesh, colour, face, weights)
-    observed &= front
+    observed &= mesh.front_facing(camera_centre(frame.cam_from_model), face)
     differences = 255 * np.abs(rgb[observed] - frame.image[v[observed], u[observed]])
     areas = np.linalg.norm(mesh.face_cross, axis=1)
     seen = frame.observed(mesh.face_centres, mesh.face_normals)

@@ -85,10 +85,8 @@ def rasterised_view_of(loaded: LoadedCase) -> ReferenceView:
     raster = rasterise_depth(mesh, loaded.case.camera, pose)
     inverse, shown = raster.inverse_depth, raster.face >= 0
     depth_mm = np.divide(1.0, inverse, out=np.zeros(inverse.shape, np.float32), where=shown, casting="same_kind")
-    face = raster.face[shown]
     front = np.zeros(shown.shape, dtype=bool)
-    to_camera = camera_centre(pose) - mesh.vertices[mesh.faces[face, 0]]
-    front[shown] = np.einsum("nk,nk->n", to_camera, mesh.face_cross[face]) > 0
+    front[shown] = mesh.front_facing(camera_centre(pose), raster.face[shown])
     return _view_of(loaded, depth_mm, front, raster)
 
 

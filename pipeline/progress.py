@@ -2,7 +2,9 @@
 
 import re
 import sys
+import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TextIO
 
@@ -15,7 +17,10 @@ _LINE = re.compile(
 
 
 class Progress:
-    """Counts finished items and shows them; call :meth:`advance` for each and :meth:`close` at the end."""
+    """Counts finished items and shows them: a context manager; call :meth:`advance` for each item.
+
+    Leaving the context ends the bar's line, so that an error starts on a line of its own. Any thread may call it.
+    """
 
     def __init__(
         self,
@@ -31,19 +36,39 @@ class Progress:
         self._total, self._noun, self._count, self._first = total, noun, finished, finished
         self._stream = stream or sys.stdout
         self._bar = self._stream.isatty()
+        self._lock = threading.Lock()
         self._start = time.monotonic()
         self._next_line = self._start
         self._show()
 
+    def __enter__(self) -> "Progress":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        # the error that ends the context counts more than a stream that is gone
+        with suppress(OSError):
+            self.close()
+
     def advance(self) -> None:
         """Count one more finished item."""
-        self._count += 1
-        self._show()
+        with self._lock:
+            self._count += 1
+            self._show()
 
     def close(self) -> None:
-        """End the bar's line."""
+        """End the bar's line, once."""
         if self._bar:
+            self._bar = False
             self._stream.write("\n")
+            self._stream.flush()
+
+    def note(self, text: str) -> None:
+        """Write a line of its own; a bar goes on below it."""
+        with self._lock:
+            self._stream.write((f"\r\x1b[K{text}" if self._bar else text) + "\n")
+            if self._bar:
+                self._next_line = 0.0
+                self._show()
             self._stream.flush()
 
     @property

@@ -87,14 +87,13 @@ def measure(arguments: argparse.Namespace, table: Path) -> None:
         scenes = bloster_scenes(arguments.bloster, coloured=arguments.coloured)
     planned = disturbances(arguments.degrees, arguments.percent, arguments.trials, arguments.wrong)
     made_folder(table)
-    progress = Progress(len(planned), "trials", stream=sys.stderr)
     finished = []
-    for trial in run_trials(scenes, planned, arguments.seed):
-        finished.append(trial)
-        with writing(table):
-            write_bytes_atomically(table, trials_to_csv(finished))
-        progress.advance()
-    progress.close()
+    with Progress(len(planned), "trials", stream=sys.stderr) as progress:
+        for trial in run_trials(scenes, planned, arguments.seed):
+            finished.append(trial)
+            with writing(table):
+                write_bytes_atomically(table, trials_to_csv(finished))
+            progress.advance()
 
 
 if __name__ == "__main__":

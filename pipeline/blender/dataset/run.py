@@ -2,7 +2,6 @@
 
 import signal
 import sys
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TextIO
@@ -136,42 +135,38 @@ def _render_missing(
     """Render what is missing, and write the tables and the video; sums over all views if the dataset is complete."""
     out, total = opened.job.out, len(found.views.finished) + len(found.missing)
     workers = min(workers or available_cores(), max(1, len(found.missing)))
-    lock = threading.Lock()
-    progress = Progress(
-        total, "views", finished=len(found.views.finished), stream=stream, line_seconds=progress_seconds
-    )
-
-    def finished(_index: int) -> None:
-        with lock:
-            progress.advance()
-
     keep_freed_memory()
-    pool = WorkerPool(found.missing, finished)
-    try:
-        pool.start(worker_command, workers - 1)
-        with opened.renderer(threads=_threads(workers)) as renderer:
-            for message in (*opened.messages, *renderer.messages):
-                report(message)
-            tally: Tally | None = found.views.tally
-            written: list[str] = []
-            if found.missing or not found.has_tables:
-                finish.write_model_files(opened, renderer)
-                render_views(renderer, out, pool.views(), finished)
-                progress.close()
-                tally = _write_tables(opened, renderer, report)
-                # the description is written by the folder, which forgets its sum
-                written += set(other_files(opened.count)) - {RECORD}
-            if tally is not None:
-                frames = found.video_frames
-                if frames is not None:
-                    shown = Progress(frames, "video frames", stream=stream, line_seconds=progress_seconds)
-                    report(f"video: {finish.write_trajectory_video(opened, renderer, frames, shown)}")
-                    shown.close()
-                    written += VIDEO_FILES
-                video = frames is not None or found.files.intact.issuperset(VIDEO_FILES)
-                finish.write_sums(opened, written=written, rendered=found.missing, video=video)
-    finally:
-        pool.stop()
+    shown = Progress(total, "views", finished=len(found.views.finished), stream=stream, line_seconds=progress_seconds)
+    with shown as progress:
+        pool = WorkerPool(found.missing, lambda _index: progress.advance())
+        try:
+            pool.start(worker_command, workers - 1)
+            with opened.renderer(threads=_threads(workers)) as renderer:
+                for message in (*opened.messages, *renderer.messages):
+                    progress.note(message)
+                tally: Tally | None = found.views.tally
+                written: list[str] = []
+                if found.missing or not found.has_tables:
+                    finish.write_model_files(opened, renderer)
+                    render_views(renderer, out, pool.views(), lambda _index: progress.advance())
+                    progress.close()
+                    tally = _write_tables(opened, renderer, report)
+                    # the description is written by the folder, which forgets its sum
+                    written += set(other_files(opened.count)) - {RECORD}
+                if tally is not None:
+                    frames = found.video_frames
+                    if frames is not None:
+                        progress.close()
+                        with Progress(
+                            frames, "video frames", stream=stream, line_seconds=progress_seconds
+                        ) as video_bar:
+                            path = finish.write_trajectory_video(opened, renderer, frames, video_bar)
+                        report(f"video: {path}")
+                        written += VIDEO_FILES
+                    video = frames is not None or found.files.intact.issuperset(VIDEO_FILES)
+                    finish.write_sums(opened, written=written, rendered=found.missing, video=video)
+        finally:
+            pool.stop()
     for message in pool.messages:
         sys.stderr.write(message + "\n")
     return tally

@@ -181,17 +181,16 @@ class _Check:
             )
         absent: list[range] = []
         missing = set(contents.missing)
-        progress = Progress(contents.recorded, "views checked", stream=stream)
         present = set(contents.scenes)
-        for number in range(scene_count(count)):
-            if number not in present:
-                absent.append(scene_views(number, count))
-                continue
-            scene = list_scene(self._root, number, count, self._description.kinds, findings, unfinished=unfinished)
-            self._check_scene(number, scene, progress)
-            absent += runs(scene.absent)
-            missing |= scene.missing
-        progress.close()
+        with Progress(contents.recorded, "views checked", stream=stream) as progress:
+            for number in range(scene_count(count)):
+                if number not in present:
+                    absent.append(scene_views(number, count))
+                    continue
+                scene = list_scene(self._root, number, count, self._description.kinds, findings, unfinished=unfinished)
+                self._check_scene(number, scene, progress)
+                absent += runs(scene.absent)
+                missing |= scene.missing
         if absent and not unfinished:
             lost = sum(map(len, absent))
             findings.add(

@@ -96,11 +96,10 @@ def check_rerendered(
         return
     for name, data in renderer.files().items():
         _collect(findings, _compare_file, root, name, data, same_versions)
-    progress = Progress(len(views), "views rendered again", stream=stream)
-    for index in views:
-        _collect(findings, _compare_view, ViewPaths(root, index), renderer, same_versions)
-        progress.advance()
-    progress.close()
+    with Progress(len(views), "views rendered again", stream=stream) as progress:
+        for index in views:
+            _collect(findings, _compare_view, ViewPaths(root, index), renderer, same_versions)
+            progress.advance()
     if (root / "video").is_dir():
         _collect(findings, _compare_video, root, renderer, len(views))
 

@@ -5,12 +5,14 @@ import hashlib
 import io
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -802,17 +804,29 @@ class Terminal(io.StringIO):
 def test_progress_tells_the_time_left(monkeypatch, stream):
     now = [100.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    progress = Progress(10, "views", finished=2, stream=stream)
-    assert "2/10 views" in stream.getvalue()
-    for _ in range(4):
-        now[0] += 15
-        progress.advance()
-    # what was finished before does not count for the speed: 15 s for each of the 4 that are left
-    assert "6/10 views, 15000 ms each, 1 min 00 s left" in stream.getvalue()
-    for _ in range(4):
-        progress.advance()
-    progress.close()
+    with Progress(10, "views", finished=2, stream=stream) as progress:
+        assert "2/10 views" in stream.getvalue()
+        for _ in range(4):
+            now[0] += 15
+            progress.advance()
+        # what was finished before does not count for the speed: 15 s for each of the 4 that are left
+        assert "6/10 views, 15000 ms each, 1 min 00 s left" in stream.getvalue()
+        for _ in range(4):
+            progress.advance()
     assert "10/10 views, 7500 ms each, done in 1 min 00 s" in stream.getvalue()
+
+
+@pytest.mark.parametrize("stream", [Terminal(), io.StringIO()], ids=["terminal", "file"])
+def test_notes_and_errors_have_lines_of_their_own(stream):
+    with suppress(RuntimeError), Progress(3, "views", stream=stream) as progress:
+        progress.advance()
+        progress.note("a note")
+        raise RuntimeError
+    stream.write("error: nothing left\n")
+    # a bar begins its line anew
+    shown = [re.split(r"\r|\x1b\[K", line)[-1] or line for line in stream.getvalue().splitlines()]
+    assert shown[-1] == "error: nothing left"
+    assert "a note" in shown
 
 
 @pytest.mark.parametrize(

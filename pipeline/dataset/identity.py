@@ -25,7 +25,7 @@ from .differences import (
     differences,
     short,
 )
-from .layout import FORMAT, RECORD, ViewPaths, existing_views
+from .layout import FORMAT, RECORD, ViewPaths, occupied_views
 from .view_record import read_record
 
 
@@ -130,8 +130,8 @@ def fewest_views(root: Path, had: int, *, may_shrink: bool = True) -> int:
     All that exist must be among them: if a run of more views was stopped early, there are fewer than ``had``, for which
     the dataset was last started, and with a shard of more views there are more.
     """
-    existing = existing_views(root)
-    return existing if may_shrink else max(existing, had)
+    occupied = occupied_views(root)
+    return occupied if may_shrink else max(occupied, had)
 
 
 def run_differences(

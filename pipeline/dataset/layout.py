@@ -97,7 +97,7 @@ def other_files(count: int) -> list[str]:
     return [RECORD, *TABLES, *(f"{scene}/{name}" for scene in scenes for name in SCENE_TABLES)]
 
 
-def existing_views(root: Path) -> int:
+def occupied_views(root: Path) -> int:
     """Number of views up to the last one with a file on disk; those before it may be missing."""
     scenes = sorted(
         (folder for folder in (root / SPLIT).glob("[0-9]*") if re.fullmatch("[0-9]{6,}", folder.name)),

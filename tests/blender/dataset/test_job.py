@@ -701,6 +701,16 @@ def test_a_list_of_poses_grows_at_its_end(case, tmp_path):
     assert_same_dataset(out, whole)
     assert all(times(out)[name] == before[name] for name in before if name.count("/") == 3)
     assert not check_dataset(out, case=read_case(case), poses=file).findings
+    np.save(tmp_path / "other.npy", poses[:5])
+    (finding,) = check_dataset(out, case=read_case(case), poses=tmp_path / "other.npy").findings.shown()
+    assert finding == f"dataset.json: poses_sha256: {tmp_path / 'other.npy'} does not hold the poses of the dataset"
+    changed = Path(shutil.copytree(out, tmp_path / "changed"))
+    description = json.loads((changed / "dataset.json").read_text())
+    (changed / "dataset.json").write_text(json.dumps(description | {"poses_sha256": "0" * 64}))
+    assert (
+        "dataset.json: poses_sha256 is not that of the views' poses: one was changed"
+        in check_dataset(changed).findings.first["views of another run"]
+    )
     with pytest.raises(RunError, match="holds a dataset of 6 views, and 5 are wanted"):
         run_list(out, poses[:5])
     farther = rigid(translation=[0, 0, 5000]) @ middle

@@ -139,7 +139,7 @@ class ONEFRAME_OT_render_dataset(NeedsAlignment, Reporting, bpy.types.Operator):
         listed = pose_preview.listed_poses(loaded, options)
         out = output_folder(scene)
         count = options.count if listed is None else len(listed)
-        check_folder(out, loaded, options, count)
+        check_folder(out, loaded, options, listed)
         had = existing_views(out)
         case_path = write_snapshot(scene, out)
         scene.oneframe.dataset_out = str(out)

@@ -16,9 +16,10 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 
 from ..pipeline.blender.colour.reference_view import ReferenceView, reference_view_of
-from ..pipeline.blender.dataset.view_renderer import ViewRenderer, view_camera
+from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.loaded_case import LoadedCase
+from ..pipeline.dataset.description import view_camera
 from ..pipeline.dataset.options import DatasetOptions, merged_options
 from ..pipeline.errors import InputError
 from ..pipeline.poses.constraints import PlannedPose

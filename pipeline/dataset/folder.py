@@ -14,12 +14,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
+import numpy as np
+
 from ..errors import InputError, RunError
 from ..files.content import create_folder, partial_name, write_bytes_atomically
 from . import layout
 from .checksums import keep_checksums
-from .identity import COUNT, check_description, description_bytes, identity_of, is_cut_off
-from .layout import FOLDERS, RECORD, SPLIT, VIDEO_FILES, WORK, is_own_file, own_folders, scene_folder
+from .differences import COUNT
+from .identity import check_description, description_bytes, identity_of, is_cut_off
+from .layout import (
+    FOLDERS,
+    RECORD,
+    SCENE_TABLES,
+    SPLIT,
+    VIDEO_FILES,
+    WORK,
+    is_own_file,
+    own_folders,
+    scene_count,
+    scene_folder,
+)
 from .lock import Busy, FileLock, SystemLock, wait_for
 
 
@@ -63,7 +77,13 @@ class RunFolder:
     """Exclusive access to a dataset folder, or to one shard of it; use as a context manager."""
 
     def __init__(
-        self, path: Path, description: Mapping[str, object], shard: Shard, *, system_lock: SystemLock | None = None
+        self,
+        path: Path,
+        description: Mapping[str, object],
+        shard: Shard,
+        *,
+        poses: np.ndarray | None = None,
+        system_lock: SystemLock | None = None,
     ) -> None:
         """Create or enter the folder.
 
@@ -75,6 +95,8 @@ class RunFolder:
             Everything that the content depends on; JSON types only.
         shard
             Different shards of the same run may share the folder.
+        poses
+            ``(N, 4, 4)`` listed ``cam_from_model``, mm, or ``None`` if the poses are drawn.
         system_lock
             Takes a lock of the system; :func:`.lock_by_system` if left out.
 
@@ -86,11 +108,12 @@ class RunFolder:
         """
         self.path = path
         self._description = description
+        self._poses = poses
         self._shared = shard.count > 1
         self._locks = ExitStack()
         try:
             self._new_folders = [folder for folder in (path, *path.parents) if not folder.exists()]
-            check_description(path, description)
+            self._check_description()
             self._is_new = self._holds_nothing()
             create_folder(path / WORK)
             self._common = self._acquire("lock", shared=self._shared, system_lock=system_lock)
@@ -174,14 +197,19 @@ class RunFolder:
             "folder (--out)"
         )
 
+    def _check_description(self) -> None:
+        # other shards may not be there yet
+        check_description(self.path, self._description, self._poses, may_shrink=not self._shared)
+
     def _write_description(self) -> None:
-        """Write ``dataset.json`` if it is not there, or if the dataset grows."""
+        """Write ``dataset.json`` if it is not there, or if the dataset grows or goes back to fewer views."""
 
         def is_written() -> bool:
-            check_description(self.path, self._description)
+            self._check_description()
             record, content = self.path / RECORD, description_bytes(self._description)
             if record.exists() and not is_cut_off(existing := record.read_bytes(), content):
-                if json.loads(existing)[COUNT] == self._description[COUNT]:
+                had, wanted = json.loads(existing)[COUNT], int(str(self._description[COUNT]))
+                if had == wanted:
                     if existing != content:
                         # the same values, but not as a run writes them: its sum is that of these bytes
                         write_bytes_atomically(record, content)
@@ -189,11 +217,13 @@ class RunFolder:
                 # shards that work on fewer views would write tables of these
                 if self._shared and not self._common.try_exclusive():
                     return False
-                # the tables are those of fewer views from now on
-                whole = range(json.loads(existing)[COUNT] // layout.VIEWS_PER_SCENE)
+                # the tables are those of another number of views from now on
+                whole = range(min(had, wanted) // layout.VIEWS_PER_SCENE)
                 keep_checksums(
                     self.path, identity_of(self._description), VIDEO_FILES, [scene_folder(number) for number in whole]
                 )
+                if had > wanted:
+                    self._remove_scenes(scene_count(wanted))
             write_bytes_atomically(record, content)
             return True
 
@@ -231,6 +261,17 @@ class RunFolder:
                 target = partial_name(name)
                 if target is not None and is_own_file(prefix + target):
                     (folder / name).unlink(missing_ok=True)
+
+    def _remove_scenes(self, first: int) -> None:
+        """Remove the folders of all scenes from this one on, none of which has a view, and their tables."""
+        self._remove_leftovers()
+        for prefix, folder in reversed([*own_folders(self.path)]):
+            scene = prefix.split("/")[1] if prefix.startswith(f"{SPLIT}/") else ""
+            if scene.isdecimal() and int(scene) >= first:
+                for name in SCENE_TABLES:
+                    (folder / name).unlink(missing_ok=True)
+                with suppress(OSError):  # it holds files of somebody else
+                    folder.rmdir()
 
     def _remove_work(self) -> None:
         if os.name == "nt":

@@ -1,27 +1,37 @@
 """Which run a dataset belongs to: its description in ``dataset.json``, and one hash of it in every record.
 
-The description holds everything that the content depends on. The number of views is in it too, but does not belong to
-the identity: a dataset that grows stays the same one.
+The description holds everything that the content depends on. The number of views is in it too, and the hash of their
+poses if these were listed, but they do not belong to the identity: a dataset that grows stays the same one.
 """
 
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import RunError
 from ..surface.mesh import TriangleMesh
-from .layout import FORMAT, RECORD
-
-COUNT = "count"
-"""The one key of the description that may change."""
+from .differences import (
+    COUNT,
+    DEPTH_SCALE,
+    GROWING,
+    LISTED,
+    POSES_HASH,
+    Difference,
+    described,
+    differences,
+    short,
+)
+from .layout import FORMAT, RECORD, ViewPaths, occupied_views
+from .view_record import read_record
 
 
 def identity_of(description: Mapping[str, object]) -> str:
-    """The identity of a dataset: SHA-256 of the canonical JSON of its description without the number of views."""
-    content = {key: value for key, value in description.items() if key != COUNT}
+    """The identity of a dataset: SHA-256 of the canonical JSON of its description without what grows."""
+    content = {key: value for key, value in description.items() if key not in GROWING}
     return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
@@ -36,13 +46,20 @@ def geometry_hash(mesh: TriangleMesh) -> str:
     return content.hexdigest()
 
 
+def poses_hash(poses: np.ndarray) -> str:
+    """SHA-256 of listed poses, ``(N, 4, 4)`` cam_from_model, mm: of their upper three rows as float64."""
+    return hashlib.sha256(np.ascontiguousarray(poses[:, :3], "<f8").tobytes()).hexdigest()
+
+
 def description_bytes(description: Mapping[str, object]) -> bytes:
     """The content of ``dataset.json``."""
     return (json.dumps(description, indent=2) + "\n").encode()
 
 
-def check_description(root: Path, description: Mapping[str, object]) -> None:
-    """Check that a dataset on disk belongs to a run, and has no more views than the run wants.
+def check_description(
+    root: Path, description: Mapping[str, object], poses: np.ndarray | None = None, *, may_shrink: bool = True
+) -> None:
+    """Check that a dataset on disk belongs to a run, and has no views beyond those that the run wants.
 
     Parameters
     ----------
@@ -50,6 +67,11 @@ def check_description(root: Path, description: Mapping[str, object]) -> None:
         The dataset's folder; nothing is checked if it has no ``dataset.json``.
     description
         Everything that the run's content depends on; JSON types only.
+    poses
+        ``(N, 4, 4)`` listed ``cam_from_model``, mm, or ``None`` if the poses are drawn. Those of the views that the
+        dataset was started for must be the same.
+    may_shrink
+        Whether the dataset may have been started for more views, none of which exists.
 
     Raises
     ------
@@ -74,37 +96,79 @@ def check_description(root: Path, description: Mapping[str, object]) -> None:
         ) from None
     if not isinstance(existing, dict):
         raise RunError(
-            f"{record}: expected the description of a dataset, found {_short(existing)}; choose another folder (--out)"
+            f"{record}: expected the description of a dataset, found {short(existing)}; choose another folder (--out)"
         )
     if existing.get("format") != FORMAT == description.get("format"):
         raise RunError(
-            f"{root}: expected a dataset of the format {FORMAT!r}, found {_short(existing.get('format'))} of another "
+            f"{root}: expected a dataset of the format {FORMAT!r}, found {short(existing.get('format'))} of another "
             "version of OneFrame; use that version, or choose another folder (--out)"
         )
-    differences = described_differences(existing, description)
-    if differences:
+    changes = run_differences(root, existing, description, poses)
+    if changes:
         raise RunError(
-            f"{root}: the folder holds the dataset of another run ({_first(differences)}); "
+            f"{root}: the folder holds the dataset of another run ({_first(described(changes))}); "
             "undo the change to resume it, or choose another folder (--out)"
         )
     had, wanted = existing.get(COUNT), description[COUNT]
-    if not isinstance(had, int) or not isinstance(wanted, int) or had > wanted:
+    least = fewest_views(root, had, may_shrink=may_shrink) if isinstance(had, int) else None
+    if least is None or not isinstance(wanted, int) or wanted < least == had:
         raise RunError(
-            f"{root}: the folder holds a dataset of {_short(had)} views, and {wanted} are wanted: a dataset may grow, "
-            "but not shrink; set the number of views to that or more, or choose another folder (--out)"
+            f"{root}: the folder holds a dataset of {short(had)} views, and {short(wanted)} are wanted: a dataset may "
+            "grow, but not shrink; set the number of views to that or more, or choose another folder (--out)"
         )
+    if wanted < least:
+        raise RunError(
+            f"{root}: the folder holds views up to number {least - 1} (counted from 0) of a dataset of {had} views, "
+            f"and {wanted} are wanted: views are never removed; set the number of views to {least} or more, or choose "
+            "another folder (--out)"
+        )
+
+
+def fewest_views(root: Path, had: int, *, may_shrink: bool = True) -> int:
+    """The fewest views that a run may want of a dataset.
+
+    All that exist must be among them: if a run of more views was stopped early, there are fewer than ``had``, for which
+    the dataset was last started, and with a shard of more views there are more.
+    """
+    occupied = occupied_views(root)
+    return occupied if may_shrink else max(occupied, had)
+
+
+def run_differences(
+    root: Path, existing: Mapping[str, object], description: Mapping[str, object], poses: np.ndarray | None
+) -> list[Difference]:
+    """What keeps a run from going on with a dataset on disk, by its description and the poses of its views.
+
+    Parameters
+    ----------
+    root, existing
+        The dataset's folder and description.
+    description, poses
+        Those of the run: see :func:`check_description`.
+    """
+    changes = differences(existing, description)
+    had, known = existing.get(COUNT), existing.get(POSES_HASH)
+    # poses are those of the model, so they follow from other changes; the scale of the depth images follows from them
+    if poses is None or known is None or any(change.key != DEPTH_SCALE for change in changes):
+        return changes
+    if not isinstance(had, int) or had > len(poses) or known == poses_hash(poses[:had]):
+        return changes
+    return [_changed_pose(root, poses[:had])]
+
+
+def _changed_pose(root: Path, poses: np.ndarray) -> Difference:
+    """The first view on disk whose pose is not the listed one; without a number if there is none."""
+    for index, pose in enumerate(poses):
+        with suppress(RunError):
+            known = read_record(ViewPaths(root, index), with_mask=False).cam_from_model
+            if not np.array_equal(known, pose):
+                return Difference(f"{LISTED}.{index}", known.tolist(), pose.tolist())
+    return Difference(LISTED, None, None)
 
 
 def is_cut_off(content: bytes, whole: bytes) -> bool:
     """Whether a file is what a loss of power may leave of another: its beginning, and zeros for the rest."""
     return len(content) <= len(whole) and content != whole and whole.startswith(content.rstrip(b"\0"))
-
-
-def described_differences(old: Mapping[str, object], new: Mapping[str, object]) -> list[str]:
-    """What differs between two descriptions, as clauses; changed files first, as other differences may follow."""
-    new = json.loads(json.dumps(new))
-    found = _differences({**old, COUNT: None}, {**new, COUNT: None}, "")
-    return sorted(found, key=lambda text: (not text.startswith("the file"), text))
 
 
 def other_description(root: Path, identity: str) -> Mapping[str, object] | None:
@@ -122,23 +186,3 @@ def other_description(root: Path, identity: str) -> Mapping[str, object] | None:
 def _first(differences: Iterable[str]) -> str:
     clauses = [*differences]
     return "; ".join(clauses[:4]) + (f" and {len(clauses) - 4} more" if len(clauses) > 4 else "")
-
-
-def _differences(old: object, new: object, name: str) -> list[str]:
-    if isinstance(old, dict) and isinstance(new, dict):
-        keys = old.keys() | new.keys()
-        return [
-            text for key in keys for text in _differences(old.get(key), new.get(key), f"{name}.{key}" if name else key)
-        ]
-    if old == new:
-        return []
-    if name.startswith("inputs_sha256."):
-        return [f"the file of the {name.removeprefix('inputs_sha256.')} has changed"]
-    if name == "options.views":
-        return [f"poses along a trajectory depend on the number of views, which was {_short(old)}, is {_short(new)}"]
-    return [f"{name} was {_short(old)}, is {_short(new)}"]
-
-
-def _short(value: object) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 40 else text[:37] + "..."

@@ -11,10 +11,13 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import RunError
 from ..poses.constraints import Rejections
 from .checksums import damaged_file
-from .identity import described_differences, identity_of, other_description
+from .differences import described, differences
+from .identity import identity_of, other_description
 from .layout import RECORD, ViewPaths, scene_count, scene_folder, scene_views
 from .view_ranges import view_ranges
 from .view_record import ViewRecord, read_record
@@ -79,6 +82,7 @@ def survey_views(
     description: Mapping[str, object],
     kinds: Sequence[str],
     *,
+    poses: np.ndarray | None = None,
     hashes: bool = False,
     threads: int = 1,
 ) -> Survey:
@@ -94,6 +98,8 @@ def survey_views(
         The description of the run.
     kinds
         Kinds of files of each view, without its record.
+    poses
+        ``(N, 4, 4)`` listed ``cam_from_model`` of all views of the dataset, mm, or ``None`` if they are drawn.
     hashes
         Compare the hashes of all files, not only their sizes.
     threads
@@ -102,10 +108,11 @@ def survey_views(
     Raises
     ------
     RunError
-        A record belongs to another run.
+        A record belongs to another run, or to another list of poses.
     """
     finished, damaged, tally = set(), {}, Tally()
     foreign: dict[int, str] = {}
+    other_poses: list[int] = []
     identity, names = identity_of(description), ("frame", *kinds)
     for number in range(ViewPaths(root, views.start).scene_id, scene_count(views.stop)):
         sizes = _sizes(root, scene_folder(number), names)
@@ -124,6 +131,9 @@ def survey_views(
             if record.identity != identity:
                 foreign[index] = record.identity
                 continue
+            if poses is not None and not np.array_equal(record.cam_from_model, poses[index]):
+                other_poses.append(index)
+                continue
             problem = _wrong_size(record, {paths.relative(kind) for kind in kinds}, sizes)
             if problem:
                 damaged[index] = problem
@@ -136,6 +146,11 @@ def survey_views(
             tally.add(record)
     if foreign:
         raise _foreign_views(root, foreign, description)
+    if other_poses:
+        raise RunError(
+            f"{root}: views of other poses than the listed ones are in the folder: {view_ranges(other_poses)}; "
+            f"{_advice(root, other_poses)}"
+        )
     return Survey(finished, damaged, tally)
 
 
@@ -163,12 +178,18 @@ def _sizes(root: Path, scene: str, kinds: Iterable[str]) -> dict[str, int]:
 
 def _foreign_views(root: Path, foreign: dict[int, str], description: Mapping[str, object]) -> RunError:
     known = other_description(root, next(iter(foreign.values())))
-    why = "" if known is None else f" ({'; '.join(described_differences(known, description)[:4])})"
-    first = ViewPaths(root, min(foreign)).relative("frame")
+    why = "" if known is None else f" ({'; '.join(described(differences(known, description))[:4])})"
     return RunError(
-        f"{root}: views of another run are among those of {RECORD}{why}: {view_ranges(foreign)}; put the right shard "
-        f"in their place, or remove their records (the first is {first}) and run the same command again: it renders "
-        "them again"
+        f"{root}: views of another run are among those of {RECORD}{why}: {view_ranges(foreign)}; "
+        f"{_advice(root, foreign)}"
+    )
+
+
+def _advice(root: Path, views: Iterable[int]) -> str:
+    first = ViewPaths(root, min(views)).relative("frame")
+    return (
+        f"put the right shard in their place, or remove their records (the first is {first}) and run the same command "
+        "again: it renders them again"
     )
 
 

@@ -397,6 +397,28 @@ def test_a_larger_number_of_views_extends_the_dataset(opened, job_module, case_p
         assert finished_views(out) == count
 
 
+@pytest.mark.parametrize(
+    ("key", "found", "asked", "words"),
+    [
+        ("inputs_sha256.surface", "a", "b", "the surface's file (bone.ply) has changed"),
+        ("inputs_sha256.nerve", "a", None, "nerve has changed"),
+        ("options.cone_deg", 20.0, 30.5, "Max Tilt (°) was 20, is 30.5"),
+        ("options.views", 5, 6, "a trajectory of 5 views cannot grow, Views is 6"),
+        ("frame.cam_from_model", [[1]], [[2]], "the pose has changed"),
+        ("frame.fx", 1.0, 2.0, "K of the camera has changed"),
+        ("versions.blender", "4.5", "5.2", "it was made with Blender 4.5, this is 5.2"),
+        ("poses.7", [[1]], [[2]], "pose 7 of the list (counted from 0) has changed"),
+        ("depth_scale", 0.01, None, "the poses were listed"),
+        ("camera.fx", 1.0, 2.0, None),
+        ("geometry_sha256", "a", "b", None),
+    ],
+)
+def test_differences_are_said_in_the_words_of_the_window(key, found, asked, words):
+    in_words = importlib.import_module("blender_addon.dataset.wording").in_words
+    differences = importlib.import_module("blender_addon.pipeline.dataset.differences")
+    assert in_words(differences.Difference(key, found, asked), {"surface": Path("/x/bone.ply")}) == words
+
+
 def test_messages_of_the_command_line_become_the_windows():
     words = importlib.import_module("blender_addon.dataset.wording").in_window_words
     assert words("found projective; add --colour vertex, or use --engine cycles") == (

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.dataset import folder as run_folder
+from pipeline.dataset import layout
 from pipeline.dataset.checksums import Checksums, read_checksums, sum_of
 from pipeline.dataset.folder import RunFolder, Shard
 from pipeline.dataset.identity import identity_of
@@ -251,6 +252,7 @@ def test_a_dataset_grows_and_never_shrinks(tmp_path):
         assert json.loads((tmp_path / "dataset.json").read_text()) == larger
         # the tables are no longer those of the dataset
         assert read_checksums(tmp_path, identity_of(larger)) == Checksums({"video/trajectory.mp4": sum_of(b"x")})
+    write_record(tmp_path, 299)
     before = tree(tmp_path)
     with pytest.raises(RunError, match="holds a dataset of 300 views, and 3 are wanted: a dataset may grow, but not"):
         RunFolder(tmp_path, IDENTITY, WHOLE)
@@ -258,6 +260,37 @@ def test_a_dataset_grows_and_never_shrinks(tmp_path):
     along = {"options": {"views": 3}}
     with pytest.raises(RunError, match="poses along a trajectory depend on the number of views"):
         RunFolder(tmp_path, larger | along, WHOLE)
+
+
+def test_growth_that_was_stopped_is_taken_back_unless_views_exist(tmp_path, monkeypatch):
+    monkeypatch.setattr(layout, "VIEWS_PER_SCENE", 4)
+    larger = IDENTITY | {"count": 30}
+    with RunFolder(tmp_path, IDENTITY, WHOLE):
+        write_record(tmp_path, 2)
+    before = json.loads((tmp_path / "dataset.json").read_text())
+    with RunFolder(tmp_path, larger, WHOLE):
+        leave_partial(ViewPaths(tmp_path, 9).file("rgb"))
+    # a shard does not know what the others have not rendered yet
+    with pytest.raises(RunError, match="holds a dataset of 30 views, and 3 are wanted"):
+        RunFolder(tmp_path, IDENTITY, Shard(0, 2))
+    with RunFolder(tmp_path, IDENTITY, WHOLE) as folder:
+        folder.finish()
+    assert json.loads((tmp_path / "dataset.json").read_text()) == before
+    assert sorted(tree(tmp_path)) == ["dataset.json", "train_synt/000000/frame/000002.json"]
+    assert [path.name for path in (tmp_path / "train_synt").iterdir()] == ["000000"]
+    with RunFolder(tmp_path, larger, WHOLE):
+        write_record(tmp_path, 26)
+    kept = tree(tmp_path)
+    message = r"views up to number 26 \(counted from 0\) of a dataset of 30 views, and 3 are wanted: .* to 27 or more"
+    with pytest.raises(RunError, match=message):
+        RunFolder(tmp_path, IDENTITY, WHOLE)
+    assert tree(tmp_path) == kept
+    with RunFolder(tmp_path, IDENTITY | {"count": 27}, WHOLE):
+        pass
+    # a shard of more views that was copied into the folder
+    write_record(tmp_path, 28)
+    with pytest.raises(RunError, match=r"of a dataset of 27 views, and 27 are wanted: .* to 29 or more"):
+        RunFolder(tmp_path, IDENTITY | {"count": 27}, WHOLE)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no shared locks")

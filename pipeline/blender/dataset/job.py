@@ -5,20 +5,20 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from ... import __version__
 from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase
 from ...dataset import layout
+from ...dataset.description import POSES, describe, input_files, object_name
 from ...dataset.folder import Shard
-from ...dataset.identity import geometry_hash, identity_of
-from ...dataset.layout import FORMAT, ViewPaths
+from ...dataset.identity import identity_of
+from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
 from ...dataset.view import RenderedSample, write_view
 from ...errors import RunError
@@ -27,10 +27,8 @@ from ...poses.pose_file import read_poses
 from ..case.load_case import load_case
 from ..colour.reference_view import reference_view_of
 from ..process import STDOUT
-from .view_renderer import ViewRenderer, view_camera
+from .view_renderer import ViewRenderer
 
-NO_CONTENT = ("count", "poses", "video", "video_frames")
-"""Options that affect no view (a video may be added later), or that the identity holds elsewhere."""
 IN_FLIGHT = 3
 """Number of rendered views that may wait for encoding: enough to keep both sides busy with constant memory."""
 
@@ -88,8 +86,8 @@ class OpenJob:
 
     @property
     def object_name(self) -> str:
-        """Name of the surface in the dataset's tables: that of its file, without folder and extension."""
-        return self.loaded.case.mesh.stem
+        """Name of the surface in the dataset's tables."""
+        return object_name(self.loaded.case)
 
     @property
     def views(self) -> range:
@@ -110,31 +108,14 @@ class OpenJob:
 
     @cached_property
     def description(self) -> dict[str, object]:
-        """The content of ``dataset.json``: everything that the dataset depends on, or that its users need."""
-        case, options = self.loaded.case, self.job.options
-        camera = view_camera(self.loaded, options)
-        content = {name: value for name, value in asdict(options).items() if name not in NO_CONTENT}
-        if options.sampler == "trajectory" and self.given_poses is None:
-            content["views"] = self.count  # each pose depends on it
-        return {
-            "format": FORMAT,
-            "versions": {"oneframe": __version__, "blender": bpy.app.version_string},
-            "conventions": "mm; OpenCV camera axes; pixel (0, 0): centre of the top-left pixel; b_from_a matrices",
-            "count": self.count,
-            "object": self.object_name,
-            "options": content,
-            "camera": {**asdict(camera), "K": camera.k.tolist()},
-            "frame": {
-                **asdict(case.camera),
-                "distortion": None if case.distortion is None else asdict(case.distortion),
-                "cam_from_model": self.loaded.cam_from_model.tolist(),
-            },
-            "mesh_from_model": self.loaded.mesh_from_model.tolist(),
-            "mm_per_unit": case.mm_per_unit,
-            "geometry_sha256": geometry_hash(self.loaded.mesh),
-            "structures": {structure.name: list(structure.colour) for structure in case.structures},
-            "inputs_sha256": dict(self.inputs_sha256),
-        }
+        """The content of ``dataset.json``: see :func:`pipeline.dataset.description.describe`."""
+        return describe(
+            self.loaded,
+            self.job.options,
+            self.given_poses,
+            hashes=self.inputs_sha256,
+            blender=bpy.app.version_string,
+        )
 
 
 def open_job(job: Job) -> OpenJob:
@@ -145,17 +126,14 @@ def open_job(job: Job) -> OpenJob:
     InputError
         An input cannot be used.
     """
-    case, poses = job.case, None if job.options.poses is None else Path(job.options.poses)
+    case, files = job.case, input_files(job.case, job.options)
     given_poses: np.ndarray | None = None
     messages: list[str] = []
-    # the case file's values are in the description; its text may change, e.g. by landmarks, comments or a video
-    files = {name: path for name, path in case.input_files().items() if name != "case"}
     with hashed_reading() as hashes:
         loaded = load_case(case)
-        if poses is not None:
-            files["poses"] = poses
+        if POSES in files:
             given_poses, messages = read_poses(
-                poses, mesh_from_model=loaded.mesh_from_model, mm_per_unit=case.mm_per_unit
+                files[POSES], mesh_from_model=loaded.mesh_from_model, mm_per_unit=case.mm_per_unit
             )
     return OpenJob(job, loaded, given_poses, tuple(messages), {name: hashes[path] for name, path in files.items()})
 

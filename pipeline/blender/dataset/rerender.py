@@ -11,6 +11,7 @@ import numpy as np
 
 from ...case.case_file import Case
 from ...dataset.dataset_info import write_dataset_info
+from ...dataset.differences import POSES_HASH
 from ...dataset.folder import Shard
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions, checked_options
@@ -90,7 +91,7 @@ class CaseRenderer:
 def _options(case: Case, content: Mapping[str, Any], poses: Path | None) -> DatasetOptions:
     values = {name: value for name, value in content["options"].items() if name != "views"}
     options = checked_options({**values, "count": content["count"]}, "dataset.json: options")
-    if "poses" not in content["inputs_sha256"]:
+    if POSES_HASH not in content:
         return options
     if poses is None and "poses" in case.dataset:
         poses = case.path.parent / str(case.dataset["poses"])

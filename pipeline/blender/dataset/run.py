@@ -62,7 +62,7 @@ def run(
 
     check_engine(job.options.engine)
     opened = open_job(job)
-    with RunFolder(job.out, opened.description, job.shard) as folder:
+    with RunFolder(job.out, opened.description, job.shard, poses=opened.given_poses) as folder:
         try:
             found = _survey(opened, verify=verify)
             for message in found.messages():
@@ -120,7 +120,15 @@ def _survey(opened: OpenJob, *, verify: bool) -> _Found:
 
 def _survey_views(opened: OpenJob, views: range, *, verify: bool = False) -> Survey:
     kinds = view_kinds(float_depth=opened.job.options.float_depth)
-    return survey_views(opened.job.out, views, opened.description, kinds, hashes=verify, threads=available_cores())
+    return survey_views(
+        opened.job.out,
+        views,
+        opened.description,
+        kinds,
+        poses=opened.given_poses,
+        hashes=verify,
+        threads=available_cores(),
+    )
 
 
 def _render_missing(
@@ -201,7 +209,7 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     keep_freed_memory()
     opened = open_job(job)
     # the files may have changed since the run began
-    check_description(job.out, opened.description)
+    check_description(job.out, opened.description, opened.given_poses, may_shrink=False)
     with opened.renderer(threads=_threads(workers)) as renderer:
         render_views(renderer, job.out, views, lambda index: report_finished(index, stream))
 

@@ -4,11 +4,11 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
+from ...dataset.description import farthest_listed_mm, view_camera
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
 from ...dataset.view import RenderedSample, RenderedView, depth_scale_for, encode_view
 from ...dataset.view_record import ViewRecord
-from ...errors import InputError
 from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose
 from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
 from ...projection.silhouette import SilhouetteEdges
@@ -138,23 +138,6 @@ class ViewRenderer:
         )
 
 
-def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:
-    """The intrinsics of the views: the frame's, scaled as in the options.
-
-    Raises
-    ------
-    InputError
-        The scaled image would have no pixels.
-    """
-    camera = loaded.case.camera
-    if options.scale == 1.0:
-        return camera
-    width, height = (round(size * options.scale) for size in camera.size_wh)
-    if min(width, height) < 1:
-        raise InputError(f"--scale: expected views of at least 1 px, {options.scale:g} gives {width}x{height}")
-    return camera.resized(width, height)
-
-
 def _distribution(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> PoseDistribution | None:
     distances = {"distance_min": options.distance_min, "distance_max": options.distance_max}
     match options.sampler:
@@ -186,7 +169,7 @@ def _farthest_mm(
     """A depth that the surface hardly ever exceeds in the dataset's views; a view beyond it gets its own scale."""
     reach = source.mesh.radius + float(np.linalg.norm(source.pivot_model))
     if given_poses is not None:
-        return float(given_poses[:, 2, 3].max()) + source.mesh.radius
+        return farthest_listed_mm(given_poses, source.mesh)
     if options.sampler == "gaussian":
         return reference.distance_mm + reach + 4 * options.sigma_mm
     return reference.distance_mm * max(options.distance_max, 1.0) + reach

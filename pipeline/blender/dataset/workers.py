@@ -10,6 +10,7 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from typing import TextIO
 
 from ...errors import InputError, RunError
@@ -95,6 +96,9 @@ class WorkerPool:
             # the worker died, and its exit code says more; or it no longer reads its input, so end it
             process.kill()
         code = process.wait()
+        if process.stdin is not None:
+            with suppress(OSError):  # numbers that a dead worker has not taken; else Python reports them as it collects
+                process.stdin.close()
         reader.join()
         # its unfinished views go back to the queue
         self._views.extendleft(sorted(assigned, reverse=True))

@@ -19,7 +19,7 @@ from ...progress import Progress
 from ...projection.silhouette import SilhouetteEdges
 from ..layout import RECORD, SPLIT, WORK, ViewPaths, scene_count, scene_folder, scene_views
 from ..view_ranges import ranges_text, runs
-from .checksums import Checksums, check_sums, read_checksums
+from .checksums import Checksums, check_sums, poses_hash, read_checksums
 from .contents import (
     CHECKSUMS,
     VIDEO,
@@ -223,7 +223,7 @@ class _Check:
             findings.add(
                 "damaged files", f"{folder}/frame: the records do not have the sha256 in {CHECKSUMS}: one was changed"
             )
-        check_scene_tables(root, scene, records, self._description, findings)
+        check_scene_tables(root, scene, records, self._description, findings, skipped=self._sums.outdated)
 
     def _check_view(self, paths: ViewPaths, record: ViewRecord, scene: SceneContents) -> None:
         """Check that the view is of this dataset and no copy, its files' hashes and, if it is chosen, its pixels."""
@@ -255,10 +255,16 @@ class _Check:
     def _check_beside(self, missing: frozenset[str]) -> None:
         """Check the files that are not a view's, and the tables of all views."""
         root, description, findings, poses = self._root, self._description, self._findings, self._poses
-        missing |= {name for name in self._sums.files if name not in self._contents.tables}
+        missing |= {name for name in self._sums.files if name not in self._contents.tables} | self._sums.outdated
         absent = self._absent_scene_tables()
         check_sums(root, self._sums.files, missing | absent, CHECKSUMS, findings, hashes=self._hashes)
         self._hashed += len(self._sums.files.keys() - missing - absent) * self._hashes
+        if description.poses_hash is not None and len(poses) == description.count:
+            found = poses_hash(poses[index].cam_from_model for index in range(description.count))
+            if found != description.poses_hash:
+                findings.add(
+                    "views of another run", f"{RECORD}: poses_sha256 is not that of the views' poses: one was changed"
+                )
         depth_scale = None
         if "camera.json" not in missing:
             depth_scale = check_camera_file(root, description, poses, findings)

@@ -6,9 +6,11 @@ The identity is computed here from ``dataset.json`` by its definition, and the h
 import hashlib
 import json
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+import numpy as np
 
 from .contents import CHECKSUMS, Contents
 from .files import DamagedFile, hash_of, mapping, opened, read_object, require_keys, shortened, whole_number
@@ -28,16 +30,35 @@ class FileSum:
 
 @dataclass(frozen=True)
 class Checksums:
-    """The content of ``checksums.json``: sums of files by path, and hashes of the records of scenes by folder."""
+    """The content of ``checksums.json``.
+
+    Attributes
+    ----------
+    files
+        Sums of files by path.
+    records
+        Hashes of the records of scenes by folder.
+    outdated
+        Tables that it does not list because a run that is not finished, such as one that adds views, will write them.
+    """
 
     files: dict[str, FileSum] = field(default_factory=dict)
     records: dict[str, object] = field(default_factory=dict)
+    outdated: frozenset[str] = frozenset()
 
 
 def identity_of(content: Mapping[str, object]) -> str:
-    """The identity: SHA-256 of the canonical JSON of the object in ``dataset.json`` without ``count``."""
-    rest = {key: value for key, value in content.items() if key != "count"}
+    """The identity: SHA-256 of the canonical JSON of the object in ``dataset.json`` without what growth changes."""
+    rest = {key: value for key, value in content.items() if key not in ("count", "poses_sha256")}
     return hashlib.sha256(json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def poses_hash(poses: Iterable[np.ndarray]) -> str:
+    """SHA-256 of listed 4x4 poses: of the rotation and translation in their upper rows as float64, one by one."""
+    digest = hashlib.sha256()
+    for pose in poses:
+        digest.update(pose[:3].astype("<f8").tobytes())
+    return digest.hexdigest()
 
 
 def read_sums(content: Mapping, where: str) -> dict[str, FileSum]:
@@ -76,13 +97,13 @@ def read_checksums(root: Path, contents: Contents, identity: str, findings: Find
         findings.add(KIND, f"{CHECKSUMS}: identity is {shortened(content['identity'])}, dataset.json gives {identity}")
     scenes = {name.rpartition("/")[0] for name in contents.tables if name.count("/") == 2}
     for found, expected in ((sums.files.keys(), contents.tables), (sums.records.keys(), scenes)):
-        if different := sorted(found ^ expected):
+        if different := sorted(found - expected if contents.unfinished else found ^ expected):
             findings.add(
                 KIND,
                 f"{CHECKSUMS}: expected entries of the dataset's {len(expected)} files or scenes, {len(different)} are "
                 f"missing or unexpected: {', '.join(different[:3])}",
             )
-    return sums
+    return replace(sums, outdated=contents.tables - sums.files.keys()) if contents.unfinished else sums
 
 
 def check_sums(

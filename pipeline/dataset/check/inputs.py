@@ -8,6 +8,8 @@ import numpy as np
 from ...case.case_file import Case
 from ...errors import InputError
 from ...files.content import reading
+from ...poses.pose_file import read_poses
+from .checksums import poses_hash
 from .comparison import is_close
 from .findings import Findings
 from .records import Description
@@ -35,9 +37,11 @@ def check_inputs(description: Description, case: Case, poses: Path | None, findi
     if poses is not None:
         files["poses"] = poses
     hashes = content["inputs_sha256"]
-    for name in sorted(hashes.keys() | (files.keys() - {"poses"})):
-        if name == "poses" and name not in files:
+    if description.poses_hash is not None:
+        if "poses" not in files:
             raise InputError("command line: the views have listed poses: expected their file, give it with --poses")
+        _check_poses(description, files["poses"], findings)
+    for name in sorted(hashes.keys() | (files.keys() - {"poses"})):
         if name not in files:
             findings.add(KIND, f"dataset.json: expected the inputs of {case.path}, which names no {name}")
             continue
@@ -59,3 +63,16 @@ def check_inputs(description: Description, case: Case, poses: Path | None, findi
             findings.add(KIND, f"dataset.json: frame: {name} is {frame[name]}, {case.path} has {expected}")
     if content["mm_per_unit"] != case.mm_per_unit:
         findings.add(KIND, f"dataset.json: mm_per_unit is {content['mm_per_unit']}, {case.path} has {case.mm_per_unit}")
+
+
+def _check_poses(description: Description, path: Path, findings: Findings) -> None:
+    """Check that a list of poses begins with those of the views."""
+    try:
+        poses, _ = read_poses(
+            path, mesh_from_model=description.mesh_from_model, mm_per_unit=description.content["mm_per_unit"]
+        )
+    except InputError as error:
+        findings.add(KIND, error)
+        return
+    if len(poses) < description.count or poses_hash(poses[: description.count]) != description.poses_hash:
+        findings.add(KIND, f"dataset.json: poses_sha256: {path} does not hold the poses of the dataset")

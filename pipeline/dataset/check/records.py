@@ -39,6 +39,8 @@ DESCRIPTION_KEYS = {
     "format", "versions", "conventions", "count", "object", "options", "camera", "frame", "mesh_from_model",
     "mm_per_unit", "geometry_sha256", "structures", "inputs_sha256",
 }  # fmt: skip
+LISTED_KEYS = {"poses_sha256", "depth_scale"}
+"""Keys of a dataset whose poses were listed."""
 CAMERA_KEYS = {"width", "height", "fx", "fy", "cx", "cy"}
 ELSEWHERE = {"count", "poses", "video", "video_frames"}
 """Options that the description does not list among the others."""
@@ -82,6 +84,11 @@ class Description:
     anti_aliased: bool
 
     @property
+    def poses_hash(self) -> str | None:
+        """SHA-256 of the poses if they were listed; ``None`` if they were drawn."""
+        return self.content.get("poses_sha256")
+
+    @property
     def poses_differ(self) -> bool:
         """Whether no two views have the same pose: none of a sampler that draws, unless it cannot but repeat itself.
 
@@ -95,7 +102,7 @@ class Description:
         }
         names = spread.get(str(options["sampler"]), ())
         distances = options["sampler"] in ("cone", "shell") and options["distance_min"] != options["distance_max"]
-        return "poses" not in self.content["inputs_sha256"] and (distances or any(options[name] for name in names))
+        return self.poses_hash is None and (distances or any(options[name] for name in names))
 
 
 @dataclass(frozen=True)
@@ -160,13 +167,14 @@ def read_description(root: Path) -> Description:
             f"{root / RECORD}: expected the format {FORMAT!r}, found {shortened(content.get('format'))}; "
             "check the dataset with the version that made it"
         )
-    require_keys(content, DESCRIPTION_KEYS, RECORD)
+    listed = LISTED_KEYS & content.keys()
+    require_keys(content, DESCRIPTION_KEYS | (LISTED_KEYS if listed else set()), RECORD)
     count = whole_number(content, "count", RECORD, least=1, most=MOST_VIEWS)
     if not isinstance(content["object"], str):
         raise DamagedFile(f"{RECORD}: expected object to be a name, found {shortened(content['object'])}")
     options, given = mapping(content, "options", RECORD), mapping(content, "camera", RECORD)
     names = set(option_names()) - ELSEWHERE
-    if options.get("sampler") == "trajectory" and "poses" not in mapping(content, "inputs_sha256", RECORD):
+    if options.get("sampler") == "trajectory" and not listed:
         # each pose of a trajectory depends on their number
         names.add("views")
         require_equal(options.get("views"), count, f"{RECORD}: options: views")
@@ -185,6 +193,12 @@ def read_description(root: Path) -> Description:
     require_keys(mapping(content, "versions", RECORD), {"oneframe", "blender"}, f"{RECORD}: versions")
     mapping(content, "structures", RECORD)
     mapping(content, "inputs_sha256", RECORD)
+    if listed:
+        numbers(content, "depth_scale", (), RECORD)
+        if not isinstance(content["poses_sha256"], str):
+            raise DamagedFile(
+                f"{RECORD}: expected poses_sha256 to be a hash, found {shortened(content['poses_sha256'])}"
+            )
     float_depth = ("depth_mm",) if options["float_depth"] else ()
     return Description(
         content=content,

@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 import pytest
 
+from pipeline.blender.dataset import job as dataset_job
 from pipeline.blender.dataset import run as dataset_run
 from pipeline.blender.dataset.job import Job, OpenJob, open_job
 from pipeline.blender.render.engines import check_engine
@@ -650,7 +651,9 @@ def test_the_hashes_of_inputs_are_those_of_the_bytes_that_were_used(tmp_path, wr
     opened = open_job(Job(case, tmp_path / "out", options, WHOLE))
     for path in inputs.values():
         path.write_bytes(b"saved again")
-    assert opened.description["inputs_sha256"] == expected
+    assert opened.inputs_sha256 == expected
+    # of the poses themselves there is a hash of its own
+    assert opened.description["inputs_sha256"] == {name: expected[name] for name in ("frame", "surface")}
 
 
 def test_explicit_poses_are_for_the_mesh_files_frame_and_replace_the_count(case, tmp_path):
@@ -671,9 +674,115 @@ def test_explicit_poses_are_for_the_mesh_files_frame_and_replace_the_count(case,
     assert observed.mean() > 0.8
     assert np.abs(view - frame)[observed].max() <= 1
     # other poses are another dataset
-    np.save(tmp_path / "poses.npy", poses[::-1])
-    with pytest.raises(RunError, match="the file of the poses has changed"):
-        run_here(case, tmp_path / "out", options)
+    for changed, first in ((poses[::-1], 0), (np.stack([*poses[:2], poses[0]]), 2)):
+        np.save(tmp_path / "poses.npy", changed)
+        with pytest.raises(RunError, match=rf"\(pose {first} \(counted from 0\) of the list has changed, which may"):
+            run_here(case, tmp_path / "out", options)
+
+
+def test_a_list_of_poses_grows_at_its_end(case, tmp_path):
+    middle = read_case(case).cam_from_mesh
+    poses = np.stack([rigid(rotation_from_vector(np.array([0, 0, 0.1 * turn]))) @ middle for turn in range(6)])
+    out, whole, file = tmp_path / "out", tmp_path / "whole", tmp_path / "poses.npy"
+    options = dataclasses.replace(OPTIONS, poses=str(file))
+
+    def run_list(folder: Path, listed: np.ndarray, shard: Shard = WHOLE) -> str:
+        np.save(file, listed)
+        return run_here(case, folder, options, shard)
+
+    run_list(out, poses[:4])
+    before = times(out)
+    # the same poses in another file
+    (tmp_path / "poses.json").write_text(json.dumps(poses[:4].tolist()))
+    run_here(case, out, dataclasses.replace(options, poses=str(tmp_path / "poses.json")))
+    assert {name: when for name, when in times(out).items() if name != "."} == {
+        name: when for name, when in before.items() if name != "."
+    }
+    run_list(out, poses)
+    run_list(whole, poses)
+    assert_same_dataset(out, whole)
+    assert all(times(out)[name] == before[name] for name in before if name.count("/") == 3)
+    assert not check_dataset(out, case=read_case(case), poses=file).findings
+    np.save(tmp_path / "other.npy", poses[:5])
+    (finding,) = check_dataset(out, case=read_case(case), poses=tmp_path / "other.npy").findings.shown()
+    assert finding == f"dataset.json: poses_sha256: {tmp_path / 'other.npy'} does not hold the poses of the dataset"
+    changed = Path(shutil.copytree(out, tmp_path / "changed"))
+    description = json.loads((changed / "dataset.json").read_text())
+    (changed / "dataset.json").write_text(json.dumps(description | {"poses_sha256": "0" * 64}))
+    assert (
+        "dataset.json: poses_sha256 is not that of the views' poses: one was changed"
+        in check_dataset(changed).findings.first["views of another run"]
+    )
+    with pytest.raises(RunError, match="holds a dataset of 6 views, and 5 are wanted"):
+        run_list(out, poses[:5])
+    farther = rigid(translation=[0, 0, 5000]) @ middle
+    with pytest.raises(RunError, match="listed poses reach to another depth: the scale of the depth images was"):
+        run_list(out, np.stack([*poses, farther]))
+    with pytest.raises(RunError, match=r"its poses were listed \(--poses\), now they are drawn"):
+        run_here(case, out, OPTIONS)
+    # shards of a shorter, of the whole and of another list
+    other = poses.copy()
+    other[4] = poses[0]
+    for name, listed, index in (("short", poses[:4], 0), ("long", poses, 1), ("other", other, 1)):
+        run_list(tmp_path / name, listed, Shard(index, 2))
+    for second, merged in (("long", "fits"), ("other", "differs")):
+        for part in (second, "short"):
+            shutil.copytree(tmp_path / part, tmp_path / merged, dirs_exist_ok=True)
+    with pytest.raises(RunError, match=r"views up to number 5 .* of a dataset of 4 views, and 4 are wanted"):
+        run_list(tmp_path / "fits", poses[:4])
+    run_list(tmp_path / "fits", poses)
+    assert_same_dataset(tmp_path / "fits", whole)
+    with pytest.raises(
+        RunError, match=r"views of other poses than the listed ones are in the folder: 4; .*000004\.json"
+    ):
+        run_list(tmp_path / "differs", poses)
+
+
+def test_shards_of_fewer_and_of_more_views_are_merged(case, reference, tmp_path):
+    few = dataclasses.replace(OPTIONS, count=24)
+    run_here(case, tmp_path / "few", few, Shard(0, 2))
+    run_here(case, tmp_path / "more", OPTIONS, Shard(1, 2))
+    for last, first in (("few", "more"), ("more", "few")):
+        out = tmp_path / f"{last} last"
+        for part in (first, last):
+            shutil.copytree(tmp_path / part, out, dirs_exist_ok=True)
+        with pytest.raises(RunError, match=r"24 are wanted: .* set the number of views to (30|that) or more"):
+            run_here(case, out, few)
+        run_here(case, out)
+        assert_same_dataset(out, reference)
+
+
+def test_a_growth_that_was_stopped_is_finished_or_taken_back(case, tmp_path, monkeypatch):
+    few, more = (dataclasses.replace(OPTIONS, count=count) for count in (3, 5))
+    whole, out = tmp_path / "whole", tmp_path / "out"
+    run_here(case, whole, few)
+    shutil.copytree(whole, out)
+
+    def stopped_after(views: int) -> None:
+        def render(renderer, folder, indices, finished):
+            real(renderer, folder, list(indices)[:views], finished)
+            raise KeyboardInterrupt
+
+        real = dataset_job.render_views
+        with monkeypatch.context() as patch:
+            patch.setattr(dataset_run, "render_views", render)
+            with pytest.raises(KeyboardInterrupt):
+                run_here(case, out, more)
+
+    stopped_after(0)
+    findings = check_dataset(out).findings.shown()
+    assert findings == [
+        ".work: a run is still going on or was stopped: the dataset is unfinished (3 of 5 views exist): run the same "
+        "command of render_dataset.py again"
+    ]
+    run_here(case, out, few)
+    assert_same_dataset(out, whole)
+    stopped_after(1)
+    with pytest.raises(RunError, match=r"views up to number 3 .* and 3 are wanted: .* to 4 or more"):
+        run_here(case, out, few)
+    run_here(case, out, more)
+    run_here(case, tmp_path / "more", more)
+    assert_same_dataset(out, tmp_path / "more")
 
 
 def test_the_table_of_the_case_is_used_and_the_command_line_goes_before_it(

@@ -1,0 +1,134 @@
+"""What a dataset is made from: the content of ``dataset.json``."""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from .. import __version__
+from ..camera.pinhole import PinholeCamera
+from ..case.case_file import Case
+from ..case.loaded_case import LoadedCase
+from ..errors import InputError
+from ..files.content import hashed_reading, read_content
+from ..surface.mesh import TriangleMesh
+from .differences import COUNT, DEPTH_SCALE, POSES_HASH
+from .identity import geometry_hash, poses_hash
+from .layout import FORMAT
+from .options import DatasetOptions
+from .view import depth_scale_for
+
+POSES = "poses"
+"""Name of the list of poses among the input files."""
+NO_CONTENT = ("count", "poses", "video", "video_frames")
+"""Options that affect no view (a video may be added later), or that the description holds elsewhere."""
+
+
+def input_files(case: Case, options: DatasetOptions) -> dict[str, Path]:
+    """The files that the views depend on, by their names in the description; the list of poses is :data:`POSES`.
+
+    The case file is not among them: its values are in the description, and its text may change, e.g. by landmarks,
+    comments or a video.
+    """
+    files = {name: path for name, path in case.input_files().items() if name != "case"}
+    return files if options.poses is None else files | {POSES: Path(options.poses)}
+
+
+def inputs_sha256(files: Mapping[str, Path]) -> dict[str, str]:
+    """SHA-256 of the files as they are now, by their names.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read.
+    """
+    with hashed_reading() as hashes:
+        for path in files.values():
+            read_content(path, "an input of the dataset")
+    return {name: hashes[path] for name, path in files.items()}
+
+
+def describe(
+    loaded: LoadedCase,
+    options: DatasetOptions,
+    poses: np.ndarray | None,
+    *,
+    hashes: Mapping[str, str],
+    blender: str,
+) -> dict[str, object]:
+    """Describe a dataset: everything that it depends on, or that its users need; JSON types and tuples only.
+
+    Parameters
+    ----------
+    loaded, options
+        The case and the options.
+    poses
+        ``(N, 4, 4)`` listed ``cam_from_model``, mm, which replace the count; ``None`` if they are drawn.
+    hashes
+        SHA-256 of each of the :func:`input_files`, by name.
+    blender
+        Blender's version.
+
+    Raises
+    ------
+    InputError
+        The views would have no pixels, or all listed poses are behind the camera.
+    """
+    case, camera = loaded.case, view_camera(loaded, options)
+    count = options.count if poses is None else len(poses)
+    content = {name: value for name, value in asdict(options).items() if name not in NO_CONTENT}
+    if options.sampler == "trajectory" and poses is None:
+        content["views"] = count  # each pose depends on it
+    listed: dict[str, object] = {}
+    if poses is not None:
+        listed = {POSES_HASH: poses_hash(poses), DEPTH_SCALE: depth_scale_for(farthest_listed_mm(poses, loaded.mesh))}
+    return {
+        "format": FORMAT,
+        "versions": {"oneframe": __version__, "blender": blender},
+        "conventions": "mm; OpenCV camera axes; pixel (0, 0): centre of the top-left pixel; b_from_a matrices",
+        COUNT: count,
+        "object": object_name(case),
+        "options": content,
+        "camera": {**asdict(camera), "K": camera.k.tolist()},
+        "frame": {
+            **asdict(case.camera),
+            "distortion": None if case.distortion is None else asdict(case.distortion),
+            # computed as from the file, to the last bit
+            "cam_from_model": (case.cam_from_mesh @ loaded.mesh_from_model).tolist(),
+        },
+        "mesh_from_model": loaded.mesh_from_model.tolist(),
+        "mm_per_unit": case.mm_per_unit,
+        "geometry_sha256": geometry_hash(loaded.mesh),
+        "structures": {structure.name: list(structure.colour) for structure in case.structures},
+        # of the list of poses, the poses themselves count, and only those of the views
+        "inputs_sha256": {name: digest for name, digest in hashes.items() if name != POSES},
+        **listed,
+    }
+
+
+def object_name(case: Case) -> str:
+    """Name of the surface in the dataset's tables: that of its file, without folder and extension."""
+    return case.mesh.stem
+
+
+def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:
+    """The intrinsics of the views: the frame's, scaled as in the options.
+
+    Raises
+    ------
+    InputError
+        The scaled image would have no pixels.
+    """
+    camera = loaded.case.camera
+    if options.scale == 1.0:
+        return camera
+    width, height = (round(size * options.scale) for size in camera.size_wh)
+    if min(width, height) < 1:
+        raise InputError(f"--scale: expected views of at least 1 px, {options.scale:g} gives {width}x{height}")
+    return camera.resized(width, height)
+
+
+def farthest_listed_mm(poses: np.ndarray, mesh: TriangleMesh) -> float:
+    """A depth that the surface (model frame, mm) does not exceed at listed poses, ``(N, 4, 4)`` cam_from_model, mm."""
+    return float(poses[:, 2, 3].max()) + mesh.radius

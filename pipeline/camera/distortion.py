@@ -15,6 +15,9 @@ from .pinhole import PinholeCamera
 FOLD_GRID = 101
 """Grid lines along each side of the frame in the test for folds; folds narrower than 1 % of the frame may be missed."""
 
+_BLOCK = 1 << 18
+"""Pixels that are resampled at a time, which bounds the memory that it takes."""
+
 
 @dataclass(frozen=True)
 class Distortion:
@@ -89,8 +92,13 @@ def undistort(image: np.ndarray, camera: PinholeCamera, distortion: Distortion) 
     -------
     The undistorted frame, and ``(H, W)`` bool: pixels whose content was inside the distorted frame.
     """
-    rays = camera.rays_cam(camera.pixel_grid().reshape(-1, 2))
-    pixels = distortion.distort(rays[:, :2]) * [camera.fx, camera.fy] + [camera.cx, camera.cy]
-    inside = ((pixels >= 0) & (pixels <= [camera.width - 1, camera.height - 1])).all(axis=1)
-    resampled = sample_bilinear(image, pixels).astype(image.dtype).reshape(image.shape)
-    return resampled, inside.reshape(camera.shape_hw)
+    resampled, inside = np.empty_like(image), np.empty(camera.shape_hw, dtype=bool)
+    rows = max(1, _BLOCK // camera.width)
+    for top in range(0, camera.height, rows):
+        v, u = np.mgrid[top : min(top + rows, camera.height), : camera.width]
+        rays = camera.rays_cam(np.stack([u, v], axis=-1).astype(np.float64))
+        pixels = distortion.distort(rays[..., :2]) * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+        inside[top : top + rows] = ((pixels >= 0) & (pixels <= [camera.width - 1, camera.height - 1])).all(axis=-1)
+        block = resampled[top : top + rows]
+        block[...] = sample_bilinear(image, pixels.reshape(-1, 2)).reshape(block.shape)
+    return resampled, inside

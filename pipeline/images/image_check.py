@@ -22,7 +22,7 @@ LARGEST_IMAGE = 1 << 26
 """Pixels of the largest image that is decoded."""
 
 LARGEST_FRAME = 25_000_000
-"""Pixels of the largest frame: 4K video has 8.3 million. Reading it takes up to 1 GB."""
+"""Pixels of the largest frame: 4K video has 8.3 million. Reading one of 16 bits takes 0.8 GB."""
 
 MOST_PIXEL_BYTES = 64
 """Four channels of 32 bits take 16; EXR files may hold some layers more."""
@@ -149,6 +149,7 @@ def _orientation(exif: bytes) -> int:
 def _checked_png(data: bytes, where: str) -> bytes:
     """Check a PNG's chunks; returns its EXIF block, or nothing."""
     position, kind, exif, chunks = len(PNG_SIGNATURE), b"", b"", 0
+    view = memoryview(data)  # a slice of bytes would be a copy, of all pixels perhaps
     while kind != b"IEND":
         chunks += 1
         if chunks > MOST_CHUNKS:
@@ -156,13 +157,13 @@ def _checked_png(data: bytes, where: str) -> bytes:
         if position + 12 > len(data):
             raise InputError(f"{where}: expected a whole PNG image, the file is cut off; copy it again")
         (size,) = struct.unpack_from(">I", data, position)
-        kind, body = data[position + 4 : position + 8], data[position + 8 : position + 8 + size]
+        kind, body = data[position + 4 : position + 8], view[position + 8 : position + 8 + size]
         stored = data[position + 8 + size : position + 12 + size]
         if len(stored) < 4:
             raise InputError(f"{where}: expected a whole PNG image, the file is cut off; copy it again")
         if struct.unpack(">I", stored)[0] != zlib.crc32(body, zlib.crc32(kind)):
             raise InputError(f"{where}: expected an intact PNG image, chunk {kind!r} is damaged; copy it again")
         if kind == b"eXIf":
-            exif = body
+            exif = bytes(body)
         position += 12 + size
     return exif

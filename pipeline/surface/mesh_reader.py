@@ -2,21 +2,20 @@
 
 All readers end in :func:`pipeline.surface.mesh.checked_mesh`. Writing is :mod:`pipeline.surface.mesh_writer`.
 
-Sources: Wavefront, "Object Files (.obj)" 3.0; 3D Systems, "StereoLithography Interface Specification" (1989); for PLY
-see :mod:`pipeline.surface.ply_reader`.
+Sources: 3D Systems, "StereoLithography Interface Specification" (1989); for PLY and OBJ see
+:mod:`pipeline.surface.ply_reader` and :mod:`pipeline.surface.obj_reader`.
 """
 
-import itertools
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
 from ..files.content import read_content
-from ..files.numbers import first_wrong_word, parsed_numbers, unfinished_warnings
+from ..files.numbers import first_wrong_word, parsed_numbers
 from .mesh import MOST_FACES, TriangleMesh, checked_mesh
+from .obj_reader import LONGEST_LINE, read_obj
 from .ply_reader import read_ply
 
 LARGEST_MESH = 768 << 20
@@ -25,8 +24,8 @@ LARGEST_MESH = 768 << 20
 MOST_CORNERS = 10_000
 """Of a polygon."""
 
-LONGEST_LINE, _BLOCK = 1 << 20, 8 << 20
-"""Bytes of a line of text, and those that are split into words at a time: words take many times their size."""
+_BLOCK = 8 << 20
+"""Bytes of text that are split into words at a time: words take many times their size."""
 
 
 def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
@@ -75,121 +74,6 @@ def _fan_triangles(lengths: np.ndarray, corners: np.ndarray) -> np.ndarray:
     step = np.arange(len(polygon)) - (np.cumsum(per_polygon) - per_polygon)[polygon]
     first = (np.cumsum(lengths) - lengths)[polygon]
     return corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]
-
-
-# --- Wavefront OBJ
-
-
-def _read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
-    """Read the lines ``v`` and ``f``; the result is as that of :func:`pipeline.surface.ply_reader.read_ply`."""
-    if b"\0" in data:
-        raise InputError(f"{where}: expected a text, found binary data; the file is corrupt: copy or export it again")
-    text = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
-    text = text.replace(b"\\\n", b" ")  # joined lines count as one in the line numbers of messages
-    vertices: list[np.ndarray] = [np.empty((0, 3))]
-    corners: list[np.ndarray] = []
-    lengths: list[np.ndarray] = []
-    blocks: list[tuple[int, bytes]] = []
-    first_line = vertex_count = 0
-    for block in _blocks_of_lines(text, where):
-        found, faces = _obj_vertices(block, first_line, where), _obj_faces(block, first_line, vertex_count, where)
-        vertices.append(found)
-        vertex_count += len(found)
-        corners.append(faces[0])
-        lengths.append(faces[1])
-        blocks.append((first_line, block))
-        first_line += block.count(b"\n")
-    all_corners, all_lengths = np.concatenate(corners), np.concatenate(lengths)
-    wrong = all_corners >= vertex_count
-    if wrong.any():
-        first = int(np.argmax(wrong))
-        face = int(np.searchsorted(np.cumsum(all_lengths), first, side="right"))
-        for found_lengths, (first_line, block) in zip(lengths, blocks, strict=True):
-            if face < len(found_lengths):
-                line = first_line + _line_of(_OBJ_FACE, block, face)
-                raise _no_such_vertex(where, line, vertex_count, int(all_corners[first]) + 1)
-            face -= len(found_lengths)
-    return np.concatenate(vertices), all_lengths, all_corners, unfinished_warnings(data, where)
-
-
-def _blocks_of_lines(text: bytes, where: str) -> Iterator[bytes]:
-    """The text in parts of whole lines."""
-    start = 0
-    while start < len(text):
-        stop = text.find(b"\n", start + _BLOCK, start + _BLOCK + LONGEST_LINE) + 1
-        if not stop and start + _BLOCK + LONGEST_LINE < len(text):
-            raise InputError(
-                f"{where}: expected lines of up to {LONGEST_LINE:,} bytes, found a longer one; export it again"
-            )
-        yield text[start : stop or len(text)]
-        start = stop or len(text)
-
-
-_OBJ_VERTEX = re.compile(rb"^[ \t]*v[ \t]([^\n#]*)", re.MULTILINE)
-_OBJ_FACE = re.compile(rb"^[ \t]*f[ \t]([^\n#]*)", re.MULTILINE)
-
-
-def _obj_vertices(block: bytes, first_line: int, where: str) -> np.ndarray:
-    """``(V, 3)``, of the lines ``v``."""
-    rows = _OBJ_VERTEX.findall(block)
-    numbers, counts = _obj_numbers(rows, np.float64, _OBJ_VERTEX, block, first_line, where)
-    if (counts < 3).any():
-        line = first_line + _line_of(_OBJ_VERTEX, block, int(np.argmax(counts < 3)))
-        raise InputError(
-            f"{where}: line {line}: expected 'v x y z', found {counts.min()} numbers; copy or export the file again"
-        )
-    return numbers[(np.cumsum(counts) - counts)[:, None] + np.arange(3)]  # w or a colour may follow
-
-
-def _obj_faces(block: bytes, first_line: int, vertex_count: int, where: str) -> tuple[np.ndarray, np.ndarray]:
-    """Of the lines ``f``: vertex indices from 0, and corners per face.
-
-    ``vertex_count`` is the number of vertices before the block.
-    """
-    rows = _OBJ_FACE.findall(block)
-    if any(b"/" in row for row in rows):
-        rows = re.sub(rb"(?<=[0-9])/\S*", b"", b"\n".join(rows)).split(b"\n")  # v/vt/vn -> v
-    given, lengths = _obj_numbers(rows, np.int64, _OBJ_FACE, block, first_line, where)
-    if (given > 0).all():
-        return given - 1, lengths
-    vertices, faces = (np.array([match.start() for match in kind.finditer(block)]) for kind in (_OBJ_VERTEX, _OBJ_FACE))
-    before = np.repeat(vertex_count + np.searchsorted(vertices, faces), lengths)
-    corners = np.where(given > 0, given - 1, given + before)
-    wrong = (given == 0) | (corners < 0)
-    if wrong.any():
-        first = int(np.argmax(wrong))
-        face = int(np.searchsorted(np.cumsum(lengths), first, side="right"))
-        line = first_line + _line_of(_OBJ_FACE, block, face)
-        raise _no_such_vertex(where, line, int(before[first]), int(given[first]))
-    return corners, lengths
-
-
-def _no_such_vertex(where: str, line: int, vertices: int, found: int) -> InputError:
-    return InputError(
-        f"{where}: line {line}: expected vertex numbers 1..{vertices} or negative ones that count back, found "
-        f"{found}; the file is truncated or corrupt: copy or export it again"
-    )
-
-
-def _line_of(kind: re.Pattern[bytes], block: bytes, index: int) -> int:
-    """The line, from 1, of the match with an index."""
-    start = next(itertools.islice(kind.finditer(block), index, None)).start()
-    return 1 + block.count(b"\n", 0, start)
-
-
-def _obj_numbers(
-    rows: list[bytes], dtype: type, kind: re.Pattern[bytes], block: bytes, first_line: int, where: str
-) -> tuple[np.ndarray, np.ndarray]:
-    """All numbers in the rows, and their count per row; ``kind`` finds the rows in their block."""
-    text = b"\n".join(rows)
-    numbers = parsed_numbers(text, dtype)
-    if numbers is None:
-        index, word = first_wrong_word(text, dtype)
-        raise InputError(
-            f"{where}: line {first_line + _line_of(kind, block, index)}: expected numbers, found {word!r}; "
-            "the file is corrupt: copy or export it again"
-        )
-    return numbers, np.array([len(row.split()) for row in rows], dtype=np.int64)
 
 
 # --- STL
@@ -295,4 +179,4 @@ def _merged(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return in_order[first], index
 
 
-_READERS = {".ply": read_ply, ".obj": _read_obj, ".stl": _read_stl}
+_READERS = {".ply": read_ply, ".obj": read_obj, ".stl": _read_stl}

@@ -1,5 +1,7 @@
 """Lens distortion against OpenCV's own implementation."""
 
+import tracemalloc
+
 import cv2
 import numpy as np
 import pytest
@@ -113,3 +115,13 @@ def test_accepted_distortions_can_be_inverted(values):
 def test_principal_point_on_a_corner_is_no_fold():
     camera = PinholeCamera(64, 48, 300.0, 300.0, 0.0, 0.0)
     assert checked_distortion([0.05, 0, 0, 0, 0], camera, "K") is not None
+
+
+def test_undistorting_takes_little_more_than_its_result():
+    camera = PinholeCamera(2000, 1500, fx=4000.0, fy=4000.0, cx=999.5, cy=749.5)
+    image = np.zeros((1500, 2000, 3), dtype=np.float32)
+    tracemalloc.start()
+    undistort(image, camera, Distortion(-0.1, 0.02, 0.001, -0.002, 0.003))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 4 * image.nbytes

@@ -16,6 +16,7 @@ from pipeline.errors import InputError
 from pipeline.files.numbers import parsed_numbers
 from pipeline.surface.mesh import checked_mesh
 from pipeline.surface.mesh_reader import read_mesh
+from pipeline.surface.obj_reader import read_obj
 
 TYPE_NAMES = {
     "b": ("char", "int8"),
@@ -202,6 +203,60 @@ def test_any_obj_spelling_gives_the_same_triangles(tmp_path, data, soup, line_br
             lines.append(f"{data.draw(indent)}f {' '.join(words[:cut])}{joint}{' '.join(words[cut:])}  ")
     (tmp_path / "a.obj").write_bytes((line_break.join(lines) + line_break).encode())
     assert_reads_as(tmp_path / "a.obj", vertices, polygons)
+
+
+def obj_line_by_line(text: str) -> tuple[list[list[float]], list[list[int]], set[int]]:
+    """Vertices, polygons and the numbers of the lines that are wrong: the plainest reader of OBJ."""
+    vertices, polygons, wrong = [], [], set()
+    last_of = []
+    for number, line in enumerate(re.sub("\r\n?", "\n", text).replace("\\\n", " ").split("\n"), start=1):
+        found = re.match(r"[ \t]*([vf])[ \t]([^#]*)", line)
+        words = found[2].split() if found else []
+        try:
+            if found and found[1] == "v":
+                vertices.append([float(word) for word in words][:3])
+                if len(words) < 3:
+                    wrong.add(number)
+            elif found:
+                given = [int(re.sub(r"(?<=[0-9])/.*", "", word)) for word in words]
+                polygons.append([index - 1 if index > 0 else len(vertices) + index for index in given])
+                last_of.append((number, max(given, default=1)))
+                if 0 in given or min(polygons[-1], default=0) < 0:
+                    wrong.add(number)
+        except ValueError:
+            wrong.add(number)
+    return vertices, polygons, wrong | {number for number, index in last_of if index > len(vertices)}
+
+
+obj_words = st.sampled_from(
+    [*"1123456", "-1", "-2", "2/1", "3//1", "1/2/3", "-1/1", "3/", "1.5", "0", "/1", "x", "7", "#"]
+)
+obj_lines = st.one_of(
+    st.tuples(st.sampled_from(["v ", "v\t", " v "]), st.lists(st.sampled_from(["0", "1", "-2.5", "1e3"]), min_size=3)),
+    st.tuples(st.sampled_from(["f ", "\tf\t"]), st.lists(st.sampled_from(["1", "2", "-1", "1/2/3", "2//1"]))),
+    st.tuples(st.sampled_from(["v ", "f ", "vt ", "#", "", "v", "fv ", "f\v"]), st.lists(obj_words, max_size=4)),
+).map(lambda line: line[0] + " ".join(line[1]))
+
+
+@settings(quick, max_examples=400)
+@given(
+    st.lists(st.tuples(obj_lines, st.sampled_from(["\n"] * 5 + ["\r\n", " \\\n", "  \n", " # 1 v\n"])), max_size=12),
+    st.sampled_from([1, 20, 1 << 20]),
+)
+def test_obj_is_read_as_line_by_line(monkeypatch, lines, block):
+    """All bytes of a block at once, wherever blocks end: the same numbers, and errors that name a wrong line."""
+    text = "v 1 2 3\nv 4 5 6\n" + "".join(line + end for line, end in lines)
+    vertices, polygons, wrong = obj_line_by_line(text)
+    monkeypatch.setattr("pipeline.surface.obj_reader._BLOCK", block)
+    if wrong:
+        with pytest.raises(InputError) as refused:
+            read_obj(text.encode(), "a.obj")
+        assert int(re.match(r"a\.obj: line (\d+): ", str(refused.value))[1]) in wrong
+        return
+    found, lengths, corners, _ = read_obj(text.encode(), "a.obj")
+    assert found.tolist() == vertices
+    assert lengths.tolist() == [len(polygon) for polygon in polygons]
+    assert corners.tolist() == [corner for polygon in polygons for corner in polygon]
 
 
 @quick

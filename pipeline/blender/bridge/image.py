@@ -34,6 +34,7 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
         # the bytes that were checked, whatever the file is called and whatever has become of it
         image.source = "FILE"
         image.pack(data=data, data_len=len(data))
+        del data
         image.colorspace_settings.name = "Non-Color"
         # straight alpha: else Blender multiplies 16-bit colours by alpha
         image.alpha_mode = "CHANNEL_PACKED"
@@ -43,6 +44,8 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
         channels = image.channels
         if width == 0 or height == 0 or channels == 0:
             raise InputError(f"{where}: expected an image, Blender cannot decode it; open and save it again as PNG")
+        # lets the file's bytes go, not the pixels: those and their copy take enough memory. unpack() would print
+        image.pack(data=b" ", data_len=1)
         values = np.empty(width * height * channels, np.float32)
         image.pixels.foreach_get(values)
     finally:

@@ -208,7 +208,7 @@ class RunFolder:
             self._check_description()
             record, content = self.path / RECORD, description_bytes(self._description)
             if record.exists() and not is_cut_off(existing := record.read_bytes(), content):
-                had, wanted = json.loads(existing)[COUNT], int(str(self._description[COUNT]))
+                had, wanted = (json.loads(text)[COUNT] for text in (existing, content))
                 if had == wanted:
                     if existing != content:
                         # the same values, but not as a run writes them: its sum is that of these bytes

@@ -86,7 +86,9 @@ def check_description(
         content = record.read_bytes()
     except FileNotFoundError:
         return
+    wanted = description[COUNT]
     if is_cut_off(content, description_bytes(description)):
+        _check_count(root, wanted, wanted, may_shrink=may_shrink)
         return
     try:
         existing = json.loads(content)
@@ -109,7 +111,10 @@ def check_description(
             f"{root}: the folder holds the dataset of another run ({_first(described(changes))}); "
             "undo the change to resume it, or choose another folder (--out)"
         )
-    had, wanted = existing.get(COUNT), description[COUNT]
+    _check_count(root, existing.get(COUNT), wanted, may_shrink=may_shrink)
+
+
+def _check_count(root: Path, had: object, wanted: object, *, may_shrink: bool) -> None:
     least = fewest_views(root, had, may_shrink=may_shrink) if isinstance(had, int) else None
     if least is None or not isinstance(wanted, int) or wanted < least == had:
         raise RunError(
@@ -118,9 +123,8 @@ def check_description(
         )
     if wanted < least:
         raise RunError(
-            f"{root}: the folder holds views up to number {least - 1} (counted from 0) of a dataset of {had} views, "
-            f"and {wanted} are wanted: views are never removed; set the number of views to {least} or more, or choose "
-            "another folder (--out)"
+            f"{root}: the folder holds views up to number {least - 1} (counted from 0), and {wanted} are wanted: "
+            f"views are never removed; set the number of views to {least} or more, or choose another folder (--out)"
         )
 
 

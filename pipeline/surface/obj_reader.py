@@ -90,19 +90,18 @@ def _rows(block: bytes, first_line: int) -> tuple[_Rows, _Rows]:
     """The lines ``v`` and ``f`` of a block whose first line has that number, without comments."""
     letters = np.frombuffer(block if block.endswith(b"\n") else block + b"\n", np.uint8).copy()
     line_break = letters == ord("\n")
-    if b"#" in block:
-        letters[_from_to(letters == ord("#"), line_break)] = ord(" ")
     ends = np.flatnonzero(line_break)
     starts = np.concatenate([[0], ends[:-1] + 1])
     keyword = starts
     if _is_blank(letters[starts]).any():
         visible = np.flatnonzero(~_is_blank(letters))  # line breaks among them, so each line has one
         keyword = visible[np.searchsorted(visible, starts)]
-    kinds = letters[keyword]
+    of_kinds = [np.flatnonzero(letters[keyword] == kind) for kind in b"vf"]
+    of_kinds = [index[_is_blank(letters[keyword[index] + 1])] for index in of_kinds]
+    if b"#" in block:
+        letters[_from_to(letters == ord("#"), line_break)] = ord(" ")
     rows = []
-    for kind in b"vf":
-        index = np.flatnonzero(kinds == kind)
-        index = index[_is_blank(letters[keyword[index] + 1])]
+    for index in of_kinds:
         letters[keyword[index]] = ord(" ")
         lengths = (ends - starts + 1)[index]
         if len(index) and index[-1] - index[0] == len(index) - 1:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -243,6 +243,7 @@ obj_lines = st.one_of(
     st.lists(st.tuples(obj_lines, st.sampled_from(["\n"] * 5 + ["\r\n", " \\\n", "  \n", " # 1 v\n"])), max_size=12),
     st.sampled_from([1, 20, 1 << 20]),
 )
+@example([("v#", "\n"), ("f #", "\n")], 1)
 def test_obj_is_read_as_line_by_line(monkeypatch, lines, block):
     """All bytes of a block at once, wherever blocks end: the same numbers, and errors that name a wrong line."""
     text = "v 1 2 3\nv 4 5 6\n" + "".join(line + end for line, end in lines)

@@ -39,7 +39,7 @@ def class_registration(
         Operators, panels, property groups and so on, each after those that it refers to. Their properties, and those
         of the mixins that they inherit from, are written as above.
     keys
-        The keys of these operators (:class:`.keymap.Keys`).
+        The keys of these operators (``ui.keymap.Keys``).
     """
     for kind in classes:
         for base in kind.__mro__:

@@ -194,5 +194,5 @@ def _is_blank(letters: np.ndarray) -> np.ndarray:
 
 
 def _is_space(letters: np.ndarray) -> np.ndarray:
-    """What separates words, as in :meth:`bytes.split`: space, tab, line break, vertical tab, form feed, return."""
+    """What separates words, as in ``bytes.split``: space, tab, line break, vertical tab, form feed, return."""
     return (letters == ord(" ")) | ((letters >= ord("\t")) & (letters <= ord("\r")))

@@ -19,7 +19,7 @@ $(VENV)/.ready: pyproject.toml
 	@"$(PYTHON)" -c 'import sys; v = "%d.%d" % sys.version_info[:2]; v in ("3.11", "3.13") or sys.exit("error: expected Python 3.13 (for Blender 5.2 LTS) or 3.11 (for Blender 4.5 LTS), found " + v)'
 	@echo "setting up $(VENV) with $$("$(PYTHON)" --version) (Blender as a module: about 400 MB)"
 	@"$(PYTHON)" -m venv --clear $(VENV)
-	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[test,lint]"
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[volume,test,lint]"
 	@$(RUN) -c 'import bpy; print("Blender", bpy.app.version_string, "is ready; the commands are in $(VENV)/bin/oneframe")'
 	@touch $@
 

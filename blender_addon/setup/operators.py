@@ -198,7 +198,9 @@ class ONEFRAME_OT_load_camera(ReportingFile, bpy.types.Operator, ImportHelper):
         if size is None:
             raise InputError(f"{self.filepath}: expected an image size, found none in this file; load the frame first")
         fit = fit_of(found, size)
-        to_scene.set_camera(context, fit.camera, found.distortion_for(fit.camera))
+        # of another size, the panel offers to rescale it, as it does when the frame is loaded after K
+        camera = fit.camera if fit.rescaled is None or found.size is None else found.camera(found.size)
+        to_scene.set_camera(context, camera, found.distortion_for(camera))
         return *found.messages, *fit.messages
 
 

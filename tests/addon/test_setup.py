@@ -432,6 +432,19 @@ def test_a_frame_of_another_size_is_reported(opened, case_path):
     assert to_scene.frame_warnings(opened) == ()
 
 
+def test_a_k_for_another_size_can_be_rescaled_also_if_it_is_loaded_after_the_frame(opened, tmp_path):
+    k = from_scene.camera(opened)
+    half = k.resized(k.width // 2, k.height // 2)
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps({name: getattr(half, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}))
+    bpy.ops.oneframe.load_camera(filepath=str(path))
+    assert f"{half.width} x {half.height}" in to_scene.frame_warnings(opened)[0]
+    bpy.ops.oneframe.rescale_camera()
+    assert to_scene.frame_warnings(opened) == ()
+    found = from_scene.camera(opened)
+    assert np.allclose([found.fx, found.fy, found.cx, found.cy], [k.fx, k.fy, k.cx, k.cy], rtol=1e-12)
+
+
 def test_a_folder_that_does_not_exist_is_reported(opened, tmp_path):
     with pytest.raises(RuntimeError, match=r"nowhere/case\.toml: No such file") as caught:
         bpy.ops.oneframe.save_case(filepath=str(tmp_path / "nowhere" / "case.toml"))

@@ -433,6 +433,8 @@ def test_a_frame_of_another_size_is_reported(opened, case_path):
 
 
 def test_a_k_for_another_size_can_be_rescaled_also_if_it_is_loaded_after_the_frame(opened, tmp_path):
+    from blender_addon.state import from_scene, to_scene
+
     k = from_scene.camera(opened)
     half = k.resized(k.width // 2, k.height // 2)
     path = tmp_path / "camera.json"

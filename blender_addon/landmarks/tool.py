@@ -67,8 +67,9 @@ class LandmarkTool(bpy.types.WorkSpaceTool):
 def instruction(context: bpy.types.Context) -> str:
     """The instruction for the next click, shown in the tool's header, in the panel and next to the pointer."""
     scene = context.scene
-    if not from_scene.is_set_up(scene):
-        return missing_step(scene)
+    missing = missing_step(scene)
+    if missing:
+        return missing
     landmarks = from_scene.landmarks_model(scene)
     in_frame = shows_frame(context)
     if active_tool(context) == PIN_TOOL and in_frame:

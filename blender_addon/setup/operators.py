@@ -120,13 +120,15 @@ class ONEFRAME_OT_save_case(NeedsAlignment, ReportingFile, bpy.types.Operator, E
             name="Save As",
             description="Ask for the file even if the case already has one",
             default=False,
-            options={"SKIP_SAVE"},
+            options={"SKIP_SAVE", "HIDDEN"},
         )
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         known = bpy.path.abspath(context.scene.oneframe.case_path)
-        self.filepath = known or "case.toml"
+        frame_path = context.scene.oneframe.frame_path
+        beside = from_scene.absolute_path(frame_path).parent if frame_path else Path()
+        self.filepath = known or str(beside / "case.toml")
         return self.execute(context) if known and not self.save_as else super().invoke(context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:

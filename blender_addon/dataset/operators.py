@@ -14,6 +14,7 @@ from ..pipeline.errors import InputError
 from ..registration import class_registration, prop
 from ..state import from_scene
 from ..state.file_watch import Stamp, known_stamp
+from ..ui.frame_view import shows_frame
 from ..ui.operator import Messages, NeedsAlignment, Reporting
 from . import background_job, pose_preview
 from .existing_dataset import check_folder, existing_views
@@ -43,10 +44,9 @@ class ONEFRAME_OT_preview_poses(NeedsAlignment, Reporting, bpy.types.Operator):
             f"{len(planned.lines)} of {planned.count} poses: the frame observed {planned.observed.min():.0%} to "
             f"{planned.observed.max():.0%} of the surface in view; {planned.attempts:.1f} attempts per pose"
         )
-        return (
-            message,
-            "leave the camera view (middle mouse button or numpad 0) to see the poses",
-        )
+        if shows_frame(context):
+            return message, "the poses are seen from elsewhere: press Orbit, then Home"
+        return message, "press Home in the view to see all of them"
 
 
 class ONEFRAME_OT_hide_poses(Reporting, bpy.types.Operator):

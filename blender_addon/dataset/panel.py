@@ -6,6 +6,7 @@ import bpy
 
 from ..pipeline.errors import InputError
 from ..registration import class_registration
+from ..state import from_scene
 from ..state.file_watch import known_stamp
 from ..ui.wrapped_text import draw_text
 from . import background_job, operators, pose_preview
@@ -37,6 +38,11 @@ class ONEFRAME_PT_dataset(_DatasetPanel, bpy.types.Panel):
     bl_idname = "ONEFRAME_PT_dataset"
     bl_label = "7  Dataset"
     bl_order = 6
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        # a run goes on, and can be cancelled, whatever becomes of the scene
+        return from_scene.is_set_up(context.scene) or background_job.current() is not None
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.oneframe

@@ -279,8 +279,10 @@ def test_a_sheared_surface_is_refused(opened):
 
 def test_deleted_objects_are_reported(opened):
     bpy.data.objects.remove(opened.oneframe.surface)
-    with pytest.raises(RuntimeError, match="expected a surface"):
+    with pytest.raises(RuntimeError, match="surface first"):
         bpy.ops.oneframe.save_case(filepath="x.toml")
+    with pytest.raises(RuntimeError, match="Load the surface first"):
+        bpy.ops.oneframe.add_structure(filepath="x.ply")
     opened.collection.children[0].objects.unlink(opened.oneframe.camera_object)
     bpy.ops.oneframe.set_camera()
     assert opened.oneframe.camera_object.name in opened.objects
@@ -430,8 +432,23 @@ def test_a_frame_of_another_size_is_reported(opened, case_path):
     assert to_scene.frame_warnings(opened) == ()
 
 
+def test_a_k_for_another_size_can_be_rescaled_also_if_it_is_loaded_after_the_frame(opened, tmp_path):
+    from blender_addon.state import from_scene, to_scene
+
+    k = from_scene.camera(opened)
+    half = k.resized(k.width // 2, k.height // 2)
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps({name: getattr(half, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}))
+    bpy.ops.oneframe.load_camera(filepath=str(path))
+    assert f"{half.width} x {half.height}" in to_scene.frame_warnings(opened)[0]
+    bpy.ops.oneframe.rescale_camera()
+    assert to_scene.frame_warnings(opened) == ()
+    found = from_scene.camera(opened)
+    assert np.allclose([found.fx, found.fy, found.cx, found.cy], [k.fx, k.fy, k.cx, k.cy], rtol=1e-12)
+
+
 def test_a_folder_that_does_not_exist_is_reported(opened, tmp_path):
-    with pytest.raises(RuntimeError, match="No such file") as caught:
+    with pytest.raises(RuntimeError, match=r"nowhere/case\.toml: No such file") as caught:
         bpy.ops.oneframe.save_case(filepath=str(tmp_path / "nowhere" / "case.toml"))
     assert "Traceback" not in str(caught.value)
 
@@ -519,4 +536,4 @@ def test_a_surface_in_metres_is_doubted(addon, case_path, capfd):
     bpy.ops.oneframe.load_surface(filepath=str(case_path.parent / "metres.ply"))
     assert "in metres it would be" in capfd.readouterr().out
     bpy.ops.oneframe.change_units(units="m")
-    assert "would be" not in capfd.readouterr().out
+    assert "metres.ply" not in capfd.readouterr().out, "the size before the change was judged"

@@ -172,7 +172,11 @@ class ONEFRAME_OT_load_video_frame(ReportingFile, bpy.types.Operator, ImportHelp
     def run(self, context: bpy.types.Context) -> Messages:
         from ..pipeline.video.frame_reader import write_video_frame
 
-        path = write_video_frame(self.chosen_file(), self.frame_index)
+        video = self.chosen_file()
+        # the decoder would take a single JPEG for a video
+        if "*" + video.suffix.lower() in IMAGES.split(";"):
+            raise InputError(f"{video.name}: expected a video, found an image; open it with Load Frame")
+        path = write_video_frame(video, self.frame_index)
         image, _ = read_image(path, path.name)
         messages = to_scene.set_frame(context, path, image.shape[1], image.shape[0])
         return (f"frame {self.frame_index} saved as {path}", *messages)

@@ -5,6 +5,7 @@ import itertools
 import json
 
 import bpy
+import cv2
 import numpy as np
 import pytest
 from bpy_extras.object_utils import world_to_camera_view
@@ -337,6 +338,11 @@ def _no_video(folder):
     return bpy.ops.oneframe.load_video_frame, {"filepath": str(folder / "bad.mp4")}, "video"
 
 
+def _an_image_as_video(folder):
+    cv2.imwrite(str(folder / "still.jpg"), np.zeros((48, 64, 3), np.uint8))
+    return bpy.ops.oneframe.load_video_frame, {"filepath": str(folder / "still.jpg")}, "found an image"
+
+
 def _no_faces(folder):
     (folder / "points.ply").write_text(
         "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
@@ -398,7 +404,17 @@ def _lost_frame(folder):
 
 
 MISTAKES = (
-    *(_no_image, _no_video, _no_faces, _zero_k, _typed_zero_k, _typed_word, _moved_files, _mirrored_pose),
+    *(
+        _no_image,
+        _no_video,
+        _an_image_as_video,
+        _no_faces,
+        _zero_k,
+        _typed_zero_k,
+        _typed_word,
+        _moved_files,
+        _mirrored_pose,
+    ),
     _name_of_another_toml,
     *(_no_name, _name_of_the_frame, _name_of_the_mesh, _name_of_the_case, _lost_frame),
 )

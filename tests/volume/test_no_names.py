@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.volume import volume_reader
 from pipeline.volume.label_map import read_labels
 from pipeline.volume.volume_reader import list_series, read_volume
 
@@ -22,6 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 READ = """
 import sys, pathlib
 from pipeline.volume.volume_reader import list_series, read_volume
+from pipeline.volume import volume_reader
 from pipeline.volume.label_map import read_labels
 for call in (list_series, read_volume, read_labels):
     try:
@@ -79,6 +81,13 @@ def spoken_and_written(path: Path, folder: Path) -> bytes:
     return ended.stdout + ended.stderr + left
 
 
+@pytest.fixture
+def here(monkeypatch):
+    """Read in this process, which tells the same in less time."""
+    direct = lambda function, data, arguments, **_: function(data, *arguments)  # noqa: E731
+    monkeypatch.setattr(volume_reader, "called_apart", direct)
+
+
 def told_by(call, path: Path) -> str:
     """What a function gives, or its error."""
     try:
@@ -87,7 +96,7 @@ def told_by(call, path: Path) -> str:
         return f"{error!r} {error.__cause__!r}"
 
 
-def test_no_tag_of_dicom_is_ever_told(write_series, tmp_path):
+def test_no_tag_of_dicom_is_ever_told(here, write_series, tmp_path):
     """Read well, listed, and refused at each step: several series, a missing slice, no geometry, damage, modality."""
     from pydicom.uid import UID
 
@@ -124,12 +133,13 @@ def test_no_tag_of_dicom_is_ever_told(write_series, tmp_path):
 
 @pytest.mark.parametrize("suffix", [".nii", ".nrrd", ".mhd"])
 @pytest.mark.parametrize("fault", ["none", "labels", "cut", "keyword"])
-def test_no_text_of_a_header_is_ever_told(tmp_path, suffix, fault):
+def test_no_text_of_a_header_is_ever_told(here, tmp_path, suffix, fault):
     path, values = tmp_path / f"ct{suffix}", np.arange(-60, 60, dtype=np.int16).reshape(4, 5, 6)
-    sitk.WriteImage(sitk.GetImageFromArray(abs(values) % 3 if fault == "labels" else values), str(path))
+    values = abs(values) % 3 if fault == "labels" else values
+    sitk.WriteImage(sitk.GetImageFromArray(values), str(path))
     if suffix == ".nii":
         image = nib.load(path)
-        image = nib.Nifti1Image(np.asarray(image.dataobj), image.affine, image.header)
+        image = nib.Nifti1Image(values.T, image.affine, image.header)
         for field in ("descrip", "aux_file", "intent_name", "db_name"):
             image.header[field] = SECRET.encode()
         nib.save(image, path)
@@ -145,7 +155,11 @@ def test_no_text_of_a_header_is_ever_told(tmp_path, suffix, fault):
     if fault == "cut":
         data = path.with_suffix(".raw") if suffix == ".mhd" else path
         data.write_bytes(data.read_bytes()[:-20])
-    (tmp_path / "out").mkdir()
-    told = spoken_and_written(path, tmp_path / "out")
-    assert b"Volume(" in told or b"LabelMap(" in told or b"InputError" in told
-    assert SECRET.encode() not in told
+    told = told_by(read_volume, path) + told_by(read_labels, path)
+    assert "Volume(" in told or "LabelMap(" in told or "InputError" in told
+    assert SECRET not in told
+    if fault == "none":
+        (tmp_path / "out").mkdir()
+        spoken = spoken_and_written(path, tmp_path / "out")
+        assert b"Volume(" in spoken
+        assert SECRET.encode() not in spoken

@@ -95,13 +95,14 @@ def _check_alike(places: Sequence[SlicePlace], where: str) -> None:
 def _check_steps(along_mm: np.ndarray, where: str) -> None:
     """Check that sorted distances along the normal are equally spaced."""
     steps = np.diff(along_mm)
-    typical = float(np.median(steps))
-    together = int(np.count_nonzero(steps < 0.01 * max(typical, 0.1)))
+    together = int(np.count_nonzero(steps < 0.01 * max(float(np.median(steps)), 0.1)))
     if together:
         raise InputError(
             f"{where}: expected one slice at each place, found {together} places with several; "
             "several reconstructions or times are in one series: export one of them"
         )
+    # gaps do not count
+    typical = float(np.median(steps[steps < 1.5 * steps.min()]))
     if np.abs(along_mm - np.linspace(along_mm[0], along_mm[-1], len(along_mm))).max() <= LARGEST_DEVIATION * typical:
         return
     counts = steps / typical

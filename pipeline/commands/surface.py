@@ -28,7 +28,7 @@ Names, dates and other text of the headers are written nowhere.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
     parser.add_argument("volume", metavar="VOLUME", type=Path, help="the CT: a file, or a folder of DICOM slices")
-    parser.add_argument("--out", metavar="FOLDER", type=Path, help="folder to write")
+    parser.add_argument("--out", metavar="DIR", type=Path, help="folder to write")
     volume = parser.add_argument_group("volume")
     volume.add_argument("--list", action="store_true", help="list the series in a folder of DICOM slices, and end")
     volume.add_argument("--series", metavar="N", type=int, help="take series N of the list")

@@ -15,7 +15,7 @@ from typing import TextIO
 import numpy as np
 
 from .. import __version__
-from ..case.structure_colour import structure_colour
+from ..case.structure_colour import OTHER, structure_colour
 from ..files.content import write_bytes_atomically
 from ..files.kinds import PLY, PNG, Kind, json_object
 from ..files.outputs import Output, check_outputs, companion, made_folder, writing
@@ -26,9 +26,8 @@ from ..images.slice_picture import slice_picture
 from ..progress import Progress
 from ..surface.mesh import TriangleMesh
 from ..surface.mesh_writer import SAFE_NAME, write_ply
-from ..transforms import transform_points
 from ..volume.bone import bone_voxels
-from ..volume.bone_surface import BoneSurface, Finish, bone_surface
+from ..volume.bone_surface import Ball, BoneSurface, Finish, bone_surface, removed_ball, taken_bone
 from ..volume.isosurface import RemovedField
 from ..volume.label_map import on_grid, read_labels
 from ..volume.slice_views import LabelColours, slice_views
@@ -135,7 +134,9 @@ def _make(arguments: argparse.Namespace, work: _Work, labels: LabelMap | None, o
         on_grid(labels.values, labels.grid, volume.grid, arguments.labels.name)
     structures = {} if labels is None else structure_meshes(labels, progress=partial(work.report, "of the structures"))
     removed = _removed(arguments, work, volume, level, solid)
-    finish = Finish(smoothing_steps=arguments.smooth)
+    focus = _focus(volume, solid, removed, structures)
+    tolerance = float(volume.grid.spacing_mm.min()) / 2 if arguments.tolerance is None else arguments.tolerance
+    finish = Finish(smoothing_steps=arguments.smooth, tolerance_mm=tolerance, focus=focus)
     made = bone_surface(volume, level, solid, removed, finish, report=work.report)
     _write(work, out, volume, level, solid, removed, labels, structures, made, finish)
 
@@ -168,17 +169,11 @@ def _removed(
         ways.append("operated volume")
     removed = united(fields)
     if removed is not None:
-        taken = _taken(solid, removed)
+        taken = taken_bone(solid, removed)
         removed_mm3 = float(np.count_nonzero(taken)) * volume.grid.voxel_mm3
         work.record["removed"] = {"by": ways, "volume_mm3": round(removed_mm3, 1)}
         work.say(f"removed by {' and '.join(ways)}: {removed_mm3:.0f} mm³ of bone")
     return removed
-
-
-def _taken(solid: np.ndarray, removed: RemovedField) -> np.ndarray:
-    """``(z, y, x)`` bool: the bone that was removed, in the box of the field."""
-    box = tuple(slice(at, at + count) for at, count in zip(removed.first[::-1], removed.distance_mm.shape, strict=True))
-    return solid[box] & (removed.distance_mm <= 0)
 
 
 def _outputs(out: Path, structures: Iterable[str]) -> list[Output]:
@@ -212,7 +207,7 @@ def _write(
     work.record["surface"] = {
         "file": SURFACE, "vertices": len(mesh.vertices), "faces": len(mesh.faces),
         "drilled_vertices": int(made.surface.drilled.sum()), "extracted_faces": made.extracted_faces,
-        "smoothing_steps": finish.smoothing_steps,
+        "smoothing_steps": finish.smoothing_steps, "tolerance_mm": finish.tolerance_mm,
     }  # fmt: skip
     with writing(made_folder(out / SURFACE)):
         write_ply(out / SURFACE, mesh)
@@ -231,7 +226,7 @@ def _write(
     if labels is not None:
         colours = {value: structure_colour(name) for value, name in structure_names(labels).items()}
         drawn.append(LabelColours(labels, colours))
-    centre = _centre(volume, solid, removed, structures.values(), mesh)
+    centre = mesh.vertices.mean(axis=0) if finish.focus is None else finish.focus.centre
     views = slice_views(volume, level, centre, solid=solid, removed=removed, structures=drawn)
     with writing(made_folder(out / SLICES)):
         write_bytes_atomically(out / SLICES, signed(encode_png(to_uint8(slice_picture(views)))))
@@ -247,25 +242,18 @@ def _write(
     work.say(f"report: {out / RECORD}")
 
 
-def _centre(
-    volume: Volume,
-    solid: np.ndarray,
-    removed: RemovedField | None,
-    structures: Iterable[TriangleMesh],
-    surface: TriangleMesh,
-) -> np.ndarray:
-    """``(3,)`` mm, where the slices meet: in what was removed, or else among the structures, or in the bone."""
-    if removed is not None and (taken := _taken(solid, removed)).any():
-        z, y, x = (
-            np.average(np.arange(n), weights=taken.sum(axis=_others(axis))) for axis, n in enumerate(taken.shape)
-        )
-        return transform_points(volume.grid.mesh_from_index, (removed.first + np.array([x, y, z]))[None])[0]
-    centres = [mesh.vertices.mean(axis=0) for mesh in structures]
-    return np.mean(centres, axis=0) if centres else surface.vertices.mean(axis=0)
-
-
-def _others(axis: int) -> tuple[int, ...]:
-    return tuple(other for other in range(3) if other != axis)
+def _focus(
+    volume: Volume, solid: np.ndarray, removed: RemovedField | None, structures: Mapping[str, TriangleMesh]
+) -> Ball | None:
+    """The part that matters: what was removed, or else where the structures are that have a colour of their own."""
+    if removed is not None and (ball := removed_ball(volume.grid, solid, removed)) is not None:
+        return ball
+    shown = [mesh.vertices for name, mesh in structures.items() if structure_colour(name) != OTHER]
+    if not shown:
+        return None
+    points = np.concatenate(shown)
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    return Ball((lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2)
 
 
 def _by(values: Sequence[float]) -> str:

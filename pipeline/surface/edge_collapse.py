@@ -193,8 +193,6 @@ class EdgeCollapse:
         self._vertex_count = int(used.sum())
 
 
-
-
 class _Stars:
     """The faces around edges as their collapse would leave them: *rows*, with the new vertex as first corner.
 
@@ -248,9 +246,9 @@ class _Stars:
         np.maximum.at(high, self.removed_star, opposite)
         good = (np.bincount(self.removed_star, minlength=count) == 2) & (low != high)
         good &= np.bincount(self._star, minlength=count) >= 3
-        good[self._star[(np.minimum(left, right) == low[self._star]) & (np.maximum(left, right) == high[self._star])]] = (
-            False
-        )
+        good[
+            self._star[(np.minimum(left, right) == low[self._star]) & (np.maximum(left, right) == high[self._star])]
+        ] = False
         # around a disc every vertex of the ring comes once
         ring = np.sort(self._star * vertex_count + left)
         good[ring[1:][ring[1:] == ring[:-1]] // vertex_count] = False

@@ -144,7 +144,9 @@ class _Guard:
 
     def exceeding(self, reduced: TriangleMesh, face_of_point: np.ndarray) -> np.ndarray:
         """Indices of original vertices near samples of either surface that lie too far from the other."""
-        return np.union1d(self._original_exceeding(reduced, face_of_point), self._reduced_exceeding(reduced, face_of_point))
+        return np.union1d(
+            self._original_exceeding(reduced, face_of_point), self._reduced_exceeding(reduced, face_of_point)
+        )
 
     def _original_exceeding(self, reduced: TriangleMesh, face_of_point: np.ndarray) -> np.ndarray:
         found = [np.empty(0, np.intp)]

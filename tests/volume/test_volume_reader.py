@@ -20,7 +20,7 @@ from pipeline.volume.volume_reader import read_volume
 sitk = pytest.importorskip("SimpleITK")
 nib = pytest.importorskip("nibabel")
 
-DATA = Path("/work/shared/data")
+DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 FORMATS = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 LPS_FROM_RAS = np.diag([-1.0, -1, 1, 1])
 

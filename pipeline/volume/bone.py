@@ -4,6 +4,7 @@ import numpy as np
 
 from ..errors import InputError
 from .components import components
+from .couch import without_couch
 from .isosurface import RemovedField
 from .volume import Volume, VoxelGrid
 
@@ -42,7 +43,7 @@ def bone_voxels(
     """
     # whole numbers compare faster than halves
     level = int(np.floor(level_hu))
-    bone = volume.values > level
+    bone = without_couch(volume, volume.values > level)
     parts = components(bone)
     if len(parts.voxels) == 0:
         raise InputError(

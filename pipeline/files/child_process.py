@@ -19,7 +19,7 @@ SECONDS = 60.0
 CPU_SECONDS = 4.0
 """Of computing, where the system can limit it (not on Windows)."""
 
-MEGABYTES = 600
+MEGABYTES = 600.0
 """Of memory beyond what the imports take, where the system can limit it (Linux)."""
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -49,8 +49,16 @@ def called_apart(
     *,
     seconds: float = SECONDS,
     cpu_seconds: float = CPU_SECONDS,
+    megabytes: float = MEGABYTES,
 ) -> bytes:
     """Call ``function(data, *arguments)``, a public function of this package, in a process of its own.
+
+    Parameters
+    ----------
+    function, data, arguments
+        What to call with which standard input and arguments.
+    seconds, cpu_seconds, megabytes
+        Limits of waiting, computing and memory; see :data:`SECONDS`, :data:`CPU_SECONDS` and :data:`MEGABYTES`.
 
     Raises
     ------
@@ -60,7 +68,7 @@ def called_apart(
         The process crashed, or took too long or too much memory.
     """
     name = "pipeline" + function.__module__.removeprefix(_ROOT)
-    call = [str(_PACKAGE / "__init__.py"), sys.path, name, function.__name__, cpu_seconds, list(arguments)]
+    call = [str(_PACKAGE / "__init__.py"), sys.path, name, function.__name__, cpu_seconds, megabytes, list(arguments)]
     try:
         ended = subprocess.run(
             [sys.executable, "-I", "-c", _CHILD, json.dumps(call)],
@@ -84,14 +92,16 @@ def called_apart(
     raise ChildError("it takes too much time or memory, or it crashes its parser")
 
 
-def answer(module: str, function: str, cpu_seconds: float, arguments: Sequence[str | int | float]) -> None:
+def answer(
+    module: str, function: str, cpu_seconds: float, megabytes: float, arguments: Sequence[str | int | float]
+) -> None:
     """In the child: call the function with the standard input, and write its answer to the standard output."""
     out = os.fdopen(os.dup(1), "wb")
     # libraries print what they like
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     call = getattr(importlib.import_module(module), function)
     data = sys.stdin.buffer.read()
-    _limit(cpu_seconds)
+    _limit(cpu_seconds, megabytes)
     try:
         result = _VALUE + call(data, *arguments)
     except InputError as error:
@@ -103,7 +113,7 @@ def answer(module: str, function: str, cpu_seconds: float, arguments: Sequence[s
     os._exit(0)
 
 
-def _limit(cpu_seconds: float) -> None:
+def _limit(cpu_seconds: float, megabytes: float = MEGABYTES) -> None:
     """Limit this process from now on."""
     if os.name == "nt":
         return
@@ -119,4 +129,4 @@ def _limit(cpu_seconds: float) -> None:
     lower(resource.RLIMIT_CPU, int(used.ru_utime + used.ru_stime + cpu_seconds) + 1)
     if sys.platform == "linux":
         pages = int(Path("/proc/self/statm").read_text().split()[0])
-        lower(resource.RLIMIT_AS, pages * resource.getpagesize() + (MEGABYTES << 20))
+        lower(resource.RLIMIT_AS, pages * resource.getpagesize() + int(megabytes * 2**20))

@@ -22,6 +22,7 @@ from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = {
+    "surface": "ct_to_surface.py",
     "sample": "make_sample.py",
     "align": "align.py",
     "render": "render_dataset.py",

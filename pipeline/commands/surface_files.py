@@ -1,0 +1,260 @@
+"""The stages of ``oneframe surface``: inputs, bone, what is removed, surface, files."""
+
+import argparse
+import json
+import platform
+import re
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from .. import __version__
+from ..case.structure_colour import OTHER, structure_colour
+from ..files.content import write_bytes_atomically
+from ..files.kinds import PLY, PNG, Kind, json_object
+from ..files.outputs import Output, check_outputs, companion, made_folder, writing
+from ..files.signature import signed
+from ..images.pixel_values import to_uint8
+from ..images.png import encode_png
+from ..images.slice_picture import slice_picture
+from ..progress import Progress
+from ..surface.mesh import TriangleMesh
+from ..surface.mesh_writer import SAFE_NAME, write_ply
+from ..volume.bone import bone_voxels
+from ..volume.bone_surface import Ball, BoneSurface, Finish, bone_surface, removed_ball, taken_bone
+from ..volume.isosurface import RemovedField
+from ..volume.label_map import on_grid, read_labels
+from ..volume.slice_views import LabelColours, slice_views
+from ..volume.structures import structure_meshes, structure_names
+from ..volume.subtraction import removed_by_labels, removed_by_operation, united
+from ..volume.threshold import DEFAULT_HU, check_threshold, otsu_threshold
+from ..volume.volume import LabelMap, Volume
+from ..volume.volume_reader import read_volume
+
+SURFACE, SLICES, RECORD, STRUCTURES = "surface.ply", "slices.png", "surface.json", "structures"
+SHORT_SECONDS = 1.0
+"""A stage that ends within this time has no progress bar."""
+
+_BONE = re.compile(r"^(cortical |temporal |compact )?bones?$", re.IGNORECASE)
+
+RECORD_KIND = Kind("the report of a surface", json_object("threshold_hu", "surface", "volume"))
+
+
+@dataclass
+class _Work:
+    """What the stages have found so far, and where they say so. Mutable: each stage adds to the record."""
+
+    output: TextIO
+    record: dict[str, object] = field(default_factory=dict)
+    start: float = field(default_factory=time.monotonic)
+    stage: tuple[str, float] = ("", 0.0)
+    bar: Progress | None = None
+    shown: int = 0
+
+    def say(self, text: str) -> None:
+        """Report a finished stage, with the time since the start."""
+        self.end_bar()
+        self.output.write(f"{time.monotonic() - self.start:6.1f} s  {text}\n")
+
+    def report(self, stage: str, share: float) -> None:
+        """Show the progress of a stage that takes more than a moment."""
+        if self.stage[0] != stage:
+            self.end_bar()
+            self.stage = stage, time.monotonic()
+        hundredths = int(share * 100)
+        if self.bar is None:
+            if share == 1 or time.monotonic() < self.stage[1] + SHORT_SECONDS:
+                return
+            self.bar, self.shown = (
+                Progress(100, f"percent {stage}", finished=hundredths, stream=self.output),
+                hundredths,
+            )
+        while self.shown < hundredths:
+            self.bar.advance()
+            self.shown += 1
+
+    def end_bar(self) -> None:
+        """End the bar of a stage, if it has one."""
+        if self.bar is not None:
+            self.bar.close()
+            self.bar = None
+
+
+def write_surface(arguments: argparse.Namespace, output: TextIO) -> None:
+    """Make the surface that the arguments of ``oneframe surface`` describe, and report every stage.
+
+    Raises
+    ------
+    InputError
+        An input cannot be used, or an output must not be replaced.
+    RunError
+        A file cannot be written.
+    """
+    work = _Work(output)
+    out: Path = arguments.out
+    inputs = {
+        name: path for name in ("volume", "drill", "remove", "operated", "labels") if (path := getattr(arguments, name))
+    }
+    check_outputs(_outputs(out, ()), inputs)
+    labels = None if arguments.labels is None else _structures_in(read_labels(arguments.labels))
+    check_outputs(_outputs(out, () if labels is None else structure_names(labels).values()), inputs)
+    try:
+        _make(arguments, work, labels, out)
+    finally:
+        work.end_bar()
+
+
+def _make(arguments: argparse.Namespace, work: _Work, labels: LabelMap | None, out: Path) -> None:
+    crop = None if arguments.crop is None else np.array(arguments.crop).reshape(2, 3)
+    volume = read_volume(arguments.volume, series=arguments.series, crop_mm=crop)
+    size, spacing = volume.grid.size, [round(float(step), 4) for step in volume.grid.spacing_mm]
+    work.record["frame"] = "LPS, mm"
+    work.record["volume"] = {
+        "size": list(size), "spacing_mm": spacing, "mesh_from_index": volume.grid.mesh_from_index.tolist()
+    }  # fmt: skip
+    work.say(f"volume: {_by(size)} voxels of {_by(spacing)} mm")
+
+    level, how = _threshold(arguments, volume)
+    work.record |= {"threshold_hu": level, "threshold_by": how}
+    solid = bone_voxels(volume, level, smallest_mm3=arguments.islands, hole_mm3=arguments.holes)
+    bone_mm3 = float(np.count_nonzero(solid)) * volume.grid.voxel_mm3
+    work.record["bone"] = {
+        "volume_mm3": round(bone_mm3, 1), "islands_mm3": arguments.islands, "holes_mm3": arguments.holes
+    }  # fmt: skip
+    work.say(f"bone above {level:g} HU ({how}): {bone_mm3 / 1000:.1f} cm³")
+
+    if labels is not None:
+        # only to see whether they belong together
+        on_grid(labels.values, labels.grid, volume.grid, arguments.labels.name)
+    structures = {} if labels is None else structure_meshes(labels, progress=partial(work.report, "of the structures"))
+    removed = _removed(arguments, work, volume, level, solid)
+    focus = _focus(volume, solid, removed, structures)
+    tolerance = float(volume.grid.spacing_mm.min()) / 2 if arguments.tolerance is None else arguments.tolerance
+    finish = Finish(smoothing_steps=arguments.smooth, tolerance_mm=tolerance, focus=focus)
+    made = bone_surface(volume, level, solid, removed, finish, report=work.report)
+    _write(work, out, volume, level, solid, removed, labels, structures, made, finish)
+
+
+def _structures_in(labels: LabelMap) -> LabelMap:
+    """The map without the names of labels for bone, of which the surface is made."""
+    return replace(labels, names={value: name for value, name in labels.names.items() if not _BONE.search(name)})
+
+
+def _threshold(arguments: argparse.Namespace, volume: Volume) -> tuple[float, str]:
+    if arguments.threshold == "otsu":
+        return otsu_threshold(volume), "otsu"
+    level, how = (DEFAULT_HU, "default") if arguments.threshold is None else (float(arguments.threshold), "given")
+    check_threshold(volume, level)
+    return level, how
+
+
+def _removed(
+    arguments: argparse.Namespace, work: _Work, volume: Volume, level: float, solid: np.ndarray
+) -> RemovedField | None:
+    """The field of everything that is removed."""
+    fields, ways = [], []
+    if arguments.remove is not None:
+        labels = read_labels(arguments.remove)
+        on_grid(labels.values, labels.grid, volume.grid, arguments.remove.name)
+        fields.append(removed_by_labels(labels, volume.grid))
+        ways.append("labels")
+    if arguments.operated is not None:
+        fields.append(removed_by_operation(read_volume(arguments.operated), volume, level, solid))
+        ways.append("operated volume")
+    removed = united(fields)
+    if removed is not None:
+        taken = taken_bone(solid, removed)
+        removed_mm3 = float(np.count_nonzero(taken)) * volume.grid.voxel_mm3
+        work.record["removed"] = {"by": ways, "volume_mm3": round(removed_mm3, 1)}
+        work.say(f"removed by {' and '.join(ways)}: {removed_mm3:.0f} mm³ of bone")
+    return removed
+
+
+def _outputs(out: Path, structures: Iterable[str]) -> list[Output]:
+    return [
+        companion(out / SURFACE, PLY),
+        companion(out / SLICES, PNG),
+        companion(out / RECORD, RECORD_KIND, RECORD_KIND.is_of),
+        *(companion(_structure_path(out, name), PLY) for name in structures),
+    ]
+
+
+def _structure_path(out: Path, name: str) -> Path:
+    safe = name if SAFE_NAME.fullmatch(name) else "_".join(re.findall("[A-Za-z0-9]+", name)) or "structure"
+    return out / STRUCTURES / f"{safe}.ply"
+
+
+def _write(
+    work: _Work,
+    out: Path,
+    volume: Volume,
+    level: float,
+    solid: np.ndarray,
+    removed: RemovedField | None,
+    labels: LabelMap | None,
+    structures: Mapping[str, TriangleMesh],
+    made: BoneSurface,
+    finish: Finish,
+) -> None:
+    """Write all files, the report last: a folder with one is whole."""
+    mesh = made.surface.mesh
+    work.record["surface"] = {
+        "file": SURFACE, "vertices": len(mesh.vertices), "faces": len(mesh.faces),
+        "drilled_vertices": int(made.surface.drilled.sum()), "extracted_faces": made.extracted_faces,
+        "smoothing_steps": finish.smoothing_steps, "tolerance_mm": finish.tolerance_mm,
+    }  # fmt: skip
+    with writing(made_folder(out / SURFACE)):
+        write_ply(out / SURFACE, mesh)
+    work.say(f"{len(mesh.faces):,} faces: {out / SURFACE}")
+    work.record["structures"] = entries = {}
+    for name, structure in structures.items():
+        path, colour = _structure_path(out, name), structure_colour(name)
+        shades = np.tile(np.rint(np.array(colour) * 255).astype(np.uint8), (len(structure.vertices), 1))
+        with writing(made_folder(path)):
+            write_ply(path, structure, colours=shades)
+        entries[name] = {"file": f"{STRUCTURES}/{path.name}", "faces": len(structure.faces), "colour": list(colour)}
+    if structures:
+        work.say(f"{len(structures)} structures: {out / STRUCTURES}")
+
+    drawn = []
+    if labels is not None:
+        colours = {value: structure_colour(name) for value, name in structure_names(labels).items()}
+        drawn.append(LabelColours(labels, colours))
+    centre = mesh.vertices.mean(axis=0) if finish.focus is None else finish.focus.centre
+    views = slice_views(volume, level, centre, solid=solid, removed=removed, structures=drawn)
+    with writing(made_folder(out / SLICES)):
+        write_bytes_atomically(out / SLICES, signed(encode_png(to_uint8(slice_picture(views)))))
+    work.say(f"slices: {out / SLICES}")
+
+    work.record["versions"] = {
+        "oneframe": __version__, "python": platform.python_version(), "numpy": np.__version__,
+        "SimpleITK": version("SimpleITK"),
+    }  # fmt: skip
+    text = json.dumps(work.record, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    with writing(made_folder(out / RECORD)):
+        write_bytes_atomically(out / RECORD, text.encode())
+    work.say(f"report: {out / RECORD}")
+
+
+def _focus(
+    volume: Volume, solid: np.ndarray, removed: RemovedField | None, structures: Mapping[str, TriangleMesh]
+) -> Ball | None:
+    """The part that matters: what was removed, or else where the structures are that have a colour of their own."""
+    if removed is not None and (ball := removed_ball(volume.grid, solid, removed)) is not None:
+        return ball
+    shown = [mesh.vertices for name, mesh in structures.items() if structure_colour(name) != OTHER]
+    if not shown:
+        return None
+    points = np.concatenate(shown)
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    return Ball((lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2)
+
+
+def _by(values: Sequence[float]) -> str:
+    return " x ".join(f"{value:g}" for value in values)

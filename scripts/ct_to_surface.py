@@ -1,0 +1,16 @@
+"""Make the bone surface of a CT, drilled if you like, and the structures of a label map, in one folder.
+
+python scripts/ct_to_surface.py VOLUME --out DIR [--threshold HU|otsu] [--drill PATHS.toml] [--labels LABELS] ...
+"""
+
+import sys
+from pathlib import Path
+
+# Blender puts neither the script's folder nor the current one on the module path
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from pipeline.blender.command_line import run_script
+from pipeline.commands import surface
+
+if __name__ == "__main__":
+    run_script(lambda argv: surface.main(argv, "ct_to_surface.py"))

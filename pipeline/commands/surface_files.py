@@ -29,7 +29,7 @@ from ..surface.mesh_writer import SAFE_NAME, write_ply
 from ..volume.bone import bone_voxels
 from ..volume.bone_surface import Ball, BoneSurface, Finish, bone_surface, removed_ball, taken_bone
 from ..volume.isosurface import RemovedField
-from ..volume.label_map import on_grid, read_labels
+from ..volume.label_map import read_labels
 from ..volume.slice_views import LabelColours, slice_views
 from ..volume.structures import structure_meshes, structure_names
 from ..volume.subtraction import removed_by_labels, removed_by_operation, united
@@ -38,9 +38,6 @@ from ..volume.volume import LabelMap, Volume
 from ..volume.volume_reader import read_volume
 
 SURFACE, SLICES, RECORD, STRUCTURES = "surface.ply", "slices.png", "surface.json", "structures"
-SHORT_SECONDS = 1.0
-"""A stage that ends within this time has no progress bar."""
-
 _BONE = re.compile(r"^(cortical |temporal |compact )?bones?$", re.IGNORECASE)
 
 RECORD_KIND = Kind("the report of a surface", json_object("threshold_hu", "surface", "volume"))
@@ -53,7 +50,7 @@ class _Work:
     output: TextIO
     record: dict[str, object] = field(default_factory=dict)
     start: float = field(default_factory=time.monotonic)
-    stage: tuple[str, float] = ("", 0.0)
+    stage: str = ""
     bar: Progress | None = None
     shown: int = 0
 
@@ -63,21 +60,15 @@ class _Work:
         self.output.write(f"{time.monotonic() - self.start:6.1f} s  {text}\n")
 
     def report(self, stage: str, share: float) -> None:
-        """Show the progress of a stage that takes more than a moment."""
-        if self.stage[0] != stage:
+        """Show the progress of a stage."""
+        if self.stage != stage:
             self.end_bar()
-            self.stage = stage, time.monotonic()
-        hundredths = int(share * 100)
-        if self.bar is None:
-            if share == 1 or time.monotonic() < self.stage[1] + SHORT_SECONDS:
-                return
-            self.bar, self.shown = (
-                Progress(100, f"percent {stage}", finished=hundredths, stream=self.output),
-                hundredths,
-            )
-        while self.shown < hundredths:
-            self.bar.advance()
-            self.shown += 1
+            self.stage, self.shown = stage, 0
+            self.bar = None if share == 1 else Progress(100, f"percent {stage}", stream=self.output)
+        if self.bar is not None:
+            for _ in range(self.shown, int(share * 100)):
+                self.bar.advance()
+            self.shown = max(self.shown, int(share * 100))
 
     def end_bar(self) -> None:
         """End the bar of a stage, if it has one."""
@@ -98,19 +89,15 @@ def write_surface(arguments: argparse.Namespace, output: TextIO) -> None:
     """
     work = _Work(output)
     out: Path = arguments.out
-    inputs = {
-        name: path for name in ("volume", "drill", "remove", "operated", "labels") if (path := getattr(arguments, name))
-    }
+    inputs = {name: path for name in ("volume", "remove", "operated", "labels") if (path := getattr(arguments, name))}
     check_outputs(_outputs(out, ()), inputs)
-    labels = None if arguments.labels is None else _structures_in(read_labels(arguments.labels))
-    check_outputs(_outputs(out, () if labels is None else structure_names(labels).values()), inputs)
     try:
-        _make(arguments, work, labels, out)
+        _make(arguments, work, out, inputs)
     finally:
         work.end_bar()
 
 
-def _make(arguments: argparse.Namespace, work: _Work, labels: LabelMap | None, out: Path) -> None:
+def _make(arguments: argparse.Namespace, work: _Work, out: Path, inputs: Mapping[str, Path]) -> None:
     crop = None if arguments.crop is None else np.array(arguments.crop).reshape(2, 3)
     volume = read_volume(arguments.volume, series=arguments.series, crop_mm=crop)
     size, spacing = volume.grid.size, [round(float(step), 4) for step in volume.grid.spacing_mm]
@@ -119,6 +106,10 @@ def _make(arguments: argparse.Namespace, work: _Work, labels: LabelMap | None, o
         "size": list(size), "spacing_mm": spacing, "mesh_from_index": volume.grid.mesh_from_index.tolist()
     }  # fmt: skip
     work.say(f"volume: {_by(size)} voxels of {_by(spacing)} mm")
+    labels = None
+    if arguments.labels is not None:
+        labels = _structures_in(read_labels(arguments.labels, volume, resampled=False))
+        check_outputs(_outputs(out, structure_names(labels).values()), inputs)
 
     level, how = _threshold(arguments, volume)
     work.record |= {"threshold_hu": level, "threshold_by": how}
@@ -129,9 +120,6 @@ def _make(arguments: argparse.Namespace, work: _Work, labels: LabelMap | None, o
     }  # fmt: skip
     work.say(f"bone above {level:g} HU ({how}): {bone_mm3 / 1000:.1f} cm³")
 
-    if labels is not None:
-        # only to see whether they belong together
-        on_grid(labels.values, labels.grid, volume.grid, arguments.labels.name)
     structures = {} if labels is None else structure_meshes(labels, progress=partial(work.report, "of the structures"))
     removed = _removed(arguments, work, volume, level, solid)
     focus = _focus(volume, solid, removed, structures)
@@ -160,8 +148,7 @@ def _removed(
     """The field of everything that is removed."""
     fields, ways = [], []
     if arguments.remove is not None:
-        labels = read_labels(arguments.remove)
-        on_grid(labels.values, labels.grid, volume.grid, arguments.remove.name)
+        labels = read_labels(arguments.remove, volume, resampled=False)
         fields.append(removed_by_labels(labels, volume.grid))
         ways.append("labels")
     if arguments.operated is not None:

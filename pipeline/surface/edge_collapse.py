@@ -18,6 +18,8 @@ from .triangle_distance import squared_triangle_distances
 _BLOCK = 1 << 14
 _SELECTIONS = 3
 """Passes over the edges in a round, each among what the former left free."""
+_COST_BITS = 20
+"""Last bits of the cost that do not count: with three left of the mantissa, costs rank by steps of an eighth."""
 _MOST_RMS = 0.5
 """Root mean square distance of a new vertex from the planes it stands for, relative to the tolerance. Higher gives few
 faces less, and dozens of collapses that the measured distance refuses."""
@@ -149,11 +151,11 @@ class EdgeCollapse:
         squared = squared_triangle_distances(first - start, second - start, self._points[:, points] - start)
         return points[squared > self._tolerance[points] ** 2]
 
-    def collapse(self) -> int:
-        """One round; the number of vertices that it removed."""
+    def collapse(self) -> tuple[int, int]:
+        """One round: the numbers of edges that it tried and of those that it collapsed."""
         chosen = self._selected()
         if len(chosen) == 0:
-            return 0
+            return 0, 0
         first, second = self._edges[:, chosen]
         position = best_positions(self._vertices, self._quadrics, first, second)[0]
         stars = _Stars(self._vertices, self.faces, first, second, position)
@@ -163,7 +165,7 @@ class EdgeCollapse:
         kept = good[stars.of_face[self.face_of_point[tracked]]]
         self.face_of_point[tracked[kept]] = face[kept]
         self._commit(stars, first[good], second[good], position[:, good], good)
-        return int(good.sum())
+        return len(chosen), int(good.sum())
 
     def _costs(self, edges: np.ndarray) -> np.ndarray:
         """``(E,)`` float32; infinite where the collapse is out of the question."""
@@ -176,14 +178,17 @@ class EdgeCollapse:
     def _selected(self) -> np.ndarray:
         """Indices of edges whose ends have no edge between them: by falling local minima of the cost."""
         free = np.flatnonzero(np.isfinite(self._cost))
-        # unique keys: the bits of a float that is not negative rank as it does; equal ones in scattered order
+        # the bits of a float that is not negative rank as it does. Without the last ones, costs that differ by less
+        # than a part are equal, and equal ones scattered, or a smooth slope of costs would have one minimum only
         scattered = (free.astype(np.uint64) * np.uint64(2654435761)) & np.uint64(0xFFFFFFFF)
-        key = (self._cost[free].view(np.int32).astype(np.int64) << 32) | scattered.astype(np.int64)
+        key = ((self._cost[free].view(np.int32) >> _COST_BITS).astype(np.int64) << 32) | scattered.astype(np.int64)
         first, second = self._edges[:, free]
         all_first, all_second = self._edges
         taken = np.zeros(self._vertices.shape[1], bool)
         chosen = []
         for _ in range(_SELECTIONS):
+            if len(free) == 0:
+                break
             lowest = np.full(len(taken), np.iinfo(np.int64).max)
             np.minimum.at(lowest, first, key)
             np.minimum.at(lowest, second, key)
@@ -199,11 +204,9 @@ class EdgeCollapse:
             taken[all_first[collapsing[all_second]]] = True
             left = ~(taken[first] | taken[second])
             free, key, first, second = free[left], key[left], first[left], second[left]
-            if len(free) == 0:
-                break
             left = ~(taken[all_first] | taken[all_second])
             all_first, all_second = all_first[left], all_second[left]
-        return np.sort(np.concatenate(chosen))
+        return np.sort(np.concatenate(chosen)) if chosen else free
 
     def _tracked(self, stars: "_Stars", good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The original vertices that the collapses touch, and their new faces; ``good`` loses collapses that fail."""
@@ -251,7 +254,7 @@ class EdgeCollapse:
         moved[first] = True
         self._edges = renamed[self._edges]
         changed = moved[self._edges[0]] | moved[self._edges[1]]
-        edges = _unique_edges(*self._edges[:, changed], len(renamed))
+        edges = _unique_edges(self._edges[:, changed], len(renamed))
         costs = self._costs(edges)
         self._edges = np.concatenate([self._edges[:, ~changed], edges], axis=1)
         self._cost = np.concatenate([self._cost[~changed], costs])
@@ -268,8 +271,6 @@ class EdgeCollapse:
         self._vertices, self._quadrics = self._vertices[:, used], self._quadrics[:, used]
         self._limit, self._locked = self._limit[used], self._locked[used]
         self._vertex_count = int(used.sum())
-
-
 
 
 class _Stars:
@@ -386,8 +387,9 @@ def _edges(faces: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray
     return edges, locked
 
 
-def _unique_edges(first: np.ndarray, second: np.ndarray, vertex_count: int) -> np.ndarray:
+def _unique_edges(edges: np.ndarray, vertex_count: int) -> np.ndarray:
     """``(2, E)`` edges, each once, without those from a vertex to itself."""
+    first, second = edges
     key = np.sort((np.minimum(first, second) * vertex_count + np.maximum(first, second))[first != second])
     key = key[np.append(True, key[1:] != key[:-1])] if len(key) else key
     return np.stack([key // vertex_count, key % vertex_count])

@@ -1,0 +1,169 @@
+"""A passage of a film: at most a minute of frames in memory, compared with the clear views of their scenes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from .clear_view import clear_view
+from .frame_measures import BRIGHT_LUMA, GRID_WH, FrameMeasures, normalised_lab
+from .obstruction import Obstruction, ObstructionFinder
+from .scenes import Placement, SceneTracker
+
+MOST_FRAMES = 1200
+"""In a passage: its views take 60 MB."""
+
+SAMPLES = 36
+"""Frames of which a clear view is made."""
+
+EARLIER_SAMPLES = 5
+"""As many samples an earlier passage's clear view of the same scene counts."""
+
+_ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class ComparedFrame:
+    """A frame compared with its scene.
+
+    Attributes
+    ----------
+    scene
+        Number of the scene.
+    sharpness
+        0..1: details of the uncovered cells relative to the scene's sharpest frames.
+    level
+        Details of the scene's sharpest frames.
+    obstructed, glare
+        Shares of the view, 0..1.
+    gain
+        From the frame's code values to the brightness of the clear view.
+    """
+
+    scene: int
+    sharpness: float
+    level: float
+    obstructed: float
+    glare: float
+    gain: float
+
+
+@dataclass(frozen=True)
+class SceneView:
+    """A scene's clear view, ``(h, w, 3)`` CIELAB with where it is known ``(h, w)``, for masks and later passages."""
+
+    reference: np.ndarray
+    seen: np.ndarray
+
+
+@dataclass
+class PassageComparison:
+    """Compares passages of a film, one after the other; remembers the latest clear view of recent scenes."""
+
+    inside: np.ndarray | None = None
+    tracker: SceneTracker = field(init=False)
+    known: dict[int, SceneView] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.tracker = SceneTracker(self.inside)
+
+    def compare(self, frames: Sequence[FrameMeasures]) -> list[ComparedFrame]:
+        """Compare the next passage's frames."""
+        placements = [self.tracker.place(frame.view) for frame in frames]
+        results: dict[int, ComparedFrame] = {}
+        for scene in dict.fromkeys(placement.scene for placement in placements):
+            numbers = [number for number, placement in enumerate(placements) if placement.scene == scene]
+            compared = self._compare_scene(
+                scene, [frames[number] for number in numbers], [placements[number] for number in numbers]
+            )
+            results.update(zip(numbers, compared, strict=True))
+        for old in list(self.known)[:-8]:
+            del self.known[old]
+        return [results[number] for number in range(len(frames))]
+
+    def _compare_scene(
+        self, scene: int, frames: Sequence[FrameMeasures], placements: Sequence[Placement]
+    ) -> list[ComparedFrame]:
+        details = np.stack([frame.details for frame in frames])
+        typical = np.percentile(details, 75, axis=0) + 1e-9
+        sharpness = np.median(np.minimum(details / typical, 1.5), axis=(1, 2))
+        luma = np.array([frame.luma for frame in frames])
+        typical_gain = BRIGHT_LUMA / float(np.median([frame.bright for frame in frames]))
+        gains = typical_gain * float(np.median(luma)) / luma
+        obstructed = np.zeros(len(frames))
+        earlier, found = self.known.get(scene), []
+        for _ in range(_ROUNDS):
+            chosen = _sample(sharpness, obstructed)
+            reference, seen = self._clear_view([frames[k] for k in chosen], [placements[k] for k in chosen],
+                                               gains[chosen], earlier)  # fmt: skip
+            finder = ObstructionFinder(reference, seen)
+            found = [
+                finder.find(*self._registered(frame, placement), gain)
+                for frame, placement, gain in zip(frames, placements, gains, strict=True)
+            ]
+            now = np.array([each.share + each.glare_share for each in found])
+            settled = np.abs(now - obstructed).max() < 0.01
+            obstructed, gains = now, np.array([each.gain for each in found])
+            if settled:
+                break
+        self.known.pop(scene, None)
+        self.known[scene] = SceneView(reference, seen)
+        covered = np.stack([self._covered_cells(each, placement) for each, placement in zip(found, placements, strict=True)])
+        sharp, level = _sharpness(details, covered)
+        return [
+            ComparedFrame(scene, float(sharp[k]), level, found[k].share, found[k].glare_share, found[k].gain)
+            for k in range(len(frames))
+        ]
+
+    def _clear_view(
+        self,
+        frames: Sequence[FrameMeasures],
+        placements: Sequence[Placement],
+        gains: np.ndarray,
+        earlier: SceneView | None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        registered = [self._registered(frame, placement) for frame, placement in zip(frames, placements, strict=True)]
+        samples = [normalised_lab(view, gain) for (view, _), gain in zip(registered, gains, strict=True)]
+        valid = [each for _, each in registered]
+        if earlier is not None:
+            samples += [earlier.reference] * EARLIER_SAMPLES
+            valid += [earlier.seen] * EARLIER_SAMPLES
+        return clear_view(np.stack(samples), np.stack(valid))
+
+    def _registered(self, frame: FrameMeasures, placement: Placement) -> tuple[np.ndarray, np.ndarray]:
+        """The view in the scene's key view, and where it shows something."""
+        height, width = frame.view.shape[:2]
+        moved = cv2.warpAffine(frame.view, placement.key_from_view, (width, height), flags=cv2.INTER_LINEAR)
+        lit = np.full((height, width), 255, np.uint8) if self.inside is None else self.inside.astype(np.uint8) * 255
+        valid = cv2.warpAffine(lit, placement.key_from_view, (width, height), flags=cv2.INTER_LINEAR) > 250
+        return moved, valid
+
+    def _covered_cells(self, found: Obstruction, placement: Placement) -> np.ndarray:
+        """``(6, 8)`` share of each cell of the frame that is covered."""
+        height, width = found.mask.shape
+        mask = (found.mask | found.glare).astype(np.float32)
+        back = cv2.warpAffine(mask, placement.key_from_view, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+        return cv2.resize(back, GRID_WH, interpolation=cv2.INTER_AREA)
+
+
+def _sample(sharpness: np.ndarray, obstructed: np.ndarray) -> np.ndarray:
+    """Numbers of the frames for a clear view: over the whole passage, the best of each moment, the better half of all."""
+    worth = sharpness * np.exp(-4 * obstructed)
+    moments = np.array_split(np.arange(len(worth)), min(2 * SAMPLES, len(worth)))
+    best = np.array([moment[np.argmax(worth[moment])] for moment in moments])
+    keep = max(min(len(best), SAMPLES // 3), len(best) // 2)
+    return np.sort(best[np.argsort(-worth[best], kind="stable")[:keep]])
+
+
+def _sharpness(details: np.ndarray, covered: np.ndarray) -> tuple[np.ndarray, float]:
+    """``(N,)`` sharpness of frames and the level of their scene from ``(N, 6, 8)`` details and covered shares."""
+    free = covered < 0.1
+    visible = np.where(free, details, np.nan)
+    counted = free.sum(axis=0) >= max(1, 0.05 * len(details))
+    best = np.nanpercentile(np.where(counted, visible, details), 85, axis=0) + 1e-9
+    ratio = np.where(free, np.minimum(details / best, 1), 0)
+    weight = free * np.sqrt(best)
+    total = weight.sum(axis=(1, 2))
+    sharp = np.where(total > 0, (ratio * weight).sum(axis=(1, 2)) / np.maximum(total, 1e-9), 0)
+    return sharp, float(np.median(best))

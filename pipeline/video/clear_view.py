@@ -9,11 +9,16 @@ it continues what surrounds the piece.
 import cv2
 import numpy as np
 
-SAME_COLOUR = 14.0
+SAME_COLOUR = 10.0
 """Largest distance in CIELAB of one group of colours."""
 
 LEAST_SUPPORT = 0.12
 """Share of the samples that makes a second group."""
+
+OFTEN = 0.25
+"""Share of the samples from which on a group is not rare."""
+
+_LEAST_PIECE_PX, _MOST_PIECES = 6, 60
 
 FREQUENCY_WEIGHT, COLOUR_WEIGHT, CONTINUITY_WEIGHT = 0.6, 0.5, 1.0
 
@@ -83,7 +88,7 @@ def _continued(
     colour = COLOUR_WEIGHT * (likely(first) - likely(second))
     evidence = frequency + colour
     other = np.zeros(double.shape, bool)
-    pieces = _pieces(first, double)
+    pieces = _pieces(double, support_second)
     for _ in range(2):
         for piece in pieces:
             current = np.where(other[..., None], second, first)
@@ -94,25 +99,24 @@ def _continued(
     return other
 
 
-def _pieces(first: np.ndarray, double: np.ndarray) -> list[np.ndarray]:
-    """Connected parts of a region in which the first group's colour changes little from pixel to pixel."""
-    kernel = np.ones((3, 3), np.uint8)
-    span = (cv2.dilate(first, kernel) - cv2.erode(first, kernel)).max(axis=-1)
-    even = (double & (span < 1.5 * SAME_COLOUR)).astype(np.uint8)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(even, connectivity=4)
-    # pixels on the borders between pieces join a neighbour
-    labels = labels.astype(np.float32)
-    for _ in range(3):
-        labels = np.where((labels == 0) & double, cv2.dilate(labels, kernel), labels)
-    order = np.argsort(-stats[1:count, cv2.CC_STAT_AREA]) + 1
-    return [labels == number for number in order[:40] if stats[number, cv2.CC_STAT_AREA] >= 6]
+def _pieces(double: np.ndarray, support_second: np.ndarray) -> list[np.ndarray]:
+    """Connected parts of a region, the largest first; where the second group is rare is another part."""
+    pieces = []
+    for part in (double & (support_second >= OFTEN), double & (support_second < OFTEN)):
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(part.astype(np.uint8), connectivity=8)
+        pieces += [
+            (int(stats[number, cv2.CC_STAT_AREA]), labels == number)
+            for number in range(1, count)
+            if stats[number, cv2.CC_STAT_AREA] >= _LEAST_PIECE_PX
+        ]
+    return [piece for _, piece in sorted(pieces, key=lambda each: -each[0])[:_MOST_PIECES]]
 
 
 def _jump(candidate: np.ndarray, current: np.ndarray, piece: np.ndarray, seen: np.ndarray) -> float:
     """Mean difference in colour across the border of a piece if it had the candidate's colours."""
     mask = piece.astype(np.float32)
     around = ((cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0) & ~piece & seen).astype(np.float32)
-    inner = piece & (cv2.erode(mask, np.ones((3, 3), np.uint8)) == 0)
+    inner = piece & (cv2.erode(mask, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=1) == 0)
     weight = cv2.boxFilter(around, -1, (7, 7), normalize=False)
     inner &= weight > 0
     if not inner.any():

@@ -156,8 +156,6 @@ def read_film_frames(path: Path, numbers: Sequence[int]) -> Iterator[tuple[int, 
         parts.close()  # type: ignore[attr-defined]
 
 
-
-
 def _check_video(path: Path) -> None:
     with reading(path, "a video"), open(path, "rb") as file:
         start = file.read(16)

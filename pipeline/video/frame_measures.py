@@ -90,5 +90,7 @@ def motion_px(view: np.ndarray, previous: np.ndarray) -> float:
         for grey in (cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32) for image in (view, previous))
     )
     change = cv2.resize(np.abs(one - other), GRID_WH, interpolation=cv2.INTER_AREA)
-    slope = cv2.magnitude(cv2.Sobel(other, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(other, cv2.CV_32F, 0, 1, scale=1 / 8))
+    slope = cv2.magnitude(
+        cv2.Sobel(other, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(other, cv2.CV_32F, 0, 1, scale=1 / 8)
+    )
     return float(np.median(change / (cv2.resize(slope, GRID_WH, interpolation=cv2.INTER_AREA) + 1.0)))

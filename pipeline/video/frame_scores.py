@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ..errors import InputError
 from .film_reader import Film, FilmFrame, FilmInfo
 from .frame_measures import VIEW_WIDTH, FrameMeasures, measured, motion_px, view_of
 from .passage import MOST_FRAMES, ComparedFrame, PassageComparison
@@ -15,7 +16,7 @@ from .view_circle import Circle, lit_part, view_circle
 COMBED = 1.1
 """Comb ratio from which on a frame shows two moments in its fields."""
 
-OBSTRUCTION_SHARE, GLARE_SHARE = 0.03, 0.04
+OBSTRUCTION_SHARE, GLARE_SHARE = 0.02, 0.03
 """Covered shares of the view that divide the score by e."""
 
 EXPOSURE_STOPS = 0.45
@@ -72,6 +73,10 @@ class FilmScores:
         Of the film.
     frames
         In display order; only those that could be decoded.
+    compared
+        What each frame was compared with, for its mask.
+    inside
+        ``(h, w)`` bool in pixels of the small view: what the optics let through; ``None`` for everything.
     circle
         That of the microscope or endoscope in px of the full frame, if it shows one.
     broken
@@ -80,6 +85,8 @@ class FilmScores:
 
     info: FilmInfo
     frames: tuple[FrameScore, ...]
+    compared: tuple[ComparedFrame, ...]
+    inside: np.ndarray | None
     circle: Circle | None
     broken: bool
 
@@ -119,7 +126,9 @@ def score_frames(
                 progress(min(count / film.info.frames, 1.0))
         frames = scorer.finished()
         broken = film.broken or count < film.info.frames or film.info.missing_s > 0
-        return FilmScores(film.info, frames, scorer.circle(), broken)
+        if not frames:
+            raise InputError(f"{film.path.name}: expected a video, cannot decode any frame of it; copy it again")
+        return FilmScores(film.info, frames, scorer.compared, scorer.inside, scorer.circle(), broken)
 
 
 class FilmScorer:
@@ -140,8 +149,7 @@ class FilmScorer:
         if self._brightness is None:
             self._brightness = np.zeros(grey.shape, np.float64)
         cv2.accumulate(grey, self._brightness)
-        inside = None if self._comparison is None else self._comparison.inside
-        found = measured(frame.image, inside)
+        found = measured(frame.image, self.inside)
         motion = 0.0 if self._previous is None else motion_px(found.view, self._previous)
         self._previous = found.view
         self._seen.append((frame.index, frame.time_s, frame.comb, motion))
@@ -156,6 +164,16 @@ class FilmScorer:
             return ()
         scale = self._info.size_wh[0] / min(VIEW_WIDTH, self._info.small_wh[0])
         return combined(self._seen, self._compared, scale)
+
+    @property
+    def compared(self) -> tuple[ComparedFrame, ...]:
+        """What the frames were compared with."""
+        return tuple(self._compared)
+
+    @property
+    def inside(self) -> np.ndarray | None:
+        """``(h, w)`` bool, in pixels of the view: what the optics let through, if there is a border."""
+        return None if self._comparison is None else self._comparison.inside
 
     def circle(self) -> Circle | None:
         """The circle of the view, px of the full frame."""

@@ -24,6 +24,26 @@ _ROUNDS = 3
 
 
 @dataclass(frozen=True)
+class SceneView:
+    """A scene's clear view during a passage.
+
+    Attributes
+    ----------
+    reference
+        ``(h, w, 3)`` CIELAB, float16.
+    seen
+        ``(h, w)`` bool: where it is known.
+    """
+
+    reference: np.ndarray
+    seen: np.ndarray
+
+    def finder(self) -> ObstructionFinder:
+        """Finds what stands in front of it."""
+        return ObstructionFinder(self.reference.astype(np.float32), self.seen)
+
+
+@dataclass(frozen=True)
 class ComparedFrame:
     """A frame compared with its scene.
 
@@ -39,6 +59,10 @@ class ComparedFrame:
         Shares of the view, 0..1.
     gain
         From the frame's code values to the brightness of the clear view.
+    placement
+        Of the frame in its scene.
+    clear_view
+        That it was compared with.
     """
 
     scene: int
@@ -47,14 +71,8 @@ class ComparedFrame:
     obstructed: float
     glare: float
     gain: float
-
-
-@dataclass(frozen=True)
-class SceneView:
-    """A scene's clear view, ``(h, w, 3)`` CIELAB with where it is known ``(h, w)``, for masks and later passages."""
-
-    reference: np.ndarray
-    seen: np.ndarray
+    placement: Placement
+    clear_view: SceneView
 
 
 @dataclass
@@ -97,9 +115,10 @@ class PassageComparison:
             chosen = _sample(sharpness, obstructed)
             reference, seen = self._clear_view([frames[k] for k in chosen], [placements[k] for k in chosen],
                                                gains[chosen], earlier)  # fmt: skip
-            finder = ObstructionFinder(reference, seen)
+            view = SceneView(reference.astype(np.float16), seen)
+            finder = view.finder()
             found = [
-                finder.find(*self._registered(frame, placement), gain)
+                finder.find(*registered(frame.view, placement, self.inside), gain)
                 for frame, placement, gain in zip(frames, placements, gains, strict=True)
             ]
             now = np.array([each.share + each.glare_share for each in found])
@@ -108,11 +127,15 @@ class PassageComparison:
             if settled:
                 break
         self.known.pop(scene, None)
-        self.known[scene] = SceneView(reference, seen)
-        covered = np.stack([self._covered_cells(each, placement) for each, placement in zip(found, placements, strict=True)])
+        self.known[scene] = view
+        covered = np.stack(
+            [self._covered_cells(each, placement) for each, placement in zip(found, placements, strict=True)]
+        )
         sharp, level = _sharpness(details, covered)
         return [
-            ComparedFrame(scene, float(sharp[k]), level, found[k].share, found[k].glare_share, found[k].gain)
+            ComparedFrame(
+                scene, float(sharp[k]), level, found[k].share, found[k].glare_share, found[k].gain, placements[k], view
+            )
             for k in range(len(frames))
         ]
 
@@ -123,28 +146,32 @@ class PassageComparison:
         gains: np.ndarray,
         earlier: SceneView | None,
     ) -> tuple[np.ndarray, np.ndarray]:
-        registered = [self._registered(frame, placement) for frame, placement in zip(frames, placements, strict=True)]
-        samples = [normalised_lab(view, gain) for (view, _), gain in zip(registered, gains, strict=True)]
-        valid = [each for _, each in registered]
+        moved = [
+            registered(frame.view, placement, self.inside) for frame, placement in zip(frames, placements, strict=True)
+        ]
+        samples = [normalised_lab(view, gain) for (view, _), gain in zip(moved, gains, strict=True)]
+        valid = [each for _, each in moved]
         if earlier is not None:
-            samples += [earlier.reference] * EARLIER_SAMPLES
+            samples += [earlier.reference.astype(np.float32)] * EARLIER_SAMPLES
             valid += [earlier.seen] * EARLIER_SAMPLES
         return clear_view(np.stack(samples), np.stack(valid))
-
-    def _registered(self, frame: FrameMeasures, placement: Placement) -> tuple[np.ndarray, np.ndarray]:
-        """The view in the scene's key view, and where it shows something."""
-        height, width = frame.view.shape[:2]
-        moved = cv2.warpAffine(frame.view, placement.key_from_view, (width, height), flags=cv2.INTER_LINEAR)
-        lit = np.full((height, width), 255, np.uint8) if self.inside is None else self.inside.astype(np.uint8) * 255
-        valid = cv2.warpAffine(lit, placement.key_from_view, (width, height), flags=cv2.INTER_LINEAR) > 250
-        return moved, valid
 
     def _covered_cells(self, found: Obstruction, placement: Placement) -> np.ndarray:
         """``(6, 8)`` share of each cell of the frame that is covered."""
         height, width = found.mask.shape
         mask = (found.mask | found.glare).astype(np.float32)
-        back = cv2.warpAffine(mask, placement.key_from_view, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+        back = cv2.warpAffine(
+            mask, placement.key_from_view, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        )
         return cv2.resize(back, GRID_WH, interpolation=cv2.INTER_AREA)
+
+
+def registered(view: np.ndarray, placement: Placement, inside: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """A view ``(h, w, 3)`` in the pixels of its scene's key view, and ``(h, w)`` bool, where it shows something."""
+    height, width = view.shape[:2]
+    moved = cv2.warpAffine(view, placement.key_from_view, (width, height), flags=cv2.INTER_LINEAR)
+    lit = np.full((height, width), 255, np.uint8) if inside is None else inside.astype(np.uint8) * 255
+    return moved, cv2.warpAffine(lit, placement.key_from_view, (width, height), flags=cv2.INTER_LINEAR) > 250
 
 
 def _sample(sharpness: np.ndarray, obstructed: np.ndarray) -> np.ndarray:

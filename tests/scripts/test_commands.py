@@ -23,6 +23,7 @@ from pipeline.errors import InputError
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = {
     "sample": "make_sample.py",
+    "frames": "select_frame.py",
     "align": "align.py",
     "render": "render_dataset.py",
     "check": "check_dataset.py",

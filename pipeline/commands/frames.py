@@ -16,8 +16,9 @@ EPILOG = """examples:
 
 Every frame is scored by its sharpness, exposure, glare and motion, and by how much of the view is covered by something
 that other frames of the same scene do not show there. The best frames are written twice: as decoded, and with alpha 0
-where they show no tissue (instruments, glare, the black around a microscope's circle). Both can be the frame of a case;
-look at contact_sheet.png first. scores.csv has a line for each frame; scores.png plots them over time (needs matplotlib).
+where they show no tissue (instruments, glare, the black around a microscope's circle). Both can be the frame of a
+case; look at contact_sheet.png first. scores.csv has a line for each frame; scores.png, which needs matplotlib, plots
+them over time.
 """
 
 

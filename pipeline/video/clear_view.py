@@ -116,8 +116,8 @@ def _jump(candidate: np.ndarray, current: np.ndarray, piece: np.ndarray, seen: n
     """Mean difference in colour across the border of a piece if it had the candidate's colours."""
     mask = piece.astype(np.float32)
     around = ((cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0) & ~piece & seen).astype(np.float32)
-    inner = piece & (cv2.erode(mask, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=1) == 0)
-    weight = cv2.boxFilter(around, -1, (7, 7), normalize=False)
+    inner = piece & (cv2.erode(mask, np.ones((3, 3), np.uint8)) == 0)
+    weight = np.asarray(cv2.boxFilter(around, -1, (7, 7), normalize=False))
     inner &= weight > 0
     if not inner.any():
         return 0.0

@@ -162,9 +162,7 @@ def _check_video(path: Path) -> None:
     if not start:
         raise InputError(f"{path.name}: expected a video, cannot open it, it is empty; copy it again")
     if start.startswith((*SIGNATURES, b"GIF8")):
-        raise InputError(
-            f"{path.name}: expected a video, found an image; there is nothing to select: name it as the frame of the case"
-        )
+        raise InputError(f"{path.name}: expected a video, found an image; name it as the frame of the case")
 
 
 def _undecodable(path: Path, error: ChildError) -> InputError:

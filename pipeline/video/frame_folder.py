@@ -23,8 +23,8 @@ from .frame_scores import COMBED, FilmScores, FrameScore
 
 TABLE, SHEET = "scores.csv", "contact_sheet.png"
 COLUMNS = (
-    "frame", "time_s", "chosen", "score", "sharpness", "exposure_stops", "glare", "obstructed", "motion_px", "comb_ratio",
-    "scene",
+    "frame", "time_s", "chosen", "score", "sharpness", "exposure_stops", "glare", "obstructed", "motion_px",
+    "comb_ratio", "scene",
 )  # fmt: skip
 SCORES = Kind("a table of scores", csv_table(",".join(COLUMNS)))
 TILE_WIDTH = 640
@@ -151,10 +151,10 @@ def _tiles(picture: np.ndarray, mask: np.ndarray, score: FrameScore, rank: int) 
     text = f"{rank}: frame {score.index}, {score.time_s:.2f} s, score {score.total:.2f}"
     size = small.shape[1] / 1000
     labelled = np.ascontiguousarray(small)
-    for colour, thickness in (((0.0, 0.0, 0.0), 5), ((1.0, 1.0, 1.0), 1)):
+    for colour, thickness in (((0.0, 0.0, 0.0), 7), ((1.0, 1.0, 1.0), 2)):
         cv2.putText(
             labelled, text, (round(20 * size), round(45 * size)), cv2.FONT_HERSHEY_SIMPLEX, 1.4 * size, colour,
-            max(1, round(thickness * 2 * size)), cv2.LINE_AA,
+            max(1, round(thickness * size)), cv2.LINE_AA,
         )  # fmt: skip
     return [labelled, masked]
 

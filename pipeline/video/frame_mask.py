@@ -1,8 +1,8 @@
 """A first mask of a chosen frame: what is not tissue. Needs ``cv2``.
 
 Instruments, hands and glare are found against the clear view of the scene, at its small size. Their outlines are then
-drawn along the colours of the frame (GrabCut, Rother et al. 2004), within a narrow band. Overexposed pixels and what the
-optics hide are added at full size.
+drawn along the colours of the frame (GrabCut, Rother et al. 2004), within a narrow band. Overexposed pixels and what
+the optics hide are added at full size.
 """
 
 import cv2
@@ -56,7 +56,7 @@ def tissue_mask(
 
 
 def without_combs(image: np.ndarray) -> np.ndarray:
-    """An interlaced ``(H, W, 3)`` uint8 frame as its upper field shows it: rows 1, 3, ... are between their neighbours."""
+    """An interlaced ``(H, W, 3)`` uint8 frame as its upper field shows it: rows 1, 3, ... are interpolated."""
     result = image.copy()
     above = image[0 : image.shape[0] - 1 : 2].astype(np.uint16)
     below = np.concatenate([image[2::2], image[-2 + image.shape[0] % 2 :: 2]])[: len(above)].astype(np.uint16)
@@ -89,7 +89,13 @@ def _along_colours(image: np.ndarray, coarse: np.ndarray, band_px: int) -> np.nd
     labels[~near], labels[sure] = cv2.GC_BGD, cv2.GC_FGD
     cv2.setRNGSeed(_SEED)
     cv2.grabCut(
-        np.ascontiguousarray(image), labels, None, np.zeros((1, 65)), np.zeros((1, 65)), 2, cv2.GC_INIT_WITH_MASK
+        np.ascontiguousarray(image),
+        labels,
+        (0, 0, 1, 1),
+        np.zeros((1, 65)),
+        np.zeros((1, 65)),
+        2,
+        cv2.GC_INIT_WITH_MASK,
     )
     found = (labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)
     # where colours say nothing, everything or nothing would be taken

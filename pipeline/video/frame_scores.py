@@ -118,12 +118,10 @@ def score_frames(
         No file, not a video, no frames, or frames too large.
     """
     with Film(path, every=every, from_s=from_s, to_s=to_s) as film:
-        scorer, count = FilmScorer(film.info), 0
+        scorer, count = FilmScorer(film.info, progress), 0
         for frame in film:
             scorer.add(frame)
             count += 1
-            if progress:
-                progress(min(count / film.info.frames, 1.0))
         frames = scorer.finished()
         broken = film.broken or count < film.info.frames or film.info.missing_s > 0
         if not frames:
@@ -134,8 +132,8 @@ def score_frames(
 class FilmScorer:
     """Scores frames as they come; memory does not grow with their pictures."""
 
-    def __init__(self, info: FilmInfo) -> None:
-        self._info = info
+    def __init__(self, info: FilmInfo, progress: Callable[[float], None] | None = None) -> None:
+        self._info, self._progress, self._steps = info, progress, 0
         self._seen: list[tuple[int, float, float, float]] = []
         self._compared: list[ComparedFrame] = []
         self._pending: list[FrameMeasures] = []
@@ -149,11 +147,12 @@ class FilmScorer:
         if self._brightness is None:
             self._brightness = np.zeros(grey.shape, np.float64)
         cv2.accumulate(grey, self._brightness)
-        found = measured(frame.image, self.inside)
+        found = measured(frame.image)
         motion = 0.0 if self._previous is None else motion_px(found.view, self._previous)
         self._previous = found.view
         self._seen.append((frame.index, frame.time_s, frame.comb, motion))
         self._pending.append(found)
+        self._step()
         if len(self._pending) >= MOST_FRAMES:
             self._compare()
 
@@ -185,12 +184,18 @@ class FilmScorer:
         across, down = (full / small for full, small in zip(self._info.size_wh, self._info.small_wh, strict=True))
         return circle.scaled(across, down)
 
+    def _step(self) -> None:
+        """Each frame takes three: it is measured, placed and compared."""
+        self._steps += 1
+        if self._progress:
+            self._progress(min(self._steps / (3 * max(self._info.frames, 1)), 1.0))
+
     def _compare(self) -> None:
         if not self._pending:
             return
         if self._comparison is None:
             self._comparison = PassageComparison(self._lit())
-        self._compared += self._comparison.compare(self._pending)
+        self._compared += self._comparison.compare(self._pending, self._step)
         self._pending = []
 
     def _lit(self) -> np.ndarray | None:
@@ -225,7 +230,7 @@ def combined(
     substantial = weight > 0.5
     best_level = float(level[substantial].max()) if substantial.any() else float(level.max())
     total = (
-        sharpness
+        sharpness**2
         * np.minimum(level / best_level, 1) ** 0.5
         * np.exp(-obstructed / OBSTRUCTION_SHARE)
         * np.exp(-glare / GLARE_SHARE)

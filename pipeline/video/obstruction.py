@@ -11,14 +11,14 @@ import numpy as np
 from .frame_measures import normalised_lab
 
 DIFFERENT = 9.0
-"""Distance in CIELAB, averaged over 5x5 px of a view, from which on a frame shows something else than the clear view."""
+"""Distance in CIELAB, averaged over 5x5 px of a view, from which on a frame differs from the clear view."""
 
 GLARE_LIGHTNESS, GLARE_CHROMA, GLARE_EXCESS = 88.0, 16.0, 10.0
 """Glare is lighter than this, less coloured, and this much lighter than the clear view."""
 
 COLD, COLD_LIGHTNESS = 0.35, 25.0
-"""Metal and gloves have less than this share of the tissue's red and yellow (a* + b* relative to L*); tissue itself only
-where it is darker, or in highlights."""
+"""Metal and gloves have less than this share of the tissue's red and yellow (a* + b* relative to L*); tissue itself
+only where it is darker, or in highlights."""
 
 _WARM_TISSUE = 0.06
 _LARGEST_COLD_SHARE = 0.3

@@ -1,13 +1,13 @@
 """A passage of a film: at most a minute of frames in memory, compared with the clear views of their scenes."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
 from .clear_view import clear_view
-from .frame_measures import BRIGHT_LUMA, GRID_WH, FrameMeasures, normalised_lab
+from .frame_measures import BRIGHT_LUMA, DETAIL_WH, GRID_WH, FrameMeasures, normalised_lab
 from .obstruction import Obstruction, ObstructionFinder
 from .scenes import Placement, SceneTracker
 
@@ -21,6 +21,9 @@ EARLIER_SAMPLES = 5
 """As many samples an earlier passage's clear view of the same scene counts."""
 
 _ROUNDS = 3
+
+_LEAST_CELL = 0.3
+"""Share of a cell that must be inside the view."""
 
 
 @dataclass(frozen=True)
@@ -82,19 +85,34 @@ class PassageComparison:
     inside: np.ndarray | None = None
     tracker: SceneTracker = field(init=False)
     known: dict[int, SceneView] = field(default_factory=dict)
+    lit: np.ndarray = field(init=False)
+    cells: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
         self.tracker = SceneTracker(self.inside)
+        self.lit = np.ones(DETAIL_WH[::-1], np.float32)
+        if self.inside is not None:
+            inner = cv2.erode(self.inside.astype(np.uint8), np.ones((5, 5), np.uint8))
+            share = cv2.resize(inner.astype(np.float32), DETAIL_WH, interpolation=cv2.INTER_AREA)
+            self.lit = (share > 0.99).astype(np.float32)
+        share = cv2.resize(self.lit, GRID_WH, interpolation=cv2.INTER_AREA)
+        self.cells = share > min(_LEAST_CELL, float(np.max(share)) / 2)
 
-    def compare(self, frames: Sequence[FrameMeasures]) -> list[ComparedFrame]:
-        """Compare the next passage's frames."""
-        placements = [self.tracker.place(frame.view) for frame in frames]
+    def compare(self, frames: Sequence[FrameMeasures], step: Callable[[], None] | None = None) -> list[ComparedFrame]:
+        """Compare the next passage's frames; ``step`` is called twice for each."""
+        step = step or (lambda: None)
+        placements = []
+        for frame in frames:
+            placements.append(self.tracker.place(frame.view))
+            step()
         results: dict[int, ComparedFrame] = {}
         for scene in dict.fromkeys(placement.scene for placement in placements):
             numbers = [number for number, placement in enumerate(placements) if placement.scene == scene]
             compared = self._compare_scene(
                 scene, [frames[number] for number in numbers], [placements[number] for number in numbers]
             )
+            for _ in numbers:
+                step()
             results.update(zip(numbers, compared, strict=True))
         for old in list(self.known)[:-8]:
             del self.known[old]
@@ -103,9 +121,9 @@ class PassageComparison:
     def _compare_scene(
         self, scene: int, frames: Sequence[FrameMeasures], placements: Sequence[Placement]
     ) -> list[ComparedFrame]:
-        details = np.stack([frame.details for frame in frames])
+        details = self._details(frames)
         typical = np.percentile(details, 75, axis=0) + 1e-9
-        sharpness = np.median(np.minimum(details / typical, 1.5), axis=(1, 2))
+        sharpness = np.median(np.minimum(details / typical, 1.5), axis=1)
         luma = np.array([frame.luma for frame in frames])
         typical_gain = BRIGHT_LUMA / float(np.median([frame.bright for frame in frames]))
         gains = typical_gain * float(np.median(luma)) / luma
@@ -128,9 +146,9 @@ class PassageComparison:
                 break
         self.known.pop(scene, None)
         self.known[scene] = view
-        covered = np.stack(
-            [self._covered_cells(each, placement) for each, placement in zip(found, placements, strict=True)]
-        )
+        covered = np.stack([
+            _covered_cells(each, placement)[self.cells] for each, placement in zip(found, placements, strict=True)
+        ])  # fmt: skip
         sharp, level = _sharpness(details, covered)
         return [
             ComparedFrame(
@@ -156,14 +174,14 @@ class PassageComparison:
             valid += [earlier.seen] * EARLIER_SAMPLES
         return clear_view(np.stack(samples), np.stack(valid))
 
-    def _covered_cells(self, found: Obstruction, placement: Placement) -> np.ndarray:
-        """``(6, 8)`` share of each cell of the frame that is covered."""
-        height, width = found.mask.shape
-        mask = (found.mask | found.glare).astype(np.float32)
-        back = cv2.warpAffine(
-            mask, placement.key_from_view, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        )
-        return cv2.resize(back, GRID_WH, interpolation=cv2.INTER_AREA)
+    def _details(self, frames: Sequence[FrameMeasures]) -> np.ndarray:
+        """``(N, C)`` details in the cells inside the view, without those at its border."""
+
+        def cells(fine: np.ndarray) -> np.ndarray:
+            return cv2.resize(fine, GRID_WH, interpolation=cv2.INTER_AREA)
+
+        weight = cells(self.lit)[self.cells]
+        return np.stack([cells(frame.details * self.lit)[self.cells] for frame in frames]) / weight
 
 
 def registered(view: np.ndarray, placement: Placement, inside: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
@@ -174,8 +192,17 @@ def registered(view: np.ndarray, placement: Placement, inside: np.ndarray | None
     return moved, cv2.warpAffine(lit, placement.key_from_view, (width, height), flags=cv2.INTER_LINEAR) > 250
 
 
+def _covered_cells(found: Obstruction, placement: Placement) -> np.ndarray:
+    """``(6, 8)`` share of each cell of the frame that is covered."""
+    height, width = found.mask.shape
+    mask = (found.mask | found.glare).astype(np.float32)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    back = cv2.warpAffine(mask, placement.key_from_view, (width, height), flags=flags)
+    return cv2.resize(back, GRID_WH, interpolation=cv2.INTER_AREA)
+
+
 def _sample(sharpness: np.ndarray, obstructed: np.ndarray) -> np.ndarray:
-    """Numbers of the frames for a clear view: over the whole passage, the best of each moment, the better half of all."""
+    """Numbers of the frames for a clear view: the better half of the best frames of each moment."""
     worth = sharpness * np.exp(-4 * obstructed)
     moments = np.array_split(np.arange(len(worth)), min(2 * SAMPLES, len(worth)))
     best = np.array([moment[np.argmax(worth[moment])] for moment in moments])
@@ -184,13 +211,13 @@ def _sample(sharpness: np.ndarray, obstructed: np.ndarray) -> np.ndarray:
 
 
 def _sharpness(details: np.ndarray, covered: np.ndarray) -> tuple[np.ndarray, float]:
-    """``(N,)`` sharpness of frames and the level of their scene from ``(N, 6, 8)`` details and covered shares."""
+    """``(N,)`` sharpness of frames and the level of their scene from ``(N, C)`` details and covered shares of cells."""
     free = covered < 0.1
     visible = np.where(free, details, np.nan)
     counted = free.sum(axis=0) >= max(1, 0.05 * len(details))
     best = np.nanpercentile(np.where(counted, visible, details), 85, axis=0) + 1e-9
     ratio = np.where(free, np.minimum(details / best, 1), 0)
     weight = free * np.sqrt(best)
-    total = weight.sum(axis=(1, 2))
-    sharp = np.where(total > 0, (ratio * weight).sum(axis=(1, 2)) / np.maximum(total, 1e-9), 0)
+    total = weight.sum(axis=1)
+    sharp = np.where(total > 0, (ratio * weight).sum(axis=1) / np.maximum(total, 1e-9), 0)
     return sharp, float(np.median(best))

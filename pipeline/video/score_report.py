@@ -22,7 +22,7 @@ def report_lines(video: Path, scores: FilmScores, chosen: int, wanted: int) -> l
     ]
     if len(frames) < info.frames:
         lines.append(
-            f"note: the file is damaged or cut off: {len(frames)} of {info.frames} frames could be decoded, and are used"
+            f"note: the file is damaged or cut off: {len(frames)} of {info.frames} frames can be decoded; they are used"
         )
     elif info.missing_s > 0:
         lines.append(
@@ -31,14 +31,14 @@ def report_lines(video: Path, scores: FilmScores, chosen: int, wanted: int) -> l
     if scores.circle is not None:
         circle = scores.circle
         lines.append(
-            f"circle of the view: centre {circle.u:.1f}, {circle.v:.1f}, radius {circle.radius:.1f} px; what is outside "
+            f"circle of the view: centre {circle.u:.1f}, {circle.v:.1f}, radius {circle.radius:.1f} px; the rest "
             "is masked"
         )
     combed = float(np.mean([each.comb > COMBED for each in frames]))
     if combed > INTERLACED_SHARE:
         lines.append(
-            f"note: the video is interlaced: {combed:.0%} of its frames show two moments, and are avoided; where one is "
-            "chosen all the same, only its upper field is used and half of its rows are interpolated"
+            f"note: the video is interlaced: {combed:.0%} of its frames show two moments, and are avoided; of one that "
+            "is chosen all the same, only the upper field is used, and half of the rows are interpolated"
         )
     if chosen < wanted:
         lines.append(

@@ -7,7 +7,7 @@ from .frame_scores import FrameScore
 APART_SECONDS, NEAREST_SECONDS = 1.0, 0.12
 """Chosen frames lie this far apart; less, rather than take a worse one, but never less than the second."""
 
-LEAST_OF_BEST = 0.7
+LEAST_OF_BEST = 0.75
 """Worst score that is chosen, relative to the best."""
 
 

@@ -27,8 +27,8 @@ def score_charts(frames: Sequence[FrameScore], chosen: Sequence[FrameScore], dat
         top.set(ylim=(0, 1.18), yticks=(0, 0.5, 1), ylabel="score")
         middle.plot(time_s, [each.sharpness for each in frames], color=theme.text, linewidth=1, label="sharpness")
         middle.plot(
-            time_s, [2.0**-abs(each.exposure) for each in frames], color=theme.series[PEER], linewidth=1, linestyle="--",
-            label="exposure: 1 is typical, 0.5 one stop off",
+            time_s, [2.0 ** -abs(each.exposure) for each in frames], color=theme.series[PEER], linewidth=1,
+            linestyle="--", label="exposure: 1 is typical, 0.5 one stop off",
         )  # fmt: skip
         middle.set(ylim=(0, 1.08), yticks=(0, 0.5, 1))
         covered = {"instruments, hands, blood": ("obstructed", WARNING), "glare": ("glare", OURS)}
@@ -38,7 +38,7 @@ def score_charts(frames: Sequence[FrameScore], chosen: Sequence[FrameScore], dat
         bottom.set(ylabel="% of the view", xlabel="time (s)")
         bottom.set_ylim(bottom=0)
         for axes in (middle, bottom):
-            axes.legend(loc="upper right", ncols=2, fontsize=9.5, framealpha=0.8, facecolor=theme.background)
+            axes.legend(loc="lower right", bbox_to_anchor=(1, 0.98), ncols=2, fontsize=9.5, frameon=False, borderpad=0)
         for axes in (top, middle, bottom):
             axes.grid(axis="y", linewidth=0.8)
             axes.margins(x=0.01)

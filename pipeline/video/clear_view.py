@@ -6,6 +6,8 @@ of the view takes the group that needs least explanation: it is frequent, its co
 it continues what surrounds the piece.
 """
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 
@@ -126,15 +128,15 @@ def _jump(candidate: np.ndarray, current: np.ndarray, piece: np.ndarray, seen: n
     return float(np.minimum(jumps, 3 * SAME_COLOUR).mean())
 
 
-def _tissue_likelihood(colours: np.ndarray, known: np.ndarray):  # type: ignore[no-untyped-def]
+def _tissue_likelihood(colours: np.ndarray, known: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """A function that gives the log-likelihood of colours by the histogram of a* and b* of the known tissue."""
 
     def bins(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         at = np.clip(np.rint(values[..., 1:] / _BIN) + _BINS // 2, 0, _BINS - 1).astype(np.intp)
         return at[..., 0], at[..., 1]
 
-    histogram = np.zeros((_BINS, _BINS), np.float32)
-    np.add.at(histogram, bins(colours[known]), 1)
-    histogram = cv2.GaussianBlur(histogram, (0, 0), 1.0)
-    logarithm = np.log(histogram / max(float(histogram.sum()), 1.0) + 2e-3)
+    counts = np.zeros((_BINS, _BINS), np.float32)
+    np.add.at(counts, bins(colours[known]), 1)
+    smooth = np.asarray(cv2.GaussianBlur(counts, (0, 0), 1.0))
+    logarithm = np.log(smooth / max(float(smooth.sum()), 1.0) + 2e-3)
     return lambda values: logarithm[bins(values)]

@@ -1,6 +1,6 @@
 """What the selection leaves in a folder: the chosen frames, each also with its mask as alpha, a sheet, a table."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -118,7 +118,7 @@ def write_frames(
     return [written[index] for index in in_order]
 
 
-def _pictures(video: Path, scores: FilmScores, numbers: Sequence[int]):  # type: ignore[no-untyped-def]
+def _pictures(video: Path, scores: FilmScores, numbers: Sequence[int]) -> Iterator[tuple[int, np.ndarray]]:
     """Number and picture of each frame: found by its time, or in a damaged film by counting."""
     if scores.broken or not scores.info.unique_times:
         yield from read_film_frames(video, numbers)

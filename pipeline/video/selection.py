@@ -31,7 +31,9 @@ def best_frames(scores: Sequence[FrameScore], count: int, *, apart_s: float = AP
         for score in good:
             if len(chosen) == count:
                 return _best_first(chosen)
-            if all(abs(score.time_s - other.time_s) >= apart_s and score.index != other.index for other in chosen):
+            if all(
+                abs(score.time_s - other.time_s) >= apart_s - 1e-6 and score.index != other.index for other in chosen
+            ):
                 chosen.append(score)
         if apart_s <= NEAREST_SECONDS:
             break

@@ -86,9 +86,11 @@ def open_video(path: Path) -> cv2.VideoCapture:
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
     if not capture.isOpened():
         raise InputError(
-            f"{path.name}: expected a video, cannot open it; it is cut off or in an unknown format: "
+            f"{path.name}: expected a video, cannot open it; it is cut off, without pictures, or in an unknown format: "
             "copy it again, or convert it to MP4 (H.264)"
         )
+    # OpenCV 4.11 does not turn frames as the header says unless told to
+    capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
     return capture
 
 

@@ -5,6 +5,7 @@ Numbers and times of frames are those of :mod:`pipeline.video.decoder`.
 """
 
 import json
+import math
 import struct
 from bisect import bisect_left
 from collections.abc import Iterator
@@ -64,10 +65,15 @@ def film_in_parts(name: str, width: int, every: int, from_s: float, to_s: float 
     missing_s = _missing_s(capture, times_ms)
     capture, position = _started(path, capture, times_ms, first) if unique else (capture, 0)
     sent_wh: list[int] = []
+    before_ms = -math.inf
     for index in range(position, last):
         if not capture.grab():
             break
         time_ms = float(capture.get(cv2.CAP_PROP_POS_MSEC))
+        if not unique and time_ms <= before_ms:
+            # MPEG's last frame may come without a time
+            time_ms = before_ms + 1000 / max(fps, 1.0)
+        before_ms = time_ms
         if unique:
             # a damaged frame may be missing
             index = bisect_left(times_ms, time_ms)

@@ -1,15 +1,11 @@
 """Pictures of the sample case to make films of, and a writer of films."""
 
-import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-
-# beside this file; the tests are imported without their folders
-sys.path.insert(0, str(Path(__file__).parent))
 
 SIZE_WH = (320, 240)
 

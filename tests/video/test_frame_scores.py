@@ -1,15 +1,16 @@
 """Scores of films whose good frames are known: a render of the sample case with faults laid over it."""
 
 import tracemalloc
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from surgical_film import Event, clear_frames, random_events, surgical_film
 
 from pipeline.video import frame_scores
 from pipeline.video.frame_scores import score_images
 from pipeline.video.selection import best_frames
+from tests.video.surgical_film import Event, clear_frames, random_events, surgical_film
 
 pytestmark = pytest.mark.render
 
@@ -32,7 +33,7 @@ def a_film(pictures, seed: int, settings: dict) -> tuple[list[np.ndarray], np.nd
         clear = clear_frames(events)
         for begin, end, *_ in (*settings.get("zooms", ()), settings.get("resting_tool", (0, 0))):
             clear[begin:end] = False
-        if all(clear[begin:end].mean() > 1 / 6 for begin, end in zip(cuts, cuts[1:], strict=False)):
+        if all(clear[begin:end].mean() > 1 / 6 for begin, end in pairwise(cuts)):
             return list(surgical_film(pictures, events, rng, **settings)), clear
 
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..blender.process import own_output
+from ..errors import InputError, RunError
 from .parser import command_parser, explained_imports
 
 ABOUT = "Find the best frames of a microscope video: sharp, well exposed, free of instruments, hands and glare."
@@ -61,7 +62,6 @@ def main(argv: Sequence[str], prog: str = "oneframe frames") -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Score the film, write the best frames and report them."""
     with explained_imports():
-        from ..errors import RunError
         from ..evaluation.charts.page import chart_outputs, require_matplotlib
         from ..evaluation.charts.score_chart import score_charts
         from ..files.outputs import check_outputs
@@ -96,10 +96,14 @@ def run(arguments: argparse.Namespace) -> int:
     written = write_frames(video, out, scores, chosen)
     for rank, frame in enumerate(written, start=1):
         output.write(frame_line(rank, frame) + "\n")
-    output.write(f"frames beside what is masked in them: {out / SHEET}\nscores of all frames: {out / TABLE}\n")
+    if written:
+        output.write(f"frames beside what is masked in them: {out / SHEET}\n")
+    output.write(f"scores of all frames: {out / TABLE}\n")
     if charts:
         score_charts(scores.frames, [frame.score for frame in written], out / TABLE)
         output.write(f"scores over time: {(out / TABLE).with_suffix('.png')}\n")
     else:
         output.write("note: no chart of the scores, which needs matplotlib; run pip install 'oneframe[charts]'\n")
+    if not written:
+        raise InputError(f"{video.name}: expected a frame that shows something sharply, found none; see {out / TABLE}")
     return 0

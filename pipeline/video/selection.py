@@ -11,6 +11,10 @@ LEAST_OF_BEST = 0.75
 """Worst score that is chosen, relative to the best."""
 
 
+LEAST = 0.01
+"""Frames of a lower score show nothing: black, or nothing that any other frame shows too."""
+
+
 def best_frames(scores: Sequence[FrameScore], count: int, *, apart_s: float = APART_SECONDS) -> tuple[FrameScore, ...]:
     """At most ``count`` frames, the best first; of equal ones the earlier.
 
@@ -25,7 +29,9 @@ def best_frames(scores: Sequence[FrameScore], count: int, *, apart_s: float = AP
         :data:`NEAREST_SECONDS`: a good frame's neighbour is worth more than a frame with an instrument in it.
     """
     best = max((each.total for each in scores), default=0.0)
-    good = sorted((each for each in scores if each.total >= LEAST_OF_BEST * best), key=lambda each: -each.total)
+    good = sorted(
+        (each for each in scores if each.total >= max(LEAST_OF_BEST * best, LEAST)), key=lambda each: -each.total
+    )
     chosen: list[FrameScore] = []
     while good:
         for score in good:

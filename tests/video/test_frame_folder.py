@@ -129,3 +129,10 @@ def test_the_video_is_never_replaced(film, tmp_path):
     (out / "scores.csv").write_bytes(film[0].read_bytes())
     with pytest.raises(InputError, match=r"scores\.csv: expected a new file, found the video"):
         command.main([str(out / "scores.csv"), "--out", str(out)])
+
+
+def test_a_film_that_shows_nothing_gives_its_scores_and_says_so(write_film, tmp_path):
+    path = write_film(tmp_path / "black.mkv", [np.zeros((120, 160, 3), np.uint8)] * 12)
+    with pytest.raises(InputError, match=r"black\.mkv: expected a frame that shows something sharply, found none; see"):
+        command.main([str(path), "--out", str(tmp_path / "out")])
+    assert len((tmp_path / "out" / "scores.csv").read_text().splitlines()) == 13

@@ -3,7 +3,7 @@
 At each pixel the samples of a scene fall into one or two groups of colours. Where there are two, one is tissue and the
 other something in front of it. The larger group is not always tissue: an instrument may rest at a place. So each piece
 of the view takes the group that needs least explanation: it is frequent, its colour occurs elsewhere in the tissue, and
-it continues what surrounds the piece.
+it continues what surrounds the piece, it has more detail, and it is not burnt out.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,9 @@ OFTEN = 0.25
 
 _LEAST_PIECE_PX, _MOST_PIECES = 6, 60
 
-FREQUENCY_WEIGHT, COLOUR_WEIGHT, CONTINUITY_WEIGHT = 0.6, 0.5, 1.0
+FREQUENCY_WEIGHT, COLOUR_WEIGHT, CONTINUITY_WEIGHT, DETAIL_WEIGHT, BURNT_WEIGHT = 0.6, 0.5, 1.0, 0.8, 3.0
+
+_BURNT_LIGHTNESS, _BURNT_CHROMA = 95.0, 6.0
 
 _BINS, _BIN = 24, 5.0
 """Of the histogram of the tissue's a* and b*, and their width."""
@@ -88,7 +90,9 @@ def _continued(
     likely = _tissue_likelihood(first, seen & ~double)
     frequency = FREQUENCY_WEIGHT * np.log(np.maximum(support, 0.02) / np.maximum(support_second, 0.02))
     colour = COLOUR_WEIGHT * (likely(first) - likely(second))
-    evidence = frequency + colour
+    detail = DETAIL_WEIGHT * (_detail(first) - _detail(second))
+    burnt = BURNT_WEIGHT * (_burnt(second) - _burnt(first))
+    evidence = frequency + colour + detail + burnt
     other = np.zeros(double.shape, bool)
     pieces = _pieces(double, support_second)
     for _ in range(2):
@@ -99,6 +103,20 @@ def _continued(
             balance = float(evidence[piece].mean()) + CONTINUITY_WEIGHT * (jumps[1] - jumps[0]) / SAME_COLOUR
             other[piece] = balance < 0
     return other
+
+
+def _detail(colours: np.ndarray) -> np.ndarray:
+    """Logarithm of the local contrast: instruments, gloves, blood and glare are smoother than bone."""
+    lightness = np.ascontiguousarray(colours[..., 0])
+    slope = cv2.magnitude(
+        cv2.Sobel(lightness, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(lightness, cv2.CV_32F, 0, 1, scale=1 / 8)
+    )
+    return np.log(cv2.blur(slope, (7, 7)) + 0.5)
+
+
+def _burnt(colours: np.ndarray) -> np.ndarray:
+    white = (colours[..., 0] > _BURNT_LIGHTNESS) & (np.hypot(colours[..., 1], colours[..., 2]) < _BURNT_CHROMA)
+    return white.astype(np.float32)
 
 
 def _pieces(double: np.ndarray, support_second: np.ndarray) -> list[np.ndarray]:

@@ -27,7 +27,7 @@ SCENE_SECONDS, SCENE_FRAMES = 1.0, 8
 """A scene that is shown for less time counts less: it may be a hand before the lens."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class FrameScore:
     """The score of a frame, and what it rests on.
 

@@ -46,7 +46,7 @@ class SceneView:
         return ObstructionFinder(self.reference.astype(np.float32), self.seen)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class ComparedFrame:
     """A frame compared with its scene.
 

@@ -28,7 +28,7 @@ _LARGEST_SHIFT = 0.35
 _SCALES = (0.8, 1.25)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Placement:
     """Where a frame belongs.
 

@@ -91,8 +91,8 @@ def _continued(
     frequency = FREQUENCY_WEIGHT * np.log(np.maximum(support, 0.02) / np.maximum(support_second, 0.02))
     colour = COLOUR_WEIGHT * (likely(first) - likely(second))
     detail = DETAIL_WEIGHT * (_detail(first) - _detail(second))
-    burnt = BURNT_WEIGHT * (_burnt(second) - _burnt(first))
-    evidence = frequency + colour + detail + burnt
+    evidence = frequency + colour + detail
+    burnt = _burnt(first), _burnt(second)
     other = np.zeros(double.shape, bool)
     pieces = _pieces(double, support_second)
     for _ in range(2):
@@ -101,6 +101,9 @@ def _continued(
             jumps = [_jump(candidate, current, piece, seen) for candidate in (first, second)]
             # above 0 the first group is tissue
             balance = float(evidence[piece].mean()) + CONTINUITY_WEIGHT * (jumps[1] - jumps[0]) / SAME_COLOUR
+            # the middle of glare, which is burnt out, tells what the rest of it is
+            shares = [min(1.0, 5 * float(white[piece].mean())) for white in burnt]
+            balance += BURNT_WEIGHT * (shares[1] - shares[0])
             other[piece] = balance < 0
     return other
 
@@ -115,8 +118,7 @@ def _detail(colours: np.ndarray) -> np.ndarray:
 
 
 def _burnt(colours: np.ndarray) -> np.ndarray:
-    white = (colours[..., 0] > _BURNT_LIGHTNESS) & (np.hypot(colours[..., 1], colours[..., 2]) < _BURNT_CHROMA)
-    return white.astype(np.float32)
+    return (colours[..., 0] > _BURNT_LIGHTNESS) & (np.hypot(colours[..., 1], colours[..., 2]) < _BURNT_CHROMA)
 
 
 def _pieces(double: np.ndarray, support_second: np.ndarray) -> list[np.ndarray]:

@@ -203,10 +203,10 @@ def _covered_cells(found: Obstruction, placement: Placement) -> np.ndarray:
 
 def _sample(sharpness: np.ndarray, obstructed: np.ndarray) -> np.ndarray:
     """Numbers of the frames for a clear view: the better half of the best frames of each moment."""
-    worth = sharpness * np.exp(-4 * obstructed)
+    worth = sharpness * np.exp(-obstructed)
     moments = np.array_split(np.arange(len(worth)), min(2 * SAMPLES, len(worth)))
     best = np.array([moment[np.argmax(worth[moment])] for moment in moments])
-    keep = max(min(len(best), SAMPLES // 3), len(best) // 2)
+    keep = max(min(len(best), SAMPLES // 3), 2 * len(best) // 3)
     return np.sort(best[np.argsort(-worth[best], kind="stable")[:keep]])
 
 

@@ -107,7 +107,7 @@ class SceneTracker:
         moved = cv2.warpAffine(_smooth(contrast), key_from_view, (width, height))
         covered = cv2.warpAffine(np.ones((height, width), np.float32), key_from_view, (width, height))
         if self._inside is not None:
-            covered *= self._inside
+            covered = covered * self._inside
 
         def mean(image: np.ndarray) -> np.ndarray:
             return cv2.resize(image, _PARTS_WH, interpolation=cv2.INTER_AREA)

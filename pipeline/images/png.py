@@ -11,7 +11,7 @@ import numpy as np
 
 from .image_header import PNG_SIGNATURE
 
-_GREY, _RGB = 0, 2
+_GREY, _RGB, _RGBA = 0, 2, 6
 
 
 def encode_png(image: np.ndarray) -> bytes:
@@ -20,13 +20,13 @@ def encode_png(image: np.ndarray) -> bytes:
     Parameters
     ----------
     image
-        ``(H, W)`` uint8 or uint16, or ``(H, W, 3)`` uint8.
+        ``(H, W)`` uint8 or uint16, or ``(H, W, 3)`` or ``(H, W, 4)`` uint8, with alpha that multiplies nothing.
     """
     height, width = image.shape[:2]
     depth = image.dtype.itemsize * 8
     rows = np.ascontiguousarray(image, dtype=image.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
     if image.ndim == 3:
-        filtered, strategy = _average_filtered(rows, 3), zlib.Z_RLE
+        filtered, strategy = _average_filtered(rows, image.shape[2]), zlib.Z_RLE
     elif depth == 16:
         filtered, strategy = _sub_filtered(rows, 2), zlib.Z_DEFAULT_STRATEGY
     else:
@@ -34,7 +34,7 @@ def encode_png(image: np.ndarray) -> bytes:
         filtered, strategy = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1), zlib.Z_RLE
     deflate = zlib.compressobj(1, zlib.DEFLATED, 15, 9, strategy)
     data = deflate.compress(filtered.data) + deflate.flush()
-    colour_type = _RGB if image.ndim == 3 else _GREY
+    colour_type = _GREY if image.ndim == 2 else {3: _RGB, 4: _RGBA}[image.shape[2]]
     header = struct.pack(">IIBBBBB", width, height, depth, colour_type, 0, 0, 0)
     return PNG_SIGNATURE + _chunk(b"IHDR", header) + _chunk(b"IDAT", data) + _chunk(b"IEND", b"")
 

@@ -36,9 +36,9 @@ def info_as_json(_: bytes, name: str) -> bytes:
         Not a video, or its first frame cannot be decoded.
     """
     path = Path(name)
-    frames = len(_timestamps_ms(path))
-    capture = _open(path)
-    height, width = _decode(capture, path, 0).shape[:2]
+    frames = len(packet_times_ms(path))
+    capture = open_video(path)
+    height, width = decoded_frame(capture, path, 0).shape[:2]
     info = {"frames": frames, "fps": float(capture.get(cv2.CAP_PROP_FPS)), "size_wh": [width, height]}
     return json.dumps(info).encode()
 
@@ -57,7 +57,7 @@ def frame_as_npy(_: bytes, name: str, index: int) -> bytes:
 
 
 def _frame(path: Path, index: int) -> np.ndarray:
-    timestamps_ms = _timestamps_ms(path)
+    timestamps_ms = packet_times_ms(path)
     count = len(timestamps_ms)
     if not 0 <= index < count:
         raise InputError(
@@ -67,27 +67,42 @@ def _frame(path: Path, index: int) -> np.ndarray:
     timestamps_ms.sort()
     if all(one < other for one, other in pairwise(timestamps_ms)):
         for lead_s in _LEADS_S:
-            capture = _open(path)
+            capture = open_video(path)
             if _advanced_to(capture, timestamps_ms[index], lead_s):
-                return _decode(capture, path, index, grabbed=True)
+                return decoded_frame(capture, path, index, grabbed=True)
     return _read_by_counting(path, index, count)
 
 
-def _open(path: Path) -> cv2.VideoCapture:
+def open_video(path: Path) -> cv2.VideoCapture:
+    """Open a video file, of the known containers only.
+
+    Raises
+    ------
+    InputError
+        It cannot be opened.
+    """
     os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = f"format_whitelist;{FORMATS}"
     # every thread holds frames of its own
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
     if not capture.isOpened():
         raise InputError(
-            f"{path.name}: expected a video, cannot open it; it is cut off or in an unknown format: "
+            f"{path.name}: expected a video, cannot open it; it is cut off, without pictures, or in an unknown format: "
             "copy it again, or convert it to MP4 (H.264)"
         )
+    # OpenCV 4.11 does not turn frames as the header says unless told to
+    capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
     return capture
 
 
-def _timestamps_ms(path: Path) -> list[float]:
-    """Display timestamps of the video's packets in file order; one packet is one frame."""
-    capture = _open(path)
+def packet_times_ms(path: Path) -> list[float]:
+    """Display timestamps of the video's packets in file order; one packet is one frame.
+
+    Raises
+    ------
+    InputError
+        Not a video, or one without frames.
+    """
+    capture = open_video(path)
     # raw packets, not decoded
     capture.set(cv2.CAP_PROP_FORMAT, -1)
     timestamps_ms = []
@@ -112,17 +127,24 @@ def _advanced_to(capture: cv2.VideoCapture, time_ms: float, lead_s: float) -> bo
 
 def _read_by_counting(path: Path, index: int, frames: int) -> np.ndarray:
     """Decode and count all frames; refuse if any is lost, since it may precede the requested one."""
-    capture, image, count = _open(path), None, 0
+    capture, image, count = open_video(path), None, 0
     while capture.grab():
         if count == index:
-            image = _decode(capture, path, index, grabbed=True)
+            image = decoded_frame(capture, path, index, grabbed=True)
         count += 1
     if image is None or count != frames:
         raise _undecodable_frame(path, index)
     return image
 
 
-def _decode(capture: cv2.VideoCapture, path: Path, index: int, *, grabbed: bool = False) -> np.ndarray:
+def decoded_frame(capture: cv2.VideoCapture, path: Path, index: int, *, grabbed: bool = False) -> np.ndarray:
+    """The next frame, or the one just grabbed, ``(H, W, 3)`` uint8 RGB.
+
+    Raises
+    ------
+    InputError
+        It cannot be decoded.
+    """
     ok, image = capture.retrieve() if grabbed else capture.read()
     if not ok or image is None or image.dtype != np.uint8 or image.ndim != 3:
         raise _undecodable_frame(path, index)

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import textwrap
 import time
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from pipeline.camera.opencv_storage import json_from_opencv
 from pipeline.errors import InputError
 from pipeline.files import child_process
-from pipeline.files.child_process import ChildError, called_apart
+from pipeline.files.child_process import ChildError, called_apart, streamed_apart
 from pipeline.files.memory import available_bytes
 
 DEEP = b"%YAML:1.0\n---\nK: " + b"[" * 400_000
@@ -53,3 +54,59 @@ def test_the_limit_of_memory_can_be_chosen():
     with pytest.raises((ChildError, InputError)):
         called_apart(json_from_opencv, document, megabytes=1)
     assert available_bytes() > 100 << 20
+
+
+PARTS = child_process._STREAMING_CHILD
+
+
+def with_parts(monkeypatch, body: str) -> None:
+    """Let the child's generator be this code, whatever is called."""
+    answer = "import pipeline.files.child_process as c, types, sys\n"
+    answer += f"def parts(*_):\n{textwrap.indent(body, '    ')}\n"
+    answer += "sys.modules['made'] = types.SimpleNamespace(parts=parts)\nc.answer_in_parts('made', 'parts', [])"
+    monkeypatch.setattr(child_process, "_STREAMING_CHILD", PARTS.replace("answer_in_parts(*call)", answer))
+
+
+def test_parts_come_in_order_as_they_are(monkeypatch):
+    with_parts(monkeypatch, "for n in range(50): yield bytes([n]) * n")
+    parts = streamed_apart(json_from_opencv, most_bytes=100)
+    assert list(parts) == [bytes([n]) * n for n in range(50)]
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ("yield b'1'; import os; os.kill(os.getpid(), 9)", "crashes its parser"),
+        ("yield b'1'; yield bytes(101)", "too much time or memory"),
+        ("yield b'1'; import time; time.sleep(60)", r"longer than 0\.5 s"),
+        pytest.param(
+            "yield b'1'; yield bytearray(3 << 30)[:1]",
+            "too much time or memory",
+            marks=pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux limits memory"),
+        ),
+    ],
+    ids=["crash", "length", "time", "memory"],
+)
+def test_a_stream_that_fails_says_why_after_its_good_parts(monkeypatch, body, message):
+    with_parts(monkeypatch, body)
+    parts = streamed_apart(json_from_opencv, most_bytes=100, seconds=0.5 if "sleep" in body else 60)
+    assert next(parts) == b"1"
+    with pytest.raises(ChildError, match=message):
+        next(parts)
+
+
+def test_the_time_of_the_reader_does_not_count(monkeypatch):
+    with_parts(monkeypatch, "yield b'1'\nyield b'2'")
+    parts = streamed_apart(json_from_opencv, most_bytes=100, seconds=1.0)
+    assert next(parts) == b"1"
+    time.sleep(1.5)
+    assert next(parts) == b"2"
+
+
+def test_a_stream_that_is_closed_ends_its_process(monkeypatch):
+    with_parts(monkeypatch, "import os\nwhile True: yield str(os.getpid()).encode()")
+    parts = streamed_apart(json_from_opencv, most_bytes=100)
+    child = int(next(parts))
+    parts.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(child, 0)

@@ -24,6 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = {
     "surface": "ct_to_surface.py",
     "sample": "make_sample.py",
+    "frames": "select_frame.py",
     "align": "align.py",
     "render": "render_dataset.py",
     "check": "check_dataset.py",

@@ -1,0 +1,109 @@
+"""The command ``oneframe frames``."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..blender.process import own_output
+from ..errors import InputError, RunError
+from .parser import command_parser, explained_imports
+
+ABOUT = "Find the best frames of a microscope video: sharp, well exposed, free of instruments, hands and glare."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
+EPILOG = """examples:
+  %(prog)s surgery.mp4 --out frames
+  %(prog)s surgery.mp4 --out frames --count 10 --from 95 --to 140
+  %(prog)s long.mp4 --out frames --every 5
+
+Every frame is scored by its sharpness, exposure, glare and motion, and by how much of the view is covered by something
+that other frames of the same scene do not show there. The best frames are written twice: as decoded, and with alpha 0
+where they show no tissue (instruments, glare, the black around a microscope's circle). Both can be the frame of a
+case; look at contact_sheet.png first. scores.csv has a line for each frame; scores.png, which needs matplotlib, plots
+them over time.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this command."""
+    parser.add_argument("video", metavar="VIDEO", type=Path, help="any video that OpenCV opens")
+    selection = parser.add_argument_group("selection")
+    selection.add_argument(
+        "--count", metavar="N", type=int, default=5, help="number of frames to write at most (default %(default)s)"
+    )
+    selection.add_argument(
+        "--apart", metavar="S", type=float, default=1.0,
+        help="time between two of them in s; less where good frames are rare (default %(default)g)",
+    )  # fmt: skip
+    film = parser.add_argument_group("film")
+    film.add_argument(
+        "--every", metavar="N", type=int, default=1, help="score only every N-th frame (default %(default)s)"
+    )
+    film.add_argument("--from", metavar="S", type=float, default=0.0, dest="from_s", help="start at this time in s")
+    film.add_argument("--to", metavar="S", type=float, dest="to_s", help="end at this time in s (default: the end)")
+    output = parser.add_argument_group("output")
+    output.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
+
+
+def main(argv: Sequence[str], prog: str = "oneframe frames") -> int:
+    """Parse the arguments and run."""
+    parser = command_parser(prog, ABOUT, EPILOG, add_arguments)
+    arguments = parser.parse(argv)
+    for name in ("count", "every"):
+        if getattr(arguments, name) < 1:
+            parser.error(f"--{name}: expected a number of frames, 1 or more, found {getattr(arguments, name)}")
+    for name, value in (("apart", arguments.apart), ("from", arguments.from_s), ("to", arguments.to_s)):
+        if value is not None and not 0 <= value < float("inf"):
+            parser.error(f"--{name}: expected a time in s, 0 or more, found {value:g}")
+    if arguments.to_s is not None and arguments.to_s <= arguments.from_s:
+        parser.error(f"--to: expected a time after --from {arguments.from_s:g}, found {arguments.to_s:g}")
+    return run(arguments)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Score the film, write the best frames and report them."""
+    with explained_imports():
+        from ..evaluation.charts.page import chart_outputs, require_matplotlib
+        from ..evaluation.charts.score_chart import score_charts
+        from ..files.outputs import check_outputs
+        from ..progress import Progress
+        from ..video.frame_folder import SHEET, TABLE, folder_outputs, write_frames
+        from ..video.frame_scores import score_frames
+        from ..video.score_report import frame_line, report_lines
+        from ..video.selection import best_frames
+    output = own_output()
+    video, out = arguments.video, arguments.out
+    charts = chart_outputs(out / TABLE)
+    try:
+        require_matplotlib()
+    except RunError:
+        charts = []
+    check_outputs([*folder_outputs(out), *charts], {"video": video})
+    with Progress(100, "percent of the film", stream=output) as shown:
+        done = 0
+
+        def progress(fraction: float) -> None:
+            nonlocal done
+            while done < int(100 * fraction):
+                shown.advance()
+                done += 1
+
+        scores = score_frames(
+            video, every=arguments.every, from_s=arguments.from_s, to_s=arguments.to_s, progress=progress
+        )
+    chosen = best_frames(scores.frames, arguments.count, apart_s=arguments.apart)
+    for line in report_lines(video, scores, len(chosen), arguments.count):
+        output.write(line + "\n")
+    written = write_frames(video, out, scores, chosen)
+    for rank, frame in enumerate(written, start=1):
+        output.write(frame_line(rank, frame) + "\n")
+    if written:
+        output.write(f"frames beside what is masked in them: {out / SHEET}\n")
+    output.write(f"scores of all frames: {out / TABLE}\n")
+    if charts:
+        score_charts(scores.frames, [frame.score for frame in written], out / TABLE)
+        output.write(f"scores over time: {(out / TABLE).with_suffix('.png')}\n")
+    else:
+        output.write("note: no chart of the scores, which needs matplotlib; run pip install 'oneframe[charts]'\n")
+    if not written:
+        raise InputError(f"{video.name}: expected a frame that shows something sharply, found none; see {out / TABLE}")
+    return 0

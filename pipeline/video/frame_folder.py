@@ -1,0 +1,171 @@
+"""What the selection leaves in a folder: the chosen frames, each also with its mask as alpha, a sheet, a table."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ..errors import InputError
+from ..files.content import write_bytes_atomically
+from ..files.kinds import PNG, Kind, csv_table
+from ..files.outputs import Output, check_outputs, companion, made_folder, writing
+from ..files.signature import signed
+from ..files.tables import write_csv
+from ..images.contact_sheet import contact_sheet, downscaled
+from ..images.pixel_values import to_uint8
+from ..images.png import encode_png
+from .film_reader import read_film_frames
+from .frame_mask import tissue_mask, without_combs
+from .frame_reader import read_video_frame
+from .frame_scores import COMBED, FilmScores, FrameScore
+
+TABLE, SHEET = "scores.csv", "contact_sheet.png"
+COLUMNS = (
+    "frame", "time_s", "chosen", "score", "sharpness", "exposure_stops", "glare", "obstructed", "motion_px",
+    "comb_ratio", "scene",
+)  # fmt: skip
+SCORES = Kind("a table of scores", csv_table(",".join(COLUMNS)))
+TILE_WIDTH = 640
+MASKED_COLOUR = np.array([1.0, 0.0, 1.0], np.float32)
+
+
+@dataclass(frozen=True)
+class ChosenFrame:
+    """A frame on disk.
+
+    Attributes
+    ----------
+    score
+        Its score.
+    image, masked
+        Its files: as decoded, and with alpha 0 where it shows no tissue.
+    tissue
+        Share of its pixels that are not masked, 0..1.
+    """
+
+    score: FrameScore
+    image: Path
+    masked: Path
+    tissue: float
+
+
+def folder_outputs(out: Path) -> list[Output]:
+    """The files whose names are known before any work."""
+    return [companion(out / SHEET, PNG), companion(out / TABLE, SCORES, SCORES.is_of)]
+
+
+def write_frames(
+    video: Path,
+    out: Path,
+    scores: FilmScores,
+    chosen: Sequence[FrameScore],
+    *,
+    inputs: Mapping[str, Path] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> list[ChosenFrame]:
+    """Write frames, masked frames, contact sheet and table.
+
+    Parameters
+    ----------
+    video, out
+        The film, and the folder, which is created if it does not exist.
+    scores, chosen
+        Of the film; the frames to write, the best first.
+    inputs
+        Files that must not be replaced, besides the video.
+    progress
+        Called after each frame with the fraction done; an exception that it raises stops the work.
+
+    Raises
+    ------
+    InputError
+        A file exists with other content, or a frame cannot be decoded.
+    RunError
+        A file cannot be written.
+    """
+    files = {each.index: _files(video, out, each) for each in chosen}
+    outputs = folder_outputs(out)
+    for image, masked in files.values():
+        # a frame that is already there is compared with its content
+        outputs += [companion(image, PNG, lambda _: True), companion(masked, PNG)]
+    check_outputs(outputs, {"video": video, **(inputs or {})})
+    made_folder(out / SHEET)
+    by_index = {each.index: number for number, each in enumerate(scores.frames)}
+    written: dict[int, ChosenFrame] = {}
+    tiles: dict[int, list[np.ndarray]] = {}
+    for index, pixels in _pictures(video, scores, [each.index for each in chosen]):
+        score = scores.frames[by_index[index]]
+        image_file, masked_file = files[index]
+        picture = without_combs(pixels) if score.comb > COMBED else pixels
+        mask = tissue_mask(picture, scores.compared[by_index[index]], scores.inside, scores.circle)
+        _write_new(image_file, encode_png(picture))
+        alpha = np.where(mask, 255, 0).astype(np.uint8)
+        with writing(masked_file):
+            write_bytes_atomically(masked_file, signed(encode_png(np.dstack([picture, alpha]))))
+        written[index] = ChosenFrame(score, image_file, masked_file, float(mask.mean()))
+        tiles[index] = _tiles(picture, mask, score, [each.index for each in chosen].index(index) + 1)
+        if progress:
+            progress(len(written) / len(chosen))
+    in_order = [each.index for each in chosen if each.index in written]
+    if in_order:
+        sheet = contact_sheet([tile for index in in_order for tile in tiles[index]], columns=2, tile_width=TILE_WIDTH)
+        with writing(out / SHEET):
+            write_bytes_atomically(out / SHEET, signed(encode_png(to_uint8(sheet))))
+    with writing(out / TABLE):
+        write_csv(out / TABLE, COLUMNS, _rows(scores.frames, in_order))
+    return [written[index] for index in in_order]
+
+
+def _pictures(video: Path, scores: FilmScores, numbers: Sequence[int]) -> Iterator[tuple[int, np.ndarray]]:
+    """Number and picture of each frame: found by its time, or in a damaged film by counting."""
+    if scores.broken or not scores.info.unique_times:
+        yield from read_film_frames(video, numbers)
+    else:
+        yield from ((number, read_video_frame(video, number)) for number in numbers)
+
+
+def _files(video: Path, out: Path, score: FrameScore) -> tuple[Path, Path]:
+    field = "_field" if score.comb > COMBED else ""
+    name = f"{video.stem}_frame_{score.index:06d}{field}"
+    return out / f"{name}.png", out / f"{name}_masked.png"
+
+
+def _write_new(path: Path, data: bytes) -> None:
+    if path.exists():
+        if path.read_bytes() == data:
+            return
+        raise InputError(
+            f"{path}: expected no such file, or one with this frame, found another image; rename it, or remove it"
+        )
+    with writing(path):
+        write_bytes_atomically(path, data)
+
+
+def _tiles(picture: np.ndarray, mask: np.ndarray, score: FrameScore, rank: int) -> list[np.ndarray]:
+    """The frame with its number, and the frame with what is masked in a colour that tissue never has."""
+    small = downscaled(picture.astype(np.float32) / 255, TILE_WIDTH)
+    share = downscaled(mask[..., None].astype(np.float32), TILE_WIDTH)
+    masked = small * share + (1 - share) * (0.35 * small + 0.65 * MASKED_COLOUR)
+    text = f"{rank}: frame {score.index}, {score.time_s:.2f} s, score {score.total:.2f}"
+    size = small.shape[1] / 1000
+    labelled = np.ascontiguousarray(small)
+    for colour, thickness in (((0.0, 0.0, 0.0), 7), ((1.0, 1.0, 1.0), 2)):
+        cv2.putText(
+            labelled, text, (round(20 * size), round(45 * size)), cv2.FONT_HERSHEY_SIMPLEX, 1.4 * size, colour,
+            max(1, round(thickness * size)), cv2.LINE_AA,
+        )  # fmt: skip
+    return [labelled, masked]
+
+
+def _rows(frames: Sequence[FrameScore], chosen: Sequence[int]) -> list[tuple[object, ...]]:
+    ranks = {index: rank for rank, index in enumerate(chosen, start=1)}
+    return [
+        (
+            each.index, f"{each.time_s:.4f}", ranks.get(each.index, ""), f"{each.total:.4f}", f"{each.sharpness:.4f}",
+            f"{each.exposure:.3f}", f"{each.glare:.4f}", f"{each.obstructed:.4f}", f"{each.motion_px:.2f}",
+            f"{each.comb:.3f}", each.scene,
+        )
+        for each in frames
+    ]  # fmt: skip

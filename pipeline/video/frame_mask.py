@@ -1,0 +1,102 @@
+"""A first mask of a chosen frame: what is not tissue. Needs ``cv2``.
+
+Instruments, hands and glare are found against the clear view of the scene, at its small size. Their outlines are then
+drawn along the colours of the frame (GrabCut, Rother et al. 2004), within a narrow band. Overexposed pixels and what
+the optics hide are added at full size.
+"""
+
+import cv2
+import numpy as np
+
+from .film_reader import SMALL_WIDTH
+from .frame_measures import view_of
+from .passage import ComparedFrame, registered
+from .view_circle import Circle
+
+OVEREXPOSED = 250
+"""Code value that all three channels reach where the sensor's range ends."""
+
+_BAND_PX = 5
+"""Half the width of the band in which an outline is searched, px of the view."""
+
+_SEED = 7
+
+
+def tissue_mask(
+    image: np.ndarray, compared: ComparedFrame, inside: np.ndarray | None = None, circle: Circle | None = None
+) -> np.ndarray:
+    """Where a frame shows tissue.
+
+    Parameters
+    ----------
+    image
+        ``(H, W, 3)`` uint8 RGB, at full size.
+    compared, inside
+        What the frame was compared with, and what the optics let through, as in :class:`.FilmScores`.
+    circle
+        Circle of the view, px of the full frame.
+
+    Returns
+    -------
+    ``(H, W)`` bool.
+    """
+    height, width = image.shape[:2]
+    covered = cv2.resize(
+        _foreign(image, compared, inside).astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR
+    )
+    margin = 2 * max(1, round(width / 600)) + 1
+    bright = (image.min(axis=2) >= OVEREXPOSED).astype(np.uint8)
+    hidden = cv2.dilate(((covered > 0.4) | (bright > 0)).astype(np.uint8), np.ones((margin, margin), np.uint8)) > 0
+    if circle is not None:
+        hidden |= ~circle.mask((width, height), shrunk_px=1.0)
+    elif inside is not None:
+        lit = cv2.resize(inside.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+        hidden |= lit < 0.99
+    return ~hidden
+
+
+def without_combs(image: np.ndarray) -> np.ndarray:
+    """An interlaced ``(H, W, 3)`` uint8 frame as its upper field shows it: rows 1, 3, ... are interpolated."""
+    result = image.copy()
+    above = image[0 : image.shape[0] - 1 : 2].astype(np.uint16)
+    below = np.concatenate([image[2::2], image[-2 + image.shape[0] % 2 :: 2]])[: len(above)].astype(np.uint16)
+    result[1::2] = ((above + below + 1) // 2).astype(np.uint8)
+    return result
+
+
+def _foreign(image: np.ndarray, compared: ComparedFrame, inside: np.ndarray | None) -> np.ndarray:
+    """``(h, w)`` bool, :data:`SMALL_WIDTH` wide at most: instruments, hands, blood, glare."""
+    view = view_of(image)
+    found = compared.clear_view.finder().find(*registered(view, compared.placement, inside), compared.gain)
+    height, width = view.shape[:2]
+    mask = (found.mask | found.glare).astype(np.float32)
+    mask = cv2.warpAffine(
+        mask, compared.placement.key_from_view, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    )
+    scale = min(1.0, SMALL_WIDTH / image.shape[1])
+    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    coarse = cv2.resize(mask, (small.shape[1], small.shape[0]), interpolation=cv2.INTER_LINEAR) > 0.5
+    return _along_colours(small, coarse, max(2, round(_BAND_PX * small.shape[1] / width / 2)))
+
+
+def _along_colours(image: np.ndarray, coarse: np.ndarray, band_px: int) -> np.ndarray:
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * band_px + 1, 2 * band_px + 1))
+    near = cv2.dilate(coarse.astype(np.uint8), kernel) > 0
+    sure = cv2.erode(coarse.astype(np.uint8), kernel) > 0
+    if not coarse.any() or near.all():
+        return coarse
+    labels = np.where(coarse, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
+    labels[~near], labels[sure] = cv2.GC_BGD, cv2.GC_FGD
+    cv2.setRNGSeed(_SEED)
+    cv2.grabCut(
+        np.ascontiguousarray(image),
+        labels,
+        (0, 0, 1, 1),
+        np.zeros((1, 65)),
+        np.zeros((1, 65)),
+        2,
+        cv2.GC_INIT_WITH_MASK,
+    )
+    found = (labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)
+    # where colours say nothing, everything or nothing would be taken
+    return found if 0.5 * coarse.sum() < found.sum() < 2 * coarse.sum() else coarse

@@ -1,0 +1,118 @@
+"""What stands in front of the tissue in a frame: instruments, hands, blood, glare, by comparison with the clear view.
+
+Needs ``cv2``.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from .frame_measures import normalised_lab
+
+DIFFERENT = 9.0
+"""Distance in CIELAB, averaged over 5x5 px of a view, from which on a frame differs from the clear view."""
+
+GLARE_LIGHTNESS, GLARE_CHROMA, GLARE_EXCESS = 88.0, 16.0, 10.0
+"""Glare is lighter than this, less coloured, and this much lighter than the clear view."""
+
+COLD, COLD_LIGHTNESS = 0.35, 25.0
+"""Metal and gloves have less than this share of the tissue's red and yellow (a* + b* relative to L*); tissue itself
+only where it is darker, or in highlights."""
+
+_WARM_TISSUE = 0.06
+_LARGEST_COLD_SHARE = 0.3
+_LARGEST_GAIN = 4.0
+
+
+@dataclass(frozen=True)
+class Obstruction:
+    """What a frame shows in front of the tissue.
+
+    Attributes
+    ----------
+    mask
+        ``(h, w)`` bool in the scene's key view: foreign objects.
+    glare
+        ``(h, w)`` bool: light that the clear view does not show.
+    looked_at
+        ``(h, w)`` bool: where both frame and clear view show something.
+    gain
+        By which the frame's code values were multiplied to have the brightness of the clear view.
+    """
+
+    mask: np.ndarray
+    glare: np.ndarray
+    looked_at: np.ndarray
+    gain: float
+
+    @property
+    def share(self) -> float:
+        """Share of the view that foreign objects cover."""
+        return float((self.mask & ~self.glare).sum() / max(int(self.looked_at.sum()), 1))
+
+    @property
+    def glare_share(self) -> float:
+        """Share of the view that is glare."""
+        return float(self.glare.sum() / max(int(self.looked_at.sum()), 1))
+
+
+class ObstructionFinder:
+    """Compares the frames of one scene with its clear view."""
+
+    def __init__(self, reference: np.ndarray, seen: np.ndarray) -> None:
+        """``reference`` ``(h, w, 3)`` float32 CIELAB, ``seen`` ``(h, w)`` bool: where it is known."""
+        self._reference, self._seen = reference, seen
+        kernel = np.ones((3, 3), np.uint8)
+        self._low, self._high = cv2.erode(reference, kernel), cv2.dilate(reference, kernel)
+        warmth = float(np.median(_warmth(reference)[seen])) if seen.any() else 0.0
+        self._coldest = COLD * warmth
+        # tissue that is itself cold, or a film without colour: colour alone tells nothing
+        cold_share = (self._cold(reference) & seen).sum() / max(int(seen.sum()), 1)
+        if warmth < _WARM_TISSUE or cold_share > _LARGEST_COLD_SHARE:
+            self._coldest = -np.inf
+
+    def find(self, view: np.ndarray, valid: np.ndarray, gain: float) -> Obstruction:
+        """Compare a registered ``(h, w, 3)`` uint8 RGB view, multiplied by ``gain``, with the clear view."""
+        looked_at = valid & self._seen
+        lab = normalised_lab(view, gain)
+        mask, glare = self._masks(lab, looked_at)
+        for _ in range(2):
+            good = looked_at & ~mask & ~glare & (lab[..., 0] > 8) & (self._reference[..., 0] > 8)
+            if good.sum() < 0.1 * max(int(looked_at.sum()), 1):
+                good = looked_at & (lab[..., 0] > 8)
+            if not good.any():
+                break
+            excess = float(np.median(_code(self._reference[good][:, 0]) / np.maximum(_code(lab[good][:, 0]), 1e-3)))
+            if abs(np.log(excess)) < 0.02:
+                break
+            gain = gain * float(np.clip(excess, 1 / _LARGEST_GAIN, _LARGEST_GAIN))
+            lab = normalised_lab(view, gain)
+            mask, glare = self._masks(lab, looked_at)
+        return Obstruction(mask, glare, looked_at, gain)
+
+    def _masks(self, lab: np.ndarray, looked_at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        beyond = np.maximum(np.maximum(self._low - lab, lab - self._high), 0)
+        different = np.sqrt(np.einsum("hwc,hwc->hw", beyond, beyond))
+        different[~looked_at] = 0
+        different = cv2.blur(different, (5, 5)) > DIFFERENT
+        chroma = np.hypot(lab[..., 1], lab[..., 2])
+        excess = lab[..., 0] - self._reference[..., 0]
+        glare = (lab[..., 0] > GLARE_LIGHTNESS) & (chroma < GLARE_CHROMA) & (excess > GLARE_EXCESS) & looked_at
+        different |= self._cold(lab) & looked_at & ~glare
+        opened = cv2.morphologyEx(different.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
+        return opened & looked_at, glare
+
+    def _cold(self, lab: np.ndarray) -> np.ndarray:
+        lightness = lab[..., 0]
+        cold = (_warmth(lab) < self._coldest) & (lightness > COLD_LIGHTNESS) & (lightness < GLARE_LIGHTNESS)
+        return cv2.morphologyEx(cold.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
+
+
+def _warmth(lab: np.ndarray) -> np.ndarray:
+    return (lab[..., 1] + lab[..., 2]) / np.maximum(lab[..., 0], 1.0)
+
+
+def _code(lightness: np.ndarray) -> np.ndarray:
+    """Code value 0..1 of a grey of this L*: its sRGB encoding is close to a straight line."""
+    return lightness / 100

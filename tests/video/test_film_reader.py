@@ -1,0 +1,162 @@
+"""Whole films: every frame once, with the container's own time, from whole, damaged, turned and interlaced files."""
+
+import struct
+import wave
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.video.film_decoder import comb_ratio
+from pipeline.video.film_reader import Film, read_film_frames
+from pipeline.video.frame_mask import without_combs
+from pipeline.video.frame_reader import read_video_frame
+from pipeline.video.frame_scores import COMBED, score_frames
+from tests.video.test_frame_reader import (
+    FORMATS,
+    FRAMES,
+    SIZE,
+    number_of,
+    numbered,
+    with_uneven_times,
+    write_video,
+)
+
+
+def frames_of(path, **options) -> list:
+    with Film(path, **options) as film:
+        return list(film)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_frame_comes_once_in_the_order_of_display(tmp_path, name):
+    path = write_video(tmp_path / name, FORMATS[name])
+    frames = frames_of(path)
+    assert [frame.index for frame in frames] == [number_of(frame.image) for frame in frames] == list(range(FRAMES))
+    gaps = [after.time_s - before.time_s for before, after in pairwise(frames)]
+    assert gaps == pytest.approx([1 / 29.97] * (FRAMES - 1), abs=2e-3)
+    assert np.array_equal(frames[37].image, read_video_frame(path, 37))
+
+
+def test_a_part_of_the_film_has_the_numbers_and_pictures_of_the_whole(tmp_path):
+    path = write_video(tmp_path / "film.mp4", "mp4v", fps=5.0)  # 18 s: the reader seeks
+    whole = frames_of(path)
+    part = frames_of(path, every=4, from_s=11.0, to_s=15.0)
+    assert [frame.index for frame in part] == list(range(55, 75, 4))
+    for frame in part:
+        assert frame.time_s == whole[frame.index].time_s
+        assert np.array_equal(frame.image, whole[frame.index].image)
+    with pytest.raises(InputError, match=r"expected frames from 30 s to the end, found none; the film is 17.80 s long"):
+        Film(path, from_s=30.0)
+
+
+@pytest.mark.parametrize("suffix", [".mkv", ".webm"])
+def test_times_of_a_variable_frame_rate_are_the_containers(tmp_path, suffix):
+    path = with_uneven_times(write_video(tmp_path / "even.webm", "VP80"), tmp_path / f"uneven{suffix}")
+    frames = frames_of(path)
+    assert [number_of(frame.image) for frame in frames] == [frame.index for frame in frames] == list(range(FRAMES))
+    gaps = np.diff([frame.time_s for frame in frames])
+    assert gaps[-1] > 3 * gaps[0] > 0
+
+
+def turned(data: bytes) -> bytes:
+    """An MP4 whose track header says that it is turned by 90 degrees clockwise, as telephones write it."""
+    at = data.index(b"tkhd") + 4
+    assert data[at] == 0
+    matrix = struct.pack(">9i", 0, 1 << 16, 0, -(1 << 16), 0, 0, SIZE[1] << 16, 0, 1 << 30)
+    return data[: at + 40] + matrix + data[at + 76 :]
+
+
+def test_a_turned_film_is_upright(tmp_path):
+    path = write_video(tmp_path / "film.mp4", "mp4v")
+    upright = frames_of(path)[20].image
+    path.write_bytes(turned(path.read_bytes()))
+    with Film(path) as film:
+        frame = list(film)[20]
+    assert film.info.size_wh == SIZE[::-1]
+    assert np.array_equal(frame.image, np.rot90(upright, -1))
+    assert np.array_equal(read_video_frame(path, 20), frame.image)
+
+
+@pytest.mark.parametrize("name", ["lossless.mkv", "a.avi", "a.webm"])
+def test_of_a_film_that_is_cut_off_the_rest_is_used(tmp_path, name):
+    path = write_video(tmp_path / name, FORMATS[name])
+    assert not score_frames(path).broken
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    scores = score_frames(path)
+    assert scores.broken
+    assert [each.index for each in scores.frames] == list(range(len(scores.frames)))
+    assert FRAMES / 3 < len(scores.frames) < FRAMES
+    ((index, image),) = read_film_frames(path, [20])
+    assert index == number_of(image) == 20
+
+
+def test_of_a_damaged_film_the_intact_frames_are_used(tmp_path):
+    path = write_video(tmp_path / "film.avi", "MJPG")
+    whole = frames_of(path)
+    data = bytearray(path.read_bytes())
+    half = len(data) // 2
+    data[half : half + 9_000] = bytes(9_000)
+    path.write_bytes(data)
+    scores = score_frames(path)
+    assert FRAMES / 3 < len(scores.frames) <= FRAMES
+    damaged = frames_of(path)
+    assert sum(np.array_equal(frame.image, whole[frame.index].image) for frame in damaged) > FRAMES / 3
+
+
+def interlaced(images: list[np.ndarray]) -> list[np.ndarray]:
+    woven = []
+    for upper, lower in zip(images[0::2], images[1::2], strict=True):
+        frame = upper.copy()
+        frame[1::2] = lower[1::2]
+        woven.append(frame)
+    return woven
+
+
+def moving(step_px: int) -> list[np.ndarray]:
+    rng = np.random.default_rng(1)
+    texture = cv2.GaussianBlur(rng.normal(0, 1, (240, 600, 3)).astype(np.float32), (0, 0), 2.5)
+    texture = np.clip(128 + 160 * texture, 0, 255).astype(np.uint8)
+    return [np.ascontiguousarray(texture[:, number * step_px : number * step_px + 320]) for number in range(20)]
+
+
+def test_interlacing_is_found_where_something_moves(tmp_path, write_film):
+    assert max(frame.comb for frame in frames_of(write_film(tmp_path / "a.mkv", moving(6)))) < 0.9
+    assert max(frame.comb for frame in frames_of(write_film(tmp_path / "b.mkv", interlaced(moving(0))))) < 0.9
+    found = frames_of(write_film(tmp_path / "c.mkv", interlaced(moving(6))))
+    assert min(frame.comb for frame in found) > COMBED
+    frame = without_combs(found[3].image)
+    assert np.array_equal(frame[0::2], found[3].image[0::2])
+    assert comb_ratio(frame[..., 1]) < 0.9
+    # close to the picture of the upper field's moment
+    assert np.abs(frame.astype(int) - moving(6)[6]).mean() < 4
+    noise = np.random.default_rng(2).integers(0, 255, (200, 300)).astype(np.uint8)
+    assert comb_ratio(noise) < 1.05
+
+
+def test_a_film_of_one_frame(tmp_path, write_film):
+    path = write_film(tmp_path / "film.mkv", [numbered(5)])
+    (score,) = score_frames(path).frames
+    assert (score.index, score.time_s) == (0, 0)
+
+
+def test_what_is_no_film_is_refused(tmp_path, write_film):
+    (tmp_path / "text.mp4").write_text("not a video")
+    (tmp_path / "empty.mp4").touch()
+    cv2.imwrite(str(tmp_path / "image.png"), numbered(1))
+    with wave.open(str(tmp_path / "sound.wav"), "wb") as sound:
+        sound.setparams((1, 2, 8000, 0, "NONE", ""))
+        sound.writeframes(bytes(8000))
+    write_film(tmp_path / "large.mkv", [np.zeros((5008, 5008, 3), np.uint8)])
+    for name, message in {
+        "text.mp4": "expected a video, cannot open it; it is cut off, without pictures, or in an unknown format",
+        "empty.mp4": "expected a video, cannot open it, it is empty",
+        "image.png": "expected a video, found an image; name it as the frame of the case",
+        "sound.wav": "expected a video, cannot open it; it is cut off, without pictures",
+        "large.mkv": "expected frames of at most 25.0 million pixels, found 5008x5008; scale the video down",
+        "none.mp4": "none.mp4 does not exist; correct the path|it does not exist; correct the path",
+    }.items():
+        with pytest.raises(InputError, match=message):
+            score_frames(tmp_path / name)

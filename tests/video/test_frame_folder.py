@@ -1,0 +1,138 @@
+"""What the selection writes: exact frames, masks that cover what lies in front of the tissue, a table of all frames."""
+
+import csv
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.commands import frames as command
+from pipeline.errors import InputError
+from pipeline.video.frame_folder import write_frames
+from pipeline.video.frame_scores import score_frames
+from pipeline.video.selection import best_frames
+from pipeline.video.view_circle import Circle
+from tests.video.surgical_film import Event, surgical_film
+
+pytestmark = pytest.mark.render
+
+ROOT = Path(__file__).resolve().parents[2]
+KINDS = ("clear", "tool", "clear", "glove", "blur", "clear")
+
+
+@pytest.fixture(scope="module")
+def film(sample_views, write_film, tmp_path_factory) -> tuple[Path, list[np.ndarray], list[np.ndarray]]:
+    """A film without loss, its frames, and its frames as they would be without faults."""
+    events = [Event(kind, 8 * number, 8 * number + 8) for number, kind in enumerate(KINDS)]
+    clear = [Event("clear", 0, events[-1].end)]
+    faulty, faultless = (
+        list(surgical_film(sample_views[:1], each, np.random.default_rng(3), noise=0, drift_px=0))
+        for each in (events, clear)
+    )  # fmt: skip
+    path = tmp_path_factory.mktemp("film") / "film.mkv"
+    return write_film(path, faulty), faulty, faultless
+
+
+def test_chosen_frames_are_exact_and_their_table_has_all(film, tmp_path):
+    path, images, _ = film
+    scores = score_frames(path)
+    chosen = best_frames(scores.frames, 3)
+    written = write_frames(path, tmp_path / "out", scores, chosen)
+    assert [each.score for each in written] == list(chosen)
+    for each in written:
+        assert KINDS[each.score.index // 8] == "clear"
+        assert np.array_equal(cv2.imread(str(each.image))[..., ::-1], images[each.score.index])
+        masked = cv2.imread(str(each.masked), cv2.IMREAD_UNCHANGED)
+        assert np.array_equal(masked[..., 2::-1], images[each.score.index])
+        assert set(np.unique(masked[..., 3])) <= {0, 255}
+        assert (masked[..., 3] > 0).mean() == pytest.approx(each.tissue)
+        assert each.tissue > 0.85
+    rows = list(csv.DictReader((tmp_path / "out" / "scores.csv").read_text().splitlines()))
+    assert [int(row["frame"]) for row in rows] == list(range(len(images)))
+    assert [int(row["frame"]) for row in rows if row["chosen"] == "1"] == [chosen[0].index]
+    # again: the same files; another image of that name stays
+    write_frames(path, tmp_path / "out", scores, chosen)
+    cv2.imwrite(str(written[0].image), images[0] // 2)
+    with pytest.raises(InputError, match="expected no such file, or one with this frame, found another image"):
+        write_frames(path, tmp_path / "out", scores, chosen)
+
+
+@pytest.mark.parametrize("kind", ["tool", "glove"])
+def test_the_mask_covers_what_lies_in_front(film, tmp_path, kind):
+    path, images, faultless = film
+    scores = score_frames(path)
+    index = 8 * KINDS.index(kind) + 4
+    (written,) = write_frames(path, tmp_path / "out", scores, [scores.frames[index]])
+    hidden = cv2.imread(str(written.masked), cv2.IMREAD_UNCHANGED)[..., 3] == 0
+    foreign = np.abs(images[index].astype(int) - faultless[index]).max(axis=2) > 12
+    burnt = cv2.dilate((images[index].min(axis=2) >= 245).astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+    assert (hidden & foreign).sum() > 0.9 * foreign.sum()
+    assert (hidden & ~foreign & ~burnt).sum() < 0.03 * foreign.size
+
+
+def test_the_black_around_the_view_is_masked(film, write_film, tmp_path):
+    _, images, _ = film
+    circle = Circle(163.2, 118.4, 112.7)
+    inside = circle.mask((320, 240))
+    path = write_film(tmp_path / "film.mkv", [image * inside[..., None] for image in images])
+    scores = score_frames(path)
+    assert abs(scores.circle.radius - circle.radius) < 1
+    (written,) = write_frames(path, tmp_path / "out", scores, best_frames(scores.frames, 1))
+    alpha = cv2.imread(str(written.masked), cv2.IMREAD_UNCHANGED)[..., 3]
+    assert not alpha[~inside].any()
+    assert (alpha[Circle(circle.u, circle.v, circle.radius - 4).mask((320, 240))] > 0).mean() > 0.85
+
+
+def test_the_command_reports_what_it_found(film, tmp_path, run_command):
+    path, _, _ = film
+    out = tmp_path / "out"
+    script = [sys.executable, str(ROOT / "scripts" / "select_frame.py"), str(path), "--out", str(out)]
+    ended = run_command([*script, "--count", "2", "--to", "0.6"])
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "film.mkv: 320x240 px, 15 frames from 0.00 s to 0.56 s, 1 scene" in ended.stdout
+    assert "1. film_frame_0000" in ended.stdout
+    assert {"contact_sheet.png", "scores.csv"} < {file.name for file in out.iterdir()}
+    assert not list(tmp_path.glob("**/.partial*"))
+
+
+def test_a_film_that_is_cut_off_gives_what_it_has(film, tmp_path, capfd):
+    path, _, _ = film
+    short = tmp_path / "short.mkv"
+    short.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    assert command.main([str(short), "--out", str(tmp_path / "out"), "--count", "1"]) == 0
+    assert "cut off" in capfd.readouterr().out
+    assert len(list((tmp_path / "out").glob("short_frame_*.png"))) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--count", "0"], "--count: expected a number of frames, 1 or more, found 0"),
+        (["--every", "-1"], "--every: expected a number of frames, 1 or more, found -1"),
+        (["--from", "nan"], "--from: expected a time in s, 0 or more, found nan"),
+        (["--from", "3", "--to", "2"], "--to: expected a time after --from 3, found 2"),
+        (["--from", "99"], "expected frames from 99 s to the end, found none; the film is 1.88 s long"),
+    ],
+    ids=str,
+)
+def test_wrong_options_are_refused(film, tmp_path, arguments, message):
+    with pytest.raises(InputError, match=message):
+        command.main([str(film[0]), "--out", str(tmp_path / "out"), *arguments])
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_video_is_never_replaced(film, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "scores.csv").write_bytes(film[0].read_bytes())
+    with pytest.raises(InputError, match=r"scores\.csv: expected a new file, found the video"):
+        command.main([str(out / "scores.csv"), "--out", str(out)])
+
+
+def test_a_film_that_shows_nothing_gives_its_scores_and_says_so(write_film, tmp_path):
+    path = write_film(tmp_path / "black.mkv", [np.zeros((120, 160, 3), np.uint8)] * 12)
+    with pytest.raises(InputError, match=r"black\.mkv: expected a frame that shows something sharply, found none; see"):
+        command.main([str(path), "--out", str(tmp_path / "out")])
+    assert len((tmp_path / "out" / "scores.csv").read_text().splitlines()) == 13

@@ -1,0 +1,137 @@
+"""Scores of films whose good frames are known: a render of the sample case with faults laid over it."""
+
+import tracemalloc
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.video import frame_scores
+from pipeline.video.frame_scores import score_images
+from pipeline.video.selection import best_frames
+from tests.video.surgical_film import Event, clear_frames, random_events, surgical_film
+
+pytestmark = pytest.mark.render
+
+FRAMES = 110
+FILMS = {
+    "drift": {},
+    "noise": {"noise": 8.0, "drift_px": 0.5},
+    "cut": {"cuts": (55,)},
+    "zoom": {"zooms": ((50, 62, 1.5),)},
+    "resting instrument": {"resting_tool": (10, 75)},
+}
+
+
+def a_film(pictures, seed: int, settings: dict) -> tuple[list[np.ndarray], np.ndarray]:
+    """Frames, and which of them are clear; at least a sixth of every scene."""
+    rng = np.random.default_rng(seed)
+    cuts = [0, *settings.get("cuts", ()), *(end for *_, end, _ in settings.get("zooms", ())), FRAMES]
+    while True:
+        events = random_events(rng, FRAMES)
+        clear = clear_frames(events)
+        for begin, end, *_ in (*settings.get("zooms", ()), settings.get("resting_tool", (0, 0))):
+            clear[begin:end] = False
+        if all(clear[begin:end].mean() > 1 / 6 for begin, end in pairwise(cuts)):
+            return list(surgical_film(pictures, events, rng, **settings)), clear
+
+
+def test_the_best_frames_are_clear(sample_views):
+    precision, found = {}, {}
+    for seed, (name, settings) in enumerate(FILMS.items()):
+        film, clear = a_film(sample_views, seed, settings)
+        chosen = best_frames(score_images(film), 5)
+        assert len(chosen) >= 3, name
+        assert clear[chosen[0].index], name
+        precision[name] = np.mean([clear[each.index] for each in chosen])
+        found[name] = [(each.index, bool(clear[each.index])) for each in chosen]
+    assert np.mean(list(precision.values())) >= 0.9, found
+    assert min(precision.values()) >= 0.6, found
+
+
+@pytest.fixture(scope="module")
+def short_film(sample_views) -> list[np.ndarray]:
+    kinds = ("clear", "tool", "blur", "clear", "dark", "blood", "clear", "glare", "clear")
+    events = [Event(kind, 6 * number, 6 * number + 6) for number, kind in enumerate(kinds)]
+    return list(surgical_film(sample_views[:1], events, np.random.default_rng(5)))
+
+
+def test_a_mirror_and_the_gain_of_the_camera_change_no_score(short_film):
+    total = np.array([each.total for each in score_images(short_film)])
+    mirrored = score_images(frame[:, ::-1].copy() for frame in short_film)
+    darker = score_images((frame * 0.75).astype(np.uint8) for frame in short_film)
+    for other in (mirrored, darker):
+        difference = np.abs(np.array([each.total for each in other]) - total)
+        assert difference.max() < 0.12
+        assert difference.mean() < 0.03
+
+
+def test_what_is_reported_is_what_happened(short_film):
+    scores = score_images(short_film)
+    kinds = np.repeat(["clear", "tool", "blur", "clear", "dark", "blood", "clear", "glare", "clear"], 6)
+
+    def of(kind: str, name: str) -> np.ndarray:
+        return np.array([getattr(each, name) for each, its in zip(scores, kinds, strict=True) if its == kind])
+
+    assert len({each.scene for each in scores}) == 1
+    assert of("clear", "obstructed").max() < 0.005
+    assert of("clear", "sharpness").min() > 0.85
+    assert of("tool", "obstructed").min() > 0.01
+    assert of("blood", "obstructed").min() > 0.1
+    assert of("glare", "glare").min() > 0.005
+    assert of("blur", "sharpness").max() < 0.6
+    assert of("dark", "exposure").max() < -0.5
+
+
+def test_equal_frames_come_in_the_order_of_the_film(short_film):
+    scores = score_images([short_film[0]] * 50)
+    assert len({each.total for each in scores[1:]}) == 1
+    chosen = best_frames(scores[1:], 3, apart_s=0.2)
+    assert [each.index for each in chosen] == [1, 6, 11]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_film_of_a_few_frames_has_scores(short_film, count):
+    scores = score_images(short_film[:count])
+    assert len(scores) == count
+    assert best_frames(scores, 5)[0].total > 0.1
+
+
+def test_memory_does_not_grow_with_the_film(short_film, monkeypatch):
+    monkeypatch.setattr(frame_scores, "MOST_FRAMES", 60)
+    peaks = []
+    for length in (120, 360):
+        tracemalloc.start()
+        score_images(short_film[number % 6][::2, ::2].copy() for number in range(length))
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    # the views of 240 frames would take 14 MB
+    assert peaks[1] - peaks[0] < 2e6, peaks
+
+
+def test_the_work_can_be_stopped_from_its_progress(tmp_path, short_film, write_film):
+    class Stopped(Exception):
+        pass
+
+    fractions = []
+
+    def progress(fraction: float) -> None:
+        fractions.append(fraction)
+        if fraction > 0.5:
+            raise Stopped
+
+    path = write_film(tmp_path / "film.mkv", short_film)
+    before = children()
+    with pytest.raises(Stopped):
+        frame_scores.score_frames(path, progress=progress)
+    assert fractions == sorted(fractions)
+    assert children() == before
+    fractions.clear()
+    frame_scores.score_frames(path, progress=lambda fraction: fractions.append(fraction))
+    assert fractions[-1] == 1
+
+
+def children() -> set[str]:
+    listed = Path("/proc/self/task").glob("*/children")
+    return {child for file in listed for child in file.read_text().split()}

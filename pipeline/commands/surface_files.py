@@ -38,9 +38,6 @@ from ..volume.volume import LabelMap, Volume
 from ..volume.volume_reader import read_volume
 
 SURFACE, SLICES, RECORD, STRUCTURES = "surface.ply", "slices.png", "surface.json", "structures"
-SHORT_SECONDS = 1.0
-"""A stage that ends within this time has no progress bar."""
-
 _BONE = re.compile(r"^(cortical |temporal |compact )?bones?$", re.IGNORECASE)
 
 RECORD_KIND = Kind("the report of a surface", json_object("threshold_hu", "surface", "volume"))
@@ -53,7 +50,7 @@ class _Work:
     output: TextIO
     record: dict[str, object] = field(default_factory=dict)
     start: float = field(default_factory=time.monotonic)
-    stage: tuple[str, float] = ("", 0.0)
+    stage: str = ""
     bar: Progress | None = None
     shown: int = 0
 
@@ -63,21 +60,15 @@ class _Work:
         self.output.write(f"{time.monotonic() - self.start:6.1f} s  {text}\n")
 
     def report(self, stage: str, share: float) -> None:
-        """Show the progress of a stage that takes more than a moment."""
-        if self.stage[0] != stage:
+        """Show the progress of a stage."""
+        if self.stage != stage:
             self.end_bar()
-            self.stage = stage, time.monotonic()
-        hundredths = int(share * 100)
-        if self.bar is None:
-            if share == 1 or time.monotonic() < self.stage[1] + SHORT_SECONDS:
-                return
-            self.bar, self.shown = (
-                Progress(100, f"percent {stage}", finished=hundredths, stream=self.output),
-                hundredths,
-            )
-        while self.shown < hundredths:
-            self.bar.advance()
-            self.shown += 1
+            self.stage, self.shown = stage, 0
+            self.bar = None if share == 1 else Progress(100, f"percent {stage}", stream=self.output)
+        if self.bar is not None:
+            for _ in range(self.shown, int(share * 100)):
+                self.bar.advance()
+            self.shown = max(self.shown, int(share * 100))
 
     def end_bar(self) -> None:
         """End the bar of a stage, if it has one."""

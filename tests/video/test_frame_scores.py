@@ -84,6 +84,15 @@ def test_what_is_reported_is_what_happened(short_film):
     assert of("dark", "exposure").max() < -0.5
 
 
+@pytest.mark.parametrize("kind", ["dark", "bright", "hand", "glare"])
+def test_what_most_frames_show_is_not_what_is_right(sample_views, kind):
+    """A third of the frames of a film is clear."""
+    events = [Event(kind, 0, 22), Event("clear", 22, 38), Event(kind, 38, 48)]
+    film = surgical_film(sample_views[:1], events, np.random.default_rng(9))
+    chosen = best_frames(score_images(film), 3)
+    assert [22 <= each.index < 38 for each in chosen] == [True] * 3
+
+
 def test_equal_frames_come_in_the_order_of_the_film(short_film):
     scores = score_images([short_film[0]] * 50)
     assert len({each.total for each in scores[1:]}) == 1

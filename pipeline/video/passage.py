@@ -210,7 +210,7 @@ def _sample(sharpness: np.ndarray, obstructed: np.ndarray) -> np.ndarray:
     worth = sharpness * np.exp(-obstructed)
     moments = np.array_split(np.arange(len(worth)), min(2 * SAMPLES, len(worth)))
     best = np.array([moment[np.argmax(worth[moment])] for moment in moments])
-    best = best[worth[best] > _LEAST_WORTH * worth.max()]
+    best = best[worth[best] >= _LEAST_WORTH * worth.max()]
     keep = max(min(len(best), SAMPLES // 3), 2 * len(best) // 3)
     return np.sort(best[np.argsort(-worth[best], kind="stable")[:keep]])
 

@@ -20,6 +20,9 @@ VIEW_WIDTH = 160
 BRIGHT_PERCENTILE, BRIGHT_LUMA = 98.0, 225.0
 """The brightest part of a typical view, without highlights, is brought to this code value."""
 
+BURNT_OUT = 250.0
+"""Code value that the brightest part reaches in an overexposed frame."""
+
 _MOTION_LUMA = 110.0
 
 _LIT = 0.1

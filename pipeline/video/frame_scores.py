@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from .film_reader import Film, FilmFrame, FilmInfo
-from .frame_measures import VIEW_WIDTH, FrameMeasures, measured, motion_px, view_of
+from .frame_measures import BURNT_OUT, VIEW_WIDTH, FrameMeasures, measured, motion_px, view_of
 from .passage import MOST_FRAMES, ComparedFrame, PassageComparison
 from .view_circle import Circle, lit_part, view_circle
 
@@ -20,6 +20,9 @@ OBSTRUCTION_SHARE, GLARE_SHARE = 0.02, 0.03
 """Covered shares of the view that divide the score by e."""
 
 EXPOSURE_STOPS = 0.45
+BRIGHTEST_SHARE = 0.15
+"""So many of the frames that are not burnt out, the brightest, are well exposed."""
+
 MOTION_VIEW_PX = 0.6
 COMBED_FACTOR = 0.3
 
@@ -38,7 +41,7 @@ class FrameScore:
     sharpness
         0..1, relative to the sharpest frames of the same scene.
     exposure
-        Brightness of the tissue in stops relative to the scene's typical frame.
+        Brightness of the tissue in stops relative to the scene's well exposed frames.
     glare, obstructed
         Shares of the view, 0..1: light that other frames do not show; instruments, hands, blood.
     motion_px
@@ -134,7 +137,7 @@ class FilmScorer:
 
     def __init__(self, info: FilmInfo, progress: Callable[[float], None] | None = None) -> None:
         self._info, self._progress, self._steps = info, progress, 0
-        self._seen: list[tuple[int, float, float, float]] = []
+        self._seen: list[tuple[int, float, float, float, float]] = []
         self._compared: list[ComparedFrame] = []
         self._pending: list[FrameMeasures] = []
         self._comparison: PassageComparison | None = None
@@ -150,7 +153,7 @@ class FilmScorer:
         found = measured(frame.image)
         motion = 0.0 if self._previous is None else motion_px(found.view, self._previous)
         self._previous = found.view
-        self._seen.append((frame.index, frame.time_s, frame.comb, motion))
+        self._seen.append((frame.index, frame.time_s, frame.comb, motion, found.bright))
         self._pending.append(found)
         self._step()
         if len(self._pending) >= MOST_FRAMES:
@@ -209,10 +212,20 @@ class FilmScorer:
 
 
 def combined(
-    seen: Sequence[tuple[int, float, float, float]], compared: Sequence[ComparedFrame], scale: float
+    seen: Sequence[tuple[int, float, float, float, float]], compared: Sequence[ComparedFrame], scale: float
 ) -> tuple[FrameScore, ...]:
-    """Totals from (index, time in s, comb ratio, motion in px of the view) and comparisons of the frames of a film."""
-    index, time_s, comb, motion = (np.array(column) for column in zip(*seen, strict=True))
+    """Totals of the frames of a film.
+
+    Parameters
+    ----------
+    seen
+        Index, time in s, comb ratio, motion in px of the view, and brightest code value of each frame.
+    compared
+        Each frame's comparison with its scene.
+    scale
+        Pixels of the full frame in a pixel of the view.
+    """
+    index, time_s, comb, motion, bright = (np.array(column) for column in zip(*seen, strict=True))
     scene = np.array([each.scene for each in compared])
     gain = np.array([each.gain for each in compared])
     level = np.array([each.level for each in compared])
@@ -224,7 +237,7 @@ def combined(
     enough = min(max(SCENE_FRAMES, SCENE_SECONDS / max(step_s, 1e-3)), 0.1 * len(seen))
     for number in np.unique(scene):
         own = scene == number
-        exposure[own] = np.log2(np.median(gain[own]) / gain[own])
+        exposure[own] = np.log2(_typical_gain(gain[own], bright[own]) / gain[own])
         weight[own] = min(1.0, own.sum() / max(enough, 1.0))
     moved = np.maximum(motion - np.percentile(motion, 10), 0)
     substantial = weight > 0.5
@@ -246,6 +259,12 @@ def combined(
         )
         for k in range(len(seen))
     )  # fmt: skip
+
+
+def _typical_gain(gain: np.ndarray, bright: np.ndarray) -> float:
+    """The gain of well exposed frames: the brightest, as long as their highlights alone are burnt out."""
+    whole = bright < BURNT_OUT
+    return float(np.percentile(gain[whole] if whole.mean() > BRIGHTEST_SHARE else gain, 100 * BRIGHTEST_SHARE))
 
 
 def score_images(images: Iterable[np.ndarray], *, fps: float = 25.0) -> tuple[FrameScore, ...]:

@@ -23,6 +23,7 @@ only where it is darker, or in highlights."""
 _WARM_TISSUE = 0.06
 _LARGEST_COLD_SHARE = 0.3
 _LARGEST_GAIN = 4.0
+_LEAST_LIGHTNESS = 8.0
 
 
 @dataclass(frozen=True)
@@ -76,20 +77,36 @@ class ObstructionFinder:
         """Compare a registered ``(h, w, 3)`` uint8 RGB view, multiplied by ``gain``, with the clear view."""
         looked_at = valid & self._seen
         lab = normalised_lab(view, gain)
-        mask, glare = self._masks(lab, looked_at)
-        for _ in range(2):
-            good = looked_at & ~mask & ~glare & (lab[..., 0] > 8) & (self._reference[..., 0] > 8)
-            if good.sum() < 0.1 * max(int(looked_at.sum()), 1):
-                good = looked_at & (lab[..., 0] > 8)
-            if not good.any():
-                break
-            excess = float(np.median(_code(self._reference[good][:, 0]) / np.maximum(_code(lab[good][:, 0]), 1e-3)))
-            if abs(np.log(excess)) < 0.02:
+        excess = self._commonest_ratio(lab, looked_at)
+        for step in range(3):
+            if step and abs(np.log(excess)) < 0.02:
                 break
             gain = gain * float(np.clip(excess, 1 / _LARGEST_GAIN, _LARGEST_GAIN))
             lab = normalised_lab(view, gain)
             mask, glare = self._masks(lab, looked_at)
+            good = looked_at & ~mask & ~glare & self._bright_enough(lab)
+            if good.sum() < 0.1 * max(int(looked_at.sum()), 1):
+                break
+            excess = float(np.median(self._reference[good][:, 0] / lab[good][:, 0]))
         return Obstruction(mask, glare, looked_at, gain)
+
+    def _bright_enough(self, lab: np.ndarray) -> np.ndarray:
+        return (lab[..., 0] > _LEAST_LIGHTNESS) & (self._reference[..., 0] > _LEAST_LIGHTNESS)
+
+    def _commonest_ratio(self, lab: np.ndarray, looked_at: np.ndarray) -> float:
+        """Lightness of the clear view over that of a frame where most pixels agree on it, whatever covers the others.
+
+        L* is nearly proportional to code values, so this is the frame's missing gain.
+        """
+        good = looked_at & self._bright_enough(lab)
+        if not good.any():
+            return 1.0
+        ratio = np.log(self._reference[good][:, 0] / lab[good][:, 0])
+        counts, edges = np.histogram(ratio, bins=120, range=(-1.5, 1.5))
+        smooth = np.convolve(counts, (1, 2, 3, 2, 1), mode="same")
+        at = int(np.argmax(smooth))
+        near = np.abs(ratio - (edges[at] + edges[at + 1]) / 2) < 0.06
+        return float(np.exp(np.median(ratio[near]))) if near.mean() > 0.1 else 1.0
 
     def _masks(self, lab: np.ndarray, looked_at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         beyond = np.maximum(np.maximum(self._low - lab, lab - self._high), 0)
@@ -111,8 +128,3 @@ class ObstructionFinder:
 
 def _warmth(lab: np.ndarray) -> np.ndarray:
     return (lab[..., 1] + lab[..., 2]) / np.maximum(lab[..., 0], 1.0)
-
-
-def _code(lightness: np.ndarray) -> np.ndarray:
-    """Code value 0..1 of a grey of this L*: its sRGB encoding is close to a straight line."""
-    return lightness / 100

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from .clear_view import clear_view
-from .frame_measures import BRIGHT_LUMA, DETAIL_WH, GRID_WH, FrameMeasures, normalised_lab
+from .frame_measures import BRIGHT_LUMA, BURNT_OUT, DETAIL_WH, GRID_WH, FrameMeasures, normalised_lab
 from .obstruction import Obstruction, ObstructionFinder
 from .scenes import Placement, SceneTracker
 
@@ -21,6 +21,9 @@ EARLIER_SAMPLES = 5
 """As many samples an earlier passage's clear view of the same scene counts."""
 
 _ROUNDS = 3
+
+_BURNT_OUT_WORTH, _LEAST_WORTH = 0.1, 0.15
+"""Of an overexposed frame as a sample, and of any sample relative to the best."""
 
 _LEAST_CELL = 0.3
 """Share of a cell that must be inside the view."""
@@ -124,6 +127,7 @@ class PassageComparison:
         details = self._details(frames)
         typical = np.percentile(details, 75, axis=0) + 1e-9
         sharpness = np.median(np.minimum(details / typical, 1.5), axis=1)
+        sharpness[np.array([frame.bright for frame in frames]) >= BURNT_OUT] *= _BURNT_OUT_WORTH
         luma = np.array([frame.luma for frame in frames])
         typical_gain = BRIGHT_LUMA / float(np.median([frame.bright for frame in frames]))
         gains = typical_gain * float(np.median(luma)) / luma
@@ -206,6 +210,7 @@ def _sample(sharpness: np.ndarray, obstructed: np.ndarray) -> np.ndarray:
     worth = sharpness * np.exp(-obstructed)
     moments = np.array_split(np.arange(len(worth)), min(2 * SAMPLES, len(worth)))
     best = np.array([moment[np.argmax(worth[moment])] for moment in moments])
+    best = best[worth[best] >= _LEAST_WORTH * worth.max()]
     keep = max(min(len(best), SAMPLES // 3), 2 * len(best) // 3)
     return np.sort(best[np.argsort(-worth[best], kind="stable")[:keep]])
 

@@ -140,7 +140,7 @@ def _draw_next_step(context: bpy.types.Context) -> None:
 def _draw_pointer(xy: tuple[int, int]) -> None:
     """Draw the instruction next to the pointer while the tool is active and picking is unfinished."""
     context = bpy.context
-    if context.space_data is None or not tool.is_active(context) or not from_scene.is_set_up(context.scene):
+    if context.space_data is None or not tool.is_waiting(context) or not from_scene.is_set_up(context.scene):
         return
     landmarks = from_scene.landmarks_model(context.scene)
     if gestures.running() is not None or not is_unfinished(landmarks):

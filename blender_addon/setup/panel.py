@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..pipeline.camera.plausibility import camera_doubts
 from ..pipeline.case.surface_size import size_text
 from ..pipeline.errors import InputError
 from ..registration import class_registration
@@ -113,6 +114,9 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     for message in frame_warnings(scene):
         draw_text(layout, message, icon="ERROR")
         layout.operator("oneframe.rescale_camera", icon="FULLSCREEN_ENTER")
+    if from_scene.present_camera(scene) is not None and not frame_warnings(scene):
+        for message in camera_doubts(from_scene.camera(scene)):
+            draw_text(layout, message, icon="QUESTION")
     if from_scene.is_set_up(scene):
         try:
             from_scene.cam_from_model(scene)

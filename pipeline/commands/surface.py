@@ -28,7 +28,7 @@ Names, dates and other text of the headers are written nowhere.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
     parser.add_argument("volume", metavar="VOLUME", type=Path, help="the CT: a file, or a folder of DICOM slices")
-    parser.add_argument("--out", metavar="FOLDER", type=Path, help="folder to write")
+    parser.add_argument("--out", metavar="DIR", type=Path, help="folder to write")
     volume = parser.add_argument_group("volume")
     volume.add_argument("--list", action="store_true", help="list the series in a folder of DICOM slices, and end")
     volume.add_argument("--series", metavar="N", type=int, help="take series N of the list")
@@ -38,8 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     bone = parser.add_argument_group("bone")
     bone.add_argument(
-        "--threshold", metavar="HU|otsu", default="300",
-        help="bone lies above it; otsu finds it from the grey values (default %(default)s)",
+        "--threshold", metavar="HU|otsu",
+        help="bone lies above it; otsu finds it from the grey values (default 300)",
     )  # fmt: skip
     bone.add_argument(
         "--islands", metavar="MM3", type=float,
@@ -73,7 +73,7 @@ def main(argv: Sequence[str], prog: str = "oneframe surface") -> int:
     arguments = parser.parse(argv)
     if arguments.out is None and not arguments.list:
         parser.error("--out: expected a folder to write")
-    if arguments.threshold != "otsu":
+    if arguments.threshold not in (None, "otsu"):
         arguments.threshold = _number(arguments.threshold)
     for name, least in (("islands", 0.0), ("holes", 0.0), ("smooth", 0)):
         value = getattr(arguments, name)

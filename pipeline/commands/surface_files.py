@@ -6,7 +6,7 @@ import platform
 import re
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -32,13 +32,18 @@ from ..volume.bone_surface import BoneSurface, Finish, bone_surface
 from ..volume.isosurface import RemovedField
 from ..volume.label_map import on_grid, read_labels
 from ..volume.slice_views import LabelColours, slice_views
-from ..volume.structures import structure_meshes, structure_name
+from ..volume.structures import structure_meshes, structure_names
 from ..volume.subtraction import removed_by_labels, removed_by_operation, united
-from ..volume.threshold import check_threshold, otsu_threshold
+from ..volume.threshold import DEFAULT_HU, check_threshold, otsu_threshold
 from ..volume.volume import LabelMap, Volume
 from ..volume.volume_reader import read_volume
 
 SURFACE, SLICES, RECORD, STRUCTURES = "surface.ply", "slices.png", "surface.json", "structures"
+SHORT_SECONDS = 1.0
+"""A stage that ends within this time has no progress bar."""
+
+_BONE = re.compile(r"^(cortical |temporal |compact )?bones?$", re.IGNORECASE)
+
 RECORD_KIND = Kind("the report of a surface", json_object("threshold_hu", "surface", "volume"))
 
 
@@ -49,7 +54,8 @@ class _Work:
     output: TextIO
     record: dict[str, object] = field(default_factory=dict)
     start: float = field(default_factory=time.monotonic)
-    bar: tuple[str, Progress] | None = None
+    stage: tuple[str, float] = ("", 0.0)
+    bar: Progress | None = None
     shown: int = 0
 
     def say(self, text: str) -> None:
@@ -58,17 +64,26 @@ class _Work:
         self.output.write(f"{time.monotonic() - self.start:6.1f} s  {text}\n")
 
     def report(self, stage: str, share: float) -> None:
-        """Show the progress of a stage."""
-        if self.bar is None or self.bar[0] != stage:
+        """Show the progress of a stage that takes more than a moment."""
+        if self.stage[0] != stage:
             self.end_bar()
-            self.bar, self.shown = (stage, Progress(100, f"percent {stage}", stream=self.output)), 0
-        while self.shown < int(share * 100):
-            self.bar[1].advance()
+            self.stage = stage, time.monotonic()
+        hundredths = int(share * 100)
+        if self.bar is None:
+            if share == 1 or time.monotonic() < self.stage[1] + SHORT_SECONDS:
+                return
+            self.bar, self.shown = (
+                Progress(100, f"percent {stage}", finished=hundredths, stream=self.output),
+                hundredths,
+            )
+        while self.shown < hundredths:
+            self.bar.advance()
             self.shown += 1
 
     def end_bar(self) -> None:
+        """End the bar of a stage, if it has one."""
         if self.bar is not None:
-            self.bar[1].close()
+            self.bar.close()
             self.bar = None
 
 
@@ -88,9 +103,8 @@ def write_surface(arguments: argparse.Namespace, output: TextIO) -> None:
         name: path for name in ("volume", "drill", "remove", "operated", "labels") if (path := getattr(arguments, name))
     }
     check_outputs(_outputs(out, ()), inputs)
-    labels = None if arguments.labels is None else read_labels(arguments.labels)
-    names = {} if labels is None else {value: structure_name(name) for value, name in labels.names.items()}
-    check_outputs(_outputs(out, names.values()), inputs)
+    labels = None if arguments.labels is None else _structures_in(read_labels(arguments.labels))
+    check_outputs(_outputs(out, () if labels is None else structure_names(labels).values()), inputs)
     try:
         _make(arguments, work, labels, out)
     finally:
@@ -126,11 +140,17 @@ def _make(arguments: argparse.Namespace, work: _Work, labels: LabelMap | None, o
     _write(work, out, volume, level, solid, removed, labels, structures, made, finish)
 
 
+def _structures_in(labels: LabelMap) -> LabelMap:
+    """The map without the names of labels for bone, of which the surface is made."""
+    return replace(labels, names={value: name for value, name in labels.names.items() if not _BONE.search(name)})
+
+
 def _threshold(arguments: argparse.Namespace, volume: Volume) -> tuple[float, str]:
     if arguments.threshold == "otsu":
         return otsu_threshold(volume), "otsu"
-    check_threshold(volume, arguments.threshold)
-    return float(arguments.threshold), "given"
+    level, how = (DEFAULT_HU, "default") if arguments.threshold is None else (float(arguments.threshold), "given")
+    check_threshold(volume, level)
+    return level, how
 
 
 def _removed(
@@ -209,7 +229,7 @@ def _write(
 
     drawn = []
     if labels is not None:
-        colours = {value: structure_colour(structure_name(name)) for value, name in labels.names.items()}
+        colours = {value: structure_colour(name) for value, name in structure_names(labels).items()}
         drawn.append(LabelColours(labels, colours))
     centre = _centre(volume, solid, removed, structures.values(), mesh)
     views = slice_views(volume, level, centre, solid=solid, removed=removed, structures=drawn)

@@ -6,6 +6,8 @@ from .components import components
 from .volume import Volume
 
 AIR_HU = -500
+"""Half-way from air to the couch, so its blurred front counts as couch."""
+
 LEAST_WIDTH_MM = 150.0
 """A narrower volume shows a part of the patient, and no couch that could be told from it."""
 LEAST_SHARE = 0.9
@@ -50,7 +52,7 @@ def without_couch(volume: Volume, bone: np.ndarray) -> np.ndarray:
 
 
 def _behind_front(same: np.ndarray) -> np.ndarray | None:
-    """``(back, across)`` bool, True from one voxel before the couch's front on, from what is the same in all slices."""
+    """``(back, across)`` bool, True from the couch's front on, from what is the same in all slices."""
     rows, columns = same.shape
     parts = components(same[None])
     for part in range(len(parts.voxels)):
@@ -58,8 +60,7 @@ def _behind_front(same: np.ndarray) -> np.ndarray | None:
         parts.paint(region, np.arange(len(parts.voxels)) == part, True)
         crosses = region[0, :, 0].any() and region[0, :, -1].any()
         if crosses and not region[0, : rows // 2].any():
-            # one voxel more: the scanner has blurred the front
-            front = np.maximum(np.argmax(region[0], axis=0) - 1, 0)
+            front = np.argmax(region[0], axis=0)
             front[~region[0].any(axis=0)] = rows
             return np.arange(rows)[:, None] >= front
     return None

@@ -84,7 +84,7 @@ def structure_meshes(
     InputError
         A wanted structure is not in the map.
     """
-    names = _structure_names(labels)
+    names = structure_names(labels)
     missing = sorted(set(only or ()) - set(names.values()))
     if missing:
         raise InputError(
@@ -100,7 +100,7 @@ def structure_meshes(
     return meshes
 
 
-def _structure_names(labels: LabelMap) -> dict[int, str]:
+def structure_names(labels: LabelMap) -> dict[int, str]:
     """Names by label, the label's number behind a name that occurs twice."""
     names: dict[int, str] = {}
     for label, given in labels.names.items():

@@ -85,7 +85,7 @@ def test_couch_that_touches_the_skull_goes_in_any_order_of_the_axes(order, flips
     front = 38 + np.abs(x - 25) // 5 * -1 + 2
     couch = (y >= front) & (y < front + 4)
     values = np.where(skull | couch, 700, -1000)
-    alone = np.where(skull & (y < front - 1), 700, -1000)
+    alone = np.where(skull & (y < front), 700, -1000)
     matrix = np.diag([4.0, 4.0, 4.0, 1.0])
     axes = [2 - axis for axis in order]  # of the patient, for the index along x, y and z
 

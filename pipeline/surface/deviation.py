@@ -1,0 +1,142 @@
+"""How far points lie from a surface: exact distances from a mesh of millions of triangles, in bulk.
+
+The triangles are put in the order of a Z curve and their boxes joined by eights, level over level; points descend
+through the levels all together and leave out boxes that lie farther away than what they have found.
+
+Source: Z order for such a tree: Lauterbach et al., "Fast BVH construction on GPUs" (2009).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .mesh import TriangleMesh
+from .triangle_distance import squared_triangle_distances
+
+_LEAF = 4
+"""Triangles in a box of the lowest level."""
+_BRANCHES = 8
+"""Boxes in a box of the next level."""
+_BLOCK = 1 << 13
+"""Points that descend together, which bounds the memory."""
+_CELLS = 1 << 20
+"""Of the Z curve along an axis."""
+
+
+def deviation(points: np.ndarray, mesh: TriangleMesh) -> np.ndarray:
+    """``(N,)`` distances of points ``(N, 3)`` from the nearest point of the mesh, both in one frame, mm."""
+    return SurfaceTree(mesh).distances(points)
+
+
+@dataclass(frozen=True)
+class _Level:
+    """Boxes: ``lower`` and ``upper`` (3, B), mm."""
+
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+class SurfaceTree:
+    """Boxes over the triangles of a mesh, for many questions about one surface."""
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        """Order the triangles and box them: about 1 s for 1.6 million faces."""
+        self._origin = mesh.bounds[0]
+        self._step = max(float(np.ptp(mesh.bounds, axis=0).max()), 1e-300) / (_CELLS - 1)
+        centres = mesh.face_centres
+        codes = self._codes(centres)
+        order = np.argsort(codes, kind="stable")
+        self._order, self._sorted_codes = order, codes[order]
+        a, b, c = (np.ascontiguousarray(mesh.vertices[mesh.faces[order, corner]].T) for corner in range(3))
+        self._corner, self._first, self._second = a, b - a, c - a
+        lower, upper = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+        levels = []
+        size = _LEAF
+        while True:
+            starts = np.arange(0, lower.shape[1], size)
+            lower, upper = np.minimum.reduceat(lower, starts, axis=1), np.maximum.reduceat(upper, starts, axis=1)
+            levels.append(_Level(lower, upper))
+            if lower.shape[1] <= _BRANCHES:
+                break
+            size = _BRANCHES
+        self._levels = levels[::-1]
+
+    def distances(self, points: np.ndarray) -> np.ndarray:
+        """``(N,)`` distances of points ``(N, 3)`` from the surface, mm."""
+        points = np.asarray(points, dtype=np.float64)
+        squared = np.empty(len(points))
+        # neighbours together: their boxes stay in the cache
+        order = np.argsort(self._codes(points), kind="stable")
+        for at in range(0, len(points), _BLOCK):
+            block = order[at : at + _BLOCK]
+            squared[block] = self._squared(points[block])
+        return np.sqrt(squared)
+
+    def _squared(self, points: np.ndarray) -> np.ndarray:
+        columns = np.ascontiguousarray(points.T)
+        count = len(self._sorted_codes)
+        # the triangles beside the point on the curve give a first bound
+        place = np.searchsorted(self._sorted_codes, self._codes(points))
+        everyone = np.arange(len(points))
+        squared = self._from_triangles(columns, everyone, np.minimum(place, count - 1))
+        np.minimum(squared, self._from_triangles(columns, everyone, np.maximum(place - 1, 0)), out=squared)
+        point = np.repeat(everyone, self._levels[0].lower.shape[1])
+        node = np.tile(np.arange(self._levels[0].lower.shape[1]), len(points))
+        for depth, level in enumerate(self._levels):
+            if depth:
+                node = (node[:, None] * _BRANCHES + np.arange(_BRANCHES)).reshape(-1)
+                point = np.repeat(point, _BRANCHES)
+                there = node < level.lower.shape[1]
+                node, point = node[there], point[there]
+            beyond = self._from_boxes(level, columns, point, node)
+            near = beyond < squared[point]
+            node, point, beyond = node[near], point[near], beyond[near]
+        # the nearest box first: its triangles rule out most of the others
+        nearest = np.full(len(points), np.inf)
+        np.minimum.at(nearest, point, beyond)
+        first = beyond == nearest[point]
+        self._search(columns, point[first], node[first], squared)
+        rest = ~first & (beyond < squared[point])
+        self._search(columns, point[rest], node[rest], squared)
+        return squared
+
+    def _search(self, columns: np.ndarray, point: np.ndarray, leaf: np.ndarray, squared: np.ndarray) -> None:
+        for index in range(_LEAF):
+            triangle = leaf * _LEAF + index
+            there = triangle < len(self._sorted_codes)
+            found = self._from_triangles(columns, point[there], triangle[there])
+            np.minimum.at(squared, point[there], found)
+
+    def _from_triangles(self, columns: np.ndarray, point: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+        offset = columns[:, point] - self._corner[:, triangle]
+        return squared_triangle_distances(self._first[:, triangle], self._second[:, triangle], offset)
+
+    @staticmethod
+    def _from_boxes(level: _Level, columns: np.ndarray, point: np.ndarray, node: np.ndarray) -> np.ndarray:
+        squared = np.zeros(len(node))
+        for axis in range(3):
+            at = columns[axis][point]
+            gap = np.maximum(level.lower[axis][node] - at, at - level.upper[axis][node])
+            gap = np.maximum(gap, 0)
+            squared += gap * gap
+        return squared
+
+    def _codes(self, points: np.ndarray) -> np.ndarray:
+        """``(N,)`` places of points ``(N, 3)`` along the Z curve: the bits of the three coordinates interleaved."""
+        code = np.zeros(len(points), np.int64)
+        for axis in range(3):
+            cell = (points[:, axis] - self._origin[axis]) / self._step
+            bits = np.clip(cell, 0, _CELLS - 1).astype(np.int64)
+            for shift, mask in _SPREAD:
+                bits = (bits | (bits << shift)) & mask
+            code |= bits << axis
+        return code
+
+
+_SPREAD = (
+    (32, 0x1F00000000FFFF),
+    (16, 0x1F0000FF0000FF),
+    (8, 0x100F00F00F00F00F),
+    (4, 0x10C30C30C30C30C3),
+    (2, 0x1249249249249249),
+)

@@ -1,0 +1,316 @@
+"""Rounds of edge collapses that keep every vertex of the original surface within its tolerance.
+
+In a round, edges collapse that share no face and cost less than all edges around them, so that numpy does them
+together and the result is that of one after the other. The vertices of the original are *tracked*: each knows a face
+of the reduced surface that lies within its tolerance, and a collapse that leaves one without is refused.
+
+Sources: Garland & Heckbert (1997) for cost and position; Dey et al., "Topology preserving edge contraction" (1999) for
+the link condition; Klein et al., "Mesh reduction with error control" (1996) for tracking the distance.
+"""
+
+import numpy as np
+
+from .mesh import TriangleMesh
+from .quadrics import best_positions, cross, dot, vertex_quadrics
+from .triangle_distance import squared_triangle_distances
+
+_BLOCK = 1 << 14
+_SELECTIONS = 3
+"""Passes over the edges in a round, each among what the former left free."""
+_MOST_RMS = 0.5
+"""Root mean square distance of a new vertex from the planes it stands for, relative to the tolerance. Higher gives few
+faces less, and dozens of collapses that the measured distance refuses."""
+_SMALLEST_COSINE = 0.5
+"""Between the normals of a face before and after a collapse."""
+_SMALLEST_QUALITY = 0.05
+"""Of a face: 1 equilateral, 0 without area. Worse ones may only get better."""
+_DEGENERATE = 1e-3
+"""Quality below which a face has no normal to speak of."""
+
+
+class EdgeCollapse:
+    """A mesh under reduction: mutable on purpose, as copies of it are what the caller returns to.
+
+    Attributes
+    ----------
+    face_of_point
+        ``(P,)`` for each vertex of the original a face, within its tolerance.
+    """
+
+    def __init__(self, mesh: TriangleMesh, tolerance_mm: np.ndarray) -> None:
+        """Start from ``mesh`` with tolerances ``(V,)``, mm, of its vertices."""
+        self._centre = mesh.bounds.mean(axis=0)
+        self._points = np.ascontiguousarray((mesh.vertices - self._centre).T)
+        self._rounding = 1e-7 * float(np.ptp(mesh.bounds, axis=0).max())
+        self._tolerance = np.maximum(tolerance_mm, self._rounding)
+        self._vertices = self._points.copy()
+        self._faces = np.ascontiguousarray(mesh.faces.T.astype(np.intp))
+        self._quadrics = vertex_quadrics(self._vertices, self._faces)
+        self._limit = self._tolerance.copy()
+        self._edges, self._locked = _edges(self._faces, len(mesh.vertices))
+        self.face_of_point = np.full(len(mesh.vertices), -1)
+        for corner in self._faces:
+            self.face_of_point[corner] = np.arange(self._faces.shape[1])
+        # vertices that no face uses are no part of the surface: any distance will do
+        self._tolerance[self.face_of_point < 0] = np.inf
+        self._cost = self._costs(self._edges)
+        self._vertex_count = len(mesh.vertices)
+
+    @property
+    def vertex_count(self) -> int:
+        """Vertices left."""
+        return self._vertex_count
+
+    @property
+    def mesh(self) -> TriangleMesh:
+        """The mesh as it is now, with the vertices that its faces use."""
+        used = np.zeros(self._vertices.shape[1], bool)
+        used[self._faces] = True
+        vertices = self._vertices[:, used].T + self._centre
+        return TriangleMesh(vertices, np.ascontiguousarray((np.cumsum(used) - 1)[self._faces].T.astype(np.int32)))
+
+    def tighten(self, points: np.ndarray, factor: float) -> None:
+        """Multiply the tolerance of original vertices ``(N,)``, and that of the faces that track them."""
+        self._tolerance[points] = np.maximum(self._tolerance[points] * factor, self._rounding)
+        corners = self._faces[:, self.face_of_point[points]]
+        np.minimum.at(self._limit, corners, np.broadcast_to(self._tolerance[points], corners.shape))
+        self._cost = self._costs(self._edges)
+
+    def collapse(self) -> int:
+        """One round; the number of vertices that it removed."""
+        chosen = self._selected()
+        if len(chosen) == 0:
+            return 0
+        first, second = self._edges[:, chosen]
+        position = best_positions(self._vertices, self._quadrics, first, second)[0]
+        stars = _Stars(self._vertices, self._faces, first, second, position)
+        good = stars.good
+        tracked, face = self._tracked(stars, good)
+        self._cost[chosen[~good]] = np.inf
+        kept = good[stars.of_face[self.face_of_point[tracked]]]
+        self.face_of_point[tracked[kept]] = face[kept]
+        self._commit(stars, first[good], second[good], position[:, good], good)
+        return int(good.sum())
+
+    def _costs(self, edges: np.ndarray) -> np.ndarray:
+        """``(E,)`` float32; infinite where the collapse is out of the question."""
+        first, second = edges
+        _, mean_squared, cost = best_positions(self._vertices, self._quadrics, first, second)
+        limit = _MOST_RMS * np.minimum(self._limit[first], self._limit[second])
+        cost[(mean_squared > limit * limit) | self._locked[first] | self._locked[second]] = np.inf
+        return cost.astype(np.float32)
+
+    def _selected(self) -> np.ndarray:
+        """Indices of edges whose ends have no edge between them: by falling local minima of the cost."""
+        free = np.flatnonzero(np.isfinite(self._cost))
+        # unique keys: the bits of a float that is not negative rank as it does; equal ones in scattered order
+        scattered = (free.astype(np.uint64) * np.uint64(2654435761)) & np.uint64(0xFFFFFFFF)
+        key = (self._cost[free].view(np.int32).astype(np.int64) << 32) | scattered.astype(np.int64)
+        first, second = self._edges[:, free]
+        all_first, all_second = self._edges
+        taken = np.zeros(self._vertices.shape[1], bool)
+        chosen = []
+        for _ in range(_SELECTIONS):
+            lowest = np.full(len(taken), np.iinfo(np.int64).max)
+            np.minimum.at(lowest, first, key)
+            np.minimum.at(lowest, second, key)
+            around = lowest.copy()
+            np.minimum.at(around, all_first, lowest[all_second])
+            np.minimum.at(around, all_second, lowest[all_first])
+            least = (around[first] == key) & (around[second] == key)
+            chosen.append(free[least])
+            collapsing = np.zeros(len(taken), bool)
+            collapsing[first[least]] = collapsing[second[least]] = True
+            taken |= collapsing
+            taken[all_second[collapsing[all_first]]] = True
+            taken[all_first[collapsing[all_second]]] = True
+            left = ~(taken[first] | taken[second])
+            free, key, first, second = free[left], key[left], first[left], second[left]
+            if len(free) == 0:
+                break
+            left = ~(taken[all_first] | taken[all_second])
+            all_first, all_second = all_first[left], all_second[left]
+        return np.sort(np.concatenate(chosen))
+
+    def _tracked(self, stars: "_Stars", good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The original vertices that the collapses touch, and their new faces; ``good`` loses collapses that fail."""
+        star = stars.of_face[self.face_of_point]
+        points = np.flatnonzero((star >= 0) & good[star])
+        star = star[points]
+        row = stars.row_of_face[self.face_of_point[points]]
+        limit = self._tolerance[points] ** 2
+        squared = np.full(len(points), np.inf)
+        same = np.flatnonzero(row >= 0)
+        for at in range(0, len(same), _BLOCK):
+            block = same[at : at + _BLOCK]
+            squared[block] = stars.squared_distances(row[block], self._points[:, points[block]])
+        lost = np.flatnonzero(squared > limit)
+        # the farthest point of each star first: most of the collapses that fail, fail by it
+        outside = lost[row[lost] >= 0]
+        excess = squared[outside] / limit[outside]
+        farthest = np.zeros(len(good))
+        np.maximum.at(farthest, star[outside], excess)
+        worst = outside[excess == farthest[star[outside]]]
+        nearest, _ = stars.nearest(star[worst], self._points[:, points[worst]])
+        good[star[worst[nearest > limit[worst]]]] = False
+        lost = lost[good[star[lost]]]
+        nearest, row[lost] = stars.nearest(star[lost], self._points[:, points[lost]])
+        good[star[lost[nearest > limit[lost]]]] = False
+        return points, stars.face[row]
+
+    def _commit(
+        self, stars: "_Stars", first: np.ndarray, second: np.ndarray, position: np.ndarray, good: np.ndarray
+    ) -> None:
+        self._vertices[:, first] = position
+        self._quadrics[:, first] += self._quadrics[:, second]
+        self._limit[first] = np.minimum(self._limit[first], self._limit[second])
+        self._vertex_count -= len(first)
+        kept = np.ones(self._faces.shape[1], bool)
+        kept[stars.removed_face[good[stars.removed_star]]] = False
+        self.face_of_point = (np.cumsum(kept) - 1)[self.face_of_point]
+        renamed = np.arange(self._vertices.shape[1])
+        renamed[second] = first
+        self._faces = renamed[self._faces[:, kept]]
+        moved = np.zeros(len(renamed), bool)
+        moved[first] = True
+        self._edges = renamed[self._edges]
+        changed = moved[self._edges[0]] | moved[self._edges[1]]
+        edges = _unique_edges(*self._edges[:, changed], len(renamed))
+        costs = self._costs(edges)
+        self._edges = np.concatenate([self._edges[:, ~changed], edges], axis=1)
+        self._cost = np.concatenate([self._cost[~changed], costs])
+        if 2 * self._vertex_count < len(renamed):
+            self._compact()
+
+    def _compact(self) -> None:
+        """Forget the vertices that no face uses, so that a round costs what is left."""
+        used = np.zeros(self._vertices.shape[1], bool)
+        used[self._faces] = True
+        renamed = np.cumsum(used) - 1
+        self._faces, self._edges = renamed[self._faces], renamed[self._edges]
+        self._vertices, self._quadrics = self._vertices[:, used], self._quadrics[:, used]
+        self._limit, self._locked = self._limit[used], self._locked[used]
+        self._vertex_count = int(used.sum())
+
+
+
+
+class _Stars:
+    """The faces around edges as their collapse would leave them: *rows*, with the new vertex as first corner.
+
+    Attributes
+    ----------
+    good
+        ``(S,)`` bool: the collapse keeps a manifold, flips no face and makes no sliver.
+    of_face, row_of_face
+        ``(F,)`` for each face its star and its row, -1 if none.
+    face
+        ``(R,)`` for each row its face.
+    removed_face, removed_star
+        Faces that vanish, and the stars they vanish from.
+    """
+
+    def __init__(
+        self, vertices: np.ndarray, faces: np.ndarray, first: np.ndarray, second: np.ndarray, position: np.ndarray
+    ) -> None:
+        count, vertex_count = len(first), vertices.shape[1]
+        star_of_vertex = np.full(vertex_count, -1)
+        star_of_vertex[first] = star_of_vertex[second] = np.arange(count)
+        corner_star = star_of_vertex[faces]
+        self.of_face = np.maximum(np.maximum(corner_star[0], corner_star[1]), corner_star[2])
+        touched = np.flatnonzero(self.of_face >= 0)
+        star, inner, corners = self.of_face[touched], corner_star[:, touched] >= 0, faces[:, touched]
+        removed = inner.sum(axis=0) == 2
+        self.removed_face, self.removed_star = touched[removed], star[removed]
+        opposite = np.where(inner[:, removed], 0, corners[:, removed]).sum(axis=0)
+        self.face, self._star = touched[~removed], star[~removed]
+        inner, corners = inner[:, ~removed], corners[:, ~removed]
+        old = np.where(inner[0], corners[0], np.where(inner[1], corners[1], corners[2]))
+        left = np.where(inner[0], corners[1], np.where(inner[1], corners[2], corners[0]))
+        right = np.where(inner[0], corners[2], np.where(inner[1], corners[0], corners[1]))
+        self.row_of_face = np.full(faces.shape[1], -1)
+        self.row_of_face[self.face] = np.arange(len(self.face))
+        self._apex = np.take(position, self._star, axis=1)
+        a, b = np.take(vertices, left, axis=1), np.take(vertices, right, axis=1)
+        self._left, self._right = a - self._apex, b - self._apex
+        self.good = self._manifold(count, opposite, left, right, vertex_count)
+        self.good[self._star[self._worse(np.take(vertices, old, axis=1), a, b)]] = False
+        self._order = np.argsort(self._star, kind="stable")
+        self._size = np.bincount(self._star, minlength=count)
+        self._start = np.cumsum(self._size) - self._size
+
+    def _manifold(
+        self, count: int, opposite: np.ndarray, left: np.ndarray, right: np.ndarray, vertex_count: int
+    ) -> np.ndarray:
+        """The link condition: the ends share two neighbours, those beside the edge, and no face between these."""
+        low, high = np.full(count, vertex_count), np.full(count, -1)
+        np.minimum.at(low, self.removed_star, opposite)
+        np.maximum.at(high, self.removed_star, opposite)
+        good = (np.bincount(self.removed_star, minlength=count) == 2) & (low != high)
+        good &= np.bincount(self._star, minlength=count) >= 3
+        good[self._star[(np.minimum(left, right) == low[self._star]) & (np.maximum(left, right) == high[self._star])]] = (
+            False
+        )
+        # around a disc every vertex of the ring comes once
+        ring = np.sort(self._star * vertex_count + left)
+        good[ring[1:][ring[1:] == ring[:-1]] // vertex_count] = False
+        return good
+
+    def _worse(self, old: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """``(R,)`` bool: the face flips over or becomes a sliver, where its inner corner was ``old`` (3, R)."""
+        normal, before = cross(self._left, self._right), cross(a - old, b - old)
+        across = dot(b - a, b - a)
+        squared, squared_before = dot(normal, normal), dot(before, before)
+        sides = dot(self._left, self._left) + dot(self._right, self._right) + across
+        sides_before = dot(a - old, a - old) + dot(b - old, b - old) + across
+        quality = 12 * squared / np.maximum(sides * sides, 1e-300)
+        quality_before = 12 * squared_before / np.maximum(sides_before * sides_before, 1e-300)
+        along = dot(normal, before)
+        flipped = (along < 0) | (along * along < _SMALLEST_COSINE**2 * squared * squared_before)
+        sliver = (quality < _SMALLEST_QUALITY**2) & (quality <= quality_before) | (quality < 1e-10)
+        return (flipped & (quality_before > _DEGENERATE**2)) | sliver
+
+    def squared_distances(self, row: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """``(N,)`` of points ``(3, N)`` from rows ``(N,)``, mm^2."""
+        offset = points - np.take(self._apex, row, axis=1)
+        return squared_triangle_distances(np.take(self._left, row, axis=1), np.take(self._right, row, axis=1), offset)
+
+    def nearest(self, star: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Squared distances ``(N,)``, mm^2, of points ``(3, N)`` from all of their stars, and the nearest rows."""
+        squared, row = np.empty(len(star)), np.empty(len(star), np.intp)
+        for at in range(0, len(star), _BLOCK // 8):
+            block = slice(at, at + _BLOCK // 8)
+            size = self._size[star[block]]
+            end = np.cumsum(size)
+            point = np.repeat(np.arange(len(size)), size)
+            rows = self._order[self._start[star[block]][point] + np.arange(end[-1]) - (end - size)[point]]
+            found = self.squared_distances(rows, points[:, block][:, point])
+            least = np.minimum.reduceat(found, end - size)
+            hit = np.flatnonzero(found == least[point])[::-1]
+            best = np.empty(len(size), np.intp)
+            best[point[hit]] = rows[hit]
+            squared[block], row[block] = least, best
+        return squared, row
+
+
+def _edges(faces: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray]:
+    """``(2, E)`` edges of faces ``(3, F)``; ``(V,)`` bool: vertices on a border, a seam or an edge of many faces."""
+    start, end = faces.ravel(), faces[[1, 2, 0]].ravel()
+    # the lowest bit is the direction: an inner edge has both, once
+    key = np.sort((np.minimum(start, end) * vertex_count + np.maximum(start, end)) * 2 + (start > end))
+    edge = key >> 1
+    first = np.flatnonzero(np.append(True, edge[1:] != edge[:-1]))
+    size = np.diff(np.append(first, len(edge)))
+    inner = size == 2
+    inner[inner] = key[first[inner]] != key[first[inner] + 1]
+    edges = np.stack([edge[first] // vertex_count, edge[first] % vertex_count])
+    locked = np.zeros(vertex_count, bool)
+    locked[edges[:, ~inner]] = True
+    return edges, locked
+
+
+def _unique_edges(first: np.ndarray, second: np.ndarray, vertex_count: int) -> np.ndarray:
+    """``(2, E)`` edges, each once, without those from a vertex to itself."""
+    key = np.sort((np.minimum(first, second) * vertex_count + np.maximum(first, second))[first != second])
+    key = key[np.append(True, key[1:] != key[:-1])] if len(key) else key
+    return np.stack([key // vertex_count, key % vertex_count])

@@ -1,0 +1,128 @@
+"""The script as a user starts it: a CT and labels in; surface, structures, picture and report out."""
+
+import json
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.surface.mesh_reader import read_mesh
+
+sitk = pytest.importorskip("SimpleITK")
+
+SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "ct_to_surface.py"
+SPACING, ORIGIN = (0.5, 0.4, 0.6), (-7.0, 30.0, 900.0)
+CENTRE = np.array([3.0, 39.0, 912.0])
+SECRET = "ZQXDOE"
+
+
+@pytest.fixture
+def surface(run_command):
+    return lambda *arguments: run_command([sys.executable, str(SCRIPT), *map(str, arguments)])
+
+
+def distances(centre: np.ndarray) -> np.ndarray:
+    z, y, x = (np.arange(n) * SPACING[axis] + ORIGIN[axis] for n, axis in ((40, 2), (45, 1), (40, 0)))
+    return np.sqrt((x - centre[0]) ** 2 + (y[:, None] - centre[1]) ** 2 + (z[:, None, None] - centre[2]) ** 2)
+
+
+def save(path: Path, values: np.ndarray) -> Path:
+    image = sitk.GetImageFromArray(values)
+    image.SetSpacing(SPACING)
+    image.SetOrigin(ORIGIN)
+    image.SetMetaData("descrip", SECRET)
+    sitk.WriteImage(image, str(path))
+    return path
+
+
+@pytest.fixture
+def ct(tmp_path) -> Path:
+    """A ball of bone of 8 mm in air, and an island."""
+    values = np.clip(300 + (8 - distances(CENTRE)) * 1000, -1000, 1400).astype(np.int16)
+    values[1:3, 1:3, 1:3] = 1000
+    return save(tmp_path / "ct.nii.gz", values)
+
+
+@pytest.fixture
+def labels(tmp_path) -> Path:
+    values = (distances(np.add(CENTRE, (2, 0, 0))) < 2.5).astype(np.uint8) + 2 * (distances(CENTRE - (4, 0, 0)) < 2)
+    (tmp_path / "labels.json").write_text('{"labels": {"1": "Facial Nerve", "2": "Chorda tympani"}}')
+    return save(tmp_path / "labels.nii.gz", values.astype(np.uint8))
+
+
+def test_ct_and_labels_become_a_folder_that_a_second_run_replaces(ct, labels, tmp_path, surface):
+    out = tmp_path / "out"
+    removed = save(tmp_path / "removed.nrrd", (distances(np.add(CENTRE, (0, 0, 8))) < 4).astype(np.uint8))
+    ended = surface(ct, "--out", out, "--labels", labels, "--remove", removed)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    mesh, messages = read_mesh(out / "surface.ply")
+    assert messages == []
+    radius = np.linalg.norm(mesh.vertices - CENTRE, axis=1)
+    cavity = np.abs(np.linalg.norm(mesh.vertices - CENTRE - (0, 0, 8), axis=1) - 4)
+    assert np.minimum(np.abs(radius - 8), cavity).max() < 0.4
+    assert (cavity < 0.3).sum() > 100
+
+    record = json.loads((out / "surface.json").read_text())
+    assert record["threshold_hu"] == 300
+    assert record["surface"]["faces"] == len(mesh.faces)
+    assert record["removed"]["volume_mm3"] == pytest.approx(2 * np.pi / 3 * 4**3, rel=0.2)
+    nerve, _ = read_mesh(out / record["structures"]["facial_nerve"]["file"])
+    np.testing.assert_allclose(nerve.vertices.mean(axis=0), np.add(CENTRE, (2, 0, 0)), atol=0.2)
+    assert record["structures"]["chorda_tympani"]["colour"] == [0, 1, 0]
+    picture = cv2.imread(str(out / "slices.png"))[:, :, ::-1]
+    assert (picture == (255, 0, 255)).all(axis=2).sum() > 50
+    written = [path for path in out.rglob("*") if path.is_file()]
+    assert len(written) == 5
+    assert not any(SECRET.encode() in path.read_bytes() for path in written)
+    assert SECRET not in ended.stdout
+
+    before = {path: path.read_bytes() for path in written}
+    assert surface(ct, "--out", out, "--labels", labels, "--remove", removed).returncode == 0
+    assert {path: path.read_bytes() for path in written} == before
+
+
+def test_threshold_crop_and_islands_are_obeyed(ct, tmp_path, surface):
+    crop = [*(CENTRE - 20), *(np.add(CENTRE, (20, 20, 0)))]
+    ended = surface(ct, "--out", tmp_path, "--threshold", "800", "--crop", *crop, "--islands", "0.5", "--smooth", 0)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    mesh, _ = read_mesh(tmp_path / "surface.ply")
+    ball = np.linalg.norm(mesh.vertices - CENTRE, axis=1) < 9
+    assert not ball.all()
+    # 500 HU at 1000 HU a mm
+    open_side = mesh.vertices[:, 2] < CENTRE[2] - 0.5
+    assert np.linalg.norm(mesh.vertices - CENTRE, axis=1)[ball & open_side].mean() == pytest.approx(7.5, abs=0.02)
+    assert mesh.vertices[:, 2].max() <= CENTRE[2] + 2 * SPACING[2]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["ct"], "--out: expected a folder to write"),
+        (["ct", "--out", "out", "--threshold", "bone"], "--threshold: expected a number of HU or otsu, found 'bone'"),
+        (["ct", "--out", "out", "--threshold", "5000"], "threshold: expected a level between the volume's -1000 and"),
+        (["ct", "--out", "out", "--smooth", "-1"], "--smooth: expected 0 or more, found -1"),
+        (["ct", "--out", "out", "--islands", "1e9"], "islands: expected parts of bone of at least 1e+09 mm³"),
+        (["ct", "--out", "out", "--crop", "0", "0", "0", "1", "1", "1"], "expected a box in the volume"),
+        (["ct", "--out", "out", "--labels", "ct"], "it looks like a CT"),
+        (["labels", "--out", "out"], "it looks like a label map"),
+        (["ct", "--out", "out", "--operated", "ct"], "operation: expected a CT with less bone than before"),
+    ],
+    ids=str,
+)
+def test_what_cannot_be_is_one_line_and_leaves_nothing(arguments, message, ct, labels, tmp_path, surface):
+    places = {"ct": ct, "labels": labels, "out": tmp_path / "out"}
+    ended = surface(*(places.get(argument, argument) for argument in arguments))
+    assert ended.returncode == 2
+    assert ended.stderr.count("\n") == 1
+    assert message in ended.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_foreign_file_is_not_replaced(ct, tmp_path, surface):
+    (tmp_path / "surface.ply").write_text("ply\nmine")
+    ended = surface(ct, "--out", tmp_path)
+    assert ended.returncode == 2
+    assert "expected no such file or one that this program wrote" in ended.stderr
+    assert (tmp_path / "surface.ply").read_text() == "ply\nmine"

@@ -1,7 +1,7 @@
 """The Blender add-on: align a frame to a surface, assess the alignment, colour the surface, render a dataset.
 
-Each topic has a folder and a panel in the sidebar, in the order of the work: ``setup``, ``view``, ``move``,
-``landmarks``, ``refine``, ``colour``, ``dataset``. ``state`` holds the properties and converts them to and from the
+Each topic has a folder and a panel in the sidebar, in the order of the work: ``volume``, ``setup``, ``view``,
+``move``, ``landmarks``, ``refine``, ``colour``, ``dataset``. ``state`` holds the properties and converts them to and from the
 pipeline's types; ``ui`` holds the drawing and input code that the topics share. Operators are thin: they read the
 scene, call one function of the pipeline and report.
 
@@ -60,6 +60,16 @@ _MODULES = tuple(
         "state.file_watch",
         "landmarks.tool",
         "move.tool",
+        "volume.properties",
+        "volume.loaded",
+        "volume.operators",
+        "volume.surface",
+        "volume.slice_areas",
+        "volume.slice_gestures",
+        "volume.slice_drawing",
+        "volume.reread",
+        "volume.drop",
+        "volume.panel",
         "setup.operators",
         "setup.sample",
         "setup.drop",

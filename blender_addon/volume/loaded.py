@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from ..pipeline.errors import InputError
-from ..pipeline.volume.label_map import read_labels
+from ..pipeline.volume.label_map import on_grid, read_labels
 from ..pipeline.volume.slice_planes import SlicePlane, slice_planes
 from ..pipeline.volume.volume import LabelMap, Volume
 from ..pipeline.volume.volume_reader import read_volume
@@ -28,11 +28,14 @@ class LoadedCT:
     volume
         Its voxels.
     labels
-        The structures on its grid, if there are any.
+        The structures, as in their file, if there are any.
+    label_values
+        ``(Z, Y, X)`` their labels on the grid of the volume.
     """
 
     volume: Volume
     labels: LabelMap | None = None
+    label_values: np.ndarray | None = None
 
     @cached_property
     def planes(self) -> tuple[SlicePlane, SlicePlane, SlicePlane]:
@@ -94,11 +97,21 @@ def reader(key: Key) -> Callable[[Callable[[float], None]], LoadedCT]:
     def read(progress: Callable[[float], None]) -> LoadedCT:
         volume = read_volume(Path(path), series=series or None) if known is None else known.volume
         progress(0.7)
-        labels = read_labels(Path(labels_path), volume) if labels_path else None
-        progress(1.0)
-        return LoadedCT(volume, labels)
+        return with_labels(volume, Path(labels_path)) if labels_path else LoadedCT(volume)
 
     return read
+
+
+def with_labels(volume: Volume, path: Path) -> LoadedCT:
+    """A CT with the labels of a file.
+
+    Raises
+    ------
+    InputError
+        No label map, or not one of this CT.
+    """
+    labels = read_labels(path)
+    return LoadedCT(volume, labels, on_grid(labels.values, labels.grid, volume.grid, path.name))
 
 
 def centre_mm(volume: Volume) -> np.ndarray:

@@ -9,7 +9,6 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..pipeline.errors import InputError
 from ..pipeline.volume.dicom_series import SeriesInfo
-from ..pipeline.volume.label_map import read_labels
 from ..pipeline.volume.threshold import DEFAULT_HU, otsu_threshold
 from ..pipeline.volume.volume_header import volume_suffix
 from ..pipeline.volume.volume_reader import list_series, read_volume
@@ -207,7 +206,7 @@ class ONEFRAME_OT_open_labels(InBackground, NeedsCT, bpy.types.Operator, ImportH
 
     def work(self, context: bpy.types.Context) -> Work:
         path, volume = Path(bpy.path.abspath(self.filepath)), loaded_ct(context.scene).volume
-        return lambda _progress: LoadedCT(volume, read_labels(path, volume))
+        return lambda _progress: loaded.with_labels(volume, path)
 
     def finish(self, context: bpy.types.Context, result: Any) -> Messages:
         loaded_ct(context.scene)

@@ -71,36 +71,34 @@ class ONEFRAME_OT_slices(Reporting, bpy.types.Operator):
         if slice_areas(context.screen):
             hide_slices(context.window)
         else:
-            show_slices(context.window)
+            show_slices_soon()
 
 
-def show_slices(window: bpy.types.Window) -> None:
-    """Show the slices of the window's scene left of its largest 3D view.
+def _open_next(window: bpy.types.Window) -> bool:
+    """Open one more area left of the window's largest 3D view; returns whether there are three.
 
-    Raises
-    ------
-    InputError
-        The CT is not in memory.
+    One at a time: Blender knows the sizes of new areas once it has drawn them.
     """
-    screen, scene = window.screen, window.scene
-    images = [empty_image(number, scene) for number in range(3)]
+    screen = window.screen
+    images = [empty_image(number, window.scene) for number in range(3)]
     shown = slice_areas(screen)
-    if not shown:
-        views = [area for area in screen.areas if area.type == "VIEW_3D"]
-        if not views:
-            return
-        view = max(views, key=lambda area: area.width * area.height)
-        column, _ = _split(window, view, "VERTICAL", SHARE)
-        below, top = _split(window, column, "HORIZONTAL", 2 / 3)
-        bottom, middle = _split(window, below, "HORIZONTAL", 1 / 2)
-        for area, image in zip((top, middle, bottom), images, strict=True):
-            _prepare(area, image)
-        shown = [top, middle, bottom]
-    else:
-        for area in shown:
-            number = plane_of(area.spaces.active)
-            area.spaces.active.image = images[number or 0]
-    _fit_soon()
+    if len(shown) < 3:
+        if shown:
+            tallest = max(shown, key=lambda area: area.height)
+            new = _split(window, tallest, "HORIZONTAL", 1 / 3 if len(shown) == 1 else 1 / 2)
+        else:
+            view = max(
+                (area for area in screen.areas if area.type == "VIEW_3D"), key=lambda area: area.width, default=None
+            )
+            if view is None:
+                return True
+            new = _split(window, view, "VERTICAL", SHARE)[:1]
+        for area in new:
+            _prepare(area, images[0])
+        shown = slice_areas(screen)
+    for area, image in zip(sorted(shown, key=lambda area: -area.y), images, strict=False):
+        area.spaces.active.image = image
+    return len(shown) == 3
 
 
 def hide_slices(window: bpy.types.Window) -> None:
@@ -122,9 +120,6 @@ def _split(
         bpy.ops.screen.area_split(direction=direction, factor=share)  # type: ignore[arg-type]
     (new,) = set(screen.areas) - before
     first, second = sorted((area, new), key=lambda each: each.x if direction == "VERTICAL" else each.y)
-    if direction == "VERTICAL":
-        # the area that was split may be either part: slices take the left one, the 3D view keeps its sidebar
-        first.type = SLICE_SPACE
     return first, second
 
 
@@ -134,12 +129,11 @@ def _prepare(area: bpy.types.Area, image: bpy.types.Image) -> None:
     space = area.spaces.active
     space.image = image
     space.mode = "VIEW"
-    for name in ("show_region_header", "show_region_tool_header", "show_region_toolbar", "show_region_ui"):
-        if hasattr(space, name):
-            setattr(space, name, False)
-    for name in ("show_region_hud", "show_region_asset_shelf", "show_gizmo"):
-        if hasattr(space, name):
-            setattr(space, name, False)
+    for name in ("header", "tool_header", "toolbar", "ui", "hud"):
+        region = f"show_region_{name}"
+        if hasattr(space, region):
+            setattr(space, region, False)
+    space.show_gizmo = False
 
 
 def _fit_soon() -> None:
@@ -168,13 +162,17 @@ def show_slices_soon() -> None:
 def _show() -> float | None:
     from ..view.workspace import is_own
 
+    waiting = False
     for window in bpy.context.window_manager.windows:
-        if ct_of(window.scene) is not None and is_own(window.workspace):
-            view = max((a for a in window.screen.areas if a.type == "VIEW_3D"), key=lambda a: a.width, default=None)
-            if view is not None and window_region(view).width > 1:
-                show_slices(window)
-                return None
-    return DRAWN_S if any(ct_of(window.scene) is not None for window in bpy.context.window_manager.windows) else None
+        if ct_of(window.scene) is None:
+            continue
+        ready = is_own(window.workspace) and all(
+            window_region(area).width > 1 for area in window.screen.areas if area.type in ("VIEW_3D", SLICE_SPACE)
+        )
+        waiting |= not (ready and _open_next(window))
+    if not waiting:
+        _fit_soon()
+    return DRAWN_S if waiting else None
 
 
 _register, _unregister = class_registration((ONEFRAME_OT_slices,))

@@ -9,7 +9,7 @@ from ..pipeline.case.structure_colour import structure_colour
 from ..pipeline.volume.isosurface import RemovedField
 from ..pipeline.volume.slice_planes import SlicePlane
 from ..pipeline.volume.slice_views import BONE_COLOUR, DRILL_COLOUR
-from ..pipeline.volume.structures import structure_name
+from ..pipeline.volume.structures import structure_name, without_bone
 from ..ui.strokes import TEXT_SIZE, Colour, Strokes
 from . import drill_session
 from .loaded import LoadedCT
@@ -78,11 +78,11 @@ def _tints(ct: LoadedCT, plane: SlicePlane, number: int, removed: RemovedField |
     """``(H, W, 4)``, or a single pixel if nothing is tinted."""
     width, height = plane.size_wh
     tints = np.zeros((1, 1, 4), np.float32)
-    if ct.labels is not None:
+    if ct.labels is not None and ct.label_values is not None:
         colours = np.zeros((int(max(ct.labels.names, default=0)) + 1, 4), np.float32)
-        for label, name in ct.labels.names.items():
+        for label, name in without_bone(ct.labels).names.items():
             colours[label] = *structure_colour(structure_name(name)), TINT_OPACITY
-        tints = colours[plane.slice_of(ct.labels.values, number)]
+        tints = colours[plane.slice_of(ct.label_values, number)]
     if removed is not None:
         across = plane.axes[0]
         at = number - int(removed.first[across])

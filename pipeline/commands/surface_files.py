@@ -6,7 +6,7 @@ import platform
 import re
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -32,7 +32,7 @@ from ..volume.bone_surface import BoneSurface, Finish, bone_surface
 from ..volume.isosurface import RemovedField
 from ..volume.label_map import on_grid, read_labels
 from ..volume.slice_views import LabelColours, slice_views
-from ..volume.structures import structure_meshes, structure_names
+from ..volume.structures import structure_meshes, structure_names, without_bone
 from ..volume.subtraction import removed_by_labels, removed_by_operation, united
 from ..volume.threshold import DEFAULT_HU, check_threshold, otsu_threshold
 from ..volume.volume import LabelMap, Volume
@@ -41,8 +41,6 @@ from ..volume.volume_reader import read_volume
 SURFACE, SLICES, RECORD, STRUCTURES = "surface.ply", "slices.png", "surface.json", "structures"
 SHORT_SECONDS = 1.0
 """A stage that ends within this time has no progress bar."""
-
-_BONE = re.compile(r"^(cortical |temporal |compact )?bones?$", re.IGNORECASE)
 
 RECORD_KIND = Kind("the report of a surface", json_object("threshold_hu", "surface", "volume"))
 
@@ -103,7 +101,7 @@ def write_surface(arguments: argparse.Namespace, output: TextIO) -> None:
         name: path for name in ("volume", "drill", "remove", "operated", "labels") if (path := getattr(arguments, name))
     }
     check_outputs(_outputs(out, ()), inputs)
-    labels = None if arguments.labels is None else _structures_in(read_labels(arguments.labels))
+    labels = None if arguments.labels is None else without_bone(read_labels(arguments.labels))
     check_outputs(_outputs(out, () if labels is None else structure_names(labels).values()), inputs)
     try:
         _make(arguments, work, labels, out)
@@ -138,11 +136,6 @@ def _make(arguments: argparse.Namespace, work: _Work, labels: LabelMap | None, o
     finish = Finish(smoothing_steps=arguments.smooth)
     made = bone_surface(volume, level, solid, removed, finish, report=work.report)
     _write(work, out, volume, level, solid, removed, labels, structures, made, finish)
-
-
-def _structures_in(labels: LabelMap) -> LabelMap:
-    """The map without the names of labels for bone, of which the surface is made."""
-    return replace(labels, names={value: name for value, name in labels.names.items() if not _BONE.search(name)})
 
 
 def _threshold(arguments: argparse.Namespace, volume: Volume) -> tuple[float, str]:

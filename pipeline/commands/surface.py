@@ -63,6 +63,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     mesh = parser.add_argument_group("mesh")
     mesh.add_argument(
+        "--tolerance", metavar="MM", type=float,
+        help="how far the simplified surface may lie from the original, and a quarter of it around what is removed or "
+        "else the structures; 0 keeps all faces (default: half the smallest distance of voxels)",
+    )  # fmt: skip
+    mesh.add_argument(
         "--smooth", metavar="N", type=int, default=10, help="steps of smoothing, 0 for none (default %(default)s)"
     )
 
@@ -75,9 +80,9 @@ def main(argv: Sequence[str], prog: str = "oneframe surface") -> int:
         parser.error("--out: expected a folder to write")
     if arguments.threshold not in (None, "otsu"):
         arguments.threshold = _number(arguments.threshold)
-    for name, least in (("islands", 0.0), ("holes", 0.0), ("smooth", 0)):
+    for name in ("islands", "holes", "tolerance", "smooth"):
         value = getattr(arguments, name)
-        if value is not None and not (math.isfinite(value) and value >= least):
+        if value is not None and not (math.isfinite(value) and value >= 0):
             raise InputError(f"command line: --{name}: expected 0 or more, found {value:g}")
     return run(arguments)
 

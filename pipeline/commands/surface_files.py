@@ -26,22 +26,19 @@ from ..images.slice_picture import slice_picture
 from ..progress import Progress
 from ..surface.mesh import TriangleMesh
 from ..surface.mesh_writer import SAFE_NAME, write_ply
-from ..transforms import transform_points
 from ..volume.bone import bone_voxels
-from ..volume.bone_surface import BoneSurface, Finish, bone_surface
+from ..volume.bone_surface import BoneSurface, Finish, bone_surface, taken_bone
 from ..volume.isosurface import RemovedField
-from ..volume.label_map import on_grid, read_labels
+from ..volume.label_map import read_labels
 from ..volume.slice_views import LabelColours, slice_views
 from ..volume.structures import structure_meshes, structure_names, without_bone
 from ..volume.subtraction import removed_by_labels, removed_by_operation, united
 from ..volume.threshold import DEFAULT_HU, check_threshold, otsu_threshold
 from ..volume.volume import LabelMap, Volume
 from ..volume.volume_reader import read_volume
+from .surface_finish import finish_of
 
 SURFACE, SLICES, RECORD, STRUCTURES = "surface.ply", "slices.png", "surface.json", "structures"
-SHORT_SECONDS = 1.0
-"""A stage that ends within this time has no progress bar."""
-
 RECORD_KIND = Kind("the report of a surface", json_object("threshold_hu", "surface", "volume"))
 
 
@@ -52,7 +49,7 @@ class _Work:
     output: TextIO
     record: dict[str, object] = field(default_factory=dict)
     start: float = field(default_factory=time.monotonic)
-    stage: tuple[str, float] = ("", 0.0)
+    stage: str = ""
     bar: Progress | None = None
     shown: int = 0
 
@@ -62,21 +59,15 @@ class _Work:
         self.output.write(f"{time.monotonic() - self.start:6.1f} s  {text}\n")
 
     def report(self, stage: str, share: float) -> None:
-        """Show the progress of a stage that takes more than a moment."""
-        if self.stage[0] != stage:
+        """Show the progress of a stage."""
+        if self.stage != stage:
             self.end_bar()
-            self.stage = stage, time.monotonic()
-        hundredths = int(share * 100)
-        if self.bar is None:
-            if share == 1 or time.monotonic() < self.stage[1] + SHORT_SECONDS:
-                return
-            self.bar, self.shown = (
-                Progress(100, f"percent {stage}", finished=hundredths, stream=self.output),
-                hundredths,
-            )
-        while self.shown < hundredths:
-            self.bar.advance()
-            self.shown += 1
+            self.stage, self.shown = stage, 0
+            self.bar = None if share == 1 else Progress(100, f"percent {stage}", stream=self.output)
+        if self.bar is not None:
+            for _ in range(self.shown, int(share * 100)):
+                self.bar.advance()
+            self.shown = max(self.shown, int(share * 100))
 
     def end_bar(self) -> None:
         """End the bar of a stage, if it has one."""
@@ -101,15 +92,13 @@ def write_surface(arguments: argparse.Namespace, output: TextIO) -> None:
         name: path for name in ("volume", "drill", "remove", "operated", "labels") if (path := getattr(arguments, name))
     }
     check_outputs(_outputs(out, ()), inputs)
-    labels = None if arguments.labels is None else without_bone(read_labels(arguments.labels))
-    check_outputs(_outputs(out, () if labels is None else structure_names(labels).values()), inputs)
     try:
-        _make(arguments, work, labels, out)
+        _make(arguments, work, out, inputs)
     finally:
         work.end_bar()
 
 
-def _make(arguments: argparse.Namespace, work: _Work, labels: LabelMap | None, out: Path) -> None:
+def _make(arguments: argparse.Namespace, work: _Work, out: Path, inputs: Mapping[str, Path]) -> None:
     crop = None if arguments.crop is None else np.array(arguments.crop).reshape(2, 3)
     volume = read_volume(arguments.volume, series=arguments.series, crop_mm=crop)
     size, spacing = volume.grid.size, [round(float(step), 4) for step in volume.grid.spacing_mm]
@@ -118,6 +107,10 @@ def _make(arguments: argparse.Namespace, work: _Work, labels: LabelMap | None, o
         "size": list(size), "spacing_mm": spacing, "mesh_from_index": volume.grid.mesh_from_index.tolist()
     }  # fmt: skip
     work.say(f"volume: {_by(size)} voxels of {_by(spacing)} mm")
+    labels = None
+    if arguments.labels is not None:
+        labels = without_bone(read_labels(arguments.labels, volume, resampled=False))
+        check_outputs(_outputs(out, structure_names(labels).values()), inputs)
 
     level, how = _threshold(arguments, volume)
     work.record |= {"threshold_hu": level, "threshold_by": how}
@@ -128,12 +121,11 @@ def _make(arguments: argparse.Namespace, work: _Work, labels: LabelMap | None, o
     }  # fmt: skip
     work.say(f"bone above {level:g} HU ({how}): {bone_mm3 / 1000:.1f} cm³")
 
-    if labels is not None:
-        # only to see whether they belong together
-        on_grid(labels.values, labels.grid, volume.grid, arguments.labels.name)
     structures = {} if labels is None else structure_meshes(labels, progress=partial(work.report, "of the structures"))
     removed = _removed(arguments, work, volume, level, solid)
-    finish = Finish(smoothing_steps=arguments.smooth)
+    finish = finish_of(
+        volume, solid, removed, structures, tolerance_mm=arguments.tolerance, smoothing_steps=arguments.smooth
+    )
     made = bone_surface(volume, level, solid, removed, finish, report=work.report)
     _write(work, out, volume, level, solid, removed, labels, structures, made, finish)
 
@@ -152,8 +144,7 @@ def _removed(
     """The field of everything that is removed."""
     fields, ways = [], []
     if arguments.remove is not None:
-        labels = read_labels(arguments.remove)
-        on_grid(labels.values, labels.grid, volume.grid, arguments.remove.name)
+        labels = read_labels(arguments.remove, volume, resampled=False)
         fields.append(removed_by_labels(labels, volume.grid))
         ways.append("labels")
     if arguments.operated is not None:
@@ -161,17 +152,11 @@ def _removed(
         ways.append("operated volume")
     removed = united(fields)
     if removed is not None:
-        taken = _taken(solid, removed)
+        taken = taken_bone(solid, removed)
         removed_mm3 = float(np.count_nonzero(taken)) * volume.grid.voxel_mm3
         work.record["removed"] = {"by": ways, "volume_mm3": round(removed_mm3, 1)}
         work.say(f"removed by {' and '.join(ways)}: {removed_mm3:.0f} mm³ of bone")
     return removed
-
-
-def _taken(solid: np.ndarray, removed: RemovedField) -> np.ndarray:
-    """``(z, y, x)`` bool: the bone that was removed, in the box of the field."""
-    box = tuple(slice(at, at + count) for at, count in zip(removed.first[::-1], removed.distance_mm.shape, strict=True))
-    return solid[box] & (removed.distance_mm <= 0)
 
 
 def _outputs(out: Path, structures: Iterable[str]) -> list[Output]:
@@ -205,7 +190,7 @@ def _write(
     work.record["surface"] = {
         "file": SURFACE, "vertices": len(mesh.vertices), "faces": len(mesh.faces),
         "drilled_vertices": int(made.surface.drilled.sum()), "extracted_faces": made.extracted_faces,
-        "smoothing_steps": finish.smoothing_steps,
+        "smoothing_steps": finish.smoothing_steps, "tolerance_mm": finish.tolerance_mm,
     }  # fmt: skip
     with writing(made_folder(out / SURFACE)):
         write_ply(out / SURFACE, mesh)
@@ -224,7 +209,7 @@ def _write(
     if labels is not None:
         colours = {value: structure_colour(name) for value, name in structure_names(labels).items()}
         drawn.append(LabelColours(labels, colours))
-    centre = _centre(volume, solid, removed, structures.values(), mesh)
+    centre = mesh.vertices.mean(axis=0) if finish.focus is None else finish.focus.centre
     views = slice_views(volume, level, centre, solid=solid, removed=removed, structures=drawn)
     with writing(made_folder(out / SLICES)):
         write_bytes_atomically(out / SLICES, signed(encode_png(to_uint8(slice_picture(views)))))
@@ -238,27 +223,6 @@ def _write(
     with writing(made_folder(out / RECORD)):
         write_bytes_atomically(out / RECORD, text.encode())
     work.say(f"report: {out / RECORD}")
-
-
-def _centre(
-    volume: Volume,
-    solid: np.ndarray,
-    removed: RemovedField | None,
-    structures: Iterable[TriangleMesh],
-    surface: TriangleMesh,
-) -> np.ndarray:
-    """``(3,)`` mm, where the slices meet: in what was removed, or else among the structures, or in the bone."""
-    if removed is not None and (taken := _taken(solid, removed)).any():
-        z, y, x = (
-            np.average(np.arange(n), weights=taken.sum(axis=_others(axis))) for axis, n in enumerate(taken.shape)
-        )
-        return transform_points(volume.grid.mesh_from_index, (removed.first + np.array([x, y, z]))[None])[0]
-    centres = [mesh.vertices.mean(axis=0) for mesh in structures]
-    return np.mean(centres, axis=0) if centres else surface.vertices.mean(axis=0)
-
-
-def _others(axis: int) -> tuple[int, ...]:
-    return tuple(other for other in range(3) if other != axis)
 
 
 def _by(values: Sequence[float]) -> str:

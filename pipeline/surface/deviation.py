@@ -63,23 +63,28 @@ class SurfaceTree:
 
     def distances(self, points: np.ndarray) -> np.ndarray:
         """``(N,)`` distances of points ``(N, 3)`` from the surface, mm."""
+        return self.nearest(points)[0]
+
+    def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """``(N,)`` distances of points ``(N, 3)`` from the surface, mm, and ``(N,)`` the faces that are nearest."""
         points = np.asarray(points, dtype=np.float64)
-        squared = np.empty(len(points))
+        squared, face = np.empty(len(points)), np.empty(len(points), np.intp)
         # neighbours together: their boxes stay in the cache
         order = np.argsort(self._codes(points), kind="stable")
         for at in range(0, len(points), _BLOCK):
             block = order[at : at + _BLOCK]
-            squared[block] = self._squared(points[block])
-        return np.sqrt(squared)
+            squared[block], face[block] = self._nearest(points[block])
+        return np.sqrt(squared), face
 
-    def _squared(self, points: np.ndarray) -> np.ndarray:
+    def _nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         columns = np.ascontiguousarray(points.T)
         count = len(self._sorted_codes)
         # the triangles beside the point on the curve give a first bound
         place = np.searchsorted(self._sorted_codes, self._codes(points))
         everyone = np.arange(len(points))
-        squared = self._from_triangles(columns, everyone, np.minimum(place, count - 1))
-        np.minimum(squared, self._from_triangles(columns, everyone, np.maximum(place - 1, 0)), out=squared)
+        triangle = np.minimum(place, count - 1)
+        squared = self._from_triangles(columns, everyone, triangle)
+        self._improve(columns, everyone, np.maximum(place - 1, 0), squared, triangle)
         point = np.repeat(everyone, self._levels[0].lower.shape[1])
         node = np.tile(np.arange(self._levels[0].lower.shape[1]), len(points))
         for depth, level in enumerate(self._levels):
@@ -95,17 +100,24 @@ class SurfaceTree:
         nearest = np.full(len(points), np.inf)
         np.minimum.at(nearest, point, beyond)
         first = beyond == nearest[point]
-        self._search(columns, point[first], node[first], squared)
-        rest = ~first & (beyond < squared[point])
-        self._search(columns, point[rest], node[rest], squared)
-        return squared
+        for chosen in (first, ~first):
+            chosen = chosen & (beyond < squared[point])
+            for index in range(_LEAF):
+                other = node[chosen] * _LEAF + index
+                there = other < count
+                self._improve(columns, point[chosen][there], other[there], squared, triangle)
+        return squared, self._order[triangle]
 
-    def _search(self, columns: np.ndarray, point: np.ndarray, leaf: np.ndarray, squared: np.ndarray) -> None:
-        for index in range(_LEAF):
-            triangle = leaf * _LEAF + index
-            there = triangle < len(self._sorted_codes)
-            found = self._from_triangles(columns, point[there], triangle[there])
-            np.minimum.at(squared, point[there], found)
+    def _improve(
+        self, columns: np.ndarray, point: np.ndarray, other: np.ndarray, squared: np.ndarray, triangle: np.ndarray
+    ) -> None:
+        """Lower ``squared`` and change ``triangle`` of the points, in place, where the other triangle is nearer."""
+        found = self._from_triangles(columns, point, other)
+        nearer = found < squared[point]
+        point, other, found = point[nearer], other[nearer], found[nearer]
+        np.minimum.at(squared, point, found)
+        hit = found == squared[point]
+        triangle[point[hit]] = other[hit]
 
     def _from_triangles(self, columns: np.ndarray, point: np.ndarray, triangle: np.ndarray) -> np.ndarray:
         offset = columns[:, point] - self._corner[:, triangle]

@@ -10,6 +10,7 @@ the link condition; Klein et al., "Mesh reduction with error control" (1996) for
 
 import numpy as np
 
+from .deviation import SurfaceTree
 from .mesh import TriangleMesh
 from .quadrics import best_positions, cross, dot, vertex_quadrics
 from .triangle_distance import squared_triangle_distances
@@ -29,12 +30,16 @@ _DEGENERATE = 1e-3
 
 
 class EdgeCollapse:
-    """A mesh under reduction: mutable on purpose, as copies of it are what the caller returns to.
+    """A mesh under reduction: mutable on purpose, as a round changes a part of it.
 
     Attributes
     ----------
+    faces
+        ``(3, F)`` vertices of the faces left.
     face_of_point
-        ``(P,)`` for each vertex of the original a face, within its tolerance.
+        ``(P,)`` for each vertex of the original a face that lies within its tolerance.
+    fresh
+        ``(F,)`` bool: the face has changed since the caller set it to ``False``.
     """
 
     def __init__(self, mesh: TriangleMesh, tolerance_mm: np.ndarray) -> None:
@@ -44,13 +49,18 @@ class EdgeCollapse:
         self._rounding = 1e-7 * float(np.ptp(mesh.bounds, axis=0).max())
         self._tolerance = np.maximum(tolerance_mm, self._rounding)
         self._vertices = self._points.copy()
-        self._faces = np.ascontiguousarray(mesh.faces.T.astype(np.intp))
-        self._quadrics = vertex_quadrics(self._vertices, self._faces)
+        self.faces = np.ascontiguousarray(mesh.faces.T.astype(np.intp))
+        self._quadrics = vertex_quadrics(self._vertices, self.faces)
+        self._original_faces, self._original_quadrics = mesh.faces.T, self._quadrics
+        self._original_face = np.arange(self.faces.shape[1])
+        self._vertex_of_point = np.arange(len(mesh.vertices))
+        self.fresh = np.ones(self.faces.shape[1], bool)
         self._limit = self._tolerance.copy()
-        self._edges, self._locked = _edges(self._faces, len(mesh.vertices))
+        self._edges, self._locked = _edges(self.faces, len(mesh.vertices))
+        self._border = self._locked
         self.face_of_point = np.full(len(mesh.vertices), -1)
-        for corner in self._faces:
-            self.face_of_point[corner] = np.arange(self._faces.shape[1])
+        for corner in self.faces:
+            self.face_of_point[corner] = np.arange(self.faces.shape[1])
         # vertices that no face uses are no part of the surface: any distance will do
         self._tolerance[self.face_of_point < 0] = np.inf
         self._cost = self._costs(self._edges)
@@ -63,18 +73,81 @@ class EdgeCollapse:
 
     @property
     def mesh(self) -> TriangleMesh:
-        """The mesh as it is now, with the vertices that its faces use."""
-        used = np.zeros(self._vertices.shape[1], bool)
-        used[self._faces] = True
-        vertices = self._vertices[:, used].T + self._centre
-        return TriangleMesh(vertices, np.ascontiguousarray((np.cumsum(used) - 1)[self._faces].T.astype(np.int32)))
+        """The mesh as it is now; its faces are in the order of :attr:`faces`."""
+        self._compact()
+        vertices = np.ascontiguousarray(self._vertices.T) + self._centre
+        return TriangleMesh(vertices, np.ascontiguousarray(self.faces.T.astype(np.int32)))
 
-    def tighten(self, points: np.ndarray, factor: float) -> None:
-        """Multiply the tolerance of original vertices ``(N,)``, and that of the faces that track them."""
-        self._tolerance[points] = np.maximum(self._tolerance[points] * factor, self._rounding)
-        corners = self._faces[:, self.face_of_point[points]]
-        np.minimum.at(self._limit, corners, np.broadcast_to(self._tolerance[points], corners.shape))
+    def restore(self, vertices: np.ndarray, points: np.ndarray, factor: float) -> None:
+        """Bring back the original at ``vertices`` and original vertices ``points``, with ``factor`` of its tolerance.
+
+        Notes
+        -----
+        What the vertices stand for becomes single vertices again, while all else stays contracted, as in a
+        vertex hierarchy (Luebke & Erikson, "View-dependent simplification of arbitrary polygonal environments", 1997).
+        Where the two parts do not fit together, more comes back.
+        """
+        again = np.zeros(self._vertices.shape[1], bool)
+        again[vertices] = True
+        again[self._vertex_of_point[points]] = True
+        while True:
+            zone = again[self._vertex_of_point]
+            single = np.flatnonzero(zone)
+            vertex_of_point = self._vertex_of_point.copy()
+            vertex_of_point[single] = len(again) + np.arange(len(single))
+            vertices = np.concatenate([self._vertices, self._points[:, single]], axis=1)
+            original_face = self._original_faces_left(vertex_of_point)
+            corners = vertex_of_point[self._original_faces[:, original_face]]
+            edges, locked = _edges(corners, vertices.shape[1])
+            place = np.full(self._original_faces.shape[1], -1)
+            place[original_face] = np.arange(len(original_face))
+            face_of_point = place[self._original_face[self.face_of_point]]
+            own = zone[self._original_faces]
+            for corner, is_single in zip(self._original_faces[:, original_face], own[:, original_face], strict=True):
+                face_of_point[corner[is_single]] = np.flatnonzero(is_single)
+            # outside the zone: vertices no longer on discs, and points whose face moved away from them
+            border = np.zeros(vertices.shape[1], bool)
+            border[vertex_of_point[self._border]] = True
+            torn = np.flatnonzero(locked & ~border)
+            astray = self._astray(vertices, corners, face_of_point, np.flatnonzero(~zone))
+            if len(astray):
+                changed = np.flatnonzero((corners >= len(again)).any(axis=0))
+                tree = SurfaceTree(TriangleMesh(vertices.T, corners[:, changed].T))
+                distance, nearest = tree.nearest(self._points[:, astray].T)
+                found = distance <= self._tolerance[astray]
+                face_of_point[astray[found]] = changed[nearest[found]]
+                astray = astray[~found]
+            wrong = np.concatenate([torn[torn < len(again)], self._vertex_of_point[astray]])
+            around = np.isin(corners, torn).any(axis=0)
+            near = corners[:, around].ravel()
+            wrong = np.concatenate([wrong, near[near < len(again)]])
+            if len(wrong) == 0:
+                break
+            again[wrong] = True
+        self._tolerance[single] = np.maximum(self._tolerance[single] * factor, self._rounding)
+        unchanged = np.zeros(self._original_faces.shape[1], bool)
+        unchanged[self._original_face[~self.fresh]] = True
+        self.fresh = ~unchanged[original_face] | (corners >= len(again)).any(axis=0)
+        self._vertices, self.faces, self._original_face = vertices, corners, original_face
+        self._quadrics = np.concatenate([self._quadrics, self._original_quadrics[:, single]], axis=1)
+        self._limit = np.concatenate([self._limit, self._tolerance[single]])
+        self._vertex_of_point, self.face_of_point = vertex_of_point, face_of_point
+        self._edges, self._locked = edges, border
+        self._compact()
         self._cost = self._costs(self._edges)
+
+    def _original_faces_left(self, vertex_of_point: np.ndarray) -> np.ndarray:
+        """Original faces whose corners stand for three vertices: those that are left of the surface."""
+        a, b, c = (vertex_of_point[corner] for corner in self._original_faces)
+        return np.flatnonzero((a != b) & (b != c) & (c != a))
+
+    def _astray(
+        self, vertices: np.ndarray, faces: np.ndarray, face_of_point: np.ndarray, points: np.ndarray
+    ) -> np.ndarray:
+        """Those of ``points`` (N,) that lie farther than their tolerance from the face that tracks them."""
+        start, first, second = (np.take(vertices, corner[face_of_point[points]], axis=1) for corner in faces)
+        squared = squared_triangle_distances(first - start, second - start, self._points[:, points] - start)
+        return points[squared > self._tolerance[points] ** 2]
 
     def collapse(self) -> int:
         """One round; the number of vertices that it removed."""
@@ -83,7 +156,7 @@ class EdgeCollapse:
             return 0
         first, second = self._edges[:, chosen]
         position = best_positions(self._vertices, self._quadrics, first, second)[0]
-        stars = _Stars(self._vertices, self._faces, first, second, position)
+        stars = _Stars(self._vertices, self.faces, first, second, position)
         good = stars.good
         tracked, face = self._tracked(stars, good)
         self._cost[chosen[~good]] = np.inf
@@ -165,12 +238,15 @@ class EdgeCollapse:
         self._quadrics[:, first] += self._quadrics[:, second]
         self._limit[first] = np.minimum(self._limit[first], self._limit[second])
         self._vertex_count -= len(first)
-        kept = np.ones(self._faces.shape[1], bool)
+        kept = np.ones(self.faces.shape[1], bool)
         kept[stars.removed_face[good[stars.removed_star]]] = False
+        self.fresh[stars.face[good[stars.star]]] = True
         self.face_of_point = (np.cumsum(kept) - 1)[self.face_of_point]
         renamed = np.arange(self._vertices.shape[1])
         renamed[second] = first
-        self._faces = renamed[self._faces[:, kept]]
+        self.faces = renamed[self.faces[:, kept]]
+        self._original_face, self.fresh = self._original_face[kept], self.fresh[kept]
+        self._vertex_of_point = renamed[self._vertex_of_point]
         moved = np.zeros(len(renamed), bool)
         moved[first] = True
         self._edges = renamed[self._edges]
@@ -185,14 +261,13 @@ class EdgeCollapse:
     def _compact(self) -> None:
         """Forget the vertices that no face uses, so that a round costs what is left."""
         used = np.zeros(self._vertices.shape[1], bool)
-        used[self._faces] = True
+        used[self.faces] = True
         renamed = np.cumsum(used) - 1
-        self._faces, self._edges = renamed[self._faces], renamed[self._edges]
+        self.faces, self._edges = renamed[self.faces], renamed[self._edges]
+        self._vertex_of_point = renamed[self._vertex_of_point]
         self._vertices, self._quadrics = self._vertices[:, used], self._quadrics[:, used]
         self._limit, self._locked = self._limit[used], self._locked[used]
         self._vertex_count = int(used.sum())
-
-
 
 
 class _Stars:
@@ -223,21 +298,21 @@ class _Stars:
         removed = inner.sum(axis=0) == 2
         self.removed_face, self.removed_star = touched[removed], star[removed]
         opposite = np.where(inner[:, removed], 0, corners[:, removed]).sum(axis=0)
-        self.face, self._star = touched[~removed], star[~removed]
+        self.face, self.star = touched[~removed], star[~removed]
         inner, corners = inner[:, ~removed], corners[:, ~removed]
         old = np.where(inner[0], corners[0], np.where(inner[1], corners[1], corners[2]))
         left = np.where(inner[0], corners[1], np.where(inner[1], corners[2], corners[0]))
         right = np.where(inner[0], corners[2], np.where(inner[1], corners[0], corners[1]))
         self.row_of_face = np.full(faces.shape[1], -1)
         self.row_of_face[self.face] = np.arange(len(self.face))
-        self._apex = np.take(position, self._star, axis=1)
+        self._apex = np.take(position, self.star, axis=1)
         a, b = np.take(vertices, left, axis=1), np.take(vertices, right, axis=1)
         self._left, self._right = a - self._apex, b - self._apex
         self.good = self._manifold(count, opposite, left, right, vertex_count)
-        self.good[self._star[self._worse(np.take(vertices, old, axis=1), a, b)]] = False
-        self._order = np.argsort(self._star, kind="stable")
-        self._size = np.bincount(self._star, minlength=count)
-        self._start = np.cumsum(self._size) - self._size
+        self.good[self.star[self._worse(np.take(vertices, old, axis=1), a, b)]] = False
+        self._order = np.argsort(self.star, kind="stable")
+        self._size = np.bincount(self.star, minlength=count)
+        self.start = np.cumsum(self._size) - self._size
 
     def _manifold(
         self, count: int, opposite: np.ndarray, left: np.ndarray, right: np.ndarray, vertex_count: int
@@ -247,12 +322,12 @@ class _Stars:
         np.minimum.at(low, self.removed_star, opposite)
         np.maximum.at(high, self.removed_star, opposite)
         good = (np.bincount(self.removed_star, minlength=count) == 2) & (low != high)
-        good &= np.bincount(self._star, minlength=count) >= 3
-        good[self._star[(np.minimum(left, right) == low[self._star]) & (np.maximum(left, right) == high[self._star])]] = (
+        good &= np.bincount(self.star, minlength=count) >= 3
+        good[self.star[(np.minimum(left, right) == low[self.star]) & (np.maximum(left, right) == high[self.star])]] = (
             False
         )
         # around a disc every vertex of the ring comes once
-        ring = np.sort(self._star * vertex_count + left)
+        ring = np.sort(self.star * vertex_count + left)
         good[ring[1:][ring[1:] == ring[:-1]] // vertex_count] = False
         return good
 
@@ -283,7 +358,7 @@ class _Stars:
             size = self._size[star[block]]
             end = np.cumsum(size)
             point = np.repeat(np.arange(len(size)), size)
-            rows = self._order[self._start[star[block]][point] + np.arange(end[-1]) - (end - size)[point]]
+            rows = self._order[self.start[star[block]][point] + np.arange(end[-1]) - (end - size)[point]]
             found = self.squared_distances(rows, points[:, block][:, point])
             least = np.minimum.reduceat(found, end - size)
             hit = np.flatnonzero(found == least[point])[::-1]

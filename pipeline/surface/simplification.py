@@ -5,7 +5,6 @@ surfaces. :mod:`pipeline.surface.edge_collapse` keeps the vertices of the origin
 the other samples find too far off is done again with a tighter tolerance there.
 """
 
-import copy
 from collections.abc import Callable
 
 import numpy as np
@@ -17,10 +16,8 @@ from .mesh import TriangleMesh
 from .quadrics import dot
 from .triangle_distance import squared_triangle_distances
 
-_STAGE = 0.3
-"""Share of the vertices at which the reduction is remembered: to do the rest again takes a third of the time."""
-_ATTEMPTS_FROM_STAGE = 3
 _TIGHTER = 0.5
+"""Factor of the tolerance where the measured distance exceeds it."""
 _LEAST_PROGRESS = 0.002
 """Share of the vertices that a round must remove; the rest would take as long as all before for 1 % of the faces."""
 _USUAL_ROUNDS = 60
@@ -59,21 +56,15 @@ def simplified(
     report = progress or (lambda share: None)
     guard = _Guard(mesh, tolerance)
     state = EdgeCollapse(mesh, tolerance)
-    start, stage = copy.deepcopy(state), None
-    attempt = 0
     while True:
-        stage = _reduced(state, report) or stage
+        _reduce(state, report)
         report(1.0)
         reduced = state.mesh
-        exceeding = guard.exceeding(reduced, state.face_of_point)
-        if len(exceeding) == 0:
+        vertices, points = guard.exceeding(reduced, state)
+        if len(vertices) == 0 and len(points) == 0:
             return reduced
-        attempt += 1
-        for remembered in (start, stage):
-            if remembered is not None:
-                remembered.tighten(exceeding, _TIGHTER)
-        from_stage = stage is not None and attempt <= _ATTEMPTS_FROM_STAGE
-        state, stage = (copy.deepcopy(stage), stage) if from_stage else (copy.deepcopy(start), None)
+        state.fresh[:] = False
+        state.restore(vertices, points, _TIGHTER)
 
 
 def tolerance_near(
@@ -121,18 +112,16 @@ def _checked_tolerance(tolerance_mm: float | np.ndarray, vertex_count: int) -> n
     return np.broadcast_to(tolerance, (vertex_count,)).copy()
 
 
-def _reduced(state: EdgeCollapse, report: Callable[[float], None]) -> EdgeCollapse | None:
-    """Reduce ``state`` in place; what it was at the stage to return to, if it came past it."""
-    stage, first, rounds = None, state.vertex_count, 0
+def _reduce(state: EdgeCollapse, report: Callable[[float], None]) -> None:
+    """Collapse edges until a round no longer pays."""
+    rounds = 0
     while True:
         before = state.vertex_count
         removed = state.collapse()
         rounds += 1
         report(min(rounds / _USUAL_ROUNDS, 0.95))
         if removed < max(_LEAST_PROGRESS * before, 1):
-            return stage
-        if before > _STAGE * first >= state.vertex_count:
-            stage = copy.deepcopy(state)
+            return
 
 
 class _Guard:
@@ -142,17 +131,17 @@ class _Guard:
         self._mesh, self._tolerance = mesh, np.maximum(tolerance, 1e-7 * float(np.ptp(mesh.bounds, axis=0).max()))
         self._tree = SurfaceTree(mesh)
 
-    def exceeding(self, reduced: TriangleMesh, face_of_point: np.ndarray) -> np.ndarray:
-        """Indices of original vertices near samples of either surface that lie too far from the other."""
-        return np.union1d(self._original_exceeding(reduced, face_of_point), self._reduced_exceeding(reduced, face_of_point))
+    def exceeding(self, reduced: TriangleMesh, state: EdgeCollapse) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices of the reduced surface where it lies too far from the original, and of the original the converse."""
+        return self._reduced_exceeding(reduced, state), self._original_exceeding(reduced, state)
 
-    def _original_exceeding(self, reduced: TriangleMesh, face_of_point: np.ndarray) -> np.ndarray:
+    def _original_exceeding(self, reduced: TriangleMesh, state: EdgeCollapse) -> np.ndarray:
         found = [np.empty(0, np.intp)]
         tree = None
-        for corners, points in _samples(self._mesh):
+        for corners, points in _samples(self._mesh, np.arange(len(self._mesh.faces))):
             limit = self._tolerance[corners].min(axis=0)
             # the faces that track the corners are nearly always near enough
-            far = _beyond(points, reduced, face_of_point[corners], limit)
+            far = _beyond(points, reduced, state.face_of_point[corners], limit)
             if len(far) == 0:
                 continue
             tree = tree or SurfaceTree(reduced)
@@ -160,26 +149,28 @@ class _Guard:
             found.append(corners[:, far[exceeds]].ravel())
         return np.concatenate(found)
 
-    def _reduced_exceeding(self, reduced: TriangleMesh, face_of_point: np.ndarray) -> np.ndarray:
-        corners_of_point = reduced.faces[face_of_point].T
+    def _reduced_exceeding(self, reduced: TriangleMesh, state: EdgeCollapse) -> np.ndarray:
+        corners_of_point = reduced.faces[state.face_of_point].T
         limit_of_vertex = np.full(len(reduced.vertices), np.inf)
         np.minimum.at(limit_of_vertex, corners_of_point, np.broadcast_to(self._tolerance, corners_of_point.shape))
+        fresh = np.flatnonzero(state.fresh)
         far = np.zeros(len(reduced.vertices), bool)
-        samples = [(np.arange(len(reduced.vertices))[None], reduced.vertices), *_samples(reduced)]
-        for corners, points in samples:
+        used = np.unique(reduced.faces[fresh])
+        for corners, points in [(used[None], reduced.vertices[used]), *_samples(reduced, fresh)]:
             limit = limit_of_vertex[corners].min(axis=0)
             exceeds = self._tree.distances(points) > limit
             far[corners[:, exceeds]] = True
-        return np.flatnonzero(far[corners_of_point].any(axis=0))
+        return np.flatnonzero(far)
 
 
-def _samples(mesh: TriangleMesh) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Centres of faces and midpoints of edges: the indices of their corners ``(3 or 2, N)``, and points ``(N, 3)``."""
-    corners = mesh.faces.T
+def _samples(mesh: TriangleMesh, faces: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Centres and midpoints of sides of ``faces`` (N,): the indices of corners ``(3 or 2, S)``, points ``(S, 3)``."""
+    corners = mesh.faces[faces].T
     start, end = corners.ravel(), corners[[1, 2, 0]].ravel()
-    once = start < end
-    edges = np.stack([start[once], end[once]])
-    return [(corners, mesh.face_centres), (edges, (mesh.vertices[edges[0]] + mesh.vertices[edges[1]]) / 2)]
+    key = np.sort(np.minimum(start, end).astype(np.int64) * len(mesh.vertices) + np.maximum(start, end))
+    key = key[np.append(True, key[1:] != key[:-1])] if len(key) else key
+    edges = np.stack([key // len(mesh.vertices), key % len(mesh.vertices)])
+    return [(corners, mesh.face_centres[faces]), (edges, (mesh.vertices[edges[0]] + mesh.vertices[edges[1]]) / 2)]
 
 
 def _beyond(points: np.ndarray, mesh: TriangleMesh, faces: np.ndarray, limit: np.ndarray) -> np.ndarray:

@@ -1,4 +1,5 @@
 """From a volume to a surface.
 
-In: a signed distance field on a grid, negative in air. Out: the surface of the bone as a triangle mesh.
+In: a CT and a map of labels, as files. Out: the surface of the bone, drilled, and of the structures in it, as triangle
+meshes in the CT's LPS millimetres.
 """

@@ -11,15 +11,29 @@ import numpy as np
 
 from ..errors import InputError
 from ..surface.mesh import MOST_FACES
+from ..surface.simplification import simplified, tolerance_near
+from ..transforms import transform_points
 from .bone import CRUMB_MM3, without_crumbs
 from .isosurface import Isosurface, RemovedField, isosurface
+from .resampling import Sampler
 from .smoothing import STEPS, smoothed
-from .volume import Volume
+from .volume import Volume, VoxelGrid
 
 Report = Callable[[str, float], None]
 """Called with the name of a stage and its finished share, 0..1; what it raises ends the work."""
 
-STAGES = ("extracted", "smoothed")
+STAGES = ("extracted", "smoothed", "simplified")
+
+FINER = 4
+"""How many times smaller the tolerance is in the part that matters."""
+
+
+@dataclass(frozen=True)
+class Ball:
+    """``centre`` (3,) and radius, mm, in the frame of the mesh."""
+
+    centre: np.ndarray
+    radius_mm: float
 
 
 @dataclass(frozen=True)
@@ -32,10 +46,16 @@ class Finish:
         Parts below this volume that the drill has cut off are dropped.
     smoothing_steps
         Steps of :func:`.smoothed`; what the drill made is not smoothed.
+    tolerance_mm
+        How far the simplified surface may lie from the smoothed one; 0 keeps all faces.
+    focus
+        The part that matters, where the tolerance is :data:`FINER` times smaller: by default what was removed.
     """
 
     crumb_mm3: float = CRUMB_MM3
     smoothing_steps: int = STEPS
+    tolerance_mm: float = 0.0
+    focus: Ball | None = None
 
 
 @dataclass(frozen=True)
@@ -89,9 +109,56 @@ def bone_surface(
     if faces == 0:
         raise InputError("surface: expected bone, found none left; remove less")
     surface = smoothed(surface, finish.smoothing_steps, progress=stages["smoothed"])
+    if finish.tolerance_mm > 0:
+        surface = _simplified(surface, volume.grid, solid, removed, finish, stages["simplified"])
     if len(surface.mesh.faces) > MOST_FACES:
         raise InputError(
             f"surface: expected up to {MOST_FACES:,} faces, found {len(surface.mesh.faces):,}; crop the volume, choose "
             "a higher threshold, or a larger tolerance"
         )
     return BoneSurface(surface, faces)
+
+
+def removed_ball(grid: VoxelGrid, solid: np.ndarray, removed: RemovedField) -> Ball | None:
+    """The ball around the bone that was removed; ``None`` if it was none."""
+    taken = taken_bone(solid, removed)
+    if not taken.any():
+        return None
+    ends = []
+    for axis in (2, 1, 0):
+        planes = np.flatnonzero(taken.any(axis=tuple(other for other in range(3) if other != axis)))
+        ends.append((planes[0], planes[-1]))
+    lower, upper = (transform_points(grid.mesh_from_index, (removed.first + end)[None])[0] for end in np.array(ends).T)
+    return Ball((lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2)
+
+
+def taken_bone(solid: np.ndarray, removed: RemovedField) -> np.ndarray:
+    """``(z, y, x)`` bool: the voxels of bone that were removed, in the box of the field."""
+    box = tuple(slice(at, at + count) for at, count in zip(removed.first[::-1], removed.distance_mm.shape, strict=True))
+    return solid[box] & (removed.distance_mm <= 0)
+
+
+def _simplified(
+    surface: Isosurface,
+    grid: VoxelGrid,
+    solid: np.ndarray,
+    removed: RemovedField | None,
+    finish: Finish,
+    progress: Callable[[float], None] | None,
+) -> Isosurface:
+    focus = finish.focus
+    if focus is None and removed is not None:
+        focus = removed_ball(grid, solid, removed)
+    tolerance: float | np.ndarray = finish.tolerance_mm
+    if focus is not None and focus.radius_mm > 0:
+        near, far = finish.tolerance_mm / FINER, finish.tolerance_mm
+        tolerance = tolerance_near(surface.mesh, focus.centre, focus.radius_mm, near, far)
+    mesh = simplified(surface.mesh, tolerance, progress=progress)
+    drilled = np.zeros(len(mesh.vertices), np.bool_)
+    if removed is not None:
+        # the vertices have moved: those that lie on what was removed, as far as the tolerance tells
+        depth, height, width = removed.distance_mm.shape
+        box = Sampler(grid.shifted(removed.first, (width, height, depth)), mesh.vertices)
+        distance = box.values(removed.distance_mm, outside=np.inf)
+        drilled = distance < finish.tolerance_mm / FINER + 0.1 * grid.spacing_mm.min()
+    return Isosurface(mesh, drilled)

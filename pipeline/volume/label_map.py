@@ -27,7 +27,7 @@ _SNAP_LINE = re.compile(r'\s*(\d+)(?:\s+[-+.\deE]+){6}\s+"([^"]*)"\s*')
 """Label, red, green, blue, opacity, visibility, mesh visibility, name."""
 
 
-def read_labels(path: Path, like: Volume | None = None) -> LabelMap:
+def read_labels(path: Path, like: Volume | None = None, *, resampled: bool = True) -> LabelMap:
     """Read a label map.
 
     Parameters
@@ -37,6 +37,9 @@ def read_labels(path: Path, like: Volume | None = None) -> LabelMap:
     like
         The volume that the labels are for. A map on another grid in the same space is resampled to it: each voxel gets
         the label of the nearest voxel of the map, and 0 outside it.
+    resampled
+        Whether a map on another grid is resampled; otherwise it keeps its own after the check that it overlaps the
+        volume, which is better for the surfaces of fine structures.
 
     Returns
     -------
@@ -59,9 +62,10 @@ def read_labels(path: Path, like: Volume | None = None) -> LabelMap:
     header = read_header(path)
     values, grid = file_voxels(path, header, "labels")
     if like is not None:
-        values = on_grid(values, grid, like.grid, path.name)
-        values.setflags(write=False)
-        grid = like.grid
+        moved = on_grid(values, grid, like.grid, path.name)
+        if resampled:
+            moved.setflags(write=False)
+            values, grid = moved, like.grid
     named = header.segments or names_beside(path)
     return LabelMap(values, grid, _distinct(_present(values), named))
 

@@ -45,10 +45,8 @@ def file_as_npy(data: bytes, name: str, out: str, wanted: str) -> bytes:
     InputError
         It cannot be read, differs from its header, or holds something else than what is wanted.
     """
-    import SimpleITK as sitk
-
     stated, path = json.loads(data), Path(name)
-    _quieten(sitk)
+    sitk = _simple_itk()
     reader = sitk.ImageFileReader()
     reader.SetFileName(name)
     try:
@@ -110,9 +108,7 @@ def series_as_npy(data: bytes, folder: str, out: str, number: int) -> bytes:
     InputError
         No series, several, or one that is not a volume in HU.
     """
-    import SimpleITK as sitk
-
-    _quieten(sitk)
+    sitk = _simple_itk()
     chosen = chosen_series(find_series(Path(folder)), number or None, folder)
     where = f"{folder}: series {chosen.info.number}"
     places = []
@@ -152,16 +148,24 @@ def series_as_json(_: bytes, folder: str) -> bytes:
     InputError
         No series.
     """
-    import SimpleITK as sitk
-
-    _quieten(sitk)
+    _simple_itk()
     return json.dumps([vars(series.info) for series in find_series(Path(folder))]).encode()
 
 
-def _quieten(sitk: Any) -> None:
+def _simple_itk() -> Any:
+    """The library, silent and in one thread."""
+    try:
+        # in the child only: Blender need not load it
+        import SimpleITK as sitk
+    except ImportError:
+        raise InputError(
+            "volumes: expected the package SimpleITK, which reads CT, this Python has none; install it with "
+            'pip install "SimpleITK>=2.5"'
+        ) from None
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
     # threads take memory each, and reading takes one
     sitk.ProcessObject.SetGlobalDefaultNumberOfThreads(1)
+    return sitk
 
 
 def _pixels(sitk: Any, part: Slice, where: str) -> np.ndarray:

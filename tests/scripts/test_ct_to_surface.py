@@ -85,7 +85,8 @@ def test_ct_and_labels_become_a_folder_that_a_second_run_replaces(ct, labels, tm
 
 def test_threshold_crop_and_islands_are_obeyed(ct, tmp_path, surface):
     crop = [*(CENTRE - 20), *(np.add(CENTRE, (20, 20, 0)))]
-    ended = surface(ct, "--out", tmp_path, "--threshold", "800", "--crop", *crop, "--islands", "0.5", "--smooth", 0)
+    raw = ("--smooth", 0, "--tolerance", 0)
+    ended = surface(ct, "--out", tmp_path, "--threshold", "800", "--crop", *crop, "--islands", "0.5", *raw)
     assert (ended.returncode, ended.stderr) == (0, "")
     mesh, _ = read_mesh(tmp_path / "surface.ply")
     ball = np.linalg.norm(mesh.vertices - CENTRE, axis=1) < 9

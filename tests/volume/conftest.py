@@ -6,8 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-DATA = Path("/work/shared/data")
-
 
 @pytest.fixture(scope="session")
 def write_series() -> Callable[..., np.ndarray]:

@@ -142,6 +142,7 @@ def test_a_map_on_a_finer_grid_is_resampled_and_names_follow(tmp_path):
         tmp_path / "a.nii.gz", LABELS.repeat(2, 0).repeat(2, 1).repeat(2, 2), (0.25,) * 3, (0.875, 1.875, 2.875)
     )
     np.testing.assert_array_equal(read_labels(path, like()).values, LABELS)
+    assert read_labels(path, like(), resampled=False).grid.size == (14, 12, 10)
     cropped = read_labels(path, like((7, 2, 5)))
     assert cropped.names == {3: "label 3"}
 
@@ -160,7 +161,7 @@ BAD = {
 def test_what_is_no_label_map_of_the_volume_is_refused(tmp_path, name):
     values, place, expected = BAD[name]
     with pytest.raises(InputError, match=expected):
-        read_labels(write(tmp_path / "a.nrrd", values, **place), like())
+        read_labels(write(tmp_path / "a.nrrd", values, **place), like(), resampled=False)
 
 
 def test_overlapping_segments_and_broken_names_are_refused(tmp_path):

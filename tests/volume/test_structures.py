@@ -1,14 +1,22 @@
 """Structures: closed, outward, as large as their labels, and named by the anatomy."""
 
 import itertools
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pipeline.case.structure_colour import OTHER, structure_colour
 from pipeline.errors import InputError
+from pipeline.surface.mesh_reader import read_mesh
+from pipeline.volume.label_map import read_labels
 from pipeline.volume.structures import structure_meshes, structure_name
+from pipeline.volume.threshold import otsu_threshold
 from pipeline.volume.volume import LabelMap, VoxelGrid
+from pipeline.volume.volume_reader import read_volume
+
+BONES = Path(__file__).resolve().parents[3] / "shared" / "data" / "temporal_bones"
 
 
 def volume_mm3(mesh) -> float:
@@ -85,5 +93,27 @@ def test_names_that_meet_stay_apart_and_unknown_ones_are_refused():
     labels = LabelMap(values, VoxelGrid((6, 6, 6), np.eye(4)), {1: "facial nerve", 2: "facial canal"})
     assert list(structure_meshes(labels)) == ["facial_nerve", "facial_nerve_2"]
     assert list(structure_meshes(labels, ["facial_nerve_2"])) == ["facial_nerve_2"]
+    assert list(structure_meshes(labels.cropped(np.zeros(3), np.full(3, 2.0)))) == ["facial_nerve"]
     with pytest.raises(InputError, match=r"names of the label map \(facial_nerve, facial_nerve_2\), found incus"):
         structure_meshes(labels, ["incus"])
+
+
+@pytest.mark.skipif(not BONES.is_dir(), reason="no folder shared/data beside the repository")
+@pytest.mark.parametrize("side", ["LT143", "RT143"])
+def test_structures_of_a_temporal_bone_lie_where_their_meshes_do(side):
+    """On their own grid within a voxel; and as large on the grid of the CT, where the chorda is two voxels wide."""
+    names = ["facial_nerve", "chorda_tympani", "incus", "stapes"]
+    table = json.loads((BONES / "labels.json").read_text())["labels"].values()
+    expected_mm3 = {entry["name"]: entry["volume_mm3"][side] for entry in table if entry["name"] in names}
+    ct = read_volume(BONES / f"{side}_pseudoct_semisynthetic.nii.gz")
+    assert 600 < otsu_threshold(ct) < 680
+    fine, coarse = (
+        structure_meshes(read_labels(BONES / f"{side}_labels.nii.gz", ct, resampled=resampled), names)
+        for resampled in (False, True)
+    )
+    assert sorted(fine) == sorted(coarse) == sorted(names)
+    for name in names:
+        theirs, _ = read_mesh(BONES / "ply" / side / f"{name}.ply")
+        np.testing.assert_allclose(fine[name].bounds, theirs.bounds, atol=0.19)
+        assert volume_mm3(fine[name]) == pytest.approx(expected_mm3[name], rel=0.05)
+        assert volume_mm3(coarse[name]) == pytest.approx(expected_mm3[name], rel=0.15)

@@ -1,17 +1,36 @@
 """What was drilled: strokes and margins in the scene's settings, which undo, files and the case rely on."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import bpy
 import numpy as np
 
+from ..pipeline.surface.mesh import TriangleMesh
+from ..pipeline.volume.drill_guard import DrillGuard
 from ..pipeline.volume.drill_plan import DrillPlan, Stroke
+from ..pipeline.volume.drilled_volume import drilled
 from ..pipeline.volume.isosurface import RemovedField
-from .loaded import LoadedCT
+from ..pipeline.volume.volume import VoxelGrid
 
 DIGITS = 3
 """Decimals of a millimetre that strokes keep: window, case and script have the same numbers."""
+
+MARGINS_MM = {
+    "facial_nerve": 1.0,
+    "chorda_tympani": 0.8,
+    "bony_labyrinth": 1.0,
+    "sinus": 1.0,
+    "sinus_dura": 1.0,
+    "dura": 1.0,
+    "ica": 1.0,
+    "malleus": 1.0,
+    "incus": 1.0,
+    "stapes": 1.0,
+    "ossicles": 1.0,
+    "eac": 1.5,
+}
+"""Thickness of bone that the drill leaves around structures, unless a plan says otherwise."""
 
 
 def strokes_of(scene: bpy.types.Scene) -> tuple[Stroke, ...]:
@@ -31,18 +50,27 @@ def plan_of(scene: bpy.types.Scene) -> DrillPlan:
     return DrillPlan(strokes_of(scene), json.loads(scene.oneframe_ct.margins_text or "{}"))
 
 
+def set_margins(scene: bpy.types.Scene, margins_mm: Mapping[str, float]) -> None:
+    """Store the margins in the scene."""
+    scene.oneframe_ct.margins_text = json.dumps(dict(margins_mm)) if margins_mm else ""
+
+
+def usual_margins(names: Iterable[str]) -> dict[str, float]:
+    """The usual margins of structures; a side at the end of a name does not matter."""
+    sideless = {name: name.removesuffix("_left").removesuffix("_right") for name in names}
+    return {name: MARGINS_MM[plain] for name, plain in sideless.items() if plain in MARGINS_MM}
+
+
 def rounded(points: np.ndarray) -> np.ndarray:
     """Points as strokes keep them."""
     return np.round(np.asarray(points, np.float64), DIGITS)
 
 
-def removed_by(plan: DrillPlan, ct: LoadedCT, level_hu: float, solid: np.ndarray) -> RemovedField | None:
-    """What a plan removes, as ``oneframe surface --drill`` does; ``None`` for a plan without strokes."""
-    if not plan.strokes:
-        return None
-    from ..pipeline.volume.drilled_volume import DrilledVolume
+def guard_of(plan: DrillPlan, grid: VoxelGrid, structures: Mapping[str, TriangleMesh]) -> DrillGuard | None:
+    """What the drill spares, ``None`` without structures."""
+    return DrillGuard(grid, structures, plan.margins_mm) if structures else None
 
-    drilled = DrilledVolume(ct.volume, level_hu, solid, {})
-    for stroke in plan.strokes:
-        drilled.add(stroke)
-    return drilled.removed
+
+def removed_by(plan: DrillPlan, grid: VoxelGrid, structures: Mapping[str, TriangleMesh]) -> RemovedField | None:
+    """What a plan removes, as ``oneframe surface --drill`` does; ``None`` for a plan without strokes."""
+    return drilled(plan, grid, guard_of(plan, grid, structures)).removed if plan.strokes else None

@@ -110,7 +110,7 @@ def with_labels(volume: Volume, path: Path) -> LoadedCT:
     InputError
         No label map, or not one of this CT.
     """
-    labels = read_labels(path)
+    labels = read_labels(path, volume, resampled=False)
     return LoadedCT(volume, labels, on_grid(labels.values, labels.grid, volume.grid, path.name))
 
 

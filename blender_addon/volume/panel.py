@@ -4,6 +4,8 @@ import bpy
 
 from ..registration import class_registration
 from ..ui.wrapped_text import draw_text
+from . import drill_session
+from .drill_strokes import strokes_of
 from .loaded import LoadedCT, ct_of, key_of
 from .slice_areas import slice_areas
 
@@ -53,6 +55,26 @@ class ONEFRAME_PT_ct(bpy.types.Panel):
         if ct.labels is not None:
             draw_text(layout, ", ".join(ct.labels.names.values()))
         layout.operator("oneframe.make_surface", icon="MESH_DATA")
+        self._draw_drill(layout, context.scene)
+
+    def _draw_drill(self, layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+        settings, strokes = scene.oneframe_ct, strokes_of(scene)
+        column = layout.column(align=True)
+        row = column.row(align=True)
+        in_use = drill_session.of(scene) is not None
+        if in_use:
+            row.operator("oneframe.stop_drill", icon="PANEL_CLOSE")
+            row.operator("oneframe.undo_stroke", text="", icon="LOOP_BACK")
+            column.prop(settings, "burr_mm")
+        else:
+            row.operator("oneframe.drill", icon="MESH_UVSPHERE")
+        row.operator("oneframe.open_plan", text="", icon="FILE_FOLDER")
+        row.operator("oneframe.save_plan", text="", icon="FILE_TICK")
+        if settings.drilling and not in_use:
+            draw_text(layout, "The threshold has changed: press Drill again.", icon="INFO")
+        if strokes:
+            count = f"{len(strokes)} stroke{'s' if len(strokes) > 1 else ''}"
+            draw_text(layout, f"{count} of the drill: Make Surface takes them over, Save Case keeps them as drill.toml.")
 
 
 register, unregister = class_registration((ONEFRAME_PT_ct,))

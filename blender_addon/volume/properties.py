@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import bpy
-from bpy.props import FloatProperty, FloatVectorProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, FloatProperty, FloatVectorProperty, IntProperty, PointerProperty, StringProperty
 
 from ..pipeline.volume.threshold import DEFAULT_HU
 from ..registration import class_registration, prop
@@ -67,6 +67,7 @@ class ONEFRAME_PG_ct(bpy.types.PropertyGroup):
             update=redraw,
         )
     )  # fmt: skip
+    drilling: bool = prop(BoolProperty(description="The drill is in use", options={"HIDDEN"}))
     strokes_text: str = prop(
         StringProperty(description="What was drilled (JSON): radius and points, LPS, mm, exact", options={"HIDDEN"})
     )

@@ -15,7 +15,7 @@ from .properties import SLICE_SPACE
 MARK = "oneframe_slice"
 """Custom property of the empty images: number of the plane."""
 
-SHARE = 0.36
+SHARE = 0.25
 """Of the 3D view's width that the slices get."""
 
 _LONGEST_PX = 1024
@@ -113,14 +113,13 @@ def hide_slices(window: bpy.types.Window) -> None:
 def _split(
     window: bpy.types.Window, area: bpy.types.Area, direction: str, share: float
 ) -> tuple[bpy.types.Area, bpy.types.Area]:
-    """Split an area: the left or lower part, which gets the share, and the rest."""
+    """Split an area: the new left or lower part, which gets the share of up to a half, and the rest."""
     screen = window.screen
     before = set(screen.areas)
     with bpy.context.temp_override(window=window, area=area, region=window_region(area)):
         bpy.ops.screen.area_split(direction=direction, factor=share)  # type: ignore[arg-type]
     (new,) = set(screen.areas) - before
-    first, second = sorted((area, new), key=lambda each: each.x if direction == "VERTICAL" else each.y)
-    return first, second
+    return new, area
 
 
 def _prepare(area: bpy.types.Area, image: bpy.types.Image) -> None:

@@ -131,12 +131,17 @@ def register() -> None:
     configuration = bpy.context.window_manager.keyconfigs.addon
     if configuration is None:
         return
-    keymap = configuration.keymaps.new(name="Image", space_type="IMAGE_EDITOR")
-    for operator, kind, modifiers, settings in _KEYS:
-        item = keymap.keymap_items.new(operator, kind, "PRESS", **modifiers)  # type: ignore[arg-type]
-        for name, value in settings.items():
-            setattr(item.properties, name, value)
-        _added.append((keymap, item))
+    # tools come before the editor's own keys: a click would pick a colour
+    editor = configuration.keymaps.new(name="Image", space_type="IMAGE_EDITOR")
+    tool = configuration.keymaps.new(
+        name="Image Editor Tool: Sample", space_type="IMAGE_EDITOR", region_type="WINDOW", tool=True
+    )
+    for keymap in (editor, tool):
+        for operator, kind, modifiers, settings in _KEYS:
+            item = keymap.keymap_items.new(operator, kind, "PRESS", **modifiers)  # type: ignore[arg-type]
+            for name, value in settings.items():
+                setattr(item.properties, name, value)
+            _added.append((keymap, item))
 
 
 def unregister() -> None:

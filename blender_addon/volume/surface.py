@@ -9,6 +9,7 @@ from bpy.props import BoolProperty
 from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.case.structure_colour import structure_colour
 from ..pipeline.case.surface_size import extents_of, size_text
+from ..pipeline.commands.surface_finish import finish_of
 from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
@@ -20,7 +21,7 @@ from ..registration import class_registration, prop
 from ..state import from_scene, to_scene
 from ..ui.background_operator import InBackground, Work
 from ..ui.operator import Asking, Messages, OperatorResult, call
-from . import drill_strokes
+from . import drill_session, drill_strokes
 from .loaded import key_of, loaded_ct
 from .operators import NeedsCT
 from .surface_files import write_meshes
@@ -78,19 +79,20 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
             check_threshold(ct.volume, level)
             solid = bone_voxels(ct.volume, level)
             progress(_BONE_SHARE)
-            removed = drill_strokes.removed_by(plan, ct, level, solid)
-            rest = 1 - _BONE_SHARE - _STRUCTURES_SHARE
-
-            def report(stage: str, share: float) -> None:
-                done = STAGES.index(stage) if stage in STAGES else 0
-                progress(_BONE_SHARE + rest * (done + share) / len(STAGES))
-
-            made = bone_surface(ct.volume, level, solid, removed, report=report)
             structures = {}
             if ct.labels is not None:
                 structures = structure_meshes(
-                    without_bone(ct.labels), progress=lambda share: progress(1 - _STRUCTURES_SHARE * (1 - share))
+                    without_bone(ct.labels), progress=lambda share: progress(_BONE_SHARE + _STRUCTURES_SHARE * share)
                 )
+            removed = drill_strokes.removed_by(plan, ct.volume.grid, structures)
+            before = _BONE_SHARE + _STRUCTURES_SHARE
+
+            def report(stage: str, share: float) -> None:
+                done = STAGES.index(stage) if stage in STAGES else 0
+                progress(before + (1 - before) * (done + share) / len(STAGES))
+
+            finish = finish_of(ct.volume, solid, removed, structures)
+            made = bone_surface(ct.volume, level, solid, removed, finish, report=report)
             return made.surface.mesh, structures, write_meshes(made.surface.mesh, structures)
 
         return make
@@ -103,6 +105,8 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
         # as every other tool reads it: the file has single precision
         mesh, _ = read_mesh(paths[""])
         key = key_of(scene)
+        if scene.oneframe_ct.drilling:
+            drill_session.end(scene)
         if is_from_ct(scene) and scene.oneframe.units == "mm":
             to_scene.exchange_surface(context, paths[""], mesh)
         else:

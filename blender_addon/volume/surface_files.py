@@ -9,16 +9,16 @@ import bpy
 import numpy as np
 
 from ..pipeline.case.structure_colour import structure_colour
-from ..pipeline.files.kinds import PLY, Kind
-from ..pipeline.files.outputs import check_outputs, companion
+from ..pipeline.files.kinds import PLY
+from ..pipeline.files.outputs import Output, check_outputs, companion
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_writer import write_ply
+from ..pipeline.volume.drill_plan import KIND, write_drill_plan
 from ..state import from_scene
 from ..state.inputs import input_files
 from . import drill_strokes
 
 SURFACE, DRILL = "surface.ply", "drill.toml"
-DRILL_KIND = Kind("a drill plan", lambda data: b"[[strokes]]" in data or b"[margins]" in data)
 _PREFIX = "oneframe-ct-"
 
 
@@ -62,7 +62,7 @@ def keep_beside(scene: bpy.types.Scene, folder: Path) -> list[Path]:
     outputs = [companion(target, PLY) for _, _, target in moved]
     drill = folder / DRILL if plan.strokes else None
     if drill is not None:
-        outputs.append(companion(drill, DRILL_KIND, DRILL_KIND.is_of))
+        outputs.append(Output(drill, KIND))
     inputs = {name: path for name, path in input_files(scene).items() if name == "frame"}
     check_outputs(outputs, inputs)
     for made, source, target in moved:
@@ -70,9 +70,7 @@ def keep_beside(scene: bpy.types.Scene, folder: Path) -> list[Path]:
         shutil.copyfile(source, target)
         made.oneframe.mesh_path = str(target)
     if drill is not None:
-        from ..pipeline.volume.drill_plan import write_drill_plan
-
-        write_drill_plan(drill, plan)
+        write_drill_plan(drill, plan, {})
     return [target for _, _, target in moved] + ([] if drill is None else [drill])
 
 

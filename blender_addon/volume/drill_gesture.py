@@ -66,12 +66,9 @@ def burr_at(
     radius = float(context.scene.oneframe_ct.burr_mm) / 2
     radius = float(drill_strokes.rounded(np.array(radius)))
     centre = hit - (1 - DEPTH) * radius * toward
-    stopped = False
-    if session.guard is not None:
-        reached = session.guard.reached(centre - APPROACH * radius * toward, centre, radius)
-        stopped = bool(np.linalg.norm(reached - centre) > 1e-6)
-        centre = reached
-    centre = drill_strokes.rounded(centre)
+    reached = session.reached(centre - APPROACH * radius * toward, centre, radius)
+    stopped = bool(np.linalg.norm(reached - centre) > 1e-6)
+    centre = drill_strokes.rounded(reached)
     near = session.nearest(centre)
     name, distance = ("", np.inf) if near is None else near
     return Burr(centre, radius, stopped, name, distance - radius)

@@ -1,6 +1,7 @@
 """The drilled volume in memory while the drill is in use: its field, and the surface in blocks, renewed where it changes.
 
-The strokes stand in the scene's settings. After undo, redo or opening a file, the session follows them.
+The burr stops where a margin begins, so what is shown is what stays but for a fraction of a voxel; Make Surface holds
+the margins exactly, as the command does. The strokes stand in the scene's settings. After undo, redo or opening a file, the session follows them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,7 +14,7 @@ from bpy.app.handlers import persistent
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.volume.bone import bone_voxels
 from ..pipeline.volume.bone_ray import first_bone
-from ..pipeline.volume.drill_guard import DrillGuard
+from ..pipeline.volume.burr_room import BurrRoom
 from ..pipeline.volume.drill_plan import DrillPlan, Stroke
 from ..pipeline.volume.drilled_volume import DrilledVolume, VoxelBox
 from ..pipeline.volume.isosurface import RemovedField, block_surface
@@ -41,15 +42,16 @@ class DrillSession:
     """One CT at one threshold, with its strokes. Mutable: every motion of the burr changes it."""
 
     def __init__(
-        self, ct: LoadedCT, level_hu: float, solid: np.ndarray, guard: DrillGuard | None,
-        structures: Mapping[str, TriangleMesh],
+        self, ct: LoadedCT, level_hu: float, solid: np.ndarray,
+        structures: Mapping[str, TriangleMesh], margins_mm: Mapping[str, float],
     ) -> None:  # fmt: skip
         """Begin with nothing drilled."""
-        self.ct, self.level_hu, self.solid, self.guard, self.structures = ct, level_hu, solid, guard, dict(structures)
+        self.ct, self.level_hu, self.solid, self.structures = ct, level_hu, solid, dict(structures)
         self.blocks: dict[BlockKey, Block] = {}
         self.changed: set[BlockKey] = set()
         self.revision = 0
-        self._drilled = DrilledVolume(ct.volume.grid, guard)
+        self._drilled = DrilledVolume(ct.volume.grid)
+        self._room = BurrRoom(structures, margins_mm)
 
     @property
     def removed(self) -> RemovedField | None:
@@ -99,10 +101,11 @@ class DrillSession:
 
     def nearest(self, point: np.ndarray) -> tuple[str, float] | None:
         """The structure nearest to a point, and its distance, mm."""
-        if self.guard is None:
-            return None
-        distance, number = self.guard.nearest(point[None])
-        return self.guard.names[int(number[0])], float(distance[0])
+        return self._room.nearest(point)
+
+    def reached(self, start: np.ndarray, end: np.ndarray, radius_mm: float) -> np.ndarray:
+        """Up to where a burr comes before it meets a margin."""
+        return self._room.reached(start, end, radius_mm)
 
     def _renew(self, box: VoxelBox) -> None:
         """Make the blocks again that voxels belong to."""
@@ -144,9 +147,7 @@ def prepared(
     """A session with the strokes of a plan; for a thread."""
     solid = bone_voxels(ct.volume, level_hu)
     progress(0.2)
-    guard = drill_strokes.guard_of(plan, ct.volume.grid, structures)
-    progress(0.3)
-    session = DrillSession(ct, level_hu, solid, guard, structures)
+    session = DrillSession(ct, level_hu, solid, structures, plan.margins_mm)
     session.follow(plan.strokes)
     session.make_all(lambda share: progress(0.4 + 0.6 * share))
     return session

@@ -66,11 +66,9 @@ def rounded(points: np.ndarray) -> np.ndarray:
     return np.round(np.asarray(points, np.float64), DIGITS)
 
 
-def guard_of(plan: DrillPlan, grid: VoxelGrid, structures: Mapping[str, TriangleMesh]) -> DrillGuard | None:
-    """What the drill spares, ``None`` without structures."""
-    return DrillGuard(grid, structures, plan.margins_mm) if structures else None
-
-
 def removed_by(plan: DrillPlan, grid: VoxelGrid, structures: Mapping[str, TriangleMesh]) -> RemovedField | None:
     """What a plan removes, as ``oneframe surface --drill`` does; ``None`` for a plan without strokes."""
-    return drilled(plan, grid, guard_of(plan, grid, structures)).removed if plan.strokes else None
+    if not plan.strokes:
+        return None
+    guard = DrillGuard(grid, structures, plan.margins_mm) if structures else None
+    return drilled(plan, grid, guard).removed

@@ -46,7 +46,7 @@ def draw_burr(pointer: tuple[int, int]) -> None:
     radius = float(np.linalg.norm(side - middle))
     strokes.circle(middle, radius / strokes.unit, colour)
     strokes.cross(middle, 0.0, 3.0, colour, width=1.0)
-    strokes.text(middle + [0.8 * radius + 8 * strokes.unit, 0.7 * radius], text_of(burr), colour)
+    strokes.text(middle + np.array([0.8 * radius + 8 * strokes.unit, 0.7 * radius]), text_of(burr), colour)
     # Blender draws cursors in pixels of the window
     left, below, *target = gpu.state.viewport_get()
     with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():

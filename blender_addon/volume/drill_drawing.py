@@ -9,7 +9,7 @@ from mathutils import Matrix
 
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.blender.alignment.alignment_scene import BONE_RGBA
-from ..pipeline.case.structure_colour import structure_colour
+from ..pipeline.case.structure_colour import OTHER, structure_colour
 from ..state import from_scene
 from . import drill_session
 from .drill_session import BlockKey, DrillSession
@@ -18,7 +18,7 @@ FRESH_RGB = (0.95, 0.80, 0.66)
 """Bone that the drill has opened."""
 
 HIDDEN_ALPHA = 0.22
-"""Of structures behind bone."""
+"""Of structures behind bone that have a colour of their own."""
 
 _VERTEX = """
 void main()
@@ -126,7 +126,8 @@ def draw_bone() -> None:
     gpu.state.blend_set("ALPHA")
     for name in session.structures:
         colour = structure_colour(name)
-        _draw(shader, [name], colour, colour, HIDDEN_ALPHA)
+        if colour != OTHER:
+            _draw(shader, [name], colour, colour, HIDDEN_ALPHA)
     gpu.state.depth_test_set("NONE")
     gpu.state.blend_set("NONE")
 

@@ -77,11 +77,9 @@ def margins_of(scene: bpy.types.Scene, ct: LoadedCT) -> dict[str, float]:
 
 
 def _activate_tool(context: bpy.types.Context) -> None:
-    area = context.area
-    if area is None or area.type != "VIEW_3D":
-        area = next((area for area in context.window.screen.areas if area.type == "VIEW_3D"), None)
-    if area is not None:
-        with context.temp_override(area=area):
+    areas = [area for area in (context.area, *context.screen.areas) if area is not None and area.type == "VIEW_3D"]
+    if areas:
+        with context.temp_override(area=areas[0]):
             bpy.ops.wm.tool_set_by_id(name=DRILL_TOOL)
 
 

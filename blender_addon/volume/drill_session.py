@@ -1,7 +1,8 @@
-"""The drilled volume in memory while the drill is in use: its field, and the surface in blocks, renewed where it changes.
+"""The drilled volume in memory while the drill is in use: its field, and the surface in blocks.
 
 The burr stops where a margin begins, so what is shown is what stays but for a fraction of a voxel; Make Surface holds
-the margins exactly, as the command does. The strokes stand in the scene's settings. After undo, redo or opening a file, the session follows them.
+the margins exactly, as the command does. The strokes stand in the scene's settings: after undo and redo the session
+follows them.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -77,7 +77,9 @@ def loaded_ct(scene: bpy.types.Scene) -> LoadedCT:
     """
     found = ct_of(scene)
     if found is None:
-        raise InputError("expected a CT, found none; open one" if key_of(scene) is None else "press Read CT Again first")
+        raise InputError(
+            "expected a CT, found none; open one" if key_of(scene) is None else "press Read CT Again first"
+        )
     return found
 
 

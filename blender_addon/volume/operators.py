@@ -13,7 +13,7 @@ from ..pipeline.volume.threshold import DEFAULT_HU, otsu_threshold
 from ..pipeline.volume.volume_header import volume_suffix
 from ..pipeline.volume.volume_reader import list_series, read_volume
 from ..registration import class_registration, prop
-from ..state import from_scene, workbench
+from ..state import workbench
 from ..ui.background_operator import InBackground, Work
 from ..ui.operator import Messages, OperatorResult, Reporting
 from . import loaded
@@ -86,7 +86,7 @@ class ONEFRAME_OT_open_ct(InBackground, bpy.types.Operator, ImportHelper):
         for name in ("labels_path", "strokes_text", "margins_text"):
             settings.property_unset(name)
         settings.path, settings.series = str(path), self.series
-        settings.cursor_mm = loaded.centre_mm(result.volume)
+        settings.cursor_mm = loaded.centre_mm(result.volume).tolist()
         lowest, highest = result.range_hu
         if not lowest < settings.threshold_hu < highest:
             settings.threshold_hu = min(max(DEFAULT_HU, lowest), highest)

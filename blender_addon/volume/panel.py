@@ -49,11 +49,11 @@ class ONEFRAME_PT_ct(bpy.types.Panel):
             row.prop(settings, "level_hu", text="Level")
             row.prop(settings, "width_hu", text="Window")
         row = layout.row(align=True)
-        row.prop(settings, "threshold_hu", slider=True)
+        row.prop(settings, "threshold_hu", text="Bone", slider=True)
         row.operator("oneframe.otsu", text="Otsu")
         layout.operator("oneframe.open_labels", icon="OUTLINER_OB_MESH")
         if ct.labels is not None:
-            draw_text(layout, ", ".join(ct.labels.names.values()))
+            layout.label(text=f"{len(ct.labels.names)} labels")
         layout.operator("oneframe.make_surface", icon="MESH_DATA")
         self._draw_drill(layout, context.scene)
 
@@ -74,7 +74,9 @@ class ONEFRAME_PT_ct(bpy.types.Panel):
             draw_text(layout, "The threshold has changed: press Drill again.", icon="INFO")
         if strokes:
             count = f"{len(strokes)} stroke{'s' if len(strokes) > 1 else ''}"
-            draw_text(layout, f"{count} of the drill: Make Surface takes them over, Save Case keeps them as drill.toml.")
+            draw_text(
+                layout, f"{count} of the drill: Make Surface takes them over, Save Case keeps them as drill.toml."
+            )
 
 
 register, unregister = class_registration((ONEFRAME_PT_ct,))

@@ -1,4 +1,4 @@
-"""What a scene stores of its CT: where it is, and how it is shown and drilled; neither voxels nor anything of a header."""
+"""What a scene stores of its CT: where it is, how it is shown and drilled; neither voxels nor texts of a header."""
 
 from collections.abc import Sequence
 

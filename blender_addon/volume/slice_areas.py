@@ -68,7 +68,7 @@ class ONEFRAME_OT_slices(Reporting, bpy.types.Operator):
         return False
 
     def run(self, context: bpy.types.Context) -> None:
-        if slice_areas(context.screen):
+        if context.window is not None and slice_areas(context.screen):
             hide_slices(context.window)
         else:
             show_slices_soon()
@@ -85,14 +85,14 @@ def _open_next(window: bpy.types.Window) -> bool:
     if len(shown) < 3:
         if shown:
             tallest = max(shown, key=lambda area: area.height)
-            new = _split(window, tallest, "HORIZONTAL", 1 / 3 if len(shown) == 1 else 1 / 2)
+            new = list(_split(window, tallest, "HORIZONTAL", 1 / 3 if len(shown) == 1 else 1 / 2))
         else:
             view = max(
                 (area for area in screen.areas if area.type == "VIEW_3D"), key=lambda area: area.width, default=None
             )
             if view is None:
                 return True
-            new = _split(window, view, "VERTICAL", SHARE)[:1]
+            new = [_split(window, view, "VERTICAL", SHARE)[0]]
         for area in new:
             _prepare(area, images[0])
         shown = slice_areas(screen)
@@ -124,7 +124,7 @@ def _split(
 
 def _prepare(area: bpy.types.Area, image: bpy.types.Image) -> None:
     """An Image Editor without anything around the slice."""
-    area.type = SLICE_SPACE
+    area.type = "IMAGE_EDITOR"
     space = area.spaces.active
     space.image = image
     space.mode = "VIEW"

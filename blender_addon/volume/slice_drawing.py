@@ -51,7 +51,9 @@ def _draw_picture(scene: bpy.types.Scene, view: SliceView) -> None:
         indices=((0, 1, 2), (2, 3, 0)),
     )
     shader.bind()
-    shader.uniform_float("ModelViewProjectionMatrix", gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix())
+    shader.uniform_float(
+        "ModelViewProjectionMatrix", gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix()
+    )
     shader.uniform_float("window", (settings.level_hu, settings.width_hu))
     shader.uniform_float("threshold", settings.threshold_hu)
     shader.uniform_float("line_colour", (*BONE_COLOUR, 1.0))
@@ -108,9 +110,14 @@ def _draw_marks(context: bpy.types.Context, view: SliceView) -> None:
     _, u, v = plane.place_of(point)
     x, y = view.region_from_px(np.array([u, v]))
     gap, wide, high = 10 * unit, float(region.width), float(region.height)
-    for start, end in (((0, y), (x - gap, y)), ((x + gap, y), (wide, y)), ((x, 0), (x, y - gap)), ((x, y + gap), (x, high))):
+    for start, end in (
+        ((0, y), (x - gap, y)),
+        ((x + gap, y), (wide, y)),
+        ((x, 0), (x, y - gap)),
+        ((x, y + gap), (x, high)),
+    ):
         strokes.line(np.array([start, end]), CROSS, width=1.0)
-    left, right, top, bottom = plane.directions
+    left, right, top, bottom = tuple(plane.directions)
     middle, size = (wide / 2, high / 2), TEXT_SIZE * unit
     for letter, at in (
         (left, (8 * unit, middle[1])),
@@ -119,8 +126,8 @@ def _draw_marks(context: bpy.types.Context, view: SliceView) -> None:
         (bottom, (middle[0], 8 * unit)),
     ):
         strokes.text(np.array(at), letter, INK)
-    axis = "xyz"[{"axial": 2, "coronal": 1, "sagittal": 0}[plane.name]]
-    place = point["xyz".index(axis)]
+    axis, number = {"axial": ("z", 2), "coronal": ("y", 1), "sagittal": ("x", 0)}[plane.name]
+    place = point[number]
     strokes.text(np.array([8 * unit, high - 8 * unit - size]), f"{plane.name.capitalize()}  {axis} {place:.1f} mm", INK)
     _scale_bar(strokes, view, wide)
     strokes.text(np.array([wide - 92 * unit, 8 * unit]), f"{_hu_at(view, u, v)} HU", INK)

@@ -43,7 +43,7 @@ class ONEFRAME_OT_slice_step(_InSlice):
         settings = context.scene.oneframe_ct
         _, u, v = view.plane.place_of(np.array(settings.cursor_mm))
         number = float(np.clip(view.number + self.step, 0, view.plane.count - 1))
-        settings.cursor_mm = view.plane.point_at(number, u, v)
+        settings.cursor_mm = view.plane.point_at(number, u, v).tolist()
         return {"FINISHED"}
 
 
@@ -74,7 +74,7 @@ class ONEFRAME_OT_slice_point(_InSlice):
         u, v = view.px_from_region(np.array([event.mouse_region_x + 0.5, event.mouse_region_y + 0.5]))
         settings = context.scene.oneframe_ct
         number, _, _ = view.plane.place_of(np.array(settings.cursor_mm))
-        settings.cursor_mm = inside(view.ct, view.plane.point_at(number, float(u), float(v)))
+        settings.cursor_mm = inside(view.ct, view.plane.point_at(number, float(u), float(v))).tolist()
         return True
 
 
@@ -107,7 +107,7 @@ class ONEFRAME_OT_slice_window(_InSlice):
         return {"RUNNING_MODAL"}
 
 
-_KEYS = (
+_KEYS: tuple[tuple[str, str, dict[str, bool], dict[str, object]], ...] = (
     ("oneframe.slice_step", "WHEELUPMOUSE", {}, {"step": 1}),
     ("oneframe.slice_step", "WHEELDOWNMOUSE", {}, {"step": -1}),
     ("oneframe.slice_step", "PAGE_UP", {}, {"step": 1}),
@@ -120,9 +120,7 @@ _KEYS = (
 """Operator, event, modifiers, settings; where the area shows no slice, Blender uses its own binding."""
 
 _added: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
-_register, _unregister = class_registration(
-    (ONEFRAME_OT_slice_step, ONEFRAME_OT_slice_point, ONEFRAME_OT_slice_window)
-)
+_register, _unregister = class_registration((ONEFRAME_OT_slice_step, ONEFRAME_OT_slice_point, ONEFRAME_OT_slice_window))
 
 
 def register() -> None:

@@ -66,4 +66,6 @@ def inside(ct: LoadedCT, point_mm: np.ndarray) -> np.ndarray:
     plane = ct.planes[0]
     number, u, v = plane.place_of(point_mm)
     width, height = plane.size_wh
-    return plane.point_at(*(float(np.clip(at, 0, n - 1)) for at, n in zip((number, u, v), (plane.count, width, height))))
+    return plane.point_at(
+        *(float(np.clip(at, 0, n - 1)) for at, n in zip((number, u, v), (plane.count, width, height), strict=True))
+    )

@@ -34,7 +34,7 @@ _BONE_SHARE, _STRUCTURES_SHARE = 0.1, 0.1
 
 
 def is_from_ct(scene: bpy.types.Scene) -> bool:
-    """Whether the present surface was made from the scene's CT: another threshold or stroke keeps pose and landmarks."""
+    """Whether the present surface was made from the scene's CT: another version of it keeps pose and landmarks."""
     surface, key = from_scene.present_surface(scene), key_of(scene)
     return surface is not None and key is not None and surface.get(MADE_FROM) == _mark(key)
 

@@ -34,7 +34,7 @@ class BurrRoom:
         self._owner = np.repeat(np.arange(len(points)), [len(each) for each in points])
         margins = np.array([margins_mm.get(name, 0.0) for name in self.names], np.float32)
         self._margin = margins[self._owner] if points else np.zeros(0, np.float32)
-        self._widest = float(margins.max(initial=0.0))
+        self._widest = max(map(float, margins), default=0.0)
 
     def nearest(self, point: np.ndarray) -> tuple[str, float] | None:
         """Name of the structure nearest to a point ``(3,)``, and its distance, mm; ``None`` without structures."""
@@ -57,7 +57,7 @@ class BurrRoom:
             shares = np.linspace(first, last, _SAMPLES)
             for number, share in enumerate(shares):
                 centre = start + share * (end - start)
-                if (np.sqrt(_squared(points, centre)) - margin).min() < radius_mm:
+                if np.min(np.sqrt(_squared(points, centre)) - margin) < radius_mm:
                     if number == 0:
                         return start + first * (end - start)
                     first, last = shares[number - 1], share

@@ -270,8 +270,6 @@ class EdgeCollapse:
         self._vertex_count = int(used.sum())
 
 
-
-
 class _Stars:
     """The faces around edges as their collapse would leave them: *rows*, with the new vertex as first corner.
 

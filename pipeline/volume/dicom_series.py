@@ -34,7 +34,8 @@ TAGS = {
 
 MODALITIES = ("CT", "MR", "PT", "NM", "US", "XA", "RF", "CR", "DX", "OT", "SC", "RTDOSE", "SEG")
 
-MOST_FILES = 20_000
+MOST_FILES = 50_000
+"""In a folder of DICOM files and the folders in it, of any kind."""
 
 _CT, _ENHANCED_CT = "1.2.840.10008.5.1.4.1.1.2", ("1.2.840.10008.5.1.4.1.1.2.1", "1.2.840.10008.5.1.4.1.1.2.2")
 _DIRECTORY = "1.2.840.10008.1.3.10"
@@ -135,7 +136,7 @@ def find_series(folder: Path) -> tuple[Series, ...]:
     Raises
     ------
     InputError
-        No DICOM images, too many files, a transfer syntax that cannot be read, multi-frame or damaged files.
+        No DICOM images, a transfer syntax that cannot be read, multi-frame or damaged files.
     """
     paths = dicom_paths(folder)
     found: dict[str, dict[str, tuple[int, Slice]]] = {}
@@ -203,10 +204,6 @@ def dicom_paths(folder: Path) -> list[tuple[Path, dict[int, str]]]:
                 if group.get(0x0002) == _DIRECTORY:
                     continue
                 paths.append((path, group))
-            if len(paths) > MOST_FILES:
-                raise InputError(
-                    f"{folder}: expected up to {MOST_FILES:,} files, found more; give the folder of one series"
-                )
     return paths
 
 

@@ -63,7 +63,7 @@ def structure_meshes(
     smoothing_steps: int = STEPS,
     progress: Callable[[float], None] | None = None,
 ) -> dict[str, TriangleMesh]:
-    """One closed mesh per label, LPS mm, by the name of the structure.
+    """One closed mesh per label that occurs, LPS mm, by the name of the structure.
 
     A mask is blurred, and its surface taken at the level 0.5. Of small structures it is taken at the level at which it
     encloses the volume of the mask: the blur would make thin ones, such as the chorda tympani, thinner or vanish.
@@ -92,6 +92,8 @@ def structure_meshes(
         )
     wanted = {label: name for label, name in names.items() if only is None or name in only}
     layers = _layers(labels.values, wanted)
+    # a cropped map keeps the names of labels that are gone
+    wanted = {label: name for label, name in wanted.items() if label in layers}
     meshes = {}
     for count, (label, name) in enumerate(wanted.items()):
         meshes[name] = _mesh(labels, label, layers[label], blur_voxels, smoothing_steps)

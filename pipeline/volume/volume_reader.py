@@ -5,6 +5,7 @@ own (:mod:`pipeline.volume.voxel_decoder`), which leaves them in a temporary fil
 """
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from ..files.child_process import ChildError, called_apart
 from ..files.content import reading
 from ..files.memory import available_bytes
 from ..files.temporary import temporary_folder, unwritable_temporary, writing_temporary
-from .dicom_series import SeriesInfo
+from .dicom_series import MOST_FILES, SeriesInfo
 from .stored_voxels import VolumeHeader, check_data
 from .volume import Volume, VoxelGrid
 from .volume_header import read_header, volume_suffix
@@ -196,9 +197,19 @@ def _volume_file(path: Path) -> Path:
 
 
 def _total_megabytes(folder: Path) -> float:
+    """Size of all files in a folder and those in it."""
+    count = size = 0
     try:
-        return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) / 2**20
+        for parent, _, names in os.walk(folder):
+            count += len(names)
+            if count > MOST_FILES:
+                raise InputError(
+                    f"{folder}: expected a folder of DICOM files, found more than {MOST_FILES:,} files in it; give the "
+                    "folder of one examination"
+                )
+            size += sum(path.stat().st_size for name in names if (path := Path(parent, name)).is_file())
     except OSError as error:
         raise InputError(
             f"{folder}: expected a folder of DICOM files, cannot read it ({error.strerror}); check its permissions"
         ) from None
+    return size / 2**20

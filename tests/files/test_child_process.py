@@ -1,6 +1,7 @@
 """A function in a process of its own gives its answer, its sentence, or a reason why there is none."""
 
 import os
+import sys
 import time
 
 import pytest
@@ -9,6 +10,7 @@ from pipeline.camera.opencv_storage import json_from_opencv
 from pipeline.errors import InputError
 from pipeline.files import child_process
 from pipeline.files.child_process import ChildError, called_apart
+from pipeline.files.memory import available_bytes
 
 DEEP = b"%YAML:1.0\n---\nK: " + b"[" * 400_000
 
@@ -41,3 +43,13 @@ def test_memory_and_time_of_the_child_are_limited(monkeypatch, script):
     monkeypatch.setattr(child_process, "_CHILD", child)
     with pytest.raises(ChildError):
         called_apart(json_from_opencv, b"", seconds=30)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits memory")
+def test_the_limit_of_memory_can_be_chosen():
+    document = b"%YAML:1.0\n---\nK: [1, 2.5, abc]\n"
+    assert called_apart(json_from_opencv, document, megabytes=2000) == b'{"K": [1.0, 2.5, "abc"]}'
+    # not even the library can be loaded
+    with pytest.raises((ChildError, InputError)):
+        called_apart(json_from_opencv, document, megabytes=1)
+    assert available_bytes() > 100 << 20

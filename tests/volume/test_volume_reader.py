@@ -127,6 +127,18 @@ def test_slope_and_intercept_of_nifti_count(here, tmp_path):
     np.testing.assert_array_equal(read_volume(tmp_path / "ct.nii").values, voxels())
 
 
+def test_a_fourth_dimension_of_one_is_no_obstacle(here, tmp_path):
+    nifti(tmp_path / "ct.nii.gz", voxels().T[..., None])
+    np.testing.assert_array_equal(read_volume(tmp_path / "ct.nii.gz").values, voxels())
+
+
+def test_a_volume_larger_than_what_is_free_is_refused(here, tmp_path, monkeypatch):
+    write(tmp_path / "ct.nrrd", voxels())
+    monkeypatch.setattr(volume_reader, "available_bytes", lambda: 700)
+    with pytest.raises(InputError, match="a volume that fits into memory, found one of 6 x 4 x 5 voxels"):
+        read_volume(tmp_path / "ct.nrrd")
+
+
 def test_a_process_of_its_own_reads_and_refuses(tmp_path):
     """The very way of the user: through the child."""
     write(tmp_path / "ct.nii.gz", voxels(), packed=True)

@@ -63,26 +63,27 @@ class SurfaceTree:
             size = _BRANCHES
         self._levels = levels[::-1]
 
-    def distances(self, points: np.ndarray, within_mm: float = np.inf) -> np.ndarray:
+    def distances(self, points: np.ndarray, within_mm: float | np.ndarray = np.inf) -> np.ndarray:
         """``(N,)`` distances of points ``(N, 3)`` from the surface, mm, as :meth:`nearest`."""
         return self.nearest(points, within_mm)[0]
 
-    def nearest(self, points: np.ndarray, within_mm: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
+    def nearest(self, points: np.ndarray, within_mm: float | np.ndarray = np.inf) -> tuple[np.ndarray, np.ndarray]:
         """``(N,)`` distances of points ``(N, 3)`` from the surface, mm, and ``(N,)`` the faces that are nearest.
 
-        Where the surface is farther than ``within_mm``, they are only some larger distance and some face, which takes
-        less time.
+        Where the surface is farther than ``within_mm``, one number or ``(N,)``, they are only some larger distance and
+        some face, which takes less time.
         """
         points = np.asarray(points, dtype=np.float64)
         squared, face = np.empty(len(points)), np.empty(len(points), np.intp)
+        within = np.broadcast_to(within_mm, len(points))
         # neighbours together: their boxes stay in the cache
         order = np.argsort(self._codes(points), kind="stable")
         for at in range(0, len(points), _BLOCK):
             block = order[at : at + _BLOCK]
-            squared[block], face[block] = self._nearest(points[block], within_mm)
+            squared[block], face[block] = self._nearest(points[block], within[block])
         return np.sqrt(squared), face
 
-    def _nearest(self, points: np.ndarray, within_mm: float) -> tuple[np.ndarray, np.ndarray]:
+    def _nearest(self, points: np.ndarray, within_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         columns = np.ascontiguousarray(points.T)
         count = len(self._sorted_codes)
         # the triangles beside the point on the curve give a first bound

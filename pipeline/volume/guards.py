@@ -14,13 +14,14 @@ from .volume import VoxelGrid
 FAR_MM = np.float32(1e3)
 """Stands for any distance that decides nothing."""
 
-TILE = 32
+TILE = 16
 """Voxels along the side of the boxes of the grid for which the margins are known or not yet: always the same boxes, so
 that the numbers do not depend on what was asked before."""
 
-_CELL = 4
-_BAND_VOXELS = 2.0
-"""Distances are exact so near to where the margin ends; farther away only the sign counts."""
+_CELLS = (4, 2, 1)
+"""Voxels along the side of the cells, ever smaller, for which distances are found."""
+_EXACT_VOXELS = 1.01
+"""Distances are exact so near to where a margin ends; farther away only the sign counts."""
 
 _ON_PATH = 65
 """Points of a path that are looked at together."""
@@ -77,7 +78,7 @@ class Guards:
         Returns
         -------
         ``(z, y, x)`` float32, the greatest of margin less distance over all structures, mm: positive where material
-        must stay; ``None`` if nothing must. Exact to two voxels from where it is zero.
+        must stay; ``None`` if nothing must. Exact to one voxel from where it is zero.
         """
         first = np.array(tile) * TILE
         size = np.minimum(first + TILE, self._grid.size) - first
@@ -92,30 +93,32 @@ class Guards:
 
     def _kept_around(self, guard: _Guard, margin_mm: float, first: np.ndarray, size: np.ndarray) -> np.ndarray | None:
         spacing = self._grid.spacing_mm
-        band = _BAND_VOXELS * float(spacing.max())
-        reach = float(np.linalg.norm(spacing * (size - 1))) / 2
+        # an edge of the grid where the margin ends has both ends so near to it
+        band = _EXACT_VOXELS * float(spacing.max())
         inside = _part(guard.first, guard.inside, first, size)
+        far = float(np.linalg.norm(spacing * (size - 1))) / 2 + margin_mm + band
         middle = _placed(self._grid, (first + (size - 1) / 2)[None])
-        far = reach + margin_mm + band
         if float(guard.tree.distances(middle, far)[0]) > far and not inside.any():
             return None
-        # cells first: within one the distance changes by no more than its size
-        cells = -(-size // _CELL)
-        axes = [np.arange(count) * _CELL + (_CELL - 1) / 2 + at for count, at in zip(cells, first, strict=True)]
-        centres = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).transpose(2, 1, 0, 3).reshape(-1, 3)
-        half = float(np.linalg.norm(spacing)) * (_CELL - 1) / 2
-        within = margin_mm + band + 2 * half
-        coarse = guard.tree.distances(_placed(self._grid, centres), within).reshape(cells[::-1])
-        for axis in range(3):
-            coarse = np.repeat(coarse, _CELL, axis=axis)
-        coarse = coarse[: size[2], : size[1], : size[0]]
         sign = np.where(inside, -1.0, 1.0)
-        signed = sign * coarse
-        kept = np.where(signed < margin_mm, FAR_MM, -FAR_MM)
-        near = np.nonzero(np.abs(signed - margin_mm) <= band + half)
-        voxels = np.stack(near[::-1], axis=1) + first
-        exact = sign[near] * guard.tree.distances(_placed(self._grid, voxels), within)
-        kept[near] = (margin_mm - exact).astype(np.float32)
+        distance = np.full(inside.shape, np.inf)
+        near = np.ones(inside.shape, np.bool_)
+        # cells first: within one, the distance changes by no more than its size
+        for side in _CELLS:
+            slack = float(np.linalg.norm(spacing)) * (side - 1) / 2
+            cells = near
+            for axis in range(3):
+                cells = np.logical_or.reduceat(cells, np.arange(0, cells.shape[axis], side), axis=axis)
+            cell = np.nonzero(cells)
+            centre = np.stack(cell[::-1], axis=1) * side + (side - 1) / 2 + first
+            found = np.full(cells.shape, np.inf)
+            found[cell] = guard.tree.distances(_placed(self._grid, centre), margin_mm + band + 2 * slack)
+            for axis in range(3):
+                found = np.repeat(found, side, axis=axis)
+            distance[near] = found[tuple(slice(count) for count in near.shape)][near]
+            near &= np.abs(sign * distance - margin_mm) <= band + slack
+        kept = np.where(sign * distance < margin_mm, FAR_MM, -FAR_MM)
+        kept[near] = (margin_mm - (sign * distance)[near]).astype(np.float32)
         return kept
 
     def nearest(self, point: np.ndarray) -> tuple[str, float] | None:

@@ -1,6 +1,6 @@
-"""Make the bone surface of a CT, drilled if you like, and the structures of a label map, in one folder.
+"""Make the bone surface of a CT, less what was removed, and the structures of a label map, in one folder.
 
-python scripts/ct_to_surface.py VOLUME --out DIR [--threshold HU|otsu] [--drill PATHS.toml] [--labels LABELS] ...
+python scripts/ct_to_surface.py VOLUME --out DIR [--threshold HU|otsu] [--remove LABELS] [--labels LABELS] ...
 """
 
 import sys

@@ -9,13 +9,12 @@ from pathlib import Path
 from ..errors import InputError
 from .parser import command_parser, explained_imports
 
-ABOUT = "Make the bone surface of a CT, drilled if you like, and the structures of a label map."
+ABOUT = "Make the bone surface of a CT, less what was removed, and the structures of a label map."
 """The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s ct.nii.gz --out surface
   %(prog)s ct.nrrd --out surface --threshold otsu --crop 20 10 0 60 50 45
-  %(prog)s ct.nii.gz --out surface --labels labels.nii.gz --drill mastoidectomy.toml
-  %(prog)s ct.nii.gz --out surface --remove predicted.nii.gz
+  %(prog)s ct.nii.gz --out surface --labels labels.nii.gz --remove predicted.nii.gz
   %(prog)s dicom_folder --list
   %(prog)s dicom_folder --series 2 --out surface
 
@@ -50,7 +49,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="fill enclosed holes below this volume; air cells are larger (default %(default)g)",
     )  # fmt: skip
     removal = parser.add_argument_group("what is removed")
-    removal.add_argument("--drill", metavar="PATHS.toml", type=Path, help="strokes of a virtual drill, and margins")
     removal.add_argument(
         "--remove", metavar="LABELS", type=Path, help="a label map, such as a network's prediction: all its labels"
     )
@@ -58,9 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--operated", metavar="VOLUME", type=Path, help="a registered CT from after the operation: the bone it lacks"
     )
     structures = parser.add_argument_group("structures")
-    structures.add_argument(
-        "--labels", metavar="LABELS", type=Path, help="a label map: a mesh for each label, and what the drill spares"
-    )
+    structures.add_argument("--labels", metavar="LABELS", type=Path, help="a label map: a mesh for each label but bone")
     mesh = parser.add_argument_group("mesh")
     mesh.add_argument(
         "--tolerance", metavar="MM", type=float,

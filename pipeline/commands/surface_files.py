@@ -88,9 +88,7 @@ def write_surface(arguments: argparse.Namespace, output: TextIO) -> None:
     """
     work = _Work(output)
     out: Path = arguments.out
-    inputs = {
-        name: path for name in ("volume", "drill", "remove", "operated", "labels") if (path := getattr(arguments, name))
-    }
+    inputs = {name: path for name in ("volume", "remove", "operated", "labels") if (path := getattr(arguments, name))}
     check_outputs(_outputs(out, ()), inputs)
     try:
         _make(arguments, work, out, inputs)

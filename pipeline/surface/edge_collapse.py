@@ -4,29 +4,26 @@ In a round, edges collapse that share no face and cost less than all edges aroun
 together and the result is that of one after the other. The vertices of the original are *tracked*: each knows a face
 of the reduced surface that lies within its tolerance, and a collapse that leaves one without is refused.
 
-Sources: Garland & Heckbert (1997) for cost and position; Dey et al., "Topology preserving edge contraction" (1999) for
-the link condition; Klein et al., "Mesh reduction with error control" (1996) for tracking the distance.
+Sources: Garland & Heckbert (1997) for cost and position; Klein et al., "Mesh reduction with error control" (1996) for
+tracking the distance.
 """
 
 import numpy as np
 
 from .deviation import SurfaceTree
+from .edge_stars import EdgeStars
 from .mesh import TriangleMesh
-from .quadrics import best_positions, cross, dot, vertex_quadrics
+from .quadrics import best_positions, vertex_quadrics
 from .triangle_distance import squared_triangle_distances
 
 _BLOCK = 1 << 14
 _SELECTIONS = 3
 """Passes over the edges in a round, each among what the former left free."""
+_COST_BITS = 20
+"""Last bits of the cost that do not count: with three left of the mantissa, costs rank by steps of an eighth."""
 _MOST_RMS = 0.5
 """Root mean square distance of a new vertex from the planes it stands for, relative to the tolerance. Higher gives few
 faces less, and dozens of collapses that the measured distance refuses."""
-_SMALLEST_COSINE = 0.5
-"""Between the normals of a face before and after a collapse."""
-_SMALLEST_QUALITY = 0.05
-"""Of a face: 1 equilateral, 0 without area. Worse ones may only get better."""
-_DEGENERATE = 1e-3
-"""Quality below which a face has no normal to speak of."""
 
 
 class EdgeCollapse:
@@ -149,21 +146,21 @@ class EdgeCollapse:
         squared = squared_triangle_distances(first - start, second - start, self._points[:, points] - start)
         return points[squared > self._tolerance[points] ** 2]
 
-    def collapse(self) -> int:
-        """One round; the number of vertices that it removed."""
+    def collapse(self) -> tuple[int, int]:
+        """One round: the numbers of edges that it tried and of those that it collapsed."""
         chosen = self._selected()
         if len(chosen) == 0:
-            return 0
+            return 0, 0
         first, second = self._edges[:, chosen]
         position = best_positions(self._vertices, self._quadrics, first, second)[0]
-        stars = _Stars(self._vertices, self.faces, first, second, position)
+        stars = EdgeStars(self._vertices, self.faces, first, second, position)
         good = stars.good
         tracked, face = self._tracked(stars, good)
         self._cost[chosen[~good]] = np.inf
         kept = good[stars.of_face[self.face_of_point[tracked]]]
         self.face_of_point[tracked[kept]] = face[kept]
         self._commit(stars, first[good], second[good], position[:, good], good)
-        return int(good.sum())
+        return len(chosen), int(good.sum())
 
     def _costs(self, edges: np.ndarray) -> np.ndarray:
         """``(E,)`` float32; infinite where the collapse is out of the question."""
@@ -176,14 +173,17 @@ class EdgeCollapse:
     def _selected(self) -> np.ndarray:
         """Indices of edges whose ends have no edge between them: by falling local minima of the cost."""
         free = np.flatnonzero(np.isfinite(self._cost))
-        # unique keys: the bits of a float that is not negative rank as it does; equal ones in scattered order
+        # the bits of a float that is not negative rank as it does. Without the last ones, costs that differ by less
+        # than a part are equal, and equal ones scattered, or a smooth slope of costs would have one minimum only
         scattered = (free.astype(np.uint64) * np.uint64(2654435761)) & np.uint64(0xFFFFFFFF)
-        key = (self._cost[free].view(np.int32).astype(np.int64) << 32) | scattered.astype(np.int64)
+        key = ((self._cost[free].view(np.int32) >> _COST_BITS).astype(np.int64) << 32) | scattered.astype(np.int64)
         first, second = self._edges[:, free]
         all_first, all_second = self._edges
         taken = np.zeros(self._vertices.shape[1], bool)
         chosen = []
         for _ in range(_SELECTIONS):
+            if len(free) == 0:
+                break
             lowest = np.full(len(taken), np.iinfo(np.int64).max)
             np.minimum.at(lowest, first, key)
             np.minimum.at(lowest, second, key)
@@ -199,13 +199,11 @@ class EdgeCollapse:
             taken[all_first[collapsing[all_second]]] = True
             left = ~(taken[first] | taken[second])
             free, key, first, second = free[left], key[left], first[left], second[left]
-            if len(free) == 0:
-                break
             left = ~(taken[all_first] | taken[all_second])
             all_first, all_second = all_first[left], all_second[left]
-        return np.sort(np.concatenate(chosen))
+        return np.sort(np.concatenate(chosen)) if chosen else free
 
-    def _tracked(self, stars: "_Stars", good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _tracked(self, stars: EdgeStars, good: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The original vertices that the collapses touch, and their new faces; ``good`` loses collapses that fail."""
         star = stars.of_face[self.face_of_point]
         points = np.flatnonzero((star >= 0) & good[star])
@@ -232,7 +230,7 @@ class EdgeCollapse:
         return points, stars.face[row]
 
     def _commit(
-        self, stars: "_Stars", first: np.ndarray, second: np.ndarray, position: np.ndarray, good: np.ndarray
+        self, stars: EdgeStars, first: np.ndarray, second: np.ndarray, position: np.ndarray, good: np.ndarray
     ) -> None:
         self._vertices[:, first] = position
         self._quadrics[:, first] += self._quadrics[:, second]
@@ -251,7 +249,7 @@ class EdgeCollapse:
         moved[first] = True
         self._edges = renamed[self._edges]
         changed = moved[self._edges[0]] | moved[self._edges[1]]
-        edges = _unique_edges(*self._edges[:, changed], len(renamed))
+        edges = _unique_edges(self._edges[:, changed], len(renamed))
         costs = self._costs(edges)
         self._edges = np.concatenate([self._edges[:, ~changed], edges], axis=1)
         self._cost = np.concatenate([self._cost[~changed], costs])
@@ -270,104 +268,6 @@ class EdgeCollapse:
         self._vertex_count = int(used.sum())
 
 
-class _Stars:
-    """The faces around edges as their collapse would leave them: *rows*, with the new vertex as first corner.
-
-    Attributes
-    ----------
-    good
-        ``(S,)`` bool: the collapse keeps a manifold, flips no face and makes no sliver.
-    of_face, row_of_face
-        ``(F,)`` for each face its star and its row, -1 if none.
-    face
-        ``(R,)`` for each row its face.
-    removed_face, removed_star
-        Faces that vanish, and the stars they vanish from.
-    """
-
-    def __init__(
-        self, vertices: np.ndarray, faces: np.ndarray, first: np.ndarray, second: np.ndarray, position: np.ndarray
-    ) -> None:
-        count, vertex_count = len(first), vertices.shape[1]
-        star_of_vertex = np.full(vertex_count, -1)
-        star_of_vertex[first] = star_of_vertex[second] = np.arange(count)
-        corner_star = star_of_vertex[faces]
-        self.of_face = np.maximum(np.maximum(corner_star[0], corner_star[1]), corner_star[2])
-        touched = np.flatnonzero(self.of_face >= 0)
-        star, inner, corners = self.of_face[touched], corner_star[:, touched] >= 0, faces[:, touched]
-        removed = inner.sum(axis=0) == 2
-        self.removed_face, self.removed_star = touched[removed], star[removed]
-        opposite = np.where(inner[:, removed], 0, corners[:, removed]).sum(axis=0)
-        self.face, self.star = touched[~removed], star[~removed]
-        inner, corners = inner[:, ~removed], corners[:, ~removed]
-        old = np.where(inner[0], corners[0], np.where(inner[1], corners[1], corners[2]))
-        left = np.where(inner[0], corners[1], np.where(inner[1], corners[2], corners[0]))
-        right = np.where(inner[0], corners[2], np.where(inner[1], corners[0], corners[1]))
-        self.row_of_face = np.full(faces.shape[1], -1)
-        self.row_of_face[self.face] = np.arange(len(self.face))
-        self._apex = np.take(position, self.star, axis=1)
-        a, b = np.take(vertices, left, axis=1), np.take(vertices, right, axis=1)
-        self._left, self._right = a - self._apex, b - self._apex
-        self.good = self._manifold(count, opposite, left, right, vertex_count)
-        self.good[self.star[self._worse(np.take(vertices, old, axis=1), a, b)]] = False
-        self._order = np.argsort(self.star, kind="stable")
-        self._size = np.bincount(self.star, minlength=count)
-        self.start = np.cumsum(self._size) - self._size
-
-    def _manifold(
-        self, count: int, opposite: np.ndarray, left: np.ndarray, right: np.ndarray, vertex_count: int
-    ) -> np.ndarray:
-        """The link condition: the ends share two neighbours, those beside the edge, and no face between these."""
-        low, high = np.full(count, vertex_count), np.full(count, -1)
-        np.minimum.at(low, self.removed_star, opposite)
-        np.maximum.at(high, self.removed_star, opposite)
-        good = (np.bincount(self.removed_star, minlength=count) == 2) & (low != high)
-        good &= np.bincount(self.star, minlength=count) >= 3
-        good[self.star[(np.minimum(left, right) == low[self.star]) & (np.maximum(left, right) == high[self.star])]] = (
-            False
-        )
-        # around a disc every vertex of the ring comes once
-        ring = np.sort(self.star * vertex_count + left)
-        good[ring[1:][ring[1:] == ring[:-1]] // vertex_count] = False
-        return good
-
-    def _worse(self, old: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """``(R,)`` bool: the face flips over or becomes a sliver, where its inner corner was ``old`` (3, R)."""
-        normal, before = cross(self._left, self._right), cross(a - old, b - old)
-        across = dot(b - a, b - a)
-        squared, squared_before = dot(normal, normal), dot(before, before)
-        sides = dot(self._left, self._left) + dot(self._right, self._right) + across
-        sides_before = dot(a - old, a - old) + dot(b - old, b - old) + across
-        quality = 12 * squared / np.maximum(sides * sides, 1e-300)
-        quality_before = 12 * squared_before / np.maximum(sides_before * sides_before, 1e-300)
-        along = dot(normal, before)
-        flipped = (along < 0) | (along * along < _SMALLEST_COSINE**2 * squared * squared_before)
-        sliver = (quality < _SMALLEST_QUALITY**2) & (quality <= quality_before) | (quality < 1e-10)
-        return (flipped & (quality_before > _DEGENERATE**2)) | sliver
-
-    def squared_distances(self, row: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """``(N,)`` of points ``(3, N)`` from rows ``(N,)``, mm^2."""
-        offset = points - np.take(self._apex, row, axis=1)
-        return squared_triangle_distances(np.take(self._left, row, axis=1), np.take(self._right, row, axis=1), offset)
-
-    def nearest(self, star: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Squared distances ``(N,)``, mm^2, of points ``(3, N)`` from all of their stars, and the nearest rows."""
-        squared, row = np.empty(len(star)), np.empty(len(star), np.intp)
-        for at in range(0, len(star), _BLOCK // 8):
-            block = slice(at, at + _BLOCK // 8)
-            size = self._size[star[block]]
-            end = np.cumsum(size)
-            point = np.repeat(np.arange(len(size)), size)
-            rows = self._order[self.start[star[block]][point] + np.arange(end[-1]) - (end - size)[point]]
-            found = self.squared_distances(rows, points[:, block][:, point])
-            least = np.minimum.reduceat(found, end - size)
-            hit = np.flatnonzero(found == least[point])[::-1]
-            best = np.empty(len(size), np.intp)
-            best[point[hit]] = rows[hit]
-            squared[block], row[block] = least, best
-        return squared, row
-
-
 def _edges(faces: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray]:
     """``(2, E)`` edges of faces ``(3, F)``; ``(V,)`` bool: vertices on a border, a seam or an edge of many faces."""
     start, end = faces.ravel(), faces[[1, 2, 0]].ravel()
@@ -384,8 +284,9 @@ def _edges(faces: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray
     return edges, locked
 
 
-def _unique_edges(first: np.ndarray, second: np.ndarray, vertex_count: int) -> np.ndarray:
+def _unique_edges(edges: np.ndarray, vertex_count: int) -> np.ndarray:
     """``(2, E)`` edges, each once, without those from a vertex to itself."""
+    first, second = edges
     key = np.sort((np.minimum(first, second) * vertex_count + np.maximum(first, second))[first != second])
     key = key[np.append(True, key[1:] != key[:-1])] if len(key) else key
     return np.stack([key // vertex_count, key % vertex_count])

@@ -1,11 +1,12 @@
 """Simplification of a surface to a stated tolerance: few faces where it is smooth, all that it takes elsewhere.
 
 The distance is measured, both ways, at the vertices, the midpoints of the edges and the centres of the faces of both
-surfaces. :mod:`pipeline.surface.edge_collapse` keeps the vertices of the original within tolerance by construction; what
-the other samples find too far off is done again with a tighter tolerance there.
+surfaces. :mod:`pipeline.surface.edge_collapse` keeps the vertices of the original within tolerance by construction.
+Where the other samples find too large a distance, the original comes back and is reduced with a tighter tolerance.
 """
 
 from collections.abc import Callable
+from itertools import count
 
 import numpy as np
 
@@ -56,12 +57,14 @@ def simplified(
     report = progress or (lambda share: None)
     guard = _Guard(mesh, tolerance)
     state = EdgeCollapse(mesh, tolerance)
+    rounds = count(1)
     while True:
-        _reduce(state, report)
-        report(1.0)
+        while _pays(state):
+            report(min(next(rounds) / _USUAL_ROUNDS, 0.95))
         reduced = state.mesh
         vertices, points = guard.exceeding(reduced, state)
         if len(vertices) == 0 and len(points) == 0:
+            report(1.0)
             return reduced
         state.fresh[:] = False
         state.restore(vertices, points, _TIGHTER)
@@ -112,16 +115,11 @@ def _checked_tolerance(tolerance_mm: float | np.ndarray, vertex_count: int) -> n
     return np.broadcast_to(tolerance, (vertex_count,)).copy()
 
 
-def _reduce(state: EdgeCollapse, report: Callable[[float], None]) -> None:
-    """Collapse edges until a round no longer pays."""
-    rounds = 0
-    while True:
-        before = state.vertex_count
-        removed = state.collapse()
-        rounds += 1
-        report(min(rounds / _USUAL_ROUNDS, 0.95))
-        if removed < max(_LEAST_PROGRESS * before, 1):
-            return
+def _pays(state: EdgeCollapse) -> bool:
+    """Do a round of collapses; whether another one pays."""
+    before = state.vertex_count
+    tried, removed = state.collapse()
+    return tried > 0 and (removed >= tried / 3 or removed + 1 >= _LEAST_PROGRESS * before)
 
 
 class _Guard:

@@ -62,7 +62,7 @@ class DrillPlan:
     strokes
         In any order: their union is removed.
     margins_mm
-        Least thickness of bone that stays around each structure, by its name.
+        Least thickness that stays around each structure, by its name.
     """
 
     strokes: tuple[Stroke, ...] = ()

@@ -26,7 +26,7 @@ _CORNERS = np.array([[corner & 1, corner >> 1 & 1, corner >> 2 & 1] for corner i
 _OWN_EDGES = np.array([[(case ^ case >> (1 << axis)) & 1 for axis in range(3)] for case in range(256)], np.bool_)
 """``(256, 3)``: which of the edges along x, y and z from a cell's first corner leave the material."""
 _OWN_COUNT = _OWN_EDGES.sum(axis=1)
-_OWN_RANK = (np.cumsum(_OWN_EDGES, axis=1) - _OWN_EDGES).astype(np.uint8)
+_OWN_RANK: np.ndarray = (np.cumsum(_OWN_EDGES, axis=1) - _OWN_EDGES).astype(np.uint8)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""A CT in the add-on: reading, the script's surface to the last bit, the drill, undo, files beside the case, bad files."""
+"""A CT in the add-on: the script's surface to the last bit, the drill, undo, files beside the case, bad files."""
 
 import threading
 import time
@@ -29,6 +29,11 @@ from pipeline.volume.volume_reader import read_volume
 SIZE, SPACING = (44, 40, 36), (0.5, 0.5, 0.6)
 ORIGIN = np.array([-12.0, 30.0, 5.0])
 CENTRE = ORIGIN + np.array(SPACING) * (np.array(SIZE) - 1) / 2
+
+
+def near(*offset):
+    """A point beside the centre, mm."""
+    return CENTRE + np.array(offset)
 
 
 @pytest.fixture(scope="module")
@@ -81,8 +86,8 @@ def surface_bytes(scene):
 
 
 STROKES = (
-    (2.0, [CENTRE + [7, 0, 6], CENTRE + [3, 0, 6], CENTRE + [0, 1, 6]]),
-    (1.5, [CENTRE + [0, 0, 5], CENTRE + [0, 0, 0]]),
+    (2.0, [near(7, 0, 6), near(3, 0, 6), near(0, 1, 6)]),
+    (1.5, [near(0, 0, 5), near(0, 0, 0)]),
 )
 
 
@@ -181,16 +186,16 @@ def test_the_burr_meets_the_bone_where_the_ray_does_and_stops_at_the_margin(scen
     bpy.ops.oneframe.make_surface()
     bpy.ops.oneframe.drill()
     session = drill_session.of(scene)
-    hit = session.hit(None, CENTRE + [0, 0, 50], np.array([0, 0, -2.0]))
-    np.testing.assert_allclose(hit, CENTRE + [0, 0, 8], atol=0.1)
-    assert session.hit(None, CENTRE + [0, 9.5, 50], np.array([0, 0, -1.0])) is None
-    reached = session.reached(CENTRE + [0, 0, 12], CENTRE, 1.5)
+    hit = session.hit(None, near(0, 0, 50), np.array([0, 0, -2.0]))
+    np.testing.assert_allclose(hit, near(0, 0, 8), atol=0.1)
+    assert session.hit(None, near(0, 9.5, 50), np.array([0, 0, -1.0])) is None
+    reached = session.reached(near(0, 0, 12), CENTRE, 1.5)
     # nerve of 1 mm, margin of 1 mm, burr of 1.5 mm
     assert reached[2] - CENTRE[2] == pytest.approx(3.5, abs=0.3)
-    name, distance = session.nearest(CENTRE + [0, 0, 4])
+    name, distance = session.nearest(near(0, 0, 4))
     assert (name, distance) == ("facial_nerve", pytest.approx(3.0, abs=0.3))
-    session.begin(2.0, CENTRE + [0, 0, 8])
-    deeper = session.hit(session.removed, CENTRE + [0, 0, 50], np.array([0, 0, -1.0]))
+    session.begin(2.0, near(0, 0, 8))
+    deeper = session.hit(session.removed, near(0, 0, 50), np.array([0, 0, -1.0]))
     assert deeper[2] == pytest.approx(CENTRE[2] + 6, abs=0.1)
 
 

@@ -9,7 +9,7 @@ from mathutils import Matrix, Vector
 
 PACKAGE = "bl_ext.user_default.oneframe"
 TIMEOUT_S = 400
-SIZE, SPACING = (48, 48, 44), 0.6
+SIZE, SPACING = (49, 49, 45), 0.6
 
 
 def part(name):

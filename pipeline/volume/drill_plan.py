@@ -11,6 +11,7 @@ A TOML file in the frame of the mesh (LPS), mm::
 """
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -105,7 +106,7 @@ def plan_text(plan: DrillPlan) -> str:
     lines = ["# strokes of a virtual drill; LPS, mm"]
     if plan.margins_mm:
         lines += ["", "[margins_mm]"]
-        lines += [f"{json.dumps(name)} = {float(value)!r}" for name, value in plan.margins_mm.items()]
+        lines += [f"{_key(name)} = {float(value)!r}" for name, value in plan.margins_mm.items()]
     for stroke in plan.strokes:
         points = ", ".join(f"[{', '.join(repr(float(x)) for x in point)}]" for point in stroke.points)
         lines += ["", "[[strokes]]", f"radius_mm = {float(stroke.radius_mm)!r}", f"points_mm = [{points}]"]
@@ -200,6 +201,13 @@ def _length(value: Any, where: str, most: float, *, or_zero: bool = False) -> fl
 
 def _is_coordinate(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MOST_MM
+
+
+def _key(name: str) -> str:
+    """A key of TOML, quoted where it must be."""
+    if re.fullmatch("[A-Za-z0-9_-]+", name):
+        return name
+    return json.dumps(name, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _box(lower: np.ndarray, upper: np.ndarray) -> str:

@@ -108,7 +108,10 @@ def test_strokes_outside_the_volume_are_refused_and_those_partly_outside_counted
     grid = VoxelGrid((40, 40, 40), turned)
     inside, leaving = Stroke(1.0, np.array([[0.0, 14.0, 10.0]])), Stroke(1.0, np.array([[0, 14, 10], [0, 14, 30.0]]))
     # in the box around the turned volume, but not in the volume; and on both sides of it
-    corner, around = Stroke(1.0, np.array([[13.0, 2.0, 10.0]])), Stroke(1.0, np.array([[0, 14, 25.0], [0, 40, 10.0]]))
+    corner, around = (
+        Stroke(1.0, np.array([[13.0, 2.0, 10.0]])),
+        Stroke(1.0, np.array([[0, 14, 25.0], [0, 50, 25], [0, 50, 10]])),
+    )
     assert check_strokes(DrillPlan((inside, inside)), grid, "plan") == []
     assert check_strokes(DrillPlan((inside, leaving, leaving)), grid, "plan") == [
         "plan: 2 of 3 strokes begin, bend or end outside the volume (the first: stroke 2)"

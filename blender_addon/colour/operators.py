@@ -16,7 +16,7 @@ from ..pipeline.errors import InputError, RunError
 from ..registration import class_registration, prop
 from ..state import from_scene
 from ..state.camera_view import spaces_of
-from ..ui.background_work import NAVIGATION, POLL_SECONDS, BackgroundWork, show_status
+from ..ui.background_work import NAVIGATION, POLL_SECONDS, BackgroundWork, check_inputs, inputs_of, show_status
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, redraw
 from . import colouring
 
@@ -90,6 +90,7 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
             return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
         if self._source is None or self._work is None:
             self._source = colouring.source_of(context.scene)
+            self._inputs = inputs_of(context.scene)
             self._work = BackgroundWork(partial(colouring.coloured, self._source, self.mode))
         work = self._work
         if work.running:
@@ -98,6 +99,7 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
         if work.error is not None:
             raise work.error
         if work.result is not None:
+            check_inputs(context.scene, self._inputs)
             for message in colouring.put(context.scene, self._source, work.result):
                 self.report({"INFO"}, message)
             show_colour(from_scene.surface_of(context.scene))

@@ -5,6 +5,7 @@ import bpy
 from ..pipeline.blender.colour.surface_colour import colour_record
 from ..pipeline.errors import InputError
 from ..registration import class_registration
+from ..state import from_scene
 from ..ui.wrapped_text import draw_text
 from . import operators
 
@@ -19,6 +20,10 @@ class ONEFRAME_PT_colour(bpy.types.Panel):
     bl_category = "OneFrame"
     bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return from_scene.is_set_up(context.scene)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene

@@ -14,6 +14,7 @@ from ..pipeline.errors import InputError
 from ..registration import class_registration, prop
 from ..state import from_scene
 from ..state.file_watch import Stamp, known_stamp
+from ..ui.frame_view import shows_frame
 from ..ui.operator import Messages, NeedsAlignment, Reporting
 from . import background_job, pose_preview
 from .existing_dataset import check_folder, existing_views
@@ -30,7 +31,15 @@ CONTACT_SHEET = "contact_sheet.png"
 POPUP_CHARACTERS = 90
 
 
-class ONEFRAME_OT_preview_poses(NeedsAlignment, Reporting, bpy.types.Operator):
+class _AboutOptions(NeedsAlignment, Reporting):
+    """Mixin: the errors name options."""
+
+    def worded(self, message: str) -> str:
+        """The error with the options' labels."""
+        return in_window_words(message)
+
+
+class ONEFRAME_OT_preview_poses(_AboutOptions, bpy.types.Operator):
     """Show the first poses of the dataset as cameras around the surface; orange: little observed by the frame"""
 
     bl_idname = "oneframe.preview_poses"
@@ -43,10 +52,9 @@ class ONEFRAME_OT_preview_poses(NeedsAlignment, Reporting, bpy.types.Operator):
             f"{len(planned.lines)} of {planned.count} poses: the frame observed {planned.observed.min():.0%} to "
             f"{planned.observed.max():.0%} of the surface in view; {planned.attempts:.1f} attempts per pose"
         )
-        return (
-            message,
-            "leave the camera view (middle mouse button or numpad 0) to see the poses",
-        )
+        if shows_frame(context):
+            return message, "the poses are seen from elsewhere: press Orbit, then Home"
+        return message, "press Home in the view to see all of them"
 
 
 class ONEFRAME_OT_hide_poses(Reporting, bpy.types.Operator):
@@ -64,7 +72,7 @@ class ONEFRAME_OT_hide_poses(Reporting, bpy.types.Operator):
         pose_preview.hide()
 
 
-class ONEFRAME_OT_preview_view(NeedsAlignment, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_preview_view(_AboutOptions, bpy.types.Operator):
     """Render one view of the dataset exactly as the run will, and show it in the panel and in an Image Editor"""
 
     bl_idname = "oneframe.preview_view"
@@ -113,7 +121,7 @@ class ONEFRAME_OT_enlarge_preview(Reporting, bpy.types.Operator):
         area.spaces.active.image = image
 
 
-class ONEFRAME_OT_render_dataset(NeedsAlignment, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_render_dataset(_AboutOptions, bpy.types.Operator):
     """Render the dataset in the background; continues a stopped run, and extends a dataset if Views has grown"""
 
     bl_idname = "oneframe.render_dataset"
@@ -132,10 +140,7 @@ class ONEFRAME_OT_render_dataset(NeedsAlignment, Reporting, bpy.types.Operator):
         scene = context.scene
         # before anything is written: check everything that the run would refuse
         loaded = from_scene.loaded_case(scene)
-        try:
-            options = pose_preview.dataset_options(scene)
-        except InputError as error:
-            raise InputError(in_window_words(str(error))) from None
+        options = pose_preview.dataset_options(scene)
         listed = pose_preview.listed_poses(loaded, options)
         out = output_folder(scene)
         count = options.count if listed is None else len(listed)

@@ -6,10 +6,11 @@ import bpy
 
 from ..pipeline.errors import InputError
 from ..registration import class_registration
+from ..state import from_scene
 from ..state.file_watch import known_stamp
 from ..ui.wrapped_text import draw_text
 from . import background_job, operators, pose_preview
-from .wording import LABELS, in_window_words
+from .wording import in_window_words
 
 SAMPLER_OPTIONS = {
     "cone": ("cone_deg", "roll_deg", "distance_min", "distance_max", "shift_mm"),
@@ -38,17 +39,22 @@ class ONEFRAME_PT_dataset(_DatasetPanel, bpy.types.Panel):
     bl_label = "7  Dataset"
     bl_order = 6
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        # a run goes on, and can be cancelled, whatever becomes of the scene
+        return from_scene.is_set_up(context.scene) or background_job.current() is not None
+
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.oneframe
         layout.use_property_split, layout.use_property_decorate = True, False
         options = settings.dataset
         column = layout.column(align=True)
-        column.prop(options, "count", text="Views")
+        column.prop(options, "count")
         column.prop(options, "seed")
         column = layout.column(align=True)
-        column.prop(options, "sampler", text="Poses")
+        column.prop(options, "sampler")
         for name in SAMPLER_OPTIONS[options.sampler]:  # type: ignore[attr-defined]  # from DatasetOptions
-            column.prop(options, name, text=LABELS[name])
+            column.prop(options, name)
         try:
             pose_preview.dataset_options(context.scene)
         except InputError as error:
@@ -68,9 +74,9 @@ class ONEFRAME_PT_dataset_options(_DatasetPanel, bpy.types.Panel):
         for names in (CONSTRAINTS, RENDERING):
             column = layout.column(align=True)
             for name in names:
-                column.prop(options, name, text=LABELS.get(name))
+                column.prop(options, name)
         if options.video:  # type: ignore[attr-defined]  # from DatasetOptions
-            column.prop(options, "video_frames", text=LABELS["video_frames"])
+            column.prop(options, "video_frames")
 
 
 class ONEFRAME_PT_dataset_preview(_DatasetPanel, bpy.types.Panel):

@@ -6,28 +6,7 @@ from pathlib import Path
 
 from ..pipeline.dataset.differences import DEPTH_SCALE, LISTED, Difference
 from ..pipeline.dataset.options import COLOURS, ENGINES
-
-LABELS = {
-    "count": "Views",
-    "cone_deg": "Max Tilt (°)",
-    "roll_deg": "Max Roll (°)",
-    "distance_min": "Nearest (×)",
-    "distance_max": "Farthest (×)",
-    "shift_mm": "Max Shift (mm)",
-    "sigma_deg": "Rotation σ (°)",
-    "sigma_mm": "Translation σ (mm)",
-    "polar_deg": "Max Angle (°)",
-    "min_observed": "Min Observed",
-    "min_surface": "Min Surface",
-    "min_clearance_mm": "Clearance (mm)",
-    "sampler": "Poses",
-    "samples": "Rays at Edges",
-    "scale": "Image Size (×)",
-    "float_depth": "Float Depth",
-    "video": "Video",
-    "video_frames": "Video Frames",
-}
-"""Labels of the dataset's options in the panel."""
+from ..state.option_labels import LABELS, label
 
 _INPUTS = {"frame": "the frame's image", "surface": "the surface's file"}
 _FRAME = {"cam_from_model": "the pose", "distortion": "the distortion"}
@@ -40,15 +19,12 @@ _SENTENCES = (
 )
 
 
-def label(option: str) -> str:
-    """The label of an option in the panel."""
-    return LABELS.get(option) or option.replace("_", " ").title()
-
-
 def in_window_words(message: str) -> str:
     """A message of the pipeline for the window: ``--engine cycles`` becomes ``Engine Cycles``."""
     for words, own in _SENTENCES:
         message = message.replace(words, own)
+    # other names, such as "distance", are words as well
+    message = re.sub(r"\b[a-z]+(?:_[a-z]+)+\b", lambda found: LABELS.get(found[0], found[0]), message)
     return re.sub(r"--([a-z][a-z-]*)(?: ([a-z]+)\b)?", _named, message)
 
 

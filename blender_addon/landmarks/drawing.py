@@ -115,7 +115,8 @@ def _draw_view() -> None:
     context = bpy.context
     scene = context.scene
     if workbench.is_workbench(scene) and not from_scene.is_set_up(scene):
-        _draw_next_step(context)
+        if not scene.oneframe_ct.drilling:
+            _draw_next_step(context)
         return
     if not scene.oneframe.show_landmarks or not scene.oneframe.landmarks or not from_scene.is_set_up(scene):
         return
@@ -140,7 +141,7 @@ def _draw_next_step(context: bpy.types.Context) -> None:
 def _draw_pointer(xy: tuple[int, int]) -> None:
     """Draw the instruction next to the pointer while the tool is active and picking is unfinished."""
     context = bpy.context
-    if context.space_data is None or not tool.is_active(context) or not from_scene.is_set_up(context.scene):
+    if context.space_data is None or not tool.is_waiting(context) or not from_scene.is_set_up(context.scene):
         return
     landmarks = from_scene.landmarks_model(context.scene)
     if gestures.running() is not None or not is_unfinished(landmarks):

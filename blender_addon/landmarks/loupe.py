@@ -42,8 +42,8 @@ _handle: object | None = None
 
 
 def is_wanted(context: bpy.types.Context) -> bool:
-    """Whether to show the loupe: the landmark tool is active, and the loupe is switched on."""
-    return from_scene.is_set_up(context.scene) and context.scene.oneframe_view.loupe and tool.is_active(context)
+    """Whether to show the loupe: it is switched on, and a click of the active tool picks or pulls."""
+    return from_scene.is_set_up(context.scene) and context.scene.oneframe_view.loupe and tool.is_waiting(context)
 
 
 def draw_loupe(pointer: tuple[int, int]) -> None:

@@ -9,7 +9,7 @@ from ..pipeline.files.numbers import format_two_digits
 from ..registration import class_registration
 from ..state import from_scene, pose_evidence
 from ..state.properties import ONEFRAME_PG_landmark, ONEFRAME_PG_scene
-from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, active_tool
+from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool
 from ..ui.wrapped_text import draw_text
 from . import solve, tool
 from .solve import Solution
@@ -67,8 +67,8 @@ class ONEFRAME_PT_landmarks(bpy.types.Panel):
         row = layout.row(align=True)
         row.enabled = context.mode == "OBJECT"
         active = active_tool(context)
-        for name, text, icon in ((PIN_TOOL, "Pull Pins", "PINNED"), (LANDMARK_TOOL, "Pick Landmarks", "EYEDROPPER")):
-            row.operator("wm.tool_set_by_id", text=text, icon=icon, depress=active == name).name = name
+        for name, icon in ((PIN_TOOL, "PINNED"), (LANDMARK_TOOL, "EYEDROPPER")):
+            row.operator("wm.tool_set_by_id", text=TOOLS[name], icon=icon, depress=active == name).name = name
         if tool.is_active(context):
             draw_text(layout, tool.instruction(context), icon="INFO")
         row = layout.row()

@@ -9,6 +9,8 @@ from ..ui.frame_view import shows_frame
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool
 
 TOOL = LANDMARK_TOOL
+GESTURE = "ONEFRAME_OT_landmark_gesture"
+"""Name, in Blender, of the operator with which the mouse picks and pulls."""
 
 KEYS = (
     ("Click", "Pick image point"),
@@ -65,8 +67,9 @@ class LandmarkTool(bpy.types.WorkSpaceTool):
 def instruction(context: bpy.types.Context) -> str:
     """The instruction for the next click, shown in the tool's header, in the panel and next to the pointer."""
     scene = context.scene
-    if not from_scene.is_set_up(scene):
-        return missing_step(scene)
+    missing = missing_step(scene)
+    if missing:
+        return missing
     landmarks = from_scene.landmarks_model(scene)
     in_frame = shows_frame(context)
     if active_tool(context) == PIN_TOOL and in_frame:
@@ -77,6 +80,14 @@ def instruction(context: bpy.types.Context) -> str:
 def is_active(context: bpy.types.Context) -> bool:
     """Whether one of these tools is the active one."""
     return active_tool(context) in (PIN_TOOL, LANDMARK_TOOL)
+
+
+def is_waiting(context: bpy.types.Context) -> bool:
+    """Whether a click picks or pulls: not while a refinement, a colouring or a drag of the surface has the mouse."""
+    running = () if context.window is None else context.window.modal_operators
+    return is_active(context) and not any(
+        operator.bl_idname.startswith("ONEFRAME_OT_") and operator.bl_idname != GESTURE for operator in running
+    )
 
 
 def register() -> None:

@@ -70,12 +70,12 @@ def record_lines(record: Mapping[str, object]) -> list[str]:
         lines.append(f"Off by {bound} {format_two_digits(number['error_px'])} px")
     if "pairs" in number:
         rms = f", RMS {number['rms_px']:.2f} px" if "rms_px" in number else ""
-        lines.append(f"{number['pairs']} correspondences{rms}")
+        lines.append(f"{_counted(number['pairs'], 'correspondence')}{rms}")
     if "explained" in number:
         lines.append(f"{number['explained']:.0%} of the image explained")
     if "start_method" in record:
         start = KINDS.get(str(record["start_method"]), (str(record["start_method"]), ""))[0]
-        figures = [f"{number['start_pairs']} pairs"] if "start_pairs" in number else []
+        figures = [_counted(number["start_pairs"], "pair")] if "start_pairs" in number else []
         figures += [f"off by {format_two_digits(number['start_error_px'])} px"] if "start_error_px" in number else []
         lines.append(f"Started: {start[0].lower()}{start[1:]}" + "".join(f", {figure}" for figure in figures))
     for key, unit in (("standard_deviation_deg", "°"), ("standard_deviation_mm", " mm")):
@@ -83,6 +83,10 @@ def record_lines(record: Mapping[str, object]) -> list[str]:
         if isinstance(values, list | tuple):
             lines.append("± " + ", ".join(format_two_digits(value) for value in values) + f"{unit} (x, y, z)")
     return lines
+
+
+def _counted(count: float, noun: str) -> str:
+    return f"{count} {noun}" + ("" if count == 1 else "s")
 
 
 _CLASSES = (ONEFRAME_PT_evidence,)

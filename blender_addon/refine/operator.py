@@ -15,7 +15,7 @@ from ..pipeline.errors import InputError, RunError
 from ..registration import class_registration, prop
 from ..setup.alignment_record import pose_record
 from ..state import from_scene, pose_evidence
-from ..ui.background_work import POLL_SECONDS, BackgroundWork, show_status
+from ..ui.background_work import POLL_SECONDS, BackgroundWork, check_inputs, inputs_of, show_status
 from ..ui.keymap import Key, Keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
 from .preview import Preview, take
@@ -61,6 +61,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, Preview, bpy.types.Operator)
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         self._start = loaded.cam_from_model
+        self._inputs = inputs_of(context.scene)
         self._refining = BackgroundWork(partial(refined, loaded, colours))
         self._timer: bpy.types.Timer | None = context.window_manager.event_timer_add(
             POLL_SECONDS, window=context.window
@@ -92,6 +93,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, Preview, bpy.types.Operator)
         if result is None:
             return self.end(context, "CANCELLED")
         if began:
+            check_inputs(context.scene, self._inputs)
             _remember(result)
             if not result.accepted and not result.can_be_taken:
                 return self.end(context, "CANCELLED", error=result.message)

@@ -21,14 +21,16 @@ class ONEFRAME_PT_refine(bpy.types.Panel):
     bl_category = "OneFrame"
     bl_order = 4
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return from_scene.is_set_up(context.scene)
+
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
         layout.operator_context = "INVOKE_DEFAULT"
         row = layout.split(factor=0.85, align=True)
         row.operator("oneframe.refine", text="Refine Against Image", icon="SNAP_ON")
         draw_key(row, "oneframe.refine")
-        if not from_scene.is_set_up(scene):
-            return
         try:
             found = operator.outcome(scene)
         except InputError:

@@ -13,7 +13,7 @@ from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.blender.case.load_case import load_case
 from ..pipeline.camera.intrinsics_file import read_camera
-from ..pipeline.camera.plausibility import fit_of
+from ..pipeline.camera.plausibility import camera_doubts, fit_of
 from ..pipeline.case.case_file import MM_PER_UNIT, Case, read_case
 from ..pipeline.case.case_update import update_case
 from ..pipeline.case.structure_colour import structure_colour
@@ -32,6 +32,7 @@ from ..state.inputs import input_files
 from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
 from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, call
+from ..volume.surface_files import keep_beside
 from .alignment_record import recorded_case, remember_opened
 from .unsaved import ANSWER, QUESTION, unsaved_text
 
@@ -98,7 +99,7 @@ class ONEFRAME_OT_discard_case(Asking, bpy.types.Operator):
         call("open_case", "INVOKE_DEFAULT", discard=True, filepath=self.filepath)
 
 
-class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):
+class ONEFRAME_OT_save_case(NeedsAlignment, ReportingFile, bpy.types.Operator, ExportHelper):
     """Save frame, K, surface, pose and landmarks as a case file, the input of render_dataset.py"""
 
     bl_idname = "oneframe.save_case"
@@ -113,21 +114,24 @@ class ONEFRAME_OT_save_case(ReportingFile, bpy.types.Operator, ExportHelper):
             name="Save As",
             description="Ask for the file even if the case already has one",
             default=False,
-            options={"SKIP_SAVE"},
+            options={"SKIP_SAVE", "HIDDEN"},
         )
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         known = bpy.path.abspath(context.scene.oneframe.case_path)
-        self.filepath = known or "case.toml"
+        frame_path = context.scene.oneframe.frame_path
+        beside = from_scene.absolute_path(frame_path).parent if frame_path else Path()
+        self.filepath = known or str(beside / "case.toml")
         return self.execute(context) if known and not self.save_as else super().invoke(context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:
         from_scene.check_mesh_unedited(context.scene)
         path, settings = self.chosen_file(), context.scene.oneframe
+        kept = keep_beside(context.scene, path.parent)
         update_case(path, _with_kept_record(recorded_case(context.scene, path)))
         settings.case_path, settings.case_dataset_text = str(path), json.dumps(read_case(path).dataset)
-        return (f"saved {path}",)
+        return (f"saved {', '.join(map(str, (path, *kept)))}",)
 
 
 def _with_kept_record(case: Case) -> Case:
@@ -170,7 +174,11 @@ class ONEFRAME_OT_load_video_frame(ReportingFile, bpy.types.Operator, ImportHelp
     def run(self, context: bpy.types.Context) -> Messages:
         from ..pipeline.video.frame_reader import write_video_frame
 
-        path = write_video_frame(self.chosen_file(), self.frame_index)
+        video = self.chosen_file()
+        # the decoder would take a single JPEG for a video
+        if "*" + video.suffix.lower() in IMAGES.split(";"):
+            raise InputError(f"{video.name}: expected a video, found an image; open it with Load Frame")
+        path = write_video_frame(video, self.frame_index)
         image, _ = read_image(path, path.name)
         messages = to_scene.set_frame(context, path, image.shape[1], image.shape[0])
         return (f"frame {self.frame_index} saved as {path}", *messages)
@@ -191,7 +199,9 @@ class ONEFRAME_OT_load_camera(ReportingFile, bpy.types.Operator, ImportHelper):
         if size is None:
             raise InputError(f"{self.filepath}: expected an image size, found none in this file; load the frame first")
         fit = fit_of(found, size)
-        to_scene.set_camera(context, fit.camera, found.distortion_for(fit.camera))
+        # of another size, the panel offers to rescale it, as it does when the frame is loaded after K
+        camera = fit.camera if fit.rescaled is None or found.size is None else found.camera(found.size)
+        to_scene.set_camera(context, camera, found.distortion_for(camera))
         return *found.messages, *fit.messages
 
 
@@ -205,7 +215,7 @@ class ONEFRAME_OT_set_camera(Reporting, bpy.types.Operator):
     def run(self, context: bpy.types.Context) -> Messages:
         camera, distortion = to_scene.typed_camera(context.scene)
         to_scene.set_camera(context, camera, distortion)
-        return to_scene.frame_warnings(context.scene)
+        return *to_scene.frame_warnings(context.scene), *camera_doubts(camera)
 
 
 class ONEFRAME_OT_rescale_camera(Reporting, bpy.types.Operator):
@@ -288,6 +298,8 @@ class ONEFRAME_OT_change_units(Reporting, bpy.types.Operator):
             raise InputError("expected Object mode; press Tab to leave Edit mode, then change the units")
         if self.units != scene.oneframe.units:
             to_scene.rescale(context, self.units)
+            # until then, the object has its old bounding box
+            context.evaluated_depsgraph_get()
         doubt = _size_doubt(scene, surface_extents(scene))
         return () if doubt is None else (doubt.message,)
 
@@ -304,6 +316,13 @@ class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper)
     files: "bpy.types.bpy_prop_collection_idprop[bpy.types.OperatorFileListElement]" = prop(
         CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
     )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if from_scene.present_surface(context.scene) is not None:
+            return True
+        cls.poll_message_set("Load the surface first: structures are given in the frame and units of its file")
+        return False
 
     def run(self, context: bpy.types.Context) -> Messages:
         surface = from_scene.surface_of(context.scene)

@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..pipeline.camera.plausibility import camera_doubts
 from ..pipeline.case.surface_size import size_text
 from ..pipeline.errors import InputError
 from ..registration import class_registration
@@ -107,12 +108,15 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     if step:
         draw_text(layout, step, icon="INFO")
     if step == OPEN:
-        if workbench.existing() is not None:
+        if workbench.existing() not in (None, scene):
             layout.operator("oneframe.enter_workbench", icon="WORKSPACE")
         layout.operator("oneframe.open_sample", icon="HELP")
     for message in frame_warnings(scene):
         draw_text(layout, message, icon="ERROR")
         layout.operator("oneframe.rescale_camera", icon="FULLSCREEN_ENTER")
+    if from_scene.present_camera(scene) is not None and not frame_warnings(scene):
+        for message in camera_doubts(from_scene.camera(scene)):
+            draw_text(layout, message, icon="QUESTION")
     if from_scene.is_set_up(scene):
         try:
             from_scene.cam_from_model(scene)

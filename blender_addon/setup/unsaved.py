@@ -53,9 +53,9 @@ def unsaved_text(scene: bpy.types.Scene) -> str:
         return ""
     listed = parts[0] if len(parts) == 1 else ", ".join(parts[:-1]) + " and " + parts[-1]
     if not scene.oneframe.case_path:
-        return f"This case has never been saved: {listed}. Open another one and lose them?"
+        return f"Never saved: {listed}. Open another case without saving?"
     name = bpy.path.basename(scene.oneframe.case_path)
-    return f"Changes that {name} lacks: {listed}. Open another case and lose them?"
+    return f"Changes that {name} lacks: {listed}. Open another case without saving?"
 
 
 def _aligned_parts(scene: bpy.types.Scene) -> tuple[str, ...]:

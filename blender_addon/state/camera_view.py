@@ -38,9 +38,14 @@ def views(context: bpy.types.Context) -> list[bpy.types.Area]:
 
 
 def look_through_camera(context: bpy.types.Context) -> None:
-    """Look through the camera in the context's 3D view, or else in the largest one; nothing if one already does."""
+    """Look through the camera in the context's 3D view, or else in the largest one; nothing if one already does.
+
+    Without a camera, look at the surface.
+    """
     scene, areas = context.scene, views(context)
     if scene.oneframe.camera_object is None:
+        for area in areas:
+            _look_at_surface(scene, area.spaces.active)
         return
     for area in areas:
         aim(scene, area.spaces.active)
@@ -83,6 +88,16 @@ def aim(scene: bpy.types.Scene, space: bpy.types.SpaceView3D) -> None:
     region_3d.view_distance = depth
     space.lens = float(np.clip(VIEW_SENSOR_MM * camera.fx / max(camera.size_wh), 1, 250))
     space.clip_start, space.clip_end = 0.01 * depth, 10 * (depth + surface_object.radius_of(surface))
+
+
+def _look_at_surface(scene: bpy.types.Scene, space: bpy.types.SpaceView3D) -> None:
+    surface = from_scene.present_surface(scene)
+    if surface is None:
+        return
+    radius = surface_object.radius_of(surface)
+    space.region_3d.view_location = surface.matrix_world.translation
+    space.region_3d.view_distance = 3 * radius
+    space.clip_start, space.clip_end = 0.01 * radius, 100 * radius
 
 
 def show_shape(context: bpy.types.Context) -> None:

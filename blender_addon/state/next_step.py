@@ -4,7 +4,7 @@ import bpy
 
 from . import from_scene
 
-OPEN = "Open a case, or load frame, K and surface in any order. Files can be dropped onto the view."
+OPEN = "Open a case, which can also be dropped onto the view, or load frame, K and surface in any order."
 
 
 def next_step(scene: bpy.types.Scene) -> str:

@@ -21,6 +21,7 @@ from ..pipeline.camera.pinhole import PixelOrigin
 from ..pipeline.dataset.options import DatasetOptions
 from ..registration import class_registration, prop
 from . import events
+from .option_labels import label
 
 UNITS = [("mm", "Millimetres", "The mesh's numbers are millimetres"), ("m", "Metres", "The mesh's numbers are metres")]
 ORIGINS = [
@@ -118,7 +119,7 @@ def _dataset_annotations() -> dict:
             continue
         default: Any = field.default
         limits, text = field.metadata, field.metadata["help"]
-        settings = {"name": field.name.replace("_", " ").title(), "description": text[:1].upper() + text[1:]}
+        settings = {"name": label(field.name), "description": text[:1].upper() + text[1:]}
         if "choices" in limits:
             items = [(choice, choice.capitalize(), "") for choice in limits["choices"]]
             annotations[field.name] = EnumProperty(items=items, default=default, **settings)

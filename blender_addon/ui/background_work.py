@@ -6,6 +6,9 @@ from typing import Any
 
 import bpy
 
+from ..pipeline.errors import InputError
+from ..state import from_scene
+
 POLL_SECONDS = 0.1
 NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "WHEELINMOUSE", "WHEELOUTMOUSE", "MOUSEMOVE"}
 NAVIGATION |= {"INBETWEEN_MOUSEMOVE", "TRACKPADPAN", "TRACKPADZOOM", "WINDOW_DEACTIVATE"}
@@ -17,6 +20,27 @@ _shown: str | None = None
 
 class _Stopped(Exception):
     """Ends the thread of work that the user has stopped."""
+
+
+def inputs_of(scene: bpy.types.Scene) -> tuple[object, ...]:
+    """What work in the background relies on; another window may change it meanwhile.
+
+    Raises
+    ------
+    InputError
+        There is no camera, surface or pose.
+    """
+    surface, settings = from_scene.surface_of(scene), scene.oneframe
+    return (
+        (surface.oneframe.mesh_path, len(surface.data.vertices), settings.units, settings.frame_path),
+        (from_scene.camera(scene), from_scene.cam_from_model(scene).tobytes()),
+    )
+
+
+def check_inputs(scene: bpy.types.Scene, before: tuple[object, ...]) -> None:
+    """Raise :class:`InputError` if the result of work that began with other inputs does not belong to the scene."""
+    if inputs_of(scene) != before:
+        raise InputError("the frame, K, the surface or its pose has changed meanwhile, nothing was done; start again")
 
 
 class BackgroundWork:

@@ -28,12 +28,16 @@ class Reporting(bpy.types.Operator):
         """Do the work and return messages to report. Implementations raise InputError before they change anything."""
         raise NotImplementedError
 
+    def worded(self, message: str) -> str:
+        """An error of the pipeline in the words of the window."""
+        return message
+
     def execute(self, context: bpy.types.Context) -> OperatorResult:
         """Called by Blender."""
         try:
             messages = self.run(context)
         except (InputError, RunError) as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, self.worded(str(error)))
             return {"CANCELLED"}
         except OSError as error:
             # a full disk, a folder that does not exist or may not be written to

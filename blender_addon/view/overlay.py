@@ -20,7 +20,7 @@ from .overlay_shaders import MODES, composite_shader
 BLINK_S = 0.25
 """Half the period of 2 Hz."""
 
-_pictures: dict[int, SurfacePicture] = {}
+_pictures: dict[tuple[int, int], SurfacePicture] = {}
 _handle: object | None = None
 _blink_shows_frame = True
 
@@ -109,6 +109,9 @@ def draw_view() -> None:
     scene, space = context.scene, context.space_data
     if not from_scene.is_set_up(scene) or space is None or space.type != "VIEW_3D":
         return
+    if scene.oneframe_ct.drilling:
+        # the bone is drawn in blocks, with its structures
+        return
     if shows_frame(context):
         _draw_over_frame(context, scene)
     elif shown_structures(from_scene.surface_of(scene)):
@@ -148,11 +151,14 @@ def _draw_over_frame(context: bpy.types.Context, scene: bpy.types.Scene) -> None
 
 def picture_of(key: int, width: int, height: int) -> SurfacePicture:
     """The picture of a region or a loupe, created again when its size has changed."""
-    kept = _pictures.get(key)
+    window = bpy.context.window
+    # windows share textures, but not framebuffers
+    place = (0 if window is None else window.as_pointer(), key)
+    kept = _pictures.get(place)
     if kept is None or kept.size != (width, height):
         if len(_pictures) > 8:
             _pictures.clear()
-        kept = _pictures[key] = SurfacePicture(width, height)
+        kept = _pictures[place] = SurfacePicture(width, height)
     return kept
 
 

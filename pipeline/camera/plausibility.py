@@ -45,11 +45,14 @@ def fit_of(file: CameraFile, size_wh: tuple[int, int]) -> CameraFit:
             rescaled = file.camera(file.size).resized(*size_wh)
         messages.append(_size_message(file.size, size_wh, same_aspect))
     camera = PinholeCamera(*size_wh, file.fx, file.fy, file.cx, file.cy)
-    k_messages = _normalised_messages(camera) or [*_centre_messages(camera), *_focal_messages(camera)]
-    if rescaled is not None:
-        # one message per cause: what is implausible about K may be due to the size alone
-        k_messages = _normalised_messages(rescaled) or [*_centre_messages(rescaled), *_focal_messages(rescaled)]
-    return CameraFit(camera, rescaled, (*messages, *k_messages, *_aspect_messages(camera)))
+    # one message per cause: what is implausible about K may be due to the size alone
+    return CameraFit(camera, rescaled, (*messages, *camera_doubts(camera if rescaled is None else rescaled)))
+
+
+def camera_doubts(camera: PinholeCamera) -> tuple[str, ...]:
+    """What is implausible about a K, one message per cause; empty if nothing is."""
+    of_k = _normalised_messages(camera) or [*_centre_messages(camera), *_focal_messages(camera)]
+    return (*of_k, *_aspect_messages(camera))
 
 
 def _same_aspect(one: tuple[int, int], other: tuple[int, int]) -> bool:

@@ -196,7 +196,13 @@ def _partial_file(path: Path) -> Iterator[BinaryIO]:
     # a name of 255 bytes is the longest that most file systems take
     partial = path.with_name(f".partial-{secrets.token_hex(8)}-{path.name[-50:]}")
     try:
-        with open(partial, "xb") as stream:
+        try:
+            stream = open(partial, "xb")  # noqa: SIM115  # closed below
+        except OSError as error:
+            # the message names the file that was asked for
+            error.filename = str(path)
+            raise
+        with stream:
             yield stream
     finally:
         partial.unlink(missing_ok=True)

@@ -21,8 +21,9 @@ from .image_header import (
 LARGEST_IMAGE = 1 << 26
 """Pixels of the largest image that is decoded."""
 
-LARGEST_FRAME = 25_000_000
-"""Pixels of the largest frame: 4K video has 8.3 million. Reading one of 16 bits takes 0.8 GB."""
+LARGEST_FRAME, LARGEST_DEEP_FRAME = 25_000_000, 20_000_000
+"""Pixels of the largest frame, and of one with more than 8 bits a channel, for which Blender needs more memory: 1 GB.
+4K video has 8.3 million."""
 
 MOST_PIXEL_BYTES = 64
 """Four channels of 32 bits take 16; EXR files may hold some layers more."""

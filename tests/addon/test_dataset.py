@@ -425,6 +425,7 @@ def test_messages_of_the_command_line_become_the_windows():
         "found projective; add Colour Vertex, or use Engine Cycles"
     )
     assert words("is in use; choose another folder (--out)") == "is in use; choose another folder"
+    assert words("lower min_surface, which was broken") == "lower Min Surface, which was broken"
     assert words("use a smaller frame or --scale") == "use a smaller frame or Image Size (×)"
 
 
@@ -440,7 +441,7 @@ def test_settings_that_a_run_would_refuse_are_refused_at_once(opened, job_module
     options, text = opened.oneframe.dataset, case_path.read_bytes()
     options.distance_min, options.distance_max = 2.0, 1.0
     for operator in (bpy.ops.oneframe.render_dataset, bpy.ops.oneframe.preview_poses, bpy.ops.oneframe.preview_view):
-        refused(operator, "expected distance_min <= distance_max")
+        refused(operator, "expected Nearest .* <= Farthest")
     options.distance_min = 0.9
     opened.oneframe.surface.scale = (1.1, 1.1, 1.1)
     bpy.context.view_layer.update()

@@ -76,6 +76,19 @@ def test_the_next_step_leads_to_a_complete_case(addon, folder):
     assert ["load K" in said[1], "load the surface" in said[2], said[3]] == [True, True, ""]
 
 
+def test_a_surface_that_is_loaded_first_is_in_view(addon, folder):
+    bpy.ops.oneframe.load_surface(filepath=str(folder / "surface.ply"))
+    surface = bpy.context.scene.oneframe.surface
+    radius = max(vertex.co.length for vertex in surface.data.vertices)
+    areas = [area for area in bpy.context.screen.areas if area.type == "VIEW_3D"]
+    assert areas
+    for area in areas:
+        view, space = area.spaces.active.region_3d, area.spaces.active
+        assert (view.view_location - surface.matrix_world.translation).length < 1e-3
+        assert radius < view.view_distance < 5 * radius
+        assert space.clip_start < view.view_distance - radius < view.view_distance + radius < space.clip_end
+
+
 def test_the_sample_is_a_copy_that_the_user_may_change(addon, folder, tmp_path, monkeypatch):
     from blender_addon.setup import sample
 

@@ -5,6 +5,7 @@ import itertools
 import json
 
 import bpy
+import cv2
 import numpy as np
 import pytest
 from bpy_extras.object_utils import world_to_camera_view
@@ -279,8 +280,10 @@ def test_a_sheared_surface_is_refused(opened):
 
 def test_deleted_objects_are_reported(opened):
     bpy.data.objects.remove(opened.oneframe.surface)
-    with pytest.raises(RuntimeError, match="expected a surface"):
+    with pytest.raises(RuntimeError, match="surface first"):
         bpy.ops.oneframe.save_case(filepath="x.toml")
+    with pytest.raises(RuntimeError, match="Load the surface first"):
+        bpy.ops.oneframe.add_structure(filepath="x.ply")
     opened.collection.children[0].objects.unlink(opened.oneframe.camera_object)
     bpy.ops.oneframe.set_camera()
     assert opened.oneframe.camera_object.name in opened.objects
@@ -333,6 +336,11 @@ def _no_image(folder):
 def _no_video(folder):
     (folder / "bad.mp4").write_bytes(b"\0" * 500)
     return bpy.ops.oneframe.load_video_frame, {"filepath": str(folder / "bad.mp4")}, "video"
+
+
+def _an_image_as_video(folder):
+    cv2.imwrite(str(folder / "still.jpg"), np.zeros((48, 64, 3), np.uint8))
+    return bpy.ops.oneframe.load_video_frame, {"filepath": str(folder / "still.jpg")}, "found an image"
 
 
 def _no_faces(folder):
@@ -396,7 +404,17 @@ def _lost_frame(folder):
 
 
 MISTAKES = (
-    *(_no_image, _no_video, _no_faces, _zero_k, _typed_zero_k, _typed_word, _moved_files, _mirrored_pose),
+    *(
+        _no_image,
+        _no_video,
+        _an_image_as_video,
+        _no_faces,
+        _zero_k,
+        _typed_zero_k,
+        _typed_word,
+        _moved_files,
+        _mirrored_pose,
+    ),
     _name_of_another_toml,
     *(_no_name, _name_of_the_frame, _name_of_the_mesh, _name_of_the_case, _lost_frame),
 )
@@ -430,8 +448,23 @@ def test_a_frame_of_another_size_is_reported(opened, case_path):
     assert to_scene.frame_warnings(opened) == ()
 
 
+def test_a_k_for_another_size_can_be_rescaled_also_if_it_is_loaded_after_the_frame(opened, tmp_path):
+    from blender_addon.state import from_scene, to_scene
+
+    k = from_scene.camera(opened)
+    half = k.resized(k.width // 2, k.height // 2)
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps({name: getattr(half, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}))
+    bpy.ops.oneframe.load_camera(filepath=str(path))
+    assert f"{half.width} x {half.height}" in to_scene.frame_warnings(opened)[0]
+    bpy.ops.oneframe.rescale_camera()
+    assert to_scene.frame_warnings(opened) == ()
+    found = from_scene.camera(opened)
+    assert np.allclose([found.fx, found.fy, found.cx, found.cy], [k.fx, k.fy, k.cx, k.cy], rtol=1e-12)
+
+
 def test_a_folder_that_does_not_exist_is_reported(opened, tmp_path):
-    with pytest.raises(RuntimeError, match="No such file") as caught:
+    with pytest.raises(RuntimeError, match=r"nowhere/case\.toml: No such file") as caught:
         bpy.ops.oneframe.save_case(filepath=str(tmp_path / "nowhere" / "case.toml"))
     assert "Traceback" not in str(caught.value)
 
@@ -519,4 +552,4 @@ def test_a_surface_in_metres_is_doubted(addon, case_path, capfd):
     bpy.ops.oneframe.load_surface(filepath=str(case_path.parent / "metres.ply"))
     assert "in metres it would be" in capfd.readouterr().out
     bpy.ops.oneframe.change_units(units="m")
-    assert "would be" not in capfd.readouterr().out
+    assert "metres.ply" not in capfd.readouterr().out, "the size before the change was judged"

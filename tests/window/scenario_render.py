@@ -8,6 +8,7 @@ import numpy as np
 bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
 from bl_ext.user_default.oneframe.dataset import background_job
+from bl_ext.user_default.oneframe.pipeline.blender.colour.surface_colour import colour_record
 from bl_ext.user_default.oneframe.state import from_scene
 
 VIEWS = 200
@@ -61,6 +62,20 @@ def scenario(user):
     assert json.loads((out / "dataset.json").read_text())["count"] == VIEWS
     assert (out / "contact_sheet.png").is_file()
     yield from user.picture("5_finished")
+    yield from change_the_surface_meanwhile(user, scene)
+
+
+def change_the_surface_meanwhile(user, scene):
+    """Colours of a surface that another window has replaced are dropped, with a message."""
+    with user.context():
+        bpy.ops.oneframe.project_colour("INVOKE_DEFAULT", mode="vertex")
+    yield from user.until(lambda: user.window.modal_operators, "colouring to begin")
+    yield 0.3
+    other = next((user.case.parent / "structures").glob("*.ply"))
+    with user.context():
+        assert bpy.ops.oneframe.load_surface("EXEC_DEFAULT", filepath=str(other)) == {"FINISHED"}
+    yield from user.until(lambda: not user.window.modal_operators, "colouring to end", timeout_s=60)
+    assert colour_record(scene.oneframe.surface) is None
 
 
 def running():

@@ -162,8 +162,30 @@ def magnify(user, scene):
     yield from user.picture("see_loupe")
     user.facts["loupe"] = best
     assert all(shift == (0.0, 0.0) and error < 2 for shift, error in best), best
+    yield from in_a_second_window(user)
     with user.context():
         bpy.ops.wm.tool_set_by_id(name=PIN_TOOL)
+
+
+def in_a_second_window(user):
+    """The loupe is drawn there too: its failures end up in Blender's output, which is checked."""
+    bpy.context.scene.oneframe_view.contour = True
+    yield from user.move(user.of_pixel(400.0, 300.0))
+    yield from user.redraw()
+    with user.context():
+        bpy.ops.wm.window_new_main()
+    second = bpy.context.window_manager.windows[1]
+    yield 0.5
+    for step in range(4):
+        second.event_simulate("MOUSEMOVE", "NOTHING", x=second.width // 3 + 5 * step, y=second.height // 2)
+        for area in second.screen.areas:
+            area.tag_redraw()
+        yield 0.3
+    yield from user.picture("see_second_window")
+    with bpy.context.temp_override(window=second):
+        bpy.ops.wm.window_close()
+    bpy.context.scene.oneframe_view.contour = False
+    yield from user.redraw()
 
 
 def bilinear(image, u, v):

@@ -19,7 +19,7 @@ from ...errors import InputError
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...surface.mesh import TriangleMesh
-from ..bridge.camera import SENSOR_MM, new_camera, set_clip, set_intrinsics
+from ..bridge.camera import new_camera, set_clip, set_intrinsics
 from ..bridge.data_blocks import new_mesh_object
 from ..bridge.exact_values import exact, set_exact
 from ..bridge.image import new_packed_image
@@ -30,6 +30,9 @@ COLLECTION, CAMERA = "OneFrame", "OneFrame camera"
 
 INTRINSICS = "oneframe_intrinsics"
 """Custom property of the camera object."""
+
+DISPLAY_SIZE_MM = 1.0
+"""Width of the camera's symbol in the view."""
 
 BONE_RGBA = (0.75, 0.72, 0.62, 1.0)
 
@@ -106,7 +109,8 @@ def put_camera(
     camera_object.hide_select = True
     camera_object.data.show_passepartout = True
     camera_object.data.passepartout_alpha = 0.6
-    camera_object.data.display_size = SENSOR_MM
+    # as small as possible: orbiting begins where the camera is, and its symbol would cover the surface
+    camera_object.data.display_size = DISPLAY_SIZE_MM
     set_exact(camera_object, INTRINSICS, [camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy])
     return camera_object
 

@@ -17,7 +17,7 @@ from .files import DamagedFile, hash_of, mapping, opened, read_object, require_k
 from .findings import Findings
 
 KIND = "damaged files"
-_HASH = re.compile("[0-9a-f]{64}")
+HASH = re.compile("[0-9a-f]{64}")
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def read_sums(content: Mapping, where: str) -> dict[str, FileSum]:
         here = f"{where}: files: {name}"
         entry = mapping(content, name, f"{where}: files")
         require_keys(entry, {"sha256", "bytes"}, here)
-        if not (isinstance(entry["sha256"], str) and _HASH.fullmatch(entry["sha256"])):
+        if not (isinstance(entry["sha256"], str) and HASH.fullmatch(entry["sha256"])):
             raise DamagedFile(f"{here}: expected a SHA-256, found {shortened(entry['sha256'])}")
         sums[name] = FileSum(entry["sha256"], whole_number(entry, "bytes", here))
     return sums

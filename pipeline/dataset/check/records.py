@@ -15,7 +15,7 @@ from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
 from ..layout import FORMAT, RECORD, ViewPaths
 from ..options import option_names
-from .checksums import FileSum, identity_of, read_sums
+from .checksums import HASH, FileSum, identity_of, read_sums
 from .comparison import require_equal
 from .files import (
     LARGEST_SMALL_FILE,
@@ -191,8 +191,13 @@ def read_description(root: Path) -> Description:
     if not numbers(content, "mm_per_unit", (), RECORD) > 0:
         raise DamagedFile(f"{RECORD}: expected mm_per_unit above 0, found {shortened(content['mm_per_unit'])}")
     require_keys(mapping(content, "versions", RECORD), {"oneframe", "blender"}, f"{RECORD}: versions")
-    mapping(content, "structures", RECORD)
-    mapping(content, "inputs_sha256", RECORD)
+    structures = mapping(content, "structures", RECORD)
+    hashes = mapping(content, "inputs_sha256", RECORD)
+    inputs = {"frame", "surface", *(f"structure {name}" for name in structures)}
+    require_keys(hashes, inputs, f"{RECORD}: inputs_sha256")
+    for name, digest in hashes.items():
+        if not (isinstance(digest, str) and HASH.fullmatch(digest)):
+            raise DamagedFile(f"{RECORD}: inputs_sha256: expected a SHA-256 of the {name}, found {shortened(digest)}")
     if listed:
         numbers(content, "depth_scale", (), RECORD)
         if not isinstance(content["poses_sha256"], str):

@@ -127,7 +127,7 @@ def _file_or_folder(filepath: str) -> Path:
 def _ask_for_series(context: bpy.types.Context, path: Path, found: tuple[SeriesInfo, ...]) -> None:
     """Open a menu of the series in a folder: numbers and sizes only."""
 
-    def draw(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    def draw(menu: Any, _context: bpy.types.Context) -> None:
         layout = menu.layout
         layout.operator_context = "INVOKE_DEFAULT"
         for series in found:

@@ -1,9 +1,9 @@
 """The Blender add-on: align a frame to a surface, assess the alignment, colour the surface, render a dataset.
 
-Each topic has a folder and a panel in the sidebar, in the order of the work: ``setup``, ``view``, ``move``,
-``landmarks``, ``refine``, ``colour``, ``dataset``. ``state`` holds the properties and converts them to and from the
-pipeline's types; ``ui`` holds the drawing and input code that the topics share. Operators are thin: they read the
-scene, call one function of the pipeline and report.
+Each topic has a folder and a panel in the sidebar, in the order of the work: ``volume``, ``setup``, ``view``,
+``move``, ``landmarks``, ``refine``, ``colour``, ``dataset``. ``state`` holds the properties and converts them to and
+from the pipeline's types; ``ui`` holds the drawing and input code that the topics share. Operators are thin: they read
+the scene, call one function of the pipeline and report.
 
 The extension contains the pipeline inside this package. In a checkout the pipeline lies next to it, and ``.pipeline``
 is an alias for the same modules.
@@ -60,6 +60,22 @@ _MODULES = tuple(
         "state.file_watch",
         "landmarks.tool",
         "move.tool",
+        "volume.properties",
+        "volume.loaded",
+        "volume.operators",
+        "volume.surface",
+        "volume.drill_session",
+        "volume.drill_tool",
+        "volume.drill_gesture",
+        "volume.drill_operators",
+        "volume.drill_drawing",
+        "volume.burr_drawing",
+        "volume.slice_areas",
+        "volume.slice_gestures",
+        "volume.slice_drawing",
+        "volume.reread",
+        "volume.drop",
+        "volume.panel",
         "setup.operators",
         "setup.sample",
         "setup.drop",

@@ -115,7 +115,8 @@ def _draw_view() -> None:
     context = bpy.context
     scene = context.scene
     if workbench.is_workbench(scene) and not from_scene.is_set_up(scene):
-        _draw_next_step(context)
+        if not scene.oneframe_ct.drilling:
+            _draw_next_step(context)
         return
     if not scene.oneframe.show_landmarks or not scene.oneframe.landmarks or not from_scene.is_set_up(scene):
         return

@@ -108,7 +108,7 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     if step:
         draw_text(layout, step, icon="INFO")
     if step == OPEN:
-        if workbench.existing() is not None:
+        if workbench.existing() not in (None, scene):
             layout.operator("oneframe.enter_workbench", icon="WORKSPACE")
         layout.operator("oneframe.open_sample", icon="HELP")
     for message in frame_warnings(scene):

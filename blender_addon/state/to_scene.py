@@ -227,18 +227,25 @@ def rescale(context: bpy.types.Context, units: str) -> None:
 
 def relink_surface(context: bpy.types.Context, path: Path) -> None:
     """Link the edited surface to its new file; the model frame moves with the mean of the vertices."""
+    surface = from_scene.surface_of(context.scene)
+    given = surface_object.edited_mesh(surface).moved(surface_object.mesh_from_model_of(surface)[:3, 3])
+    exchange_surface(context, path, given)
+
+
+def exchange_surface(context: bpy.types.Context, path: Path, given: TriangleMesh) -> None:
+    """Replace the surface by another version of it (frame of its file, mm); pose, landmarks and structures stay."""
     scene = context.scene
-    settings = scene.oneframe
-    pose, surface = from_scene.cam_from_model(scene), from_scene.surface_of(scene)
+    camera_object, surface = from_scene.present_camera(scene), from_scene.surface_of(scene)
+    pose = surface_object.pose_of(camera_object, surface)
     landmarks = from_scene.landmarks_mesh(scene)
     mesh_from_old = surface_object.mesh_from_model_of(surface)
-    mesh = surface_object.edited_mesh(surface)
-    shift = mesh.vertices.mean(axis=0)
-    old_from_new = rigid(translation=shift)
-    surface_object.replace_mesh(surface, mesh.moved(-shift), mesh_from_old @ old_from_new)
+    mesh_from_new = rigid(translation=given.vertices.mean(axis=0))
+    old_from_new = inverse_rigid(mesh_from_old) @ mesh_from_new
+    surface_object.replace_mesh(surface, given.moved(-mesh_from_new[:3, 3]), mesh_from_new)
     for child in surface.children:
+        shift = old_from_new[:3, 3]
         child.location = [value - offset for value, offset in zip(child.location, shift, strict=True)]
-    surface_object.set_pose(settings.camera_object, surface, pose @ old_from_new)
+    surface_object.set_pose(camera_object, surface, pose @ old_from_new)
     pose_evidence.reframe(surface, old_from_new)
     surface.oneframe.mesh_path = str(path.resolve())
     replace_landmarks(scene, landmarks)

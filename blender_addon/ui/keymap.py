@@ -10,7 +10,9 @@ from typing import Any
 import bpy
 
 PIN_TOOL, LANDMARK_TOOL, MOVE_TOOL = "oneframe.pin_tool", "oneframe.landmark_tool", "oneframe.move_tool"
-TOOLS = {PIN_TOOL: "Pins", LANDMARK_TOOL: "Landmarks", MOVE_TOOL: "Move Surface"}
+DRILL_TOOL = "oneframe.drill_tool"
+ALIGNMENT_TOOLS = (PIN_TOOL, LANDMARK_TOOL, MOVE_TOOL)
+TOOLS = {PIN_TOOL: "Pins", LANDMARK_TOOL: "Landmarks", MOVE_TOOL: "Move Surface", DRILL_TOOL: "Drill"}
 """Tools of the toolbar and their labels."""
 
 
@@ -51,7 +53,7 @@ class Key:
     alt: bool = False
     repeat: bool = False
     properties: tuple[tuple[str, object], ...] = ()
-    tools: tuple[str, ...] = tuple(TOOLS)
+    tools: tuple[str, ...] = ALIGNMENT_TOOLS
 
 
 class Keys:

@@ -9,11 +9,12 @@ from pathlib import Path
 from ..errors import InputError
 from .parser import command_parser, explained_imports
 
-ABOUT = "Make the bone surface of a CT, less what was removed, and the structures of a label map."
+ABOUT = "Make the bone surface of a CT, drilled if you like, and the structures of a label map."
 """The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
   %(prog)s ct.nii.gz --out surface
   %(prog)s ct.nrrd --out surface --threshold otsu --crop 20 10 0 60 50 45
+  %(prog)s ct.nii.gz --out surface --labels labels.nii.gz --drill mastoidectomy.toml
   %(prog)s ct.nii.gz --out surface --labels labels.nii.gz --remove predicted.nii.gz
   %(prog)s dicom_folder --list
   %(prog)s dicom_folder --series 2 --out surface
@@ -50,13 +51,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     removal = parser.add_argument_group("what is removed")
     removal.add_argument(
+        "--drill", metavar="PLAN.toml", type=Path, help="strokes of a virtual drill, and margins around structures"
+    )
+    removal.add_argument(
         "--remove", metavar="LABELS", type=Path, help="a label map, such as a network's prediction: all its labels"
     )
     removal.add_argument(
         "--operated", metavar="VOLUME", type=Path, help="a registered CT from after the operation: the bone it lacks"
     )
     structures = parser.add_argument_group("structures")
-    structures.add_argument("--labels", metavar="LABELS", type=Path, help="a label map: a mesh for each label but bone")
+    structures.add_argument(
+        "--labels",
+        metavar="LABELS",
+        type=Path,
+        help="a label map: a mesh for each label but bone, and what the drill spares",
+    )
     mesh = parser.add_argument_group("mesh")
     mesh.add_argument(
         "--tolerance", metavar="MM", type=float,

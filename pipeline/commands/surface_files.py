@@ -6,7 +6,7 @@ import platform
 import re
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import TextIO
 import numpy as np
 
 from .. import __version__
-from ..case.structure_colour import OTHER, structure_colour
+from ..case.structure_colour import structure_colour
 from ..files.content import write_bytes_atomically
 from ..files.kinds import PLY, PNG, Kind, json_object
 from ..files.outputs import Output, check_outputs, companion, made_folder, writing
@@ -27,19 +27,21 @@ from ..progress import Progress
 from ..surface.mesh import TriangleMesh
 from ..surface.mesh_writer import SAFE_NAME, write_ply
 from ..volume.bone import bone_voxels
-from ..volume.bone_surface import Ball, BoneSurface, Finish, bone_surface, removed_ball, taken_bone
+from ..volume.bone_surface import FINER, BoneSurface, Finish, bone_surface, taken_bone
+from ..volume.clearance import clearances, violations
+from ..volume.drill_plan import DrillPlan, check_strokes, read_drill_plan
+from ..volume.drilled_volume import removed_by_plan
 from ..volume.isosurface import RemovedField
 from ..volume.label_map import read_labels
 from ..volume.slice_views import LabelColours, slice_views
-from ..volume.structures import structure_meshes, structure_names
+from ..volume.structures import structure_meshes, structure_names, without_bone
 from ..volume.subtraction import removed_by_labels, removed_by_operation, united
 from ..volume.threshold import DEFAULT_HU, check_threshold, otsu_threshold
 from ..volume.volume import LabelMap, Volume
 from ..volume.volume_reader import read_volume
+from .surface_finish import finish_of
 
 SURFACE, SLICES, RECORD, STRUCTURES = "surface.ply", "slices.png", "surface.json", "structures"
-_BONE = re.compile(r"^(cortical |temporal |compact )?bones?$", re.IGNORECASE)
-
 RECORD_KIND = Kind("the report of a surface", json_object("threshold_hu", "surface", "volume"))
 
 
@@ -89,7 +91,9 @@ def write_surface(arguments: argparse.Namespace, output: TextIO) -> None:
     """
     work = _Work(output)
     out: Path = arguments.out
-    inputs = {name: path for name in ("volume", "remove", "operated", "labels") if (path := getattr(arguments, name))}
+    inputs = {
+        name: path for name in ("volume", "drill", "remove", "operated", "labels") if (path := getattr(arguments, name))
+    }
     check_outputs(_outputs(out, ()), inputs)
     try:
         _make(arguments, work, out, inputs)
@@ -98,6 +102,8 @@ def write_surface(arguments: argparse.Namespace, output: TextIO) -> None:
 
 
 def _make(arguments: argparse.Namespace, work: _Work, out: Path, inputs: Mapping[str, Path]) -> None:
+    # small, and quick to refuse
+    plan = None if arguments.drill is None else read_drill_plan(arguments.drill)
     crop = None if arguments.crop is None else np.array(arguments.crop).reshape(2, 3)
     volume = read_volume(arguments.volume, series=arguments.series, crop_mm=crop)
     size, spacing = volume.grid.size, [round(float(step), 4) for step in volume.grid.spacing_mm]
@@ -106,9 +112,11 @@ def _make(arguments: argparse.Namespace, work: _Work, out: Path, inputs: Mapping
         "size": list(size), "spacing_mm": spacing, "mesh_from_index": volume.grid.mesh_from_index.tolist()
     }  # fmt: skip
     work.say(f"volume: {_by(size)} voxels of {_by(spacing)} mm")
+    for message in () if plan is None else check_strokes(plan, volume.grid, arguments.drill.name):
+        work.say(message)
     labels = None
     if arguments.labels is not None:
-        labels = _structures_in(read_labels(arguments.labels, volume, resampled=False))
+        labels = without_bone(read_labels(arguments.labels, volume, resampled=False))
         check_outputs(_outputs(out, structure_names(labels).values()), inputs)
 
     level, how = _threshold(arguments, volume)
@@ -121,17 +129,14 @@ def _make(arguments: argparse.Namespace, work: _Work, out: Path, inputs: Mapping
     work.say(f"bone above {level:g} HU ({how}): {bone_mm3 / 1000:.1f} cm³")
 
     structures = {} if labels is None else structure_meshes(labels, progress=partial(work.report, "of the structures"))
-    removed = _removed(arguments, work, volume, level, solid)
-    focus = _focus(volume, solid, removed, structures)
-    tolerance = float(volume.grid.spacing_mm.min()) / 2 if arguments.tolerance is None else arguments.tolerance
-    finish = Finish(smoothing_steps=arguments.smooth, tolerance_mm=tolerance, focus=focus)
+    removed = _removed(arguments, work, volume, level, solid, plan, structures)
+    finish = finish_of(
+        volume, solid, removed, structures, tolerance_mm=arguments.tolerance, smoothing_steps=arguments.smooth
+    )
     made = bone_surface(volume, level, solid, removed, finish, report=work.report)
+    if plan is not None and removed is not None:
+        _report_clearances(work, made, removed, volume, structures, plan, finish)
     _write(work, out, volume, level, solid, removed, labels, structures, made, finish)
-
-
-def _structures_in(labels: LabelMap) -> LabelMap:
-    """The map without the names of labels for bone, of which the surface is made."""
-    return replace(labels, names={value: name for value, name in labels.names.items() if not _BONE.search(name)})
 
 
 def _threshold(arguments: argparse.Namespace, volume: Volume) -> tuple[float, str]:
@@ -143,10 +148,19 @@ def _threshold(arguments: argparse.Namespace, volume: Volume) -> tuple[float, st
 
 
 def _removed(
-    arguments: argparse.Namespace, work: _Work, volume: Volume, level: float, solid: np.ndarray
+    arguments: argparse.Namespace,
+    work: _Work,
+    volume: Volume,
+    level: float,
+    solid: np.ndarray,
+    plan: DrillPlan | None,
+    structures: Mapping[str, TriangleMesh],
 ) -> RemovedField | None:
     """The field of everything that is removed."""
     fields, ways = [], []
+    if plan is not None and (drilled := removed_by_plan(plan, volume.grid, structures)) is not None:
+        fields.append(drilled)
+        ways.append("drill")
     if arguments.remove is not None:
         labels = read_labels(arguments.remove, volume, resampled=False)
         fields.append(removed_by_labels(labels, volume.grid))
@@ -161,6 +175,34 @@ def _removed(
         work.record["removed"] = {"by": ways, "volume_mm3": round(removed_mm3, 1)}
         work.say(f"removed by {' and '.join(ways)}: {removed_mm3:.0f} mm³ of bone")
     return removed
+
+
+def _report_clearances(
+    work: _Work,
+    made: BoneSurface,
+    removed: RemovedField,
+    volume: Volume,
+    structures: Mapping[str, TriangleMesh],
+    plan: DrillPlan,
+    finish: Finish,
+) -> None:
+    """Record how near the drill came to the structures, and say where it came too near."""
+    found = clearances(made.surface, removed, volume.grid, structures, plan.margins_mm)
+    work.record["drill"] = {
+        "strokes": len(plan.strokes), "margins_mm": dict(plan.margins_mm),
+        "clearances": [
+            {
+                "structure": each.structure, "margin_mm": each.margin_mm, "smallest_mm": round(each.smallest_mm, 3),
+                "at": [round(float(value), 2) for value in each.at],
+            }
+            for each in found
+        ],
+    }  # fmt: skip
+    for each in found[:1]:
+        work.say(f"nearest to the drill: {each.structure}, {each.smallest_mm:.2f} mm")
+    # what sampling and simplification may move
+    for sentence in violations(found, 0.1 * float(volume.grid.spacing_mm.min()) + finish.tolerance_mm / FINER):
+        work.say(f"warning: {sentence}")
 
 
 def _outputs(out: Path, structures: Iterable[str]) -> list[Output]:
@@ -227,20 +269,6 @@ def _write(
     with writing(made_folder(out / RECORD)):
         write_bytes_atomically(out / RECORD, text.encode())
     work.say(f"report: {out / RECORD}")
-
-
-def _focus(
-    volume: Volume, solid: np.ndarray, removed: RemovedField | None, structures: Mapping[str, TriangleMesh]
-) -> Ball | None:
-    """The part that matters: what was removed, or else where the structures are that have a colour of their own."""
-    if removed is not None and (ball := removed_ball(volume.grid, solid, removed)) is not None:
-        return ball
-    shown = [mesh.vertices for name, mesh in structures.items() if structure_colour(name) != OTHER]
-    if not shown:
-        return None
-    points = np.concatenate(shown)
-    lower, upper = points.min(axis=0), points.max(axis=0)
-    return Ball((lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2)
 
 
 def _by(values: Sequence[float]) -> str:

@@ -19,6 +19,8 @@ _BRANCHES = 8
 """Boxes in a box of the next level."""
 _BLOCK = 1 << 13
 """Points that descend together, which bounds the memory."""
+_ROUNDED = 1 + 1e-12
+"""Leaves room for rounding where a box that decides must not be left out."""
 _CELLS = 1 << 20
 """Of the Z curve along an axis."""
 
@@ -61,22 +63,27 @@ class SurfaceTree:
             size = _BRANCHES
         self._levels = levels[::-1]
 
-    def distances(self, points: np.ndarray) -> np.ndarray:
-        """``(N,)`` distances of points ``(N, 3)`` from the surface, mm."""
-        return self.nearest(points)[0]
+    def distances(self, points: np.ndarray, within_mm: float | np.ndarray = np.inf) -> np.ndarray:
+        """``(N,)`` distances of points ``(N, 3)`` from the surface, mm, as :meth:`nearest`."""
+        return self.nearest(points, within_mm)[0]
 
-    def nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """``(N,)`` distances of points ``(N, 3)`` from the surface, mm, and ``(N,)`` the faces that are nearest."""
+    def nearest(self, points: np.ndarray, within_mm: float | np.ndarray = np.inf) -> tuple[np.ndarray, np.ndarray]:
+        """``(N,)`` distances of points ``(N, 3)`` from the surface, mm, and ``(N,)`` the faces that are nearest.
+
+        Where the surface is farther than ``within_mm``, one number or ``(N,)``, they are only some larger distance and
+        some face, which takes less time.
+        """
         points = np.asarray(points, dtype=np.float64)
         squared, face = np.empty(len(points)), np.empty(len(points), np.intp)
+        within = np.broadcast_to(within_mm, len(points))
         # neighbours together: their boxes stay in the cache
         order = np.argsort(self._codes(points), kind="stable")
         for at in range(0, len(points), _BLOCK):
             block = order[at : at + _BLOCK]
-            squared[block], face[block] = self._nearest(points[block])
+            squared[block], face[block] = self._nearest(points[block], within[block])
         return np.sqrt(squared), face
 
-    def _nearest(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _nearest(self, points: np.ndarray, within_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         columns = np.ascontiguousarray(points.T)
         count = len(self._sorted_codes)
         # the triangles beside the point on the curve give a first bound
@@ -85,6 +92,8 @@ class SurfaceTree:
         triangle = np.minimum(place, count - 1)
         squared = self._from_triangles(columns, everyone, triangle)
         self._improve(columns, everyone, np.maximum(place - 1, 0), squared, triangle)
+        # no farther than the farthest corner of a box: of use for points far from the surface
+        bound = np.minimum(squared, within_mm * within_mm)
         point = np.repeat(everyone, self._levels[0].lower.shape[1])
         node = np.tile(np.arange(self._levels[0].lower.shape[1]), len(points))
         for depth, level in enumerate(self._levels):
@@ -93,8 +102,9 @@ class SurfaceTree:
                 point = np.repeat(point, _BRANCHES)
                 there = node < level.lower.shape[1]
                 node, point = node[there], point[there]
-            beyond = self._from_boxes(level, columns, point, node)
-            near = beyond < squared[point]
+            beyond, farthest = self._from_boxes(level, columns, point, node)
+            np.minimum.at(bound, point, farthest)
+            near = beyond <= bound[point] * _ROUNDED
             node, point, beyond = node[near], point[near], beyond[near]
         # the nearest box first: its triangles rule out most of the others
         nearest = np.full(len(points), np.inf)
@@ -124,14 +134,19 @@ class SurfaceTree:
         return squared_triangle_distances(self._first[:, triangle], self._second[:, triangle], offset)
 
     @staticmethod
-    def _from_boxes(level: _Level, columns: np.ndarray, point: np.ndarray, node: np.ndarray) -> np.ndarray:
-        squared = np.zeros(len(node))
+    def _from_boxes(
+        level: _Level, columns: np.ndarray, point: np.ndarray, node: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Squared distances of points from the nearest point of boxes, and from the farthest."""
+        squared, farthest = np.zeros(len(node)), np.zeros(len(node))
         for axis in range(3):
             at = columns[axis][point]
-            gap = np.maximum(level.lower[axis][node] - at, at - level.upper[axis][node])
-            gap = np.maximum(gap, 0)
+            below, above = at - level.lower[axis][node], level.upper[axis][node] - at
+            gap = np.minimum(np.minimum(below, above), 0)
             squared += gap * gap
-        return squared
+            span = np.maximum(below, above)
+            farthest += span * span
+        return squared, farthest
 
     def _codes(self, points: np.ndarray) -> np.ndarray:
         """``(N,)`` places of points ``(N, 3)`` along the Z curve: the bits of the three coordinates interleaved."""

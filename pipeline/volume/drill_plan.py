@@ -11,6 +11,7 @@ A TOML file in the frame of the mesh (LPS), mm::
 """
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,14 +23,17 @@ from ..errors import InputError
 from ..files.content import LARGEST_TEXT, decoded, read_content, write_bytes_atomically
 from ..files.keys import check_keys
 from ..files.kinds import Kind
-from ..files.outputs import Output, check_outputs
+from ..files.outputs import Output, check_outputs, writing
 from ..files.tables import parsed_toml
+from .filled import index_points
 from .volume import VoxelGrid
 
 LARGEST_RADIUS_MM = 50.0
 LARGEST_MARGIN_MM = 20.0
 MOST_MM = 1e5
 """Of a coordinate: 100 m."""
+MOST_POINTS = 10_000
+"""Of all strokes together; so many are always shorter than the longest text that is read."""
 
 
 @dataclass(frozen=True)
@@ -77,21 +81,7 @@ def read_drill_plan(path: Path) -> DrillPlan:
     InputError
         No TOML, an unknown or missing key, a radius or margin out of range, or points that are none.
     """
-    name = path.name
-    table = parsed_toml(read_content(path, "a drill plan", most=LARGEST_TEXT), name)
-    check_keys(table, ("strokes",), ("margins_mm",), f"{name}: ")
-    entries, margins = table["strokes"], table.get("margins_mm", {})
-    if not isinstance(entries, list) or not entries:
-        raise InputError(f"{name}: expected tables [[strokes]], found {_shown(entries)}")
-    if not isinstance(margins, dict):
-        raise InputError(f"{name}: expected a table [margins_mm], found {_shown(margins)}")
-    return DrillPlan(
-        tuple(_stroke(entry, f"{name}: stroke {number}") for number, entry in enumerate(entries, 1)),
-        {
-            structure: _length(value, f"{name}: [margins_mm] {structure}", LARGEST_MARGIN_MM, or_zero=True)
-            for structure, value in margins.items()
-        },
-    )
+    return _parsed(read_content(path, "a drill plan", most=LARGEST_TEXT), path.name)
 
 
 def write_drill_plan(path: Path, plan: DrillPlan, inputs: Mapping[str, Path]) -> None:
@@ -100,12 +90,15 @@ def write_drill_plan(path: Path, plan: DrillPlan, inputs: Mapping[str, Path]) ->
     Raises
     ------
     InputError
-        The file is an input (by their names in messages), or no drill plan.
-    OSError, RunError
+        The file is an input (by their names in messages), or no drill plan; or the plan could not be read back.
+    RunError
         The file cannot be written.
     """
     check_outputs([Output(path, KIND)], inputs)
-    write_bytes_atomically(path, plan_text(plan).encode())
+    text = plan_text(plan)
+    _parsed(text, path.name)
+    with writing(path):
+        write_bytes_atomically(path, text.encode())
 
 
 def plan_text(plan: DrillPlan) -> str:
@@ -113,7 +106,7 @@ def plan_text(plan: DrillPlan) -> str:
     lines = ["# strokes of a virtual drill; LPS, mm"]
     if plan.margins_mm:
         lines += ["", "[margins_mm]"]
-        lines += [f"{json.dumps(name)} = {float(value)!r}" for name, value in plan.margins_mm.items()]
+        lines += [f"{_key(name)} = {float(value)!r}" for name, value in plan.margins_mm.items()]
     for stroke in plan.strokes:
         points = ", ".join(f"[{', '.join(repr(float(x)) for x in point)}]" for point in stroke.points)
         lines += ["", "[[strokes]]", f"radius_mm = {float(stroke.radius_mm)!r}", f"points_mm = [{points}]"]
@@ -128,20 +121,48 @@ def check_strokes(plan: DrillPlan, grid: VoxelGrid, where: str) -> list[str]:
     InputError
         A stroke lies outside the volume altogether.
     """
-    lower, upper = grid.bounds_mm
     partly = []
+    last = np.array(grid.size) - 0.5
     for number, stroke in enumerate(plan.strokes, 1):
-        low, high = stroke.bounds_mm
-        if (high < lower).any() or (low > upper).any():
+        points = index_points(grid, stroke.points)
+        reach = stroke.radius_mm / grid.spacing_mm
+        starts = np.concatenate([points[:1], points[:-1]])
+        low, high = np.minimum(starts, points) - reach, np.maximum(starts, points) + reach
+        if not ((high > -0.5) & (low < last)).all(axis=1).any():
             raise InputError(
-                f"{where}: stroke {number}: expected points in the volume, {_box(lower, upper)}, found "
-                f"{_box(low, high)}; coordinates are LPS, mm"
+                f"{where}: stroke {number}: expected points in the volume, {_box(*grid.bounds_mm)}, found a stroke in "
+                f"{_box(*stroke.bounds_mm)}, all of it outside; coordinates are LPS, mm: correct them, or take the "
+                "volume that the plan was made for"
             )
-        if (stroke.points < lower).any() or (stroke.points > upper).any():
+        if ((points < -0.5) | (points > last)).any():
             partly.append(number)
     if not partly:
         return []
-    return [f"{where}: {len(partly)} of {len(plan.strokes)} strokes leave the volume (the first: stroke {partly[0]})"]
+    return [
+        f"{where}: {len(partly)} of {len(plan.strokes)} strokes begin, bend or end outside the volume "
+        f"(the first: stroke {partly[0]})"
+    ]
+
+
+def _parsed(content: str | bytes, name: str) -> DrillPlan:
+    table = parsed_toml(content, name)
+    check_keys(table, ("strokes",), ("margins_mm",), f"{name}: ")
+    entries, margins = table["strokes"], table.get("margins_mm", {})
+    if not isinstance(entries, list) or not entries:
+        raise InputError(f"{name}: expected tables [[strokes]], found {_shown(entries)}; write at least one")
+    if not isinstance(margins, dict):
+        raise InputError(f"{name}: expected a table [margins_mm], found {_shown(margins)}")
+    strokes = tuple(_stroke(entry, f"{name}: stroke {number}") for number, entry in enumerate(entries, 1))
+    count = sum(len(stroke.points) for stroke in strokes)
+    if count > MOST_POINTS:
+        raise InputError(f"{name}: expected up to {MOST_POINTS:,} points, found {count:,}; thin out the strokes")
+    return DrillPlan(
+        strokes,
+        {
+            structure: _length(value, f"{name}: [margins_mm] {_shown(structure)}", LARGEST_MARGIN_MM, or_zero=True)
+            for structure, value in margins.items()
+        },
+    )
 
 
 def _is_plan(data: bytes) -> bool:
@@ -182,10 +203,17 @@ def _is_coordinate(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MOST_MM
 
 
+def _key(name: str) -> str:
+    """A key of TOML, quoted where it must be."""
+    if re.fullmatch("[A-Za-z0-9_-]+", name):
+        return name
+    return json.dumps(name, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
 def _box(lower: np.ndarray, upper: np.ndarray) -> str:
     return f"{np.round(lower, 1).tolist()} to {np.round(upper, 1).tolist()}"
 
 
 def _shown(value: object) -> str:
-    text = repr(value)
+    text = repr(float(value)) if isinstance(value, float) else repr(value)
     return text if len(text) < 60 else text[:57] + "..."

@@ -6,13 +6,15 @@ geometry for computer graphics", 1973). Neither depends on an order: strokes dra
 or read from a file leave the same field to the last bit.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .drill_guard import BLOCK, DrillGuard, voxel_points
+from ..surface.mesh import TriangleMesh
+from .drill_guard import BLOCK, DrillGuard, box_slices
 from .drill_plan import DrillPlan, Stroke
+from .filled import index_points
 from .isosurface import RemovedField
 from .volume import VoxelGrid
 
@@ -20,7 +22,7 @@ FAR_MM = np.float32(1e3)
 """Distance where no stroke comes near."""
 
 _REACH_VOXELS = 2.0
-"""Around a stroke, where its distances count."""
+"""Around a stroke, where its distances count: both ends of an edge of the grid that it cuts are there."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,19 @@ class VoxelBox:
         return VoxelBox(np.maximum(self.first, other.first), np.minimum(self.stop, other.stop))
 
 
+_NOTHING = VoxelBox(np.zeros(3, np.int64), np.zeros(3, np.int64))
+
+
+@dataclass(frozen=True)
+class _Capsule:
+    """A burr on its way; ``start`` and ``end`` (3,) in mm along the axes of the index, and the voxels it may change."""
+
+    radius_mm: float
+    start: np.ndarray
+    end: np.ndarray
+    box: VoxelBox
+
+
 class DrilledVolume:
     """The strokes so far and the field of what they removed. Mutable: a window changes it with every motion."""
 
@@ -53,7 +68,8 @@ class DrilledVolume:
         """Begin with nothing removed; ``guard`` holds what no stroke takes away."""
         self._grid, self._guard = grid, guard
         self._strokes: list[Stroke] = []
-        self._box = VoxelBox(np.zeros(3, int), np.zeros(3, int))
+        self._capsules: list[list[_Capsule]] = []
+        self._box = _NOTHING
         self._distance_mm = np.zeros((0, 0, 0), np.float32)
 
     @property
@@ -68,63 +84,70 @@ class DrilledVolume:
 
     def add(self, stroke: Stroke) -> VoxelBox:
         """Add a whole stroke; return the voxels that may have changed."""
+        points = self._along_axes(stroke.points)
+        # the ball at its beginning too, as while it is drawn point by point
+        starts = np.concatenate([points[:1], points[:-1]])
+        capsules = [self._capsule(stroke.radius_mm, *ends) for ends in zip(starts, points, strict=True)]
         self._strokes.append(stroke)
-        boxes = [self._voxels(stroke.radius_mm, part) for part in _parts(stroke.points)]
-        changed = boxes[0]
-        for box in boxes[1:]:
-            changed = changed.united(box)
-        self._grow(changed)
-        for box, part in zip(boxes, _parts(stroke.points), strict=True):
-            self._remove(stroke.radius_mm, part, box)
-        return changed
+        self._capsules.append(capsules)
+        return self._remove(capsules)
 
     def extend(self, point: np.ndarray) -> VoxelBox:
         """Let the last stroke go on to a point (3,), LPS mm; return the voxels that may have changed."""
         stroke = self._strokes[-1]
-        segment = np.stack([stroke.points[-1], point])
-        self._strokes[-1] = replace(stroke, points=np.concatenate([stroke.points, point[None]]))
-        box = self._voxels(stroke.radius_mm, segment)
-        self._grow(box)
-        self._remove(stroke.radius_mm, segment, box)
-        return box
+        points = np.concatenate([stroke.points, np.reshape(point, (1, 3))])
+        self._strokes[-1] = replace(stroke, points=points)
+        capsule = self._capsule(stroke.radius_mm, *self._along_axes(points[-2:]))
+        self._capsules[-1].append(capsule)
+        return self._remove([capsule])
 
     def undo(self) -> VoxelBox:
         """Take back the last stroke; return the voxels that may have changed."""
-        last = self._strokes.pop()
-        changed = VoxelBox(np.zeros(3, int), np.zeros(3, int))
-        for part in _parts(last.points):
-            changed = changed.united(self._voxels(last.radius_mm, part))
+        self._strokes.pop()
+        changed = _around(self._capsules.pop())
         if not changed.is_empty:
             self._distance_mm[self._slices(changed)] = FAR_MM
-            for stroke in self._strokes:
-                for part in _parts(stroke.points):
-                    self._remove(stroke.radius_mm, part, self._voxels(stroke.radius_mm, part).common(changed))
+            for capsules in self._capsules:
+                for capsule in capsules:
+                    self._carve(capsule, capsule.box.common(changed))
         return changed
 
-    def _voxels(self, radius_mm: float, points: np.ndarray) -> VoxelBox:
-        """The voxels near a ball or a capsule."""
-        reach = radius_mm + _REACH_VOXELS * float(self._grid.spacing_mm.max())
-        matrix = self._grid.index_from_mesh
-        index = points @ matrix[:3, :3].T + matrix[:3, 3]
-        # of a ball, along each axis of the index
-        extent = reach * np.linalg.norm(matrix[:3, :3], axis=1)
-        first = np.maximum(np.floor(index.min(axis=0) - extent), 0).astype(int)
-        stop = np.minimum(np.ceil(index.max(axis=0) + extent) + 1, self._grid.size).astype(int)
-        return VoxelBox(first, np.maximum(stop, first))
+    def _along_axes(self, points: np.ndarray) -> np.ndarray:
+        """``(N, 3)`` points in mm along the axes of the index, which are orthogonal, so that distances are the same."""
+        return index_points(self._grid, points) * self._grid.spacing_mm
+
+    def _capsule(self, radius_mm: float, start: np.ndarray, end: np.ndarray) -> _Capsule:
+        spacing = self._grid.spacing_mm
+        reach = radius_mm + _REACH_VOXELS * spacing
+        first = np.maximum(np.ceil((np.minimum(start, end) - reach) / spacing), 0).astype(np.int64)
+        stop = np.floor((np.maximum(start, end) + reach) / spacing).astype(np.int64) + 1
+        return _Capsule(radius_mm, start, end, VoxelBox(first, np.minimum(stop, self._grid.size)))
+
+    def _remove(self, capsules: Sequence[_Capsule]) -> VoxelBox:
+        changed = _around(capsules)
+        if not changed.is_empty:
+            self._grow(changed)
+            for capsule in capsules:
+                self._carve(capsule, capsule.box)
+        return changed
+
+    def _carve(self, capsule: _Capsule, box: VoxelBox) -> None:
+        """Remove a capsule within a box; a voxel gets the same number in any box."""
+        if box.is_empty:
+            return
+        distance = _capsule_mm(capsule, box, self._grid.spacing_mm)
+        if self._guard is not None:
+            self._guard.spare(distance, box.first)
+        part = self._distance_mm[self._slices(box)]
+        np.minimum(part, distance, out=part)
 
     def _grow(self, wanted: VoxelBox) -> None:
-        """Make room for a box, in whole blocks."""
-        if wanted.is_empty:
-            return
-        if (
-            not self._box.is_empty
-            and self._box.united(wanted).common(self._box).first.tolist() == (self._box.united(wanted).first.tolist())
-            and (wanted.stop <= self._box.stop).all()
-        ):
-            return
+        """Make room for a box, in whole blocks, so that a burr on its way seldom needs more."""
         box = self._box.united(wanted)
         first = box.first // BLOCK * BLOCK
         stop = np.minimum(-(-box.stop // BLOCK) * BLOCK, self._grid.size)
+        if (first == self._box.first).all() and (stop == self._box.stop).all():
+            return
         grown = np.full((stop - first)[::-1], FAR_MM, np.float32)
         old, self._box = self._box, VoxelBox(first, stop)
         if not old.is_empty:
@@ -132,18 +155,7 @@ class DrilledVolume:
         self._distance_mm = grown
 
     def _slices(self, box: VoxelBox) -> tuple[slice, ...]:
-        low, high = box.first - self._box.first, box.stop - self._box.first
-        return tuple(slice(a, b) for a, b in zip(low[::-1], high[::-1], strict=True))
-
-    def _remove(self, radius_mm: float, points: np.ndarray, box: VoxelBox) -> None:
-        """Remove a ball or a capsule within a box."""
-        if box.is_empty:
-            return
-        distance = _capsule_mm(voxel_points(self._grid, box.first, box.stop), points, radius_mm).astype(np.float32)
-        if self._guard is not None:
-            np.maximum(distance, self._guard.within_mm(box.first, box.stop), out=distance)
-        part = self._distance_mm[self._slices(box)]
-        np.minimum(part, distance, out=part)
+        return box_slices(box.first - self._box.first, box.stop - self._box.first)
 
 
 def drilled(plan: DrillPlan, grid: VoxelGrid, guard: DrillGuard | None = None) -> DrilledVolume:
@@ -154,17 +166,41 @@ def drilled(plan: DrillPlan, grid: VoxelGrid, guard: DrillGuard | None = None) -
     return volume
 
 
-def _parts(points: np.ndarray) -> Sequence[np.ndarray]:
-    """The ball at the first point of a stroke, and its segments, whether it is drawn point by point or at once."""
-    return [points[:1], *(points[at : at + 2] for at in range(len(points) - 1))]
+def removed_by_plan(plan: DrillPlan, grid: VoxelGrid, structures: Mapping[str, TriangleMesh]) -> RemovedField | None:
+    """What a plan removes from a volume with these structures, closed meshes by name; ``None`` without strokes.
+
+    Script and window both call it, so that they remove the same.
+
+    Raises
+    ------
+    InputError
+        A structure is not closed, or there is none for a margin of the plan.
+    """
+    return drilled(plan, grid, DrillGuard(grid, structures, plan.margins_mm)).removed
 
 
-def _capsule_mm(places: np.ndarray, points: np.ndarray, radius_mm: float) -> np.ndarray:
-    """Signed distances of places ``(..., 3)`` to a ball or a capsule about one or two points, negative inside; mm."""
-    offset = [places[..., axis] - points[0, axis] for axis in range(3)]
-    path = points[-1] - points[0]
-    squared = float((path * path).sum())
+def _around(capsules: Sequence[_Capsule]) -> VoxelBox:
+    """The box around what they may change."""
+    found = _NOTHING
+    for capsule in capsules:
+        found = found.united(capsule.box)
+    return found
+
+
+def _capsule_mm(capsule: _Capsule, box: VoxelBox, spacing_mm: np.ndarray) -> np.ndarray:
+    """``(z, y, x)`` float32 signed distances of voxels to a capsule, negative inside, mm."""
+    # from its start, so that single precision is enough far from the origin too
+    x, y, z = (
+        (np.arange(a, b) * step - at).astype(np.float32)
+        for a, b, step, at in zip(box.first, box.stop, spacing_mm, capsule.start, strict=True)
+    )
+    y, z = y[:, None], z[:, None, None]
+    way = (capsule.end - capsule.start).astype(np.float32)
+    squared = way[0] * way[0] + way[1] * way[1] + way[2] * way[2]
     if squared > 0:
-        along = np.clip(sum(o * p for o, p in zip(offset, path, strict=True)) / squared, 0, 1)
-        offset = [o - along * p for o, p in zip(offset, path, strict=True)]
-    return np.sqrt(offset[0] * offset[0] + offset[1] * offset[1] + offset[2] * offset[2]) - radius_mm
+        part = way / squared
+        along = np.clip(x * part[0] + y * part[1] + z * part[2], 0, 1)
+        x, y, z = x - along * way[0], y - along * way[1], z - along * way[2]
+    distance = np.sqrt(x * x + y * y + z * z)
+    distance -= np.float32(capsule.radius_mm)
+    return distance

@@ -1,17 +1,16 @@
-"""Which voxels lie inside a closed mesh: the crossings of each row of voxels with the triangles, counted."""
+"""Which voxels lie inside a closed mesh: rows of voxels along x, and how often the surface crosses each."""
 
 import numpy as np
 
 from ..errors import InputError
 from ..surface.mesh import TriangleMesh
-from ..transforms import transform_points
 from .volume import VoxelGrid
 
-_SHIFTS = ((1.07e-5, 2.13e-5), (-3.01e-5, 1.39e-5), (2.23e-5, -4.19e-5), (-1.73e-5, -2.89e-5))
-"""Of the rows, in voxels, tried in turn: a row may run exactly through an edge."""
+_PAIRS = 1 << 20
+"""Pairs of a triangle and a row that are looked at together, which bounds the memory."""
 
-_CHUNK = 1 << 18
-"""Triangles at a time."""
+_SHIFT = np.array([0.0, np.pi, np.e]) * 1e-7
+"""Voxels: so that no row of the grid on which a mesh was made runs through its vertices."""
 
 
 def filled(mesh: TriangleMesh, grid: VoxelGrid) -> tuple[np.ndarray, np.ndarray]:
@@ -26,44 +25,57 @@ def filled(mesh: TriangleMesh, grid: VoxelGrid) -> tuple[np.ndarray, np.ndarray]
     InputError
         The mesh is not closed.
     """
-    index = transform_points(grid.index_from_mesh, mesh.vertices)
-    first = np.maximum(np.floor(index.min(axis=0)), 0).astype(int)
-    stop = np.minimum(np.ceil(index.max(axis=0)) + 1, grid.size).astype(int)
-    if (stop <= first).any():
+    points = index_points(grid, mesh.vertices) + _SHIFT
+    first = np.clip(np.ceil(points.min(axis=0)), 0, grid.size).astype(np.int64)
+    stop = np.maximum(np.clip(np.floor(points.max(axis=0)) + 1, 0, grid.size).astype(np.int64), first)
+    width, height, depth = (int(count) for count in stop - first)
+    if not width * height * depth:
         return first, np.zeros((0, 0, 0), np.bool_)
-    for shift in _SHIFTS:
-        # the last column counts what lies beyond the box
-        crossings = np.zeros([*(stop - first)[:0:-1], stop[0] - first[0] + 1], np.int32)
-        for at in range(0, len(mesh.faces), _CHUNK):
-            _count(index, mesh.faces[at : at + _CHUNK], first, crossings, shift)
-        if not (crossings.sum(axis=2) & 1).any():
-            return first, (np.cumsum(crossings[:, :, :-1], axis=2) & 1).astype(np.bool_)
-    raise InputError("structure: expected a closed mesh, found one with holes; close them")
-
-
-def _count(
-    index: np.ndarray, faces: np.ndarray, first: np.ndarray, crossings: np.ndarray, shift: tuple[float, float]
-) -> None:
-    """Add the crossings of rows along x with triangles, at the first voxel behind each."""
-    a, b, c = (index[faces[:, corner]] - first for corner in range(3))
-    rows = np.array(crossings.shape[1::-1])
-    low = np.maximum(np.ceil(np.minimum(np.minimum(a, b), c)[:, 1:] - shift), 0).astype(np.int64)
-    high = np.minimum(np.floor(np.maximum(np.maximum(a, b), c)[:, 1:] - shift), rows - 1).astype(np.int64)
+    points -= first
+    # the last column counts what lies beyond the box
+    crossed = np.zeros((depth * height, width + 1), np.uint8)
+    corners = points[mesh.faces][:, :, 1:]
+    low = np.maximum(np.ceil(corners.min(axis=1)), 0).astype(np.int64)
+    high = np.minimum(np.floor(corners.max(axis=1)), [height - 1, depth - 1]).astype(np.int64)
     extent = np.maximum(high - low + 1, 0)
     count = extent[:, 0] * extent[:, 1]
-    owner = np.repeat(np.arange(len(faces)), count)
-    place = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    y = low[owner, 0] + place % extent[owner, 0]
-    z = low[owner, 1] + place // extent[owner, 0]
-    py, pz = y + shift[0], z + shift[1]
-    weights = []
-    for p, q in ((b, c), (c, a), (a, b)):
-        p, q = p[owner], q[owner]
-        weights.append((q[:, 1] - p[:, 1]) * (pz - p[:, 2]) - (q[:, 2] - p[:, 2]) * (py - p[:, 1]))
-    wa, wb, wc = weights
-    inside = ((wa > 0) & (wb > 0) & (wc > 0)) | ((wa < 0) & (wb < 0) & (wc < 0))
-    owner, y, z = owner[inside], y[inside], z[inside]
-    wa, wb, wc = wa[inside], wb[inside], wc[inside]
-    x = (wa * a[owner, 0] + wb * b[owner, 0] + wc * c[owner, 0]) / (wa + wb + wc)
-    column = np.clip(np.ceil(x), 0, crossings.shape[2] - 1).astype(np.int64)
-    np.add.at(crossings, (z, y, column), 1)
+    ends = np.cumsum(count)
+    face = 0
+    while face < len(count):
+        done = int(ends[face - 1]) if face else 0
+        last = max(int(np.searchsorted(ends, done + _PAIRS)), face + 1)
+        owner = np.repeat(np.arange(face, last), count[face:last])
+        place = np.arange(len(owner)) - (ends - count)[owner] + done
+        y, z = low[owner, 0] + place % extent[owner, 0], low[owner, 1] + place // extent[owner, 0]
+        hit, x = _crossings(points, mesh.faces[owner], y, z)
+        column = np.clip(np.ceil(x), 0, width).astype(np.int64)
+        np.bitwise_xor.at(crossed.reshape(-1), (z[hit] * height + y[hit]) * (width + 1) + column, 1)
+        face = last
+    parity = np.bitwise_xor.accumulate(crossed, axis=1)
+    if parity[:, -1].any():
+        raise InputError("structure: expected a closed mesh, found one with holes; close them")
+    return first, np.ascontiguousarray(parity[:, :-1]).reshape(depth, height, width).view(np.bool_)
+
+
+def index_points(grid: VoxelGrid, points: np.ndarray) -> np.ndarray:
+    """``(N, 3)`` points of the frame of the mesh in index space; each is the same to the last bit among any others."""
+    # not by a matrix product, whose last bits depend on the number of points
+    x, y, z = points.T
+    return np.stack([x * m[0] + y * m[1] + z * m[2] + m[3] for m in grid.index_from_mesh[:3]], axis=1)
+
+
+def _crossings(points: np.ndarray, faces: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which of the rows along x at (y, z) cross triangles ``(N, 3)``, as indices, and at what x."""
+    weights, left = [], []
+    for a, b in ((1, 2), (2, 0), (0, 1)):
+        # always from the vertex of the lower number, so that both faces of an edge agree to the last bit
+        i, j = faces[:, a], faces[:, b]
+        p, q = points[np.minimum(i, j)], points[np.maximum(i, j)]
+        area = (q[:, 1] - p[:, 1]) * (z - p[:, 2]) - (q[:, 2] - p[:, 2]) * (y - p[:, 1])
+        weights.append(np.where(i < j, area, -area))
+        left.append((area >= 0) ^ (i > j))
+    hit = np.flatnonzero((left[0] == left[1]) & (left[1] == left[2]))
+    share = np.stack([weight[hit] for weight in weights], axis=1)
+    total = share.sum(axis=1)
+    total[total == 0] = 1.0
+    return hit, np.einsum("nk,nk->n", share, points[faces[hit], 0]) / total

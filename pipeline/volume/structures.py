@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Collection
+from dataclasses import replace
 
 import numpy as np
 
@@ -35,6 +36,8 @@ _ANATOMY = {
 
 _INTERNAL_CANAL = re.compile(r"internal (ear|auditory|acoustic)|\biac\b")
 
+_BONE = re.compile(r"^(cortical |temporal |compact )?bones?$", re.IGNORECASE)
+
 
 def structure_name(label: str) -> str:
     """The name of a structure for a label's: ``"Facial Nerve (L)"`` -> ``"facial_nerve_left"``.
@@ -53,6 +56,11 @@ def structure_name(label: str) -> str:
     if not known:
         return words.replace(" ", "_") or "structure"
     return "_".join([known, *sides]) if len(sides) == 1 else known
+
+
+def without_bone(labels: LabelMap) -> LabelMap:
+    """The map without the names of labels for bone, of which the surface is made."""
+    return replace(labels, names={value: name for value, name in labels.names.items() if not _BONE.search(name)})
 
 
 def structure_meshes(

@@ -11,10 +11,12 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 import argparse
+import fnmatch
 import hashlib
 import importlib.util
 import os
 import platform
+import re
 import shutil
 import subprocess
 import tempfile
@@ -46,7 +48,7 @@ for _ in write_sample_case(Path(sys.argv[2]), sample_surface(), held_out=False):
 """
 WHEEL_CACHE = ROOT / "build" / "wheels"
 OLDEST_PYTHON = "3.11"
-"""Python of Blender 4.5; the wheel uses the stable ABI (abi3), so it serves all later Pythons as well."""
+"""Python of Blender 4.5; the wheels use the stable ABI (abi3), so they serve all later Pythons as well."""
 SCRIPTS = ("render_dataset.py", "check_dataset.py")
 """Scripts that the add-on runs in a background Blender; each finds the package in the folder above its own."""
 ZIP = Kind("a zip", beginning(b"PK"))
@@ -144,7 +146,7 @@ def build(names: Sequence[str], out: Path, *, blender: str | None = None) -> Ite
         A wheel cannot be downloaded.
     """
     tool, tags = _extension_tool(blender)
-    wheels = [wheel(name) for name in names]
+    wheels = [wheel(requirement, name) for name in names for requirement in requirements()]
     with tempfile.TemporaryDirectory(prefix="oneframe-extension-") as folder:
         staged, built = Path(folder, "oneframe"), Path(folder, "built")
         stage(staged, names, wheels)
@@ -218,31 +220,48 @@ def sample_case() -> Path:
     return folder
 
 
-def wheel(name: str) -> Path:
-    """The one wheel that the add-on needs on a platform, from ``build/wheels`` or through pip.
+def requirements() -> list[str]:
+    """The packages that the extension brings as wheels: OpenCV, and the reader of volumes."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    opencv = next(text for text in project["dependencies"] if text.startswith("opencv-"))
+    return [opencv, *project["optional-dependencies"]["volume"]]
+
+
+def wheel(requirement: str, name: str) -> Path:
+    """The wheel of a package for a platform, from ``build/wheels`` or through pip.
+
+    Parameters
+    ----------
+    requirement
+        ``package==version``, or ``package>=version`` for the newest.
+    name
+        Blender's name of the platform.
 
     Raises
     ------
     RunError
         pip cannot download it.
     """
-    requirement = _opencv_requirement()
     package, _, version = requirement.partition("==")
-    folder, pattern = WHEEL_CACHE / name, f"{package.replace('-', '_')}-{version}-*.whl"
-    if not any(folder.glob(pattern)):
+    package = re.split(r"[<>=~!]", package)[0].replace("-", "_")
+    folder, pattern = WHEEL_CACHE / name, f"{package}-{version or '*'}-*.whl".lower()
+    if not (found := _newest(folder, pattern)):
         WHEEL_CACHE.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".partial-", dir=WHEEL_CACHE) as partial:
             _download(requirement, name, partial)
             folder.mkdir(exist_ok=True)
-            for path in Path(partial).glob(pattern):
+            if (path := _newest(Path(partial), pattern)) is not None:
                 os.replace(path, folder / path.name)
-    return next(folder.glob(pattern))
+        found = _newest(folder, pattern)
+    if found is None:
+        raise RunError(f"wheel of {requirement} for {name}: pip downloaded another file than {pattern}")
+    return found
 
 
-def _opencv_requirement() -> str:
-    """``opencv-...==version`` as the project depends on it."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    return next(text for text in project["dependencies"] if text.startswith("opencv-"))
+def _newest(folder: Path, pattern: str) -> Path | None:
+    # pip writes names in either case
+    found = [path for path in folder.glob("*.whl") if fnmatch.fnmatchcase(path.name.lower(), pattern)]
+    return max(found, key=lambda path: path.stat().st_mtime, default=None)
 
 
 def _download(requirement: str, name: str, folder: str) -> None:

@@ -31,6 +31,12 @@ def test_equals_brute_force(seed: int, faces: int, spread: float) -> None:
     distance, face = SurfaceTree(mesh).nearest(points)
     np.testing.assert_allclose(distance, expected.min(axis=1), rtol=1e-6, atol=1e-7)
     np.testing.assert_allclose(expected[np.arange(50), face], expected.min(axis=1), rtol=1e-6, atol=1e-7)
+    # with a limit, those beyond it are only said to be there
+    limit = rng.uniform(0.5, 1.5, 50) * distance
+    limited = SurfaceTree(mesh).distances(points, limit)
+    within = distance <= limit
+    np.testing.assert_array_equal(limited[within], distance[within])
+    assert (limited[~within] > limit[~within]).all()
 
 
 def test_points_of_the_surface_lie_on_it() -> None:

@@ -1,0 +1,100 @@
+"""Base class of operators whose work takes long: in a thread with progress, stopped by Esc; in scripts at once."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+
+from ..pipeline.errors import InputError, RunError
+from .background_work import NAVIGATION, POLL_SECONDS, BackgroundWork, show_status
+from .operator import Messages, OperatorResult, Reporting, redraw
+
+Work = Callable[[Callable[[float], None]], Any]
+"""Called in a thread with a function that takes the finished share, 0..1; it must not use Blender."""
+
+
+class InBackground(Reporting):
+    """Mixin: :meth:`work` prepares a function for a thread, :meth:`finish` puts its result into the scene."""
+
+    doing = "Working"
+    """What the status bar says meanwhile."""
+
+    _background: BackgroundWork
+    _timer: bpy.types.Timer | None = None
+    _began = 0.0
+
+    def work(self, context: bpy.types.Context) -> Work:
+        """The function for the thread. Implementations raise InputError where it cannot begin."""
+        raise NotImplementedError
+
+    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
+        """Use the function's result, in the main thread; returns messages to report."""
+        raise NotImplementedError
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        """Work without a thread, as scripts do."""
+        return self.finish(context, self.work(context)(lambda _fraction: None))
+
+    def start(self, context: bpy.types.Context) -> OperatorResult:
+        """Begin, for ``invoke`` to return."""
+        if context.window is None or bpy.app.background:
+            return self.execute(context)
+        try:
+            self._background = BackgroundWork(self.work(context))
+        except (InputError, RunError) as error:
+            self.report({"ERROR"}, self.worded(str(error)))
+            return {"CANCELLED"}
+        self._began = time.monotonic()
+        self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        self._show(context)
+        return {"RUNNING_MODAL"}
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        """Called by Blender."""
+        return self.start(context)
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        """Called by Blender."""
+        background = self._background
+        if background.running:
+            if event.type == "ESC" and event.value == "PRESS":
+                background.stop()
+                self._end(context)
+                self.report({"INFO"}, f"{self.doing}: stopped, nothing was changed")
+                return {"CANCELLED"}
+            if event.type == "TIMER":
+                self._show(context)
+            return {"PASS_THROUGH"} if event.type in NAVIGATION | {"TIMER"} else {"RUNNING_MODAL"}
+        self._end(context)
+        try:
+            if background.error is not None:
+                raise background.error
+            messages = self.finish(context, background.result)
+        except (InputError, RunError) as error:
+            self.report({"ERROR"}, self.worded(str(error)))
+            return {"CANCELLED"}
+        except OSError as error:
+            self.report({"ERROR"}, f"{error.filename or self.bl_label}: {error.strerror or error}")
+            return {"CANCELLED"}
+        for message in messages or ():
+            self.report({"INFO"}, message)
+        redraw(context)
+        return {"FINISHED"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Called by Blender when it ends the operator: a file was opened, or the window closed."""
+        self._background.stop()
+        self._end(context)
+
+    def _show(self, context: bpy.types.Context) -> None:
+        share = self._background.fraction
+        done = f"{share:.0%}" if share else f"{time.monotonic() - self._began:.0f} s"
+        show_status(context, f"{self.doing}: {done}      Esc: Stop")
+
+    def _end(self, context: bpy.types.Context) -> None:
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+        show_status(context, None)

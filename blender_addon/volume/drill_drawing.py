@@ -1,0 +1,165 @@
+"""Draws the drilled bone in blocks, and the structures in it; only blocks that have changed go to the GPU again."""
+
+from functools import cache
+
+import bpy
+import gpu
+import numpy as np
+from mathutils import Matrix
+
+from ..pipeline.blender.alignment import surface_object
+from ..pipeline.blender.alignment.alignment_scene import BONE_RGBA
+from ..pipeline.case.structure_colour import OTHER, structure_colour
+from ..state import from_scene
+from . import drill_session
+from .drill_session import BlockKey, DrillSession
+
+FRESH_RGB = (0.95, 0.80, 0.66)
+"""Bone that the drill has opened."""
+
+HIDDEN_ALPHA = 0.22
+"""Of structures behind bone that have a colour of their own."""
+
+_VERTEX = """
+void main()
+{
+  vec4 point = view_from_mesh * vec4(position, 1.0);
+  gl_Position = clip_from_view * point;
+  place = point.xyz;
+  fresh = drilled;
+}
+"""
+
+_FRAGMENT = """
+void main()
+{
+  /* flat: blocks need no normals, and meet without a seam */
+  vec3 n = normalize(cross(dFdx(place), dFdy(place)));
+  vec3 light = normalize(vec3(0.25, 0.45, 0.85));
+  float shade = 0.25 + 0.55 * abs(dot(n, light)) + 0.2 * abs(n.z);
+  vec3 tone = mix(tones.bone.rgb, tones.fresh_bone.rgb, step(0.5, fresh));
+  colour = vec4(tone * shade * shade, tones.bone.a);
+}
+"""
+
+_uploaded: dict[BlockKey | str, gpu.types.GPUBatch] = {}
+_of: DrillSession | None = None
+_handle: object | None = None
+
+
+def world_from_mesh(scene: bpy.types.Scene) -> np.ndarray:
+    """``(4, 4)``: LPS mm -> the world of Blender, as the surface lies."""
+    surface = from_scene.surface_of(scene)
+    world_from_model = np.array(surface.matrix_world, np.float64)
+    return world_from_model @ np.linalg.inv(surface_object.mesh_from_model_of(surface))
+
+
+@cache
+def block_shader() -> gpu.types.GPUShader:
+    """Faces with a mark of what was drilled, in light from the viewer."""
+    between = gpu.types.GPUStageInterfaceInfo("oneframe_block")
+    between.smooth("VEC3", "place")
+    between.smooth("FLOAT", "fresh")
+    info = gpu.types.GPUShaderCreateInfo()
+    info.vertex_in(0, "VEC3", "position")
+    info.vertex_in(1, "FLOAT", "drilled")
+    info.vertex_out(between)
+    info.push_constant("MAT4", "view_from_mesh")
+    info.push_constant("MAT4", "clip_from_view")
+    info.typedef_source("struct Tones { vec4 bone; vec4 fresh_bone; };")
+    info.uniform_buf(0, "Tones", "tones")
+    info.fragment_out(0, "VEC4", "colour")
+    info.vertex_source(_VERTEX)
+    info.fragment_source(_FRAGMENT)
+    return gpu.shader.create_from_info(info)
+
+
+def _batch(vertices: np.ndarray, drilled: np.ndarray, faces: np.ndarray) -> gpu.types.GPUBatch:
+    layout = gpu.types.GPUVertFormat()
+    layout.attr_add(id="position", comp_type="F32", len=3, fetch_mode="FLOAT")
+    layout.attr_add(id="drilled", comp_type="F32", len=1, fetch_mode="FLOAT")
+    buffer = gpu.types.GPUVertBuf(layout, len(vertices))
+    buffer.attr_fill("position", vertices)
+    buffer.attr_fill("drilled", drilled)
+    return gpu.types.GPUBatch(type="TRIS", buf=buffer, elem=gpu.types.GPUIndexBuf(type="TRIS", seq=faces))
+
+
+def _upload(session: DrillSession) -> None:
+    global _of
+    if _of is not session:
+        _uploaded.clear()
+        _of, session.changed = session, set(session.blocks)
+        for name, mesh in session.structures.items():
+            vertices = mesh.vertices.astype(np.float32)
+            _uploaded[name] = _batch(vertices, np.zeros(len(vertices), np.float32), mesh.faces.astype(np.int32))
+    for key in session.changed:
+        block = session.blocks.get(key)
+        if block is None:
+            _uploaded.pop(key, None)
+        else:
+            _uploaded[key] = _batch(block.vertices, block.drilled, block.faces)
+    session.changed.clear()
+
+
+def draw_bone() -> None:
+    """Draw into the view that Blender is drawing now (a POST_VIEW draw handler)."""
+    context = bpy.context
+    scene, region_3d = context.scene, context.region_data
+    session = drill_session.of(scene)
+    if session is None or region_3d is None or from_scene.present_surface(scene) is None:
+        return
+    _upload(session)
+    view_from_mesh = region_3d.view_matrix @ Matrix(world_from_mesh(scene).tolist())
+    shader = block_shader()
+    shader.bind()
+    shader.uniform_float("view_from_mesh", view_from_mesh)
+    shader.uniform_float("clip_from_view", region_3d.window_matrix)
+    gpu.state.depth_mask_set(True)
+    gpu.state.depth_test_set("LESS_EQUAL")
+    gpu.state.blend_set("NONE")
+    _draw(shader, [key for key in _uploaded if not isinstance(key, str)], BONE_RGBA[:3], FRESH_RGB, 1.0)
+    for name in session.structures:
+        colour = structure_colour(name)
+        _draw(shader, [name], colour, colour, 1.0)
+    gpu.state.depth_mask_set(False)
+    gpu.state.depth_test_set("GREATER")
+    gpu.state.blend_set("ALPHA")
+    for name in session.structures:
+        colour = structure_colour(name)
+        if colour != OTHER:
+            _draw(shader, [name], colour, colour, HIDDEN_ALPHA)
+    gpu.state.depth_test_set("NONE")
+    gpu.state.blend_set("NONE")
+
+
+def _draw(
+    shader: gpu.types.GPUShader,
+    keys: list,
+    bone: tuple[float, float, float],
+    fresh: tuple[float, float, float],
+    alpha: float,
+) -> None:
+    # the overlays of a 3D view take linear values; kept in a variable: the buffer must live until all is drawn
+    values = [*_linear(bone), alpha, *_linear(fresh), alpha]
+    buffer = gpu.types.GPUUniformBuf(gpu.types.Buffer("FLOAT", 8, values))
+    shader.uniform_block("tones", buffer)
+    for key in keys:
+        _uploaded[key].draw(shader)
+
+
+def _linear(code: tuple[float, ...]) -> list[float]:
+    return [value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4 for value in code[:3]]
+
+
+def register() -> None:
+    """Draw in 3D views."""
+    global _handle
+    _handle = bpy.types.SpaceView3D.draw_handler_add(draw_bone, (), "WINDOW", "POST_VIEW")
+
+
+def unregister() -> None:
+    """Stop drawing, and free the GPU's memory."""
+    global _handle, _of
+    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
+    _handle, _of = None, None
+    _uploaded.clear()

@@ -1,0 +1,177 @@
+"""Operators that begin and end the use of the drill, take strokes back, and open and save plans."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import StringProperty
+from bpy_extras.io_utils import ExportHelper, ImportHelper
+
+from ..pipeline.errors import InputError
+from ..pipeline.volume.drill_plan import DrillPlan, check_strokes, read_drill_plan, write_drill_plan
+from ..pipeline.volume.structures import structure_meshes, structure_names, without_bone
+from ..registration import class_registration, prop
+from ..state import from_scene
+from ..state.camera_view import views
+from ..state.inputs import input_files
+from ..ui.background_operator import InBackground, Work
+from ..ui.keymap import DRILL_TOOL
+from ..ui.operator import Messages, Reporting, ReportingFile, redraw
+from . import drill_session, drill_strokes
+from .loaded import LoadedCT, key_of, loaded_ct
+from .operators import NeedsCT
+from .surface import is_from_ct
+
+
+class ONEFRAME_OT_drill(InBackground, NeedsCT, bpy.types.Operator):
+    """Drill the bone: the burr removes it under the pointer, and stops at the margins of structures"""
+
+    bl_idname = "oneframe.drill"
+    bl_label = "Drill"
+    bl_options = {"REGISTER", "UNDO"}
+    doing = "Preparing the drill"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Called by Blender."""
+        if super().poll(context) and not is_from_ct(context.scene):
+            cls.poll_message_set("Make the surface of this CT first")
+            return False
+        return super().poll(context)
+
+    def work(self, context: bpy.types.Context) -> Work:
+        scene = context.scene
+        ct, level = loaded_ct(scene), from_scene.shortest(scene.oneframe_ct.threshold_hu)
+        plan = DrillPlan(drill_strokes.strokes_of(scene), margins_of(scene, ct))
+        self._key = key_of(scene), scene.oneframe_ct.threshold_hu
+
+        def prepare(progress: Any) -> drill_session.DrillSession:
+            structures = {} if ct.labels is None else structure_meshes(without_bone(ct.labels))
+            progress(0.1)
+            return drill_session.prepared(ct, level, plan, structures, lambda share: progress(0.1 + 0.9 * share))
+
+        return prepare
+
+    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
+        scene = context.scene
+        if (key_of(scene), scene.oneframe_ct.threshold_hu) != self._key:
+            raise InputError("the CT or its threshold has changed meanwhile; start again")
+        drill_strokes.set_margins(scene, margins_of(scene, result.ct))
+        scene.oneframe_ct.drilling = True
+        drill_session.keep(scene, result)
+        drill_session.surface_hidden(scene, True)
+        for area in views(context):
+            # from where the camera is, but free to orbit
+            area.spaces.active.region_3d.view_perspective = "PERSP"
+        if not bpy.app.background:
+            _activate_tool(context)
+        return ("drag over the bone to drill; Make Surface takes what was drilled over",)
+
+
+def margins_of(scene: bpy.types.Scene, ct: LoadedCT) -> dict[str, float]:
+    """The margins of the scene's plan; the usual ones of its structures if it has none."""
+    margins = dict(drill_strokes.plan_of(scene).margins_mm)
+    if margins or ct.labels is None:
+        return margins
+    return drill_strokes.usual_margins(structure_names(without_bone(ct.labels)).values())
+
+
+def _activate_tool(context: bpy.types.Context) -> None:
+    areas = [area for area in (context.area, *context.screen.areas) if area is not None and area.type == "VIEW_3D"]
+    if areas:
+        with context.temp_override(area=areas[0]):
+            bpy.ops.wm.tool_set_by_id(name=DRILL_TOOL)
+
+
+class ONEFRAME_OT_stop_drill(Reporting, bpy.types.Operator):
+    """Show the surface again; what was drilled stays, and Make Surface takes it over"""
+
+    bl_idname = "oneframe.stop_drill"
+    bl_label = "End Drilling"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Called by Blender."""
+        return context.scene.oneframe_ct.drilling
+
+    def run(self, context: bpy.types.Context) -> None:
+        drill_session.end(context.scene)
+
+
+class ONEFRAME_OT_undo_stroke(Reporting, bpy.types.Operator):
+    """Take the last stroke of the drill back"""
+
+    bl_idname = "oneframe.undo_stroke"
+    bl_label = "Undo Stroke"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Called by Blender."""
+        return bool(context.scene.oneframe_ct.strokes_text)
+
+    def run(self, context: bpy.types.Context) -> None:
+        _set_strokes(context.scene, drill_strokes.strokes_of(context.scene)[:-1])
+
+
+def _set_strokes(scene: bpy.types.Scene, strokes: Any) -> None:
+    drill_strokes.set_strokes(scene, strokes)
+    session = drill_session.of(scene)
+    if session is not None:
+        session.follow(drill_strokes.strokes_of(scene))
+
+
+class ONEFRAME_OT_open_plan(NeedsCT, ReportingFile, bpy.types.Operator, ImportHelper):
+    """Open a plan of the drill: its strokes and margins replace the present ones"""
+
+    bl_idname = "oneframe.open_plan"
+    bl_label = "Open Plan"
+    bl_options = {"REGISTER", "UNDO"}
+
+    filter_glob: str = prop(StringProperty(default="*.toml", options={"HIDDEN"}))
+    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        scene, path = context.scene, self.chosen_file()
+        plan = read_drill_plan(path)
+        messages = check_strokes(plan, loaded_ct(scene).volume.grid, path.name)
+        changed = dict(plan.margins_mm) != dict(drill_strokes.plan_of(scene).margins_mm)
+        if changed and scene.oneframe_ct.drilling:
+            # other margins are another guard
+            drill_session.end(scene)
+        drill_strokes.set_margins(scene, plan.margins_mm)
+        _set_strokes(scene, plan.strokes)
+        return *messages, f"{path.name}: {len(plan.strokes)} strokes"
+
+
+class ONEFRAME_OT_save_plan(ReportingFile, bpy.types.Operator, ExportHelper):
+    """Save strokes and margins as a plan, for oneframe surface --drill"""
+
+    bl_idname = "oneframe.save_plan"
+    bl_label = "Save Plan"
+    bl_options = {"REGISTER"}
+
+    filename_ext = ".toml"
+    filter_glob: str = prop(StringProperty(default="*.toml", options={"HIDDEN"}))
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Called by Blender."""
+        return bool(context.scene.oneframe_ct.strokes_text)
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        path: Path = self.chosen_file()
+        write_drill_plan(path, drill_strokes.plan_of(context.scene), input_files(context.scene))
+        redraw(context)
+        return (f"saved {path}",)
+
+
+_CLASSES = (
+    ONEFRAME_OT_drill,
+    ONEFRAME_OT_stop_drill,
+    ONEFRAME_OT_undo_stroke,
+    ONEFRAME_OT_open_plan,
+    ONEFRAME_OT_save_plan,
+)
+register, unregister = class_registration(_CLASSES)

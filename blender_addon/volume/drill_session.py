@@ -1,0 +1,230 @@
+"""The drilled volume in memory while the drill is in use: its field, and the surface in blocks.
+
+The burr stops where a margin begins, so what is shown is what stays but for a fraction of a voxel; Make Surface holds
+the margins exactly, as the command does. The strokes stand in the scene's settings: after undo and redo the session
+follows them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+
+from ..pipeline.surface.mesh import TriangleMesh
+from ..pipeline.volume.bone import bone_voxels
+from ..pipeline.volume.bone_ray import first_bone
+from ..pipeline.volume.burr_room import BurrRoom
+from ..pipeline.volume.drill_plan import DrillPlan, Stroke
+from ..pipeline.volume.drilled_volume import DrilledVolume, VoxelBox
+from ..pipeline.volume.isosurface import RemovedField, block_surface
+from ..state import from_scene
+from . import drill_strokes
+from .loaded import Key, LoadedCT, ct_of, key_of
+from .properties import redraw
+
+BLOCK = 32
+"""Cells along an axis of the blocks: few enough to make again at once, and not too many to draw."""
+
+BlockKey = tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Block:
+    """Part of the surface, LPS mm: ``(V, 3)`` and ``(V,)`` float32, 1 where drilled, and ``(F, 3)`` int32."""
+
+    vertices: np.ndarray
+    drilled: np.ndarray
+    faces: np.ndarray
+
+
+class DrillSession:
+    """One CT at one threshold, with its strokes. Mutable: every motion of the burr changes it."""
+
+    def __init__(
+        self, ct: LoadedCT, level_hu: float, solid: np.ndarray,
+        structures: Mapping[str, TriangleMesh], margins_mm: Mapping[str, float],
+    ) -> None:  # fmt: skip
+        """Begin with nothing drilled."""
+        self.ct, self.level_hu, self.solid, self.structures = ct, level_hu, solid, dict(structures)
+        self.blocks: dict[BlockKey, Block] = {}
+        self.changed: set[BlockKey] = set()
+        self.revision = 0
+        self._drilled = DrilledVolume(ct.volume.grid)
+        self._room = BurrRoom(structures, margins_mm)
+
+    @property
+    def removed(self) -> RemovedField | None:
+        """What was drilled so far."""
+        return self._drilled.removed
+
+    @property
+    def strokes(self) -> tuple[Stroke, ...]:
+        """In the order of drilling."""
+        return self._drilled.strokes
+
+    def begin(self, radius_mm: float, point: np.ndarray) -> None:
+        """Begin a stroke."""
+        self._renew(self._drilled.add(Stroke(radius_mm, point[None])))
+
+    def extend(self, point: np.ndarray) -> None:
+        """Move the burr on to a point."""
+        self._renew(self._drilled.extend(point))
+
+    def undo(self) -> None:
+        """Take back the last stroke."""
+        self._renew(self._drilled.undo())
+
+    def follow(self, strokes: Sequence[Stroke]) -> None:
+        """Drill these strokes, no others."""
+        same = 0
+        for old, new in zip(self.strokes, strokes, strict=False):
+            if old.radius_mm != new.radius_mm or not np.array_equal(old.points, new.points):
+                break
+            same += 1
+        for _ in range(len(self.strokes) - same):
+            self.undo()
+        for stroke in strokes[same:]:
+            self._renew(self._drilled.add(stroke))
+
+    def make_all(self, progress: Callable[[float], None]) -> None:
+        """Make all blocks."""
+        counts = [-(-(count + 1) // BLOCK) for count in self.ct.volume.grid.size]
+        keys = [(x, y, z) for z in range(counts[2]) for y in range(counts[1]) for x in range(counts[0])]
+        for number, key in enumerate(keys):
+            self._make(key)
+            progress((number + 1) / len(keys))
+
+    def hit(self, removed: RemovedField | None, origin_mm: np.ndarray, direction: np.ndarray) -> np.ndarray | None:
+        """Where a ray meets the bone that a field has left."""
+        return first_bone(self.ct.volume, self.level_hu, self.solid, removed, origin_mm, direction)
+
+    def nearest(self, point: np.ndarray) -> tuple[str, float] | None:
+        """The structure nearest to a point, and its distance, mm."""
+        return self._room.nearest(point)
+
+    def reached(self, start: np.ndarray, end: np.ndarray, radius_mm: float) -> np.ndarray:
+        """Up to where a burr comes before it meets a margin."""
+        return self._room.reached(start, end, radius_mm)
+
+    def _renew(self, box: VoxelBox) -> None:
+        """Make the blocks again that voxels belong to."""
+        if box.is_empty:
+            return
+        self.revision += 1
+        # cells begin at -1, and a voxel is a corner of the cell before it
+        low, high = box.first // BLOCK, box.stop // BLOCK
+        for z in range(low[2], high[2] + 1):
+            for y in range(low[1], high[1] + 1):
+                for x in range(low[0], high[0] + 1):
+                    self._make((int(x), int(y), int(z)))
+
+    def _make(self, key: BlockKey) -> None:
+        volume = self.ct.volume
+        x, y, z = (at * BLOCK - 1 for at in key)
+        right, down, deep = (min(at + BLOCK, count) for at, count in zip((x, y, z), volume.grid.size, strict=True))
+        if right <= x or down <= y or deep <= z:
+            return
+        made = block_surface(
+            volume.values, self.level_hu, volume.grid, (x, y, z), (right, down, deep),
+            solid=self.solid, removed=self.removed,
+        )  # fmt: skip
+        self.changed.add(key)
+        if len(made.mesh.faces) == 0:
+            self.blocks.pop(key, None)
+            return
+        self.blocks[key] = Block(
+            made.mesh.vertices.astype(np.float32),
+            made.drilled.astype(np.float32),
+            np.ascontiguousarray(made.mesh.faces, np.int32),
+        )
+
+
+def prepared(
+    ct: LoadedCT, level_hu: float, plan: DrillPlan, structures: Mapping[str, TriangleMesh],
+    progress: Callable[[float], None],
+) -> DrillSession:  # fmt: skip
+    """A session with the strokes of a plan; for a thread."""
+    solid = bone_voxels(ct.volume, level_hu)
+    progress(0.2)
+    session = DrillSession(ct, level_hu, solid, structures, plan.margins_mm)
+    session.follow(plan.strokes)
+    session.make_all(lambda share: progress(0.4 + 0.6 * share))
+    return session
+
+
+_Kept = tuple[Key, float, str]
+_session: tuple[_Kept, DrillSession] | None = None
+
+
+def _what(scene: bpy.types.Scene) -> _Kept | None:
+    key, settings = key_of(scene), scene.oneframe_ct
+    return None if key is None else (key, settings.threshold_hu, settings.margins_text)
+
+
+def of(scene: bpy.types.Scene) -> DrillSession | None:
+    """The scene's session, while it drills: ``None`` if CT, labels, threshold or margins are others."""
+    if _session is None or not scene.oneframe_ct.drilling or ct_of(scene) is not _session[1].ct:
+        return None
+    return _session[1] if _session[0] == _what(scene) else None
+
+
+def keep(scene: bpy.types.Scene, session: DrillSession) -> None:
+    """Keep a session as the scene's."""
+    global _session
+    what = _what(scene)
+    _session = None if what is None else (what, session)
+
+
+def surface_hidden(scene: bpy.types.Scene, hidden: bool) -> None:
+    """Hide the surface while its blocks are drawn instead, or show it again."""
+    surface = from_scene.present_surface(scene)
+    for layer in scene.view_layers:
+        if surface is not None and surface.name in layer.objects:
+            surface.hide_set(hidden, view_layer=layer)
+
+
+def end(scene: bpy.types.Scene) -> None:
+    """End the use of the drill; what was drilled stays."""
+    global _session
+    scene.oneframe_ct.drilling = False
+    surface_hidden(scene, False)
+    _session = None
+
+
+@persistent
+def _after_undo(*_: object) -> None:
+    for scene in bpy.data.scenes:
+        session = of(scene)
+        if session is not None:
+            session.follow(drill_strokes.strokes_of(scene))
+            redraw()
+
+
+@persistent
+def _after_load(*_: object) -> None:
+    """A file that was saved while drilling shows its surface."""
+    for scene in bpy.data.scenes:
+        if scene.oneframe_ct.drilling:
+            end(scene)
+
+
+_HANDLERS = (
+    (bpy.app.handlers.undo_post, _after_undo),
+    (bpy.app.handlers.redo_post, _after_undo),
+    (bpy.app.handlers.load_post, _after_load),
+)
+
+
+def register() -> None:
+    """Follow undo and redo."""
+    for handlers, handler in _HANDLERS:
+        handlers.append(handler)
+
+
+def unregister() -> None:
+    """Show the surface, and free the memory."""
+    for handlers, handler in _HANDLERS:
+        handlers.remove(handler)
+    _after_load()

@@ -1,0 +1,214 @@
+"""Operators that open a CT and its labels, choose the threshold, and read the CT again."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import IntProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
+
+from ..pipeline.errors import InputError
+from ..pipeline.volume.dicom_series import SeriesInfo
+from ..pipeline.volume.threshold import DEFAULT_HU, otsu_threshold
+from ..pipeline.volume.volume_header import volume_suffix
+from ..pipeline.volume.volume_reader import list_series, read_volume
+from ..registration import class_registration, prop
+from ..state import workbench
+from ..ui.background_operator import InBackground, Work
+from ..ui.operator import Messages, OperatorResult, Reporting
+from . import loaded
+from .loaded import LoadedCT, ct_of, key_of, loaded_ct
+from .slice_areas import show_slices_soon
+
+VOLUMES = "*.nii;*.nii.gz;*.nrrd;*.nhdr;*.mha;*.mhd;*.dcm"
+
+
+class NeedsCT(bpy.types.Operator):
+    """Mixin: available once a CT is in memory."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Called by Blender."""
+        if ct_of(context.scene) is not None:
+            return True
+        cls.poll_message_set("Open a CT first")
+        return False
+
+
+class ONEFRAME_OT_open_ct(InBackground, bpy.types.Operator, ImportHelper):
+    """Open a CT in Hounsfield units: NIfTI, NRRD, MetaImage, or a folder of DICOM slices"""
+
+    bl_idname = "oneframe.open_ct"
+    bl_label = "Open CT"
+    bl_options = {"REGISTER", "UNDO"}
+    doing = "Reading the CT"
+
+    filter_glob: str = prop(StringProperty(default=VOLUMES, options={"HIDDEN"}))
+    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
+    series: int = prop(
+        IntProperty(
+            name="Series",
+            description="Number of the series in a folder of DICOM slices; 0 asks if there are several",
+            min=0,
+            options={"SKIP_SAVE", "HIDDEN"},
+        )
+    )
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        """Called by Blender."""
+        return self.start(context) if self.filepath else ImportHelper.invoke(self, context, event)
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        """Called by Blender, also by the file dialog: the thread begins there."""
+        if self.options.is_invoke and not bpy.app.background and self._timer is None:
+            return self.start(context)
+        return super().execute(context)
+
+    def work(self, context: bpy.types.Context) -> Work:
+        path, series = _file_or_folder(self.filepath), self.series
+
+        def read(_progress: object) -> LoadedCT | tuple[SeriesInfo, ...]:
+            if path.is_dir() and not series:
+                found = [each for each in list_series(path) if each.may_be_a_volume]
+                if len(found) > 1 and not bpy.app.background:
+                    return tuple(found)
+            return LoadedCT(read_volume(path, series=series or None))
+
+        return read
+
+    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
+        path = _file_or_folder(self.filepath)
+        if not isinstance(result, LoadedCT):
+            _ask_for_series(context, path, result)
+            return (f"{len(result)} series in the folder: choose one",)
+        settings = workbench.enter(context).oneframe_ct
+        for name in ("labels_path", "strokes_text", "margins_text"):
+            settings.property_unset(name)
+        settings.path, settings.series = str(path), self.series
+        settings.cursor_mm = loaded.centre_mm(result.volume).tolist()
+        lowest, highest = result.range_hu
+        if not lowest < settings.threshold_hu < highest:
+            settings.threshold_hu = min(max(DEFAULT_HU, lowest), highest)
+        loaded.keep(context.scene, result)
+        show_slices_soon()
+        return (ct_text(result),)
+
+
+def ct_text(ct: LoadedCT) -> str:
+    """Size of a CT in words."""
+    grid = ct.volume.grid
+    size, spacing = (" x ".join(f"{value:.4g}" for value in each) for each in (grid.size, grid.spacing_mm))
+    return f"CT: {size} voxels of {spacing} mm"
+
+
+def _file_or_folder(filepath: str) -> Path:
+    """The file or folder chosen in a dialog; for a DICOM slice its folder.
+
+    Raises
+    ------
+    InputError
+        Nothing was chosen.
+    """
+    if not filepath:
+        raise InputError("expected a CT, found none; choose a file, or go into the folder of its DICOM slices")
+    path = Path(bpy.path.abspath(filepath))
+    if path.is_dir() or volume_suffix(path) is not None:
+        return path
+    is_slice = False
+    try:
+        with path.open("rb") as file:
+            is_slice = file.read(132)[128:] == b"DICM"
+    except OSError:
+        # a name that does not exist was typed, or left over in the dialog: reading says so
+        return path.parent if filepath.endswith(("/", "\\")) else path
+    return path.parent if is_slice else path
+
+
+def _ask_for_series(context: bpy.types.Context, path: Path, found: tuple[SeriesInfo, ...]) -> None:
+    """Open a menu of the series in a folder: numbers and sizes only."""
+
+    def draw(menu: Any, _context: bpy.types.Context) -> None:
+        layout = menu.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        for series in found:
+            chosen = layout.operator("oneframe.open_ct", text=str(series))
+            chosen.filepath, chosen.series = str(path), series.number
+
+    context.window_manager.popup_menu(draw, title="Choose a Series")
+
+
+class ONEFRAME_OT_read_ct(InBackground, bpy.types.Operator):
+    """Read the voxels of this scene's CT from its file again"""
+
+    bl_idname = "oneframe.read_ct"
+    bl_label = "Read CT Again"
+    bl_options = {"REGISTER"}
+    doing = "Reading the CT"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return key_of(context.scene) is not None
+
+    def work(self, context: bpy.types.Context) -> Work:
+        key = key_of(context.scene)
+        if key is None:
+            raise InputError("expected a CT, found none; open one")
+        return loaded.reader(key)
+
+    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
+        loaded.keep(context.scene, result)
+        return (ct_text(result),)
+
+
+class ONEFRAME_OT_open_labels(InBackground, NeedsCT, bpy.types.Operator, ImportHelper):
+    """Open a label map of this CT (nnU-Net, 3D Slicer, ITK-SNAP): its structures are shown, meshed and spared"""
+
+    bl_idname = "oneframe.open_labels"
+    bl_label = "Open Labels"
+    bl_options = {"REGISTER", "UNDO"}
+    doing = "Reading the labels"
+
+    filter_glob: str = prop(StringProperty(default="*.nii;*.nii.gz;*.nrrd;*.nhdr;*.mha;*.mhd", options={"HIDDEN"}))
+    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        """Called by Blender."""
+        return self.start(context) if self.filepath else ImportHelper.invoke(self, context, event)
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        """Called by Blender, also by the file dialog: the thread begins there."""
+        if self.options.is_invoke and not bpy.app.background and self._timer is None:
+            return self.start(context)
+        return super().execute(context)
+
+    def work(self, context: bpy.types.Context) -> Work:
+        path, volume = Path(bpy.path.abspath(self.filepath)), loaded_ct(context.scene).volume
+        return lambda _progress: loaded.with_labels(volume, path)
+
+    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
+        loaded_ct(context.scene)
+        context.scene.oneframe_ct.labels_path = str(Path(bpy.path.abspath(self.filepath)))
+        loaded.keep(context.scene, result)
+        return (f"structures: {', '.join(result.labels.names.values())}",)
+
+
+class ONEFRAME_OT_otsu(NeedsCT, Reporting, bpy.types.Operator):
+    """Find the threshold between soft tissue and bone from the grey values (Otsu)"""
+
+    bl_idname = "oneframe.otsu"
+    bl_label = "Otsu"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        level = otsu_threshold(loaded_ct(context.scene).volume)
+        context.scene.oneframe_ct.threshold_hu = level
+        return (f"threshold {level:g} HU",)
+
+
+_CLASSES = (
+    ONEFRAME_OT_open_ct,
+    ONEFRAME_OT_read_ct,
+    ONEFRAME_OT_open_labels,
+    ONEFRAME_OT_otsu,
+)
+register, unregister = class_registration(_CLASSES)

@@ -1,0 +1,150 @@
+"""Mouse and wheel in the slices: a drag moves the point, the wheel leafs, a drag with the right button sets the window.
+
+Everything else, such as panning with the middle button, stays that of Blender's Image Editor.
+"""
+
+import bpy
+import numpy as np
+from bpy.props import EnumProperty, IntProperty
+
+from ..registration import class_registration, prop
+from ..ui.operator import OperatorResult
+from .slice_view import SliceView, inside
+
+HU_PER_PX = 6.0
+"""Of a drag with the right button, at interface scale 1."""
+
+
+class _InSlice(bpy.types.Operator):
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Called by Blender."""
+        return SliceView.of(context) is not None
+
+
+class ONEFRAME_OT_slice_step(_InSlice):
+    """Leaf through the slices; with Ctrl, zoom"""
+
+    bl_idname = "oneframe.slice_step"
+    bl_label = "Next Slice"
+    bl_options = {"INTERNAL"}
+
+    step: int = prop(IntProperty(name="Step", default=1))
+    zoom: str = prop(EnumProperty(name="Zoom", items=[("NONE", "No", ""), ("IN", "In", ""), ("OUT", "Out", "")]))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        view = SliceView.of(context)
+        if view is None:
+            return {"PASS_THROUGH"}
+        if self.zoom != "NONE":
+            zoomed = bpy.ops.image.view_zoom_in if self.zoom == "IN" else bpy.ops.image.view_zoom_out
+            zoomed("INVOKE_DEFAULT")
+            return {"FINISHED"}
+        settings = context.scene.oneframe_ct
+        _, u, v = view.plane.place_of(np.array(settings.cursor_mm))
+        number = float(np.clip(view.number + self.step, 0, view.plane.count - 1))
+        settings.cursor_mm = view.plane.point_at(number, u, v).tolist()
+        return {"FINISHED"}
+
+
+class ONEFRAME_OT_slice_point(_InSlice):
+    """Drag: the other slices follow to the point under the pointer"""
+
+    bl_idname = "oneframe.slice_point"
+    bl_label = "Go to Point"
+    bl_options = {"INTERNAL", "BLOCKING"}
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        if not self._follow(context, event):
+            return {"PASS_THROUGH"}
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        if event.type == "LEFTMOUSE" and event.value == "RELEASE":
+            return {"FINISHED"}
+        if event.type in ("ESC", "WINDOW_DEACTIVATE") or not self._follow(context, event):
+            return {"FINISHED"}
+        return {"RUNNING_MODAL"}
+
+    def _follow(self, context: bpy.types.Context, event: bpy.types.Event) -> bool:
+        view = SliceView.of(context)
+        if view is None:
+            return False
+        u, v = view.px_from_region(np.array([event.mouse_region_x + 0.5, event.mouse_region_y + 0.5]))
+        settings = context.scene.oneframe_ct
+        number, _, _ = view.plane.place_of(np.array(settings.cursor_mm))
+        settings.cursor_mm = inside(view.ct, view.plane.point_at(number, float(u), float(v))).tolist()
+        return True
+
+
+class ONEFRAME_OT_slice_window(_InSlice):
+    """Drag: right for a wider window, up for a higher level of HU"""
+
+    bl_idname = "oneframe.slice_window"
+    bl_label = "Window and Level"
+    bl_options = {"INTERNAL", "BLOCKING"}
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        settings = context.scene.oneframe_ct
+        self._start = np.array([event.mouse_x, event.mouse_y], float)
+        self._before = settings.width_hu, settings.level_hu
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        settings = context.scene.oneframe_ct
+        if event.type == "ESC":
+            settings.width_hu, settings.level_hu = self._before
+            return {"CANCELLED"}
+        if event.type == "WINDOW_DEACTIVATE" or (event.type == "RIGHTMOUSE" and event.value == "RELEASE"):
+            return {"FINISHED"}
+        if event.type == "MOUSEMOVE":
+            moved = np.array([event.mouse_x, event.mouse_y]) - self._start
+            across, up = moved * HU_PER_PX / context.preferences.system.ui_scale
+            width, level = self._before
+            settings.width_hu, settings.level_hu = max(1.0, width + across), level + up
+        return {"RUNNING_MODAL"}
+
+
+_KEYS: tuple[tuple[str, str, dict[str, bool], dict[str, object]], ...] = (
+    ("oneframe.slice_step", "WHEELUPMOUSE", {}, {"step": 1}),
+    ("oneframe.slice_step", "WHEELDOWNMOUSE", {}, {"step": -1}),
+    ("oneframe.slice_step", "PAGE_UP", {}, {"step": 1}),
+    ("oneframe.slice_step", "PAGE_DOWN", {}, {"step": -1}),
+    ("oneframe.slice_step", "WHEELUPMOUSE", {"ctrl": True}, {"zoom": "IN"}),
+    ("oneframe.slice_step", "WHEELDOWNMOUSE", {"ctrl": True}, {"zoom": "OUT"}),
+    ("oneframe.slice_point", "LEFTMOUSE", {}, {}),
+    ("oneframe.slice_window", "RIGHTMOUSE", {}, {}),
+)
+"""Operator, event, modifiers, settings; where the area shows no slice, Blender uses its own binding."""
+
+_added: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
+_register, _unregister = class_registration((ONEFRAME_OT_slice_step, ONEFRAME_OT_slice_point, ONEFRAME_OT_slice_window))
+
+
+def register() -> None:
+    """Register the operators and their keys."""
+    _register()
+    configuration = bpy.context.window_manager.keyconfigs.addon
+    if configuration is None:
+        return
+    # tools come before the editor's own keys: a click would pick a colour
+    editor = configuration.keymaps.new(name="Image", space_type="IMAGE_EDITOR")
+    tool = configuration.keymaps.new(
+        name="Image Editor Tool: Sample", space_type="IMAGE_EDITOR", region_type="WINDOW", tool=True
+    )
+    for keymap in (editor, tool):
+        for operator, kind, modifiers, settings in _KEYS:
+            item = keymap.keymap_items.new(operator, kind, "PRESS", **modifiers)  # type: ignore[arg-type]
+            for name, value in settings.items():
+                setattr(item.properties, name, value)
+            _added.append((keymap, item))
+
+
+def unregister() -> None:
+    """Undo :func:`register`."""
+    for keymap, item in _added:
+        keymap.keymap_items.remove(item)
+    _added.clear()
+    _unregister()

@@ -1,0 +1,157 @@
+"""The operator that makes the surface of the bone, drilled if it was, and the structures of the labels."""
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty
+
+from ..pipeline.blender.alignment import alignment_scene, surface_object
+from ..pipeline.case.structure_colour import structure_colour
+from ..pipeline.case.surface_size import extents_of, size_text
+from ..pipeline.commands.surface_finish import finish_of
+from ..pipeline.errors import InputError
+from ..pipeline.surface.mesh import TriangleMesh
+from ..pipeline.surface.mesh_reader import read_mesh
+from ..pipeline.volume.bone import bone_voxels
+from ..pipeline.volume.bone_surface import STAGES, bone_surface
+from ..pipeline.volume.drilled_volume import removed_by_plan
+from ..pipeline.volume.structures import structure_meshes, without_bone
+from ..pipeline.volume.threshold import check_threshold
+from ..registration import class_registration, prop
+from ..state import from_scene, to_scene
+from ..ui.background_operator import InBackground, Work
+from ..ui.operator import Asking, Messages, OperatorResult, call
+from . import drill_session, drill_strokes
+from .loaded import key_of, loaded_ct
+from .operators import NeedsCT
+from .surface_files import write_meshes
+
+MADE_FROM = "oneframe_ct"
+"""Custom property of a surface: the CT that it was made from."""
+
+_BONE_SHARE, _STRUCTURES_SHARE = 0.1, 0.1
+"""Of the time, roughly."""
+
+
+def is_from_ct(scene: bpy.types.Scene) -> bool:
+    """Whether the present surface was made from the scene's CT: another version of it keeps pose and landmarks."""
+    surface, key = from_scene.present_surface(scene), key_of(scene)
+    return surface is not None and key is not None and surface.get(MADE_FROM) == _mark(key)
+
+
+def _mark(key: tuple[str, int, str]) -> str:
+    return f"{key[0]}:{key[1]}"
+
+
+class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
+    """Make the surface of the bone above the threshold, without what was drilled, and the structures of the labels"""
+
+    bl_idname = "oneframe.make_surface"
+    bl_label = "Make Surface"
+    bl_options = {"REGISTER", "UNDO"}
+    doing = "Making the surface"
+
+    replace: bool = prop(
+        BoolProperty(
+            name="Replace",
+            description="Replace a surface that was not made from this CT",
+            default=False,
+            options={"SKIP_SAVE", "HIDDEN"},
+        )
+    )
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        """Called by Blender."""
+        scene = context.scene
+        if not self.replace and from_scene.present_surface(scene) is not None and not is_from_ct(scene):
+            bpy.ops.oneframe.replace_surface("INVOKE_DEFAULT")  # type: ignore[attr-defined]
+            return {"CANCELLED"}
+        return self.start(context)
+
+    def work(self, context: bpy.types.Context) -> Work:
+        scene = context.scene
+        ct, level = loaded_ct(scene), from_scene.shortest(scene.oneframe_ct.threshold_hu)
+        plan, self._inputs = drill_strokes.plan_of(scene), _inputs(scene)
+        if not self.replace and from_scene.present_surface(scene) is not None and not is_from_ct(scene):
+            raise InputError("expected no surface, found one that was not made from this CT; replace it by choice")
+
+        def make(progress: Any) -> tuple[TriangleMesh, dict[str, TriangleMesh], dict[str, Path]]:
+            check_threshold(ct.volume, level)
+            solid = bone_voxels(ct.volume, level)
+            progress(_BONE_SHARE)
+            structures = {}
+            if ct.labels is not None:
+                structures = structure_meshes(
+                    without_bone(ct.labels), progress=lambda share: progress(_BONE_SHARE + _STRUCTURES_SHARE * share)
+                )
+            removed = removed_by_plan(plan, ct.volume.grid, structures)
+            before = _BONE_SHARE + _STRUCTURES_SHARE
+
+            def report(stage: str, share: float) -> None:
+                done = STAGES.index(stage) if stage in STAGES else 0
+                progress(before + (1 - before) * (done + share) / len(STAGES))
+
+            finish = finish_of(ct.volume, solid, removed, structures)
+            made = bone_surface(ct.volume, level, solid, removed, finish, report=report)
+            return made.surface.mesh, structures, write_meshes(made.surface.mesh, structures)
+
+        return make
+
+    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
+        scene = context.scene
+        if _inputs(scene) != self._inputs:
+            raise InputError("the CT, its threshold or what was drilled has changed meanwhile; start again")
+        _, structures, paths = result
+        # as every other tool reads it: the file has single precision
+        mesh, _ = read_mesh(paths[""])
+        key = key_of(scene)
+        if scene.oneframe_ct.drilling:
+            drill_session.end(scene)
+        if is_from_ct(scene) and scene.oneframe.units == "mm":
+            to_scene.exchange_surface(context, paths[""], mesh)
+        else:
+            to_scene.set_surface(context, paths[""], mesh, "mm")
+        surface = from_scene.surface_of(context.scene)
+        surface[MADE_FROM] = "" if key is None else _mark(key)
+        _put_structures(surface, {name: paths[name] for name in structures})
+        named = f", structures {', '.join(structures)}" if structures else ""
+        return (f"surface: {len(mesh.faces):,} triangles, {size_text(extents_of(mesh))}{named}",)
+
+
+def _inputs(scene: bpy.types.Scene) -> tuple[object, ...]:
+    settings = scene.oneframe_ct
+    return key_of(scene), settings.threshold_hu, settings.strokes_text, settings.margins_text
+
+
+def _put_structures(surface: bpy.types.Object, paths: dict[str, Path]) -> None:
+    """Add structures to the surface; those of the same names are replaced."""
+    offset = surface_object.mesh_from_model_of(surface)[:3, 3]
+    old = [child for child in surface.children if child.name in paths and child.oneframe.role == "STRUCTURE"]
+    alignment_scene.remove_objects(old)
+    for name, path in paths.items():
+        mesh, _ = read_mesh(path)
+        structure = alignment_scene.put_structure(surface, mesh.moved(-offset), name, structure_colour(name))
+        structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path)
+
+
+class ONEFRAME_OT_replace_surface(Asking, bpy.types.Operator):
+    """Ask whether to replace a surface that was not made from this CT"""
+
+    bl_idname = "oneframe.replace_surface"
+    bl_label = "Replace Surface"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return not bpy.app.background and from_scene.present_surface(context.scene) is not None
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        question = "The present surface was not made from this CT. Its pose, landmarks and structures go with it."
+        return self.ask(context, "Replace the Surface?", question, "Replace")
+
+    def run(self, context: bpy.types.Context) -> None:
+        call("make_surface", "INVOKE_DEFAULT", replace=True)
+
+
+register, unregister = class_registration((ONEFRAME_OT_make_surface, ONEFRAME_OT_replace_surface))

@@ -1,0 +1,41 @@
+"""How a surface is smoothed and simplified unless the user says otherwise: the same for the command and the window."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..case.structure_colour import OTHER, structure_colour
+from ..surface.mesh import TriangleMesh
+from ..volume.bone_surface import Ball, Finish, removed_ball
+from ..volume.isosurface import RemovedField
+from ..volume.smoothing import STEPS
+from ..volume.volume import Volume
+
+
+def finish_of(
+    volume: Volume,
+    solid: np.ndarray,
+    removed: RemovedField | None,
+    structures: Mapping[str, TriangleMesh],
+    *,
+    tolerance_mm: float | None = None,
+    smoothing_steps: int = STEPS,
+) -> Finish:
+    """The finish of a surface; ``tolerance_mm`` is half the smallest distance of voxels if it is ``None``."""
+    tolerance = float(volume.grid.spacing_mm.min()) / 2 if tolerance_mm is None else tolerance_mm
+    focus = _focus(volume, solid, removed, structures)
+    return Finish(smoothing_steps=smoothing_steps, tolerance_mm=tolerance, focus=focus)
+
+
+def _focus(
+    volume: Volume, solid: np.ndarray, removed: RemovedField | None, structures: Mapping[str, TriangleMesh]
+) -> Ball | None:
+    """The part that matters: what was removed, or else where the structures are that have a colour of their own."""
+    if removed is not None and (ball := removed_ball(volume.grid, solid, removed)) is not None:
+        return ball
+    shown = [mesh.vertices for name, mesh in structures.items() if structure_colour(name) != OTHER]
+    if not shown:
+        return None
+    points = np.concatenate(shown)
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    return Ball((lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2)

@@ -1,0 +1,294 @@
+"""A CT in the add-on: the script's surface to the last bit, the drill, undo, files beside the case, bad files."""
+
+import threading
+import time
+
+import bpy
+import numpy as np
+import pytest
+
+sitk = pytest.importorskip("SimpleITK")
+
+from blender_addon.ui.background_work import BackgroundWork
+from blender_addon.volume import drill_session, drill_strokes, loaded, surface_files
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.commands import surface as surface_command
+from pipeline.images.png import encode_png
+from pipeline.transforms import transform_points
+from pipeline.volume.drill_plan import Stroke, read_drill_plan
+
+SIZE, SPACING = (44, 40, 36), (0.5, 0.5, 0.6)
+ORIGIN = np.array([-12.0, 30.0, 5.0])
+CENTRE = ORIGIN + np.array(SPACING) * (np.array(SIZE) - 1) / 2
+
+
+def near(*offset):
+    """A point beside the centre, mm."""
+    return CENTRE + np.array(offset)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A ball of bone of 8 mm radius with a nerve through it, as CT, labels, and what is none."""
+    folder = tmp_path_factory.mktemp("ct")
+    grid = np.stack(np.meshgrid(*[np.arange(count) for count in SIZE], indexing="ij")).T
+    points = ORIGIN + grid * SPACING
+    depth = 8.0 - np.linalg.norm(points - CENTRE, axis=-1)
+    rng = np.random.default_rng(3)
+    hu = np.clip(300 + 900 * depth, -1000, 1500) + rng.normal(0, 20, depth.shape)
+    across = np.linalg.norm((points - CENTRE)[..., 1:], axis=-1)
+    nerve = ((across < 1.0) & (depth > 1.0)).astype(np.uint8)
+    for name, values in (("ct", hu.astype(np.int16)), ("labels", nerve)):
+        image = sitk.GetImageFromArray(values)
+        image.SetSpacing(SPACING)
+        image.SetOrigin(ORIGIN.tolist())
+        sitk.WriteImage(image, str(folder / f"{name}.nii.gz"))
+    (folder / "labels.json").write_text('{"labels": {"facial nerve": 1}}')
+    (folder / "cut.nii.gz").write_bytes((folder / "ct.nii.gz").read_bytes()[:400])
+    (folder / "text.nrrd").write_text("no volume")
+    (folder / "empty").mkdir()
+    return folder
+
+
+@pytest.fixture
+def scene(addon, files):
+    bpy.ops.oneframe.open_ct(filepath=str(files / "ct.nii.gz"))
+    return bpy.context.scene
+
+
+def with_labels(files):
+    bpy.ops.oneframe.open_labels(filepath=str(files / "labels.nii.gz"))
+
+
+def drilled(scene, *strokes):
+    """Strokes as the tool leaves them."""
+    session = drill_session.of(scene)
+    for radius, points in strokes:
+        points = drill_strokes.rounded(np.array(points, float))
+        session.begin(radius, points[0])
+        for point in points[1:]:
+            session.extend(point)
+    drill_strokes.set_strokes(scene, session.strokes)
+    return session
+
+
+def surface_bytes(scene):
+    return surface_files.from_scene.absolute_path(scene.oneframe.surface.oneframe.mesh_path).read_bytes()
+
+
+STROKES = (
+    (2.0, [near(7, 0, 6), near(3, 0, 6), near(0, 1, 6)]),
+    (1.5, [near(0, 0, 5), near(0, 0, 0)]),
+)
+
+
+def test_the_surface_is_the_scripts_drilled_or_not(scene, files, tmp_path):
+    with_labels(files)
+    bpy.ops.oneframe.make_surface()
+    ct = ["--labels", str(files / "labels.nii.gz"), "--out"]
+    surface_command.main([str(files / "ct.nii.gz"), *ct, str(tmp_path / "plain")])
+    assert surface_bytes(scene) == (tmp_path / "plain" / "surface.ply").read_bytes()
+    (nerve,) = scene.oneframe.surface.children
+    assert nerve.name == "facial_nerve"
+    made = surface_files.from_scene.absolute_path(nerve.oneframe.mesh_path).read_bytes()
+    assert made == (tmp_path / "plain" / "structures" / "facial_nerve.ply").read_bytes()
+
+    bpy.ops.oneframe.drill()
+    assert drill_strokes.plan_of(scene).margins_mm == {"facial_nerve": 1.0}
+    drilled(scene, *STROKES)
+    bpy.ops.oneframe.save_plan(filepath=str(tmp_path / "drill.toml"))
+    bpy.ops.oneframe.make_surface()
+    assert not scene.oneframe_ct.drilling
+    assert not scene.oneframe.surface.hide_get()
+    plan = ["--drill", str(tmp_path / "drill.toml")]
+    surface_command.main([str(files / "ct.nii.gz"), *plan, *ct, str(tmp_path / "drilled")])
+    assert surface_bytes(scene) == (tmp_path / "drilled" / "surface.ply").read_bytes()
+    assert surface_bytes(scene) != (tmp_path / "plain" / "surface.ply").read_bytes()
+
+
+def test_pose_and_landmarks_stay_when_the_surface_is_made_again(scene, files):
+    bpy.ops.oneframe.make_surface()
+    surface = scene.oneframe.surface
+    entry = scene.oneframe.landmarks.add()
+    entry.has_point, entry.point = True, (1.0, 2.0, 3.0)
+    to_mesh = surface_files.from_scene
+    before = to_mesh.landmarks_mesh(scene)[0].point
+    world = np.array(surface.matrix_world) @ np.linalg.inv(_mesh_from_model(surface))
+    scene.oneframe_ct.threshold_hu = 900
+    bpy.ops.oneframe.make_surface()
+    assert scene.oneframe.surface == surface
+    np.testing.assert_allclose(to_mesh.landmarks_mesh(scene)[0].point, before, atol=1e-5)
+    after = np.array(surface.matrix_world) @ np.linalg.inv(_mesh_from_model(surface))
+    np.testing.assert_allclose(after, world, atol=1e-4)
+
+
+def _mesh_from_model(surface):
+    from pipeline.blender.alignment.surface_object import mesh_from_model_of
+
+    return mesh_from_model_of(surface)
+
+
+def test_another_surface_is_replaced_by_choice_only(scene, files, tmp_path):
+    bpy.ops.oneframe.make_surface()
+    other = tmp_path / "other.ply"
+    other.write_bytes(surface_bytes(scene))
+    bpy.ops.oneframe.load_surface(filepath=str(other))
+    with pytest.raises(RuntimeError, match="not made from this CT"):
+        bpy.ops.oneframe.make_surface()
+    assert scene.oneframe.surface.oneframe.mesh_path == str(other)
+    bpy.ops.oneframe.make_surface(replace=True)
+    assert scene.oneframe.surface.oneframe.mesh_path != str(other)
+
+
+def test_strokes_are_taken_back_in_any_number(scene, files):
+    bpy.ops.oneframe.make_surface()
+    bpy.ops.oneframe.drill()
+    assert scene.oneframe.surface.hide_get()
+    session = drill_session.of(scene)
+    blocks = _snapshot(session)
+    drilled(scene, STROKES[0])
+    once = _snapshot(session)
+    assert once != blocks
+    drilled(scene, STROKES[1])
+    bpy.ops.oneframe.undo_stroke()
+    assert _snapshot(session) == once
+    # what undo of Blender's leaves in the settings
+    for text in ("", scene.oneframe_ct.strokes_text, ""):
+        scene.oneframe_ct.strokes_text = text
+        drill_session._after_undo()
+        assert _snapshot(session) == (once if text else blocks)
+
+
+def _snapshot(session):
+    return {key: (b.vertices.tobytes(), b.faces.tobytes(), b.drilled.tobytes()) for key, b in session.blocks.items()}
+
+
+def test_the_burr_meets_the_bone_where_the_ray_does_and_stops_at_the_margin(scene, files):
+    with_labels(files)
+    bpy.ops.oneframe.make_surface()
+    bpy.ops.oneframe.drill()
+    session = drill_session.of(scene)
+    hit = session.hit(None, near(0, 0, 50), np.array([0, 0, -2.0]))
+    np.testing.assert_allclose(hit, near(0, 0, 8), atol=0.1)
+    assert session.hit(None, near(0, 9.5, 50), np.array([0, 0, -1.0])) is None
+    reached = session.reached(near(0, 0, 12), CENTRE, 1.5)
+    # nerve of 1 mm, margin of 1 mm, burr of 1.5 mm
+    assert reached[2] - CENTRE[2] == pytest.approx(3.5, abs=0.3)
+    name, distance = session.nearest(near(0, 0, 4))
+    assert (name, distance) == ("facial_nerve", pytest.approx(3.0, abs=0.3))
+    session.begin(2.0, near(0, 0, 8))
+    deeper = session.hit(session.removed, near(0, 0, 50), np.array([0, 0, -1.0]))
+    assert deeper[2] == pytest.approx(CENTRE[2] + 6, abs=0.1)
+
+
+def test_save_case_takes_surface_and_plan_beside_it(scene, files, tmp_path):
+    with_labels(files)
+    bpy.ops.oneframe.make_surface()
+    bpy.ops.oneframe.drill()
+    drilled(scene, STROKES[0])
+    bpy.ops.oneframe.make_surface()
+    (tmp_path / "frame.png").write_bytes(encode_png(np.full((60, 80, 3), 90, np.uint8)))
+    bpy.ops.oneframe.load_frame(filepath=str(tmp_path / "frame.png"))
+    from blender_addon.state import to_scene
+
+    to_scene.set_camera(bpy.context, PinholeCamera(80, 60, 400, 400, 39.5, 29.5), None)
+    made = surface_bytes(scene)
+    for _ in range(2):
+        bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case.toml"))
+        assert (tmp_path / "surface.ply").read_bytes() == made
+        assert (tmp_path / "structures" / "facial_nerve.ply").exists()
+    (stroke,) = read_drill_plan(tmp_path / "drill.toml").strokes
+    assert np.array_equal(stroke.points, drill_strokes.rounded(np.array(STROKES[0][1])))
+    bpy.ops.oneframe.open_case(filepath=str(tmp_path / "case.toml"))
+    assert len(scene.oneframe.surface.children) == 1
+    # a plan that was saved opens again
+    scene.oneframe_ct.strokes_text = ""
+    bpy.ops.oneframe.open_plan(filepath=str(tmp_path / "drill.toml"))
+    assert len(drill_strokes.strokes_of(scene)) == 1
+
+
+def test_the_blend_file_holds_a_path_and_the_voxels_are_read_again(scene, files, tmp_path):
+    bpy.ops.oneframe.make_surface()
+    bpy.ops.oneframe.drill()
+    drilled(scene, STROKES[0])
+    volume = loaded.ct_of(scene).volume
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "kept.blend"), compress=False)
+    assert volume.values[10, 10].tobytes() not in (tmp_path / "kept.blend").read_bytes()
+    loaded._loaded.clear()
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "kept.blend"))
+    scene = bpy.context.scene
+    assert loaded.ct_of(scene) is None
+    assert not scene.oneframe_ct.drilling
+    assert not scene.oneframe.surface.hide_get()
+    assert not bpy.ops.oneframe.make_surface.poll()
+    bpy.ops.oneframe.read_ct()
+    assert np.array_equal(loaded.ct_of(scene).volume.values, volume.values)
+    bpy.ops.oneframe.drill()
+    assert len(drill_session.of(scene).strokes) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("missing.nii.gz", "missing.nii.gz"),
+        ("cut.nii.gz", "cut.nii.gz"),
+        ("text.nrrd", "text.nrrd"),
+        ("empty", "empty"),
+        ("labels.nii.gz", "label"),
+        ("labels.json", "volume"),
+    ],
+)
+def test_what_is_no_ct_changes_nothing(name, message, scene, files):
+    before = loaded.ct_of(scene)
+    with pytest.raises(RuntimeError, match=message):
+        bpy.ops.oneframe.open_ct(filepath=str(files / name))
+    assert loaded.ct_of(scene) is before
+    assert scene.oneframe_ct.path == str(files / "ct.nii.gz")
+
+
+def test_a_threshold_without_bone_changes_nothing(scene):
+    scene.oneframe_ct.threshold_hu = 3000
+    with pytest.raises(RuntimeError, match="HU"):
+        bpy.ops.oneframe.make_surface()
+    assert scene.oneframe.surface is None
+    bpy.ops.oneframe.otsu()
+    bpy.ops.oneframe.make_surface()
+    corners = transform_points(_mesh_from_model(scene.oneframe.surface), np.array(scene.oneframe.surface.bound_box))
+    np.testing.assert_allclose(corners.mean(axis=0), CENTRE, atol=0.3)
+
+
+def test_work_that_is_stopped_ends_at_its_next_step(scene):
+    from blender_addon.volume import surface
+
+    class Operator:
+        replace = False
+
+    entered, go_on = threading.Event(), threading.Event()
+    make = surface.ONEFRAME_OT_make_surface.work(Operator(), bpy.context)
+    steps = []
+
+    def slowly(progress):
+        def report(share):
+            steps.append(share)
+            entered.set()
+            go_on.wait(10)
+            progress(share)
+
+        return make(report)
+
+    work = BackgroundWork(slowly)
+    assert entered.wait(30)
+    work.stop()
+    go_on.set()
+    end = time.monotonic() + 20
+    while work.running and time.monotonic() < end:
+        time.sleep(0.01)
+    assert (work.running, work.result, work.error, len(steps)) == (False, None, None, 1)
+    assert scene.oneframe.surface is None
+
+
+def test_strokes_in_the_scene_keep_every_digit(scene):
+    strokes = [Stroke(1.5, np.random.default_rng(1).normal(size=(50, 3)))]
+    drill_strokes.set_strokes(scene, strokes)
+    (found,) = drill_strokes.strokes_of(scene)
+    assert np.array_equal(found.points, strokes[0].points)

@@ -1,0 +1,161 @@
+"""From a CT to the drilled surface by hand: slices, threshold, surface, a stroke of the drill, undo, redo, save."""
+
+from importlib import import_module
+
+import addon_utils
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+PACKAGE = "bl_ext.user_default.oneframe"
+TIMEOUT_S = 400
+SIZE, SPACING = (49, 49, 45), 0.6
+
+
+def part(name):
+    return import_module(f"{PACKAGE}.{name}")
+
+
+def scenario(user):
+    path = user.folder / "ct.mha"
+    written_ct(path)
+    addon_utils.enable(PACKAGE)
+    yield from user.open_sidebar("OneFrame")
+    yield from user.open_panels()
+    yield from user.press("oneframe.open_ct")
+    yield from user.choose_file(path)
+    loaded, areas = part("volume.loaded"), part("volume.slice_areas")
+    yield from user.until(lambda: loaded.ct_of(user.window.scene) is not None, "the CT", 60)
+    yield from user.until(lambda: len(areas.slice_areas(user.window.screen)) == 3, "three slices", 30)
+    yield from user.at_workbench()
+    yield from user.picture("1_slices")
+
+    # a click in one slice moves the others, the wheel leafs, the right button sets the window
+    settings = user.window.scene.oneframe_ct
+    top = max(areas.slice_areas(user.window.screen), key=lambda area: area.y)
+    assert areas.plane_of(top.spaces.active) == 0
+    region = user.region("WINDOW", top)
+    middle = region.x + region.width / 2, region.y + region.height / 2
+    x, y, z = settings.cursor_mm
+    yield from user.click((middle[0] + 30, middle[1] + 20))
+    assert settings.cursor_mm[0] > x, "right on the axial slice is the patient's left"
+    assert settings.cursor_mm[1] < y, "up is the front"
+    assert settings.cursor_mm[2] == z
+    user.event("WHEELUPMOUSE", "PRESS", middle)
+    yield from user.until(lambda: settings.cursor_mm[2] > z, "the next slice")
+    assert np.isclose(settings.cursor_mm[2] - z, SPACING, atol=1e-4)
+    width = settings.width_hu
+    yield from user.drag(middle, (middle[0] + 40, middle[1]), "RIGHTMOUSE")
+    assert settings.width_hu > width
+
+    # the contour follows the threshold
+    before = yield from user.look()
+    settings.threshold_hu = 900
+    yield 0.5
+    after = yield from user.look()
+    box = np.s_[
+        user.window.height - region.y - region.height : user.window.height - region.y, region.x : region.x + 200
+    ]
+    assert (before[box] != after[box]).any()
+    settings.threshold_hu = 300
+
+    yield from user.open_sidebar("OneFrame")
+    yield from user.press("oneframe.make_surface")
+    scene = user.window.scene
+    yield from user.until(lambda: scene.oneframe.surface is not None, "the surface", 60)
+    yield from user.redraw()
+    yield from user.picture("2_surface")
+
+    # a stroke from the patient's left, undo and redo
+    session = part("volume.drill_session")
+    yield from user.press("oneframe.drill()")
+    yield from user.until(lambda: session.of(scene) is not None, "the drill", 60)
+    places = placed(user, scene)
+    yield from user.redraw()
+    yield from user.drag(*places, steps=12)
+    yield from user.until(lambda: strokes(user) == 1, "a stroke")
+    yield from user.picture("3_drilled")
+    drilled = blocks(user)
+    yield from user.key("Z", user.middle(), ctrl=True)
+    yield from user.until(lambda: strokes(user) == 0, "no stroke after undo")
+    assert session.of(user.window.scene) is not None
+    assert blocks(user) != drilled
+    yield from user.key("Z", user.middle(), ctrl=True, shift=True)
+    yield from user.until(lambda: strokes(user) == 1, "the stroke after redo")
+    assert blocks(user) == drilled
+
+    # Esc takes back a stroke that is being drawn
+    user.event("MOUSEMOVE", "NOTHING", places[0])
+    user.event("LEFTMOUSE", "PRESS", places[0])
+    yield 0.2
+    user.event("MOUSEMOVE", "NOTHING", places[1])
+    yield 0.2
+    yield from user.key("ESC")
+    user.event("LEFTMOUSE", "RELEASE", places[1])
+    yield 0.2
+    assert strokes(user) == 1
+    assert blocks(user) == drilled
+
+    faces = len(user.window.scene.oneframe.surface.data.polygons)
+    yield from user.press("oneframe.make_surface")
+    yield from user.until(lambda: not user.window.scene.oneframe_ct.drilling, "the drilled surface", 60)
+    assert len(user.window.scene.oneframe.surface.data.polygons) != faces
+    yield from user.picture("4_drilled_surface")
+
+    # what Save Case keeps
+    scene = user.window.scene
+    with user.context():
+        bpy.ops.oneframe.load_frame(True, filepath=str(user.case.parent / "frame.png"))
+        bpy.ops.oneframe.load_camera(True, filepath=str(user.case))
+        bpy.ops.oneframe.save_case("EXEC_DEFAULT", filepath=str(user.folder / "case.toml"))
+    for name in ("case.toml", "surface.ply", "drill.toml"):
+        assert (user.folder / name).exists(), name
+
+    # in a file that is opened again, the voxels are read again
+    bpy.ops.wm.save_as_mainfile(filepath=str(user.folder / "kept.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(user.folder / "kept.blend"))
+    yield 1.0
+    loaded._loaded.clear()
+    part("volume.reread")._after_load()
+    yield from user.until(lambda: loaded.ct_of(user.window.scene) is not None, "the CT read again", 60)
+    assert strokes(user) == 1
+    yield from user.picture("5_read_again")
+
+
+def written_ct(path):
+    """A ball of bone, 10 mm in radius, with a hollow in it: MetaImage, which needs no library."""
+    index = np.stack(np.meshgrid(*[np.arange(count) for count in SIZE], indexing="ij")).T * SPACING
+    middle = (np.array(SIZE) - 1) * SPACING / 2
+    depth = 10 - np.linalg.norm(index - middle, axis=-1)
+    hollow = np.linalg.norm(index - middle - [5, 0, 0], axis=-1) - 2
+    hu = np.clip(300 + 900 * np.minimum(depth, hollow), -1000, 1400).astype("<i2")
+    lines = ["ObjectType = Image", "NDims = 3", "BinaryData = True", "BinaryDataByteOrderMSB = False"]
+    lines += [
+        "TransformMatrix = 1 0 0 0 1 0 0 0 1",
+        "Offset = 0 0 0",
+        f"ElementSpacing = {SPACING} {SPACING} {SPACING}",
+    ]
+    lines += [f"DimSize = {SIZE[0]} {SIZE[1]} {SIZE[2]}", "ElementType = MET_SHORT", "ElementDataFile = LOCAL"]
+    path.write_bytes(("\n".join(lines) + "\n").encode() + hu.tobytes())
+
+
+def placed(user, scene):
+    """Look from the patient's left; the start and the end of a stroke in the window."""
+    world = part("volume.drill_drawing").world_from_mesh(scene)
+    toward, up = (Vector(world[:3, :3] @ np.array(axis, float)) for axis in ((1, 0, 0), (0, 0, 1)))
+    view = user.view
+    view.view_rotation = Matrix((up.cross(toward), up, toward)).transposed().to_quaternion()
+    middle = (np.array(SIZE) - 1) * SPACING / 2
+    at = [Vector(world[:3, :3] @ (middle + offset) + world[:3, 3]) for offset in ([10, 0, 2], [10, 0, -2], [0, 0, 0])]
+    view.view_location, view.view_distance = at[2], 60
+    view.update()
+    return user.of_point(at[0]), user.of_point(at[1])
+
+
+def strokes(user):
+    return len(part("volume.drill_strokes").strokes_of(user.window.scene))
+
+
+def blocks(user):
+    found = part("volume.drill_session").of(user.window.scene)
+    return {key: (block.vertices.tobytes(), block.drilled.tobytes()) for key, block in found.blocks.items()}

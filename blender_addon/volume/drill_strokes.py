@@ -6,12 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import bpy
 import numpy as np
 
-from ..pipeline.surface.mesh import TriangleMesh
-from ..pipeline.volume.drill_guard import DrillGuard
 from ..pipeline.volume.drill_plan import DrillPlan, Stroke
-from ..pipeline.volume.drilled_volume import drilled
-from ..pipeline.volume.isosurface import RemovedField
-from ..pipeline.volume.volume import VoxelGrid
 
 DIGITS = 3
 """Decimals of a millimetre that strokes keep: window, case and script have the same numbers."""
@@ -64,11 +59,3 @@ def usual_margins(names: Iterable[str]) -> dict[str, float]:
 def rounded(points: np.ndarray) -> np.ndarray:
     """Points as strokes keep them."""
     return np.round(np.asarray(points, np.float64), DIGITS)
-
-
-def removed_by(plan: DrillPlan, grid: VoxelGrid, structures: Mapping[str, TriangleMesh]) -> RemovedField | None:
-    """What a plan removes, as ``oneframe surface --drill`` does; ``None`` for a plan without strokes."""
-    if not plan.strokes:
-        return None
-    guard = DrillGuard(grid, structures, plan.margins_mm) if structures else None
-    return drilled(plan, grid, guard).removed

@@ -15,6 +15,7 @@ from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.volume.bone import bone_voxels
 from ..pipeline.volume.bone_surface import STAGES, bone_surface
+from ..pipeline.volume.drilled_volume import removed_by_plan
 from ..pipeline.volume.structures import structure_meshes, without_bone
 from ..pipeline.volume.threshold import check_threshold
 from ..registration import class_registration, prop
@@ -84,7 +85,7 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
                 structures = structure_meshes(
                     without_bone(ct.labels), progress=lambda share: progress(_BONE_SHARE + _STRUCTURES_SHARE * share)
                 )
-            removed = drill_strokes.removed_by(plan, ct.volume.grid, structures)
+            removed = removed_by_plan(plan, ct.volume.grid, structures)
             before = _BONE_SHARE + _STRUCTURES_SHARE
 
             def report(stage: str, share: float) -> None:

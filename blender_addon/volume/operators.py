@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from bpy.props import EnumProperty, IntProperty, StringProperty
+from bpy.props import IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..pipeline.errors import InputError
@@ -79,8 +79,7 @@ class ONEFRAME_OT_open_ct(InBackground, bpy.types.Operator, ImportHelper):
     def finish(self, context: bpy.types.Context, result: Any) -> Messages:
         path = _file_or_folder(self.filepath)
         if not isinstance(result, LoadedCT):
-            remember_series(result)
-            bpy.ops.oneframe.choose_series("INVOKE_DEFAULT", filepath=str(path))  # type: ignore[attr-defined]
+            _ask_for_series(context, path, result)
             return (f"{len(result)} series in the folder: choose one",)
         settings = workbench.enter(context).oneframe_ct
         for name in ("labels_path", "strokes_text", "margins_text"):
@@ -125,39 +124,17 @@ def _file_or_folder(filepath: str) -> Path:
     return path.parent if is_slice else path
 
 
-_series: list[tuple[str, str, str]] = []
-"""Items of the list to choose from; Blender does not keep them."""
+def _ask_for_series(context: bpy.types.Context, path: Path, found: tuple[SeriesInfo, ...]) -> None:
+    """Open a menu of the series in a folder: numbers and sizes only."""
 
+    def draw(menu: Any, _context: bpy.types.Context) -> None:
+        layout = menu.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        for series in found:
+            chosen = layout.operator("oneframe.open_ct", text=str(series))
+            chosen.filepath, chosen.series = str(path), series.number
 
-def remember_series(found: tuple[SeriesInfo, ...]) -> None:
-    """Set the list of series to choose from: numbers and sizes only."""
-    _series[:] = [(str(each.number), str(each), "") for each in found]
-
-
-class ONEFRAME_OT_choose_series(Reporting, bpy.types.Operator):
-    """Choose one of several series in a folder of DICOM slices"""
-
-    bl_idname = "oneframe.choose_series"
-    bl_label = "Choose a Series"
-    bl_options = {"INTERNAL"}
-
-    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
-    number: str = prop(EnumProperty(name="Series", items=lambda _self, _context: _series))
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(_series)
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        return context.window_manager.invoke_props_dialog(self, width=400, confirm_text="Open")
-
-    def draw(self, context: bpy.types.Context) -> None:
-        self.layout.prop(self, "number", expand=True)
-
-    def run(self, context: bpy.types.Context) -> None:
-        bpy.ops.oneframe.open_ct(  # type: ignore[attr-defined]
-            "INVOKE_DEFAULT", True, filepath=self.filepath, series=int(self.number)
-        )
+    context.window_manager.popup_menu(draw, title="Choose a Series")
 
 
 class ONEFRAME_OT_read_ct(InBackground, bpy.types.Operator):
@@ -230,15 +207,8 @@ class ONEFRAME_OT_otsu(NeedsCT, Reporting, bpy.types.Operator):
 
 _CLASSES = (
     ONEFRAME_OT_open_ct,
-    ONEFRAME_OT_choose_series,
     ONEFRAME_OT_read_ct,
     ONEFRAME_OT_open_labels,
     ONEFRAME_OT_otsu,
 )
-register, _unregister = class_registration(_CLASSES)
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    _series.clear()
-    _unregister()
+register, unregister = class_registration(_CLASSES)

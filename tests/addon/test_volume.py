@@ -13,18 +13,9 @@ from blender_addon.ui.background_work import BackgroundWork
 from blender_addon.volume import drill_session, drill_strokes, loaded, surface_files
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.commands import surface as surface_command
-from pipeline.commands.surface_finish import finish_of
 from pipeline.images.png import encode_png
-from pipeline.surface.mesh_writer import write_ply
 from pipeline.transforms import transform_points
-from pipeline.volume.bone import bone_voxels
-from pipeline.volume.bone_surface import bone_surface
-from pipeline.volume.drill_guard import DrillGuard
 from pipeline.volume.drill_plan import Stroke, read_drill_plan
-from pipeline.volume.drilled_volume import drilled as drilled_by
-from pipeline.volume.label_map import read_labels
-from pipeline.volume.structures import structure_meshes
-from pipeline.volume.volume_reader import read_volume
 
 SIZE, SPACING = (44, 40, 36), (0.5, 0.5, 0.6)
 ORIGIN = np.array([-12.0, 30.0, 5.0])
@@ -109,19 +100,10 @@ def test_the_surface_is_the_scripts_drilled_or_not(scene, files, tmp_path):
     bpy.ops.oneframe.make_surface()
     assert not scene.oneframe_ct.drilling
     assert not scene.oneframe.surface.hide_get()
-    write_ply(tmp_path / "drilled.ply", from_plan(files, tmp_path / "drill.toml"))
-    assert surface_bytes(scene) == (tmp_path / "drilled.ply").read_bytes()
+    plan = ["--drill", str(tmp_path / "drill.toml")]
+    surface_command.main([str(files / "ct.nii.gz"), *plan, *ct, str(tmp_path / "drilled")])
+    assert surface_bytes(scene) == (tmp_path / "drilled" / "surface.ply").read_bytes()
     assert surface_bytes(scene) != (tmp_path / "plain" / "surface.ply").read_bytes()
-
-
-def from_plan(files, path):
-    """The surface from files alone."""
-    volume, plan = read_volume(files / "ct.nii.gz"), read_drill_plan(path)
-    structures = structure_meshes(read_labels(files / "labels.nii.gz", volume, resampled=False))
-    solid = bone_voxels(volume, 300.0)
-    removed = drilled_by(plan, volume.grid, DrillGuard(volume.grid, structures, plan.margins_mm)).removed
-    finish = finish_of(volume, solid, removed, structures)
-    return bone_surface(volume, 300.0, solid, removed, finish).surface.mesh
 
 
 def test_pose_and_landmarks_stay_when_the_surface_is_made_again(scene, files):

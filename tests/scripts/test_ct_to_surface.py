@@ -83,6 +83,39 @@ def test_ct_and_labels_become_a_folder_that_a_second_run_replaces(ct, labels, tm
     assert {path: path.read_bytes() for path in written} == before
 
 
+PLAN = """
+[margins_mm]
+facial_nerve = 1.0
+
+[[strokes]]
+radius_mm = 3.0
+points_mm = [[6.0, 39.0, 921.0], [6.0, 39.0, 914.0]]
+"""
+
+
+def test_drill_keeps_its_margin_and_what_it_came_near_to_is_reported(ct, labels, tmp_path, surface):
+    plan = tmp_path / "drill.toml"
+    plan.write_text(PLAN)
+    ended = surface(ct, "--out", tmp_path / "out", "--labels", labels, "--drill", plan, "--tolerance", 0.1)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    record = json.loads((tmp_path / "out" / "surface.json").read_text())
+    nerve, chorda = record["drill"]["clearances"]
+    assert (nerve["structure"], nerve["margin_mm"]) == ("facial_nerve", 1.0)
+    assert nerve["smallest_mm"] == pytest.approx(1, abs=0.07)
+    assert (chorda["structure"], chorda["margin_mm"]) == ("chorda_tympani", None)
+    assert "nearest to the drill: facial_nerve, " in ended.stdout
+    mesh, _ = read_mesh(tmp_path / "out" / "surface.ply")
+    made = np.linalg.norm(mesh.vertices - CENTRE, axis=1) < 7.5
+    assert made.sum() > 50
+    assert (np.linalg.norm(mesh.vertices[made] - CENTRE - (2, 0, 0), axis=1) > 2.5 + 1 - 0.1).all()
+
+    # without the margin it goes through the nerve, which is said
+    plan.write_text(PLAN.replace("facial_nerve = 1.0", ""))
+    ended = surface(ct, "--out", tmp_path / "out", "--labels", labels, "--drill", plan, "--tolerance", 0.1)
+    assert ended.returncode == 0
+    assert "warning: facial_nerve: the drill went " in ended.stdout
+
+
 def test_threshold_crop_and_islands_are_obeyed(ct, tmp_path, surface):
     crop = [*(CENTRE - 20), *(np.add(CENTRE, (20, 20, 0)))]
     raw = ("--smooth", 0, "--tolerance", 0)
@@ -108,12 +141,19 @@ def test_threshold_crop_and_islands_are_obeyed(ct, tmp_path, surface):
         (["ct", "--out", "out", "--crop", "0", "0", "0", "1", "1", "1"], "expected a box in the volume"),
         (["ct", "--out", "out", "--labels", "ct"], "it looks like a CT"),
         (["labels", "--out", "out"], "it looks like a label map"),
+        (["ct", "--out", "out", "--drill", "plan"], "found facial_nerve; give labels that have them"),
+        (["ct", "--out", "out", "--drill", "ct"], "ct.nii.gz: expected TOML, found a mistake"),
+        (
+            ["ct", "--out", "out", "--drill", "plan", "--crop", *["-7", "30", "900", "-1", "36", "906"]],
+            "stroke 1: expected points",
+        ),
         (["ct", "--out", "out", "--operated", "ct"], "operation: expected a CT with less bone than before"),
     ],
     ids=str,
 )
 def test_what_cannot_be_is_one_line_and_leaves_nothing(arguments, message, ct, labels, tmp_path, surface):
-    places = {"ct": ct, "labels": labels, "out": tmp_path / "out"}
+    (tmp_path / "drill.toml").write_text(PLAN)
+    places = {"ct": ct, "labels": labels, "out": tmp_path / "out", "plan": tmp_path / "drill.toml"}
     ended = surface(*(places.get(argument, argument) for argument in arguments))
     assert ended.returncode == 2
     assert ended.stderr.count("\n") == 1

@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -262,6 +263,60 @@ UNWRITABLE = {
 }
 
 
+@pytest.fixture
+def recordings(tmp_path) -> dict[str, Path]:
+    """A CT with labels and a plan of a drill, and a film: in one folder, by names of outputs as far as can be."""
+    nibabel = pytest.importorskip("nibabel")
+    folder = tmp_path / "recordings"
+    (folder / "structures").mkdir(parents=True)
+    z, y, x = np.indices((24, 24, 24)) - 11.5
+    bone = np.clip(1000 * (9 - np.sqrt(x * x + y * y + z * z)), -1000, 1500)
+    inside = (x - 3) ** 2 + y * y + z * z < 6
+    made = {"ct": folder / "ct.nii", "labels": folder / "labels.nii", "plan": folder / "surface.json"}
+    for name, values in (("ct", bone.astype(np.int16)), ("labels", inside.astype(np.uint8))):
+        nibabel.save(nibabel.Nifti1Image(values.T, np.diag([-1, -1, 1, 1.0])), made[name])
+    made["plan"].write_text("[[strokes]]\nradius_mm = 2.0\npoints_mm = [[-1, 0, 10], [1, 0, 12]]\n")
+    made["film"] = folder / "scores.csv"
+    writer = cv2.VideoWriter(str(folder / "film.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, (64, 48))
+    picture = np.random.default_rng(2).integers(0, 256, (48, 64, 3)).astype(np.uint8)
+    for _ in range(40):
+        writer.write(picture)
+    writer.release()
+    (folder / "film.avi").rename(made["film"])
+    return made
+
+
+def recording_commands(made: dict[str, Path], out: Path) -> list[CommandLine]:
+    return [
+        ("surface", made["ct"], "--labels", made["labels"], "--drill", made["plan"], "--out", out),
+        ("surface", made["ct"], "--remove", made["labels"], "--out", out),
+        ("frames", made["film"], "--out", out),
+    ]
+
+
+def test_recordings_are_not_replaced_and_own_outputs_are(recordings, tmp_path, run_all):
+    folder, out = recordings["ct"].parent, tmp_path / "out"
+    good = recording_commands(recordings, out)
+    results = run_all([*good, *good])
+    assert [code for code, _ in results] == [0] * len(results), results
+    assert {"surface.ply", "surface.json", "slices.png", "scores.csv"} <= {path.name for path in out.iterdir()}
+    before, (drilled, removed, film) = hashes(folder), recording_commands(recordings, folder)
+    bad: list[CommandLine] = [drilled, film, *recording_commands(recordings, Path("/dev/full"))]
+    bad += [line for path in recordings.values() for line in recording_commands(recordings, path)]
+    bad += recording_commands(recordings, folder / ("n" * 300)) + recording_commands(recordings, Path("/proc/x"))
+    # the plan, which is no input of this one, is no report of ours either
+    bad.append(removed)
+    for line, (code, errors) in zip(bad, run_all(bad), strict=True):
+        assert_sentence(code, errors, line)
+    assert hashes(folder) == before
+    for name in ("surface.ply", "surface.json", "slices.png", "scores.csv", "contact_sheet.png"):
+        (out / name).write_bytes(b"mine")
+    before = hashes(out)
+    for line, (code, errors) in zip(good, run_all(good), strict=True):
+        assert_sentence(code, errors, line)
+    assert hashes(out) == before
+
+
 @pytest.mark.render
 @pytest.mark.skipif(sys.platform != "linux", reason="folders of Linux in which nobody can write")
 def test_what_cannot_be_written_is_one_sentence(case, run_all):
@@ -301,6 +356,7 @@ def shell(text: str, **environment: str) -> subprocess.CompletedProcess:
 
 
 FAILING = {
+    "surface": "surface /no/ct.nii.gz --out /no/out", "frames": "frames /no/film.mp4 --out /no/out",
     "sample": "sample --out /dev/null/x", "align": "align /no/case.toml",
     "render": "render /no/case.toml --out /no/out", "check": "check /no/dataset",
     "compare": "compare /no/case.toml /no/list.json --out /no/out",

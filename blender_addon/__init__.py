@@ -64,6 +64,7 @@ _MODULES = tuple(
         "volume.loaded",
         "volume.operators",
         "volume.surface",
+        "volume.margins",
         "volume.drill_session",
         "volume.drill_tool",
         "volume.drill_gesture",

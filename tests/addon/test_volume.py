@@ -181,6 +181,23 @@ def test_the_burr_meets_the_bone_where_the_ray_does_and_stops_at_the_margin(scen
     assert deeper[2] == pytest.approx(CENTRE[2] + 6, abs=0.1)
 
 
+def test_margins_can_be_chosen_and_hold(scene, files):
+    with_labels(files)
+    bpy.ops.oneframe.make_surface()
+    bpy.ops.oneframe.drill()
+    session = drill_session.of(scene)
+    outside, beside = near(0, 0, 12), near(0, 0, 0.5)
+    stops = []
+    for spared, margin in ((False, 1.0), (True, 0.5), (True, 2.0)):
+        bpy.ops.oneframe.margins(margins=[{"name": "facial_nerve", "spared": spared, "margin_mm": margin}])
+        # the same session: nothing that was drilled is lost
+        assert drill_session.of(scene) is session
+        stops.append(float(np.linalg.norm(session.reached(outside, beside, 1.0) - CENTRE)))
+    assert stops[0] == pytest.approx(0.5)
+    assert stops[1] == pytest.approx(1.0 + 1.0 + 0.5, abs=0.3)
+    assert stops[2] == pytest.approx(1.0 + 1.0 + 2.0, abs=0.3)
+
+
 def test_save_case_takes_surface_and_plan_beside_it(scene, files, tmp_path):
     with_labels(files)
     bpy.ops.oneframe.make_surface()

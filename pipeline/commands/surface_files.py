@@ -23,7 +23,7 @@ from ..files.signature import signed
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
 from ..images.slice_picture import slice_picture
-from ..progress import Progress
+from ..progress import ShareProgress
 from ..surface.mesh import TriangleMesh
 from ..surface.mesh_writer import SAFE_NAME, write_ply
 from ..volume.bone import bone_voxels
@@ -53,8 +53,7 @@ class _Work:
     record: dict[str, object] = field(default_factory=dict)
     start: float = field(default_factory=time.monotonic)
     stage: str = ""
-    bar: Progress | None = None
-    shown: int = 0
+    bar: ShareProgress | None = None
 
     def say(self, text: str) -> None:
         """Report a finished stage, with the time since the start."""
@@ -65,12 +64,10 @@ class _Work:
         """Show the progress of a stage."""
         if self.stage != stage:
             self.end_bar()
-            self.stage, self.shown = stage, 0
-            self.bar = None if share == 1 else Progress(100, f"percent {stage}", stream=self.output)
+            self.stage = stage
+            self.bar = None if share == 1 else ShareProgress(stage, stream=self.output)
         if self.bar is not None:
-            for _ in range(self.shown, int(share * 100)):
-                self.bar.advance()
-            self.shown = max(self.shown, int(share * 100))
+            self.bar.reach(share)
 
     def end_bar(self) -> None:
         """End the bar of a stage, if it has one."""

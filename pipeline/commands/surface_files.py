@@ -42,6 +42,9 @@ from ..volume.volume_reader import read_volume
 from .surface_finish import finish_of
 
 SURFACE, SLICES, RECORD, STRUCTURES = "surface.ply", "slices.png", "surface.json", "structures"
+MOST_REMOVED = 0.5
+"""Share of the bone; above it, something else than what was removed was given by mistake."""
+
 RECORD_KIND = Kind("the report of a surface", json_object("threshold_hu", "surface", "volume"))
 
 
@@ -170,7 +173,10 @@ def _removed(
         taken = taken_bone(solid, removed)
         removed_mm3 = float(np.count_nonzero(taken)) * volume.grid.voxel_mm3
         work.record["removed"] = {"by": ways, "volume_mm3": round(removed_mm3, 1)}
+        share = np.count_nonzero(taken) / max(np.count_nonzero(solid), 1)
         work.say(f"removed by {' and '.join(ways)}: {removed_mm3:.0f} mm³ of bone")
+        if share > MOST_REMOVED:
+            work.say(f"warning: that is {share:.0%} of the bone; check what was given as removed")
     return removed
 
 

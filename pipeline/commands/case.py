@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..blender.process import own_output
+from ..errors import InputError
 from .parser import command_parser, explained_imports
 
 ABOUT = "Put surface, structures, frame, mask and K into a case folder, with a case.toml that all other commands take."
@@ -33,7 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--structure", metavar="[NAME=]FILE", action="append", default=[], dest="structures",
         help="a structure in the frame and unit of the surface; its name gives its colour (default: the file's name)",
     )  # fmt: skip
-    surface.add_argument("--units", choices=("mm", "m"), help="unit of the meshes and of --pose (default mm)")
+    surface.add_argument(
+        "--units", choices=("mm", "m"), default="mm", help="unit of the meshes and of --pose (default mm)"
+    )
     frame = parser.add_argument_group("frame")
     frame.add_argument("--frame", metavar="FILE", type=Path, required=True, help="PNG, JPEG, TIFF or BMP; or a video")
     frame.add_argument("--frame-number", metavar="N", type=int, help="frame N of the video, counted from 0")
@@ -62,12 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder of the case")
 
 
-def main(
-    argv: Sequence[str],
-    prog: str = "oneframe case",
-    *,
-    align: str = "oneframe align",
-) -> int:
+def main(argv: Sequence[str], prog: str = "oneframe case", *, align: str = "oneframe align") -> int:
     """Parse the arguments and run; the last message suggests the command ``align`` as the next step."""
     parser = command_parser(prog, ABOUT, EPILOG, add_arguments)
     arguments = parser.parse(argv)
@@ -86,11 +84,36 @@ def main(
 def run(arguments: argparse.Namespace, align: str) -> int:
     """Read and check everything, write the folder, and say what it holds."""
     with explained_imports():
-        from .case_stages import made_case
+        from ..blender.alignment.new_case import CaseInputs, make_case
+        from ..camera.intrinsics_file import read_camera, typed_camera
+        from ..case.case_file import Structure
+        from ..case.structure_colour import structure_colour
     output = own_output()
-    for line in made_case(arguments):
+    structures = []
+    for text in arguments.structures:
+        name, equals, file = text.partition("=")
+        if not equals or Path(text).exists():
+            name, file = Path(text).stem, text
+        if not name or not file:
+            raise InputError(f"--structure: expected NAME=FILE or a file, found {text!r}")
+        structures.append(Structure(name, Path(file), structure_colour(name)))
+    if arguments.camera is not None:
+        camera = read_camera(arguments.camera)
+    else:
+        camera = typed_camera(arguments.K, size=arguments.size, distortion=arguments.distortion, name="--K")
+    given = CaseInputs(
+        arguments.surface,
+        tuple(structures),
+        arguments.units,
+        arguments.frame,
+        arguments.frame_number,
+        arguments.mask,
+        camera,
+        arguments.rescale_camera,
+        arguments.pose,
+    )
+    for line in make_case(given, arguments.out):
         output.write(line + "\n")
-    case = arguments.out / "case.toml"
-    aligned = arguments.out / "aligned.toml"
+    case, aligned = arguments.out / "case.toml", arguments.out / "aligned.toml"
     output.write(f"next: open {case} in Blender and align it, or: {align} {case} --landmarks FILE --out {aligned}\n")
     return 0

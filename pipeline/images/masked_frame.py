@@ -9,6 +9,9 @@ from .png import encode_png
 DEEP = 65535
 """Largest code value of 16 bits."""
 
+TINT = 0.6
+"""Opacity of the colour that marks what is masked."""
+
 _BYTE_STEP = DEEP // 255
 """Between the code values of 8 bits, in those of 16."""
 
@@ -68,6 +71,13 @@ def joined_mask(valid: np.ndarray, shown: np.ndarray, frame: str, mask: str) -> 
     return joined
 
 
+def with_mask_tinted(colours: np.ndarray, valid: np.ndarray, tint: tuple[float, float, float]) -> np.ndarray:
+    """``(H, W, 3)`` float32 code values of a frame, with :data:`TINT` of a colour (0..1) where ``valid`` is False."""
+    result = colours.astype(np.float32, copy=True)
+    result[~valid] = (1 - TINT) * result[~valid] + TINT * np.array(tint, np.float32)
+    return result
+
+
 def encoded_frame(colours: np.ndarray, valid: np.ndarray, where: str) -> bytes:
     """A frame as signed PNG, with 8 bits if they hold its values and else with 16; without metadata.
 
@@ -88,9 +98,9 @@ def encoded_frame(colours: np.ndarray, valid: np.ndarray, where: str) -> bytes:
     is_byte = True
     # row by row: the products take twice the memory of the frame
     for row, values in enumerate(colours):
-        scaled = values.astype(np.float64) * DEEP
-        rounded = np.rint(scaled)
-        if not (np.abs(scaled - rounded) <= _ROUNDING).all() or rounded.min() < 0 or rounded.max() > DEEP:
+        scaled = np.nan_to_num(values.astype(np.float64) * DEEP, nan=-1.0)
+        rounded = np.rint(np.clip(scaled, 0, DEEP))
+        if not (np.abs(scaled - rounded) <= _ROUNDING).all():
             raise InputError(
                 f"{where}: expected a frame of 8 or 16 bits a channel, found other values; save it as PNG, and check it"
             )

@@ -1,22 +1,19 @@
-"""The stages of ``oneframe case``: inputs, K for the frame, pose, files."""
+"""A new case from the files that a user has: K for the frame, mask, initial pose, and the folder with all of it."""
 
-import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from ..alignment.manual.initial_pose import initial_pose
-from ..blender.bridge.image import read_image
-from ..blender.case.load_case import load_case
-from ..camera.distortion import Distortion
-from ..camera.intrinsics_file import CameraFile, read_camera
-from ..camera.pinhole import PinholeCamera
-from ..camera.plausibility import fit_of
-from ..case.alignment_record import INITIAL_GUESS
-from ..case.case_file import Case, Structure, read_case
-from ..case.case_folder import (
+from ...alignment.manual.initial_pose import initial_pose
+from ...camera.distortion import Distortion
+from ...camera.intrinsics_file import CameraFile
+from ...camera.pinhole import PinholeCamera
+from ...camera.plausibility import fit_of
+from ...case.alignment_record import INITIAL_GUESS
+from ...case.case_file import Case, Structure, read_case
+from ...case.case_folder import (
     CASE,
     FRAME,
     OVERLAY,
@@ -28,27 +25,73 @@ from ..case.case_folder import (
     rounding_message,
     without_kept,
 )
-from ..case.loaded_case import LoadedCase, check_pose
-from ..case.structure_colour import OTHER, structure_colour
-from ..case.structure_place import place_doubt
-from ..case.surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_folder, structure_file
-from ..case.surface_size import extents_of, size_doubt, size_text
-from ..errors import InputError
-from ..files.content import read_content
-from ..files.kinds import PNG
-from ..files.numbers import MM_PER_UNIT
-from ..files.outputs import check_outputs
-from ..files.signature import signed
-from ..images.image_header import JPEG_SIGNATURE
-from ..images.masked_frame import encoded_frame, joined_mask, shown_by_mask
-from ..images.overlay import Layer, draw_overlay
-from ..images.pixel_values import to_uint8
-from ..images.png import encode_png
-from ..poses.pose_file import read_pose
-from ..projection.z_buffer import rasterise_depth
-from ..surface.mesh import TriangleMesh
-from ..surface.mesh_reader import read_mesh
-from ..transforms import inverse_rigid, rigid
+from ...case.loaded_case import LoadedCase, check_pose
+from ...case.structure_colour import OTHER
+from ...case.structure_place import place_doubt
+from ...case.surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_folder, structure_file
+from ...case.surface_size import extents_of, size_doubt, size_text
+from ...errors import InputError
+from ...files.content import read_content
+from ...files.kinds import PNG
+from ...files.numbers import MM_PER_UNIT
+from ...files.outputs import check_outputs
+from ...files.signature import signed
+from ...images.image_header import JPEG_SIGNATURE
+from ...images.masked_frame import encoded_frame, joined_mask, shown_by_mask, with_mask_tinted
+from ...images.overlay import Layer, draw_overlay
+from ...images.pixel_values import to_uint8
+from ...images.png import encode_png
+from ...poses.pose_file import read_pose
+from ...projection.z_buffer import rasterise_depth
+from ...surface.mesh import TriangleMesh
+from ...surface.mesh_reader import read_mesh
+from ...transforms import inverse_rigid, rigid
+from ..bridge.image import read_image
+from ..case.load_case import load_case
+from ..colour.surface_colour import UNSEEN
+
+
+@dataclass(frozen=True)
+class CaseInputs:
+    """What a new case is made of.
+
+    Attributes
+    ----------
+    surface
+        The folder of ``oneframe surface``, or a mesh file.
+    structures
+        Further structures, with their meshes in the frame and unit of the surface.
+    units
+        ``"mm"`` or ``"m"``: the unit of the meshes and the pose.
+    frame, frame_number
+        An image; or a video and the number of its frame, from 0.
+    mask
+        An image in which 0 shows no surface.
+    camera
+        K and distortion.
+    rescale_camera
+        Whether a K for another size of the same picture is rescaled.
+    pose
+        A file with ``cam_from_mesh``; ``None`` for an initial guess.
+    """
+
+    surface: Path
+    structures: tuple[Structure, ...]
+    units: str
+    frame: Path
+    frame_number: int | None
+    mask: Path | None
+    camera: CameraFile
+    rescale_camera: bool
+    pose: Path | None
+
+    def files(self, folder: SurfaceFolder) -> dict[str, Path]:
+        """All files that are read, by what they are; ``folder`` is what ``surface`` holds."""
+        files = {"frame": self.frame, "camera": self.camera.path, "surface": folder.mesh}
+        files |= {name: path for name, path in (("mask", self.mask), ("pose", self.pose)) if path is not None}
+        if self.surface.is_dir():
+            files["report of the surface"] = self.surface / RECORD
+        return files | {f"structure {structure.name}": structure.mesh for structure in folder.structures}
 
 
 @dataclass(frozen=True)
@@ -63,8 +106,8 @@ class _Frame:
         return self.shown.shape[1], self.shown.shape[0]
 
 
-def made_case(arguments: argparse.Namespace) -> Iterator[str]:
-    """Make the case that the arguments of ``oneframe case`` describe.
+def make_case(given: CaseInputs, out: Path) -> Iterator[str]:
+    """Check everything, then write the folder ``out``.
 
     Yields
     ------
@@ -77,33 +120,30 @@ def made_case(arguments: argparse.Namespace) -> Iterator[str]:
     RunError
         A file cannot be written.
     """
-    out: Path = arguments.out
-    surface = _surface(arguments)
-    inputs = _inputs(arguments, surface)
+    surface = _surface(given)
+    inputs = given.files(surface)
     names = [structure.name for structure in surface.structures]
     check_outputs(without_kept(folder_outputs(out, names, overlay=True), inputs), inputs)
-    file = _camera_file(arguments)
-    frame = _frame(arguments)
-    camera, distortion, doubts = _camera(file, frame.size_wh, rescale=arguments.rescale_camera)
+    frame = _frame(given)
+    camera, distortion, doubts = _camera(given.camera, frame.size_wh, rescale=given.rescale_camera)
     yield f"frame: {frame.size_wh[0]} x {frame.size_wh[1]} px, {1 - frame.shown.mean():.1%} masked"
     yield f"K: fx {camera.fx:g}, fy {camera.fy:g}, cx {camera.cx:g}, cy {camera.cy:g} px" + (
         "" if distortion is None else ", with distortion"
     )
-    yield from (f"note: {message}" for message in file.messages)
+    yield from (f"note: {message}" for message in given.camera.messages)
     yield from (f"warning: {message}" for message in doubts)
 
-    units = arguments.units or "mm"
     mesh, messages = read_mesh(surface.mesh)
-    mesh = mesh.scaled(MM_PER_UNIT[units])
+    mesh = mesh.scaled(MM_PER_UNIT[given.units])
     yield f"surface: {len(mesh.faces):,} triangles, {size_text(extents_of(mesh))}"
     yield from (f"note: {message}" for message in messages)
-    if size := size_doubt(extents_of(mesh), units, camera, surface.mesh.name):
+    if size := size_doubt(extents_of(mesh), given.units, camera, surface.mesh.name):
         yield f"warning: {size.message}"
-    yield from _structure_lines(surface, mesh, MM_PER_UNIT[units])
+    yield from _structure_lines(surface, mesh, MM_PER_UNIT[given.units])
 
     case = Case(
         path=out / CASE,
-        mm_per_unit=MM_PER_UNIT[units],
+        mm_per_unit=MM_PER_UNIT[given.units],
         image=out / FRAME,
         camera=camera,
         distortion=distortion,
@@ -111,10 +151,10 @@ def made_case(arguments: argparse.Namespace) -> Iterator[str]:
         cam_from_mesh=np.eye(4),
         structures=tuple(replace(each, mesh=out / structure_file(each.name)) for each in surface.structures),
     )
-    case, lines = _with_pose(case, arguments.pose, surface, mesh)
+    case, lines = _with_pose(case, given.pose, surface, mesh)
     yield from lines
     files = [
-        KeptFile(out / FRAME, encoded_frame(frame.colours, frame.shown, arguments.frame.name), PNG),
+        KeptFile(out / FRAME, encoded_frame(frame.colours, frame.shown, given.frame.name), PNG),
         kept_mesh(surface.mesh, out / SURFACE),
         *(kept_mesh(each.mesh, out / structure_file(each.name)) for each in surface.structures),
         kept_case(case),
@@ -127,54 +167,19 @@ def made_case(arguments: argparse.Namespace) -> Iterator[str]:
     yield f"frame with the surface at this pose: {out / OVERLAY}"
 
 
-def _surface(arguments: argparse.Namespace) -> SurfaceFolder:
-    path: Path = arguments.surface
-    if path.is_dir():
-        if arguments.units == "m":
-            raise InputError(f"--units m: expected mm, the unit of the meshes that oneframe surface wrote to {path}")
-        found = read_surface_folder(path)
+def _surface(given: CaseInputs) -> SurfaceFolder:
+    if given.surface.is_dir():
+        if given.units != "mm":
+            raise InputError(f"{given.surface}: expected mm, the unit of the meshes in it, found {given.units!r}")
+        found = read_surface_folder(given.surface)
     else:
-        found = SurfaceFolder(path, (), None)
-    structures = [*found.structures, *map(_structure, arguments.structures)]
+        found = SurfaceFolder(given.surface, (), None)
+    structures = [*found.structures, *given.structures]
     names = [structure.name for structure in structures]
     if repeated := sorted({name for name in names if names.count(name) > 1}):
-        raise InputError(f"--structure: expected a different name for each structure, found {repeated[0]!r} twice")
+        raise InputError(f"structures: expected a different name for each, found {repeated[0]!r} twice")
     # in the order of the window's
     return replace(found, structures=tuple(sorted(structures, key=lambda structure: structure.name)))
-
-
-def _structure(text: str) -> Structure:
-    name, equals, file = text.partition("=")
-    if not equals or Path(text).exists():
-        name, file = Path(text).stem, text
-    if not name or not file:
-        raise InputError(f"--structure: expected NAME=FILE or a file, found {text!r}")
-    return Structure(name, Path(file), structure_colour(name))
-
-
-def _inputs(arguments: argparse.Namespace, surface: SurfaceFolder) -> dict[str, Path]:
-    inputs = {name: path for name in ("frame", "mask", "camera", "pose") if (path := getattr(arguments, name))}
-    inputs["surface"] = surface.mesh
-    if arguments.surface.is_dir():
-        inputs["report of the surface"] = arguments.surface / RECORD
-    return inputs | {f"structure {structure.name}": structure.mesh for structure in surface.structures}
-
-
-def _camera_file(arguments: argparse.Namespace) -> CameraFile:
-    if arguments.camera is not None:
-        return read_camera(arguments.camera)
-    fx, fy, cx, cy = arguments.K
-    size = None if arguments.size is None else (arguments.size[0], arguments.size[1])
-    distortion = None
-    if arguments.distortion is not None:
-        if len(arguments.distortion) not in (4, 5):
-            raise InputError(f"--distortion: expected k1 k2 p1 p2 [k3], found {len(arguments.distortion)} numbers")
-        k1, k2, p1, p2, k3 = (*arguments.distortion, 0.0)[:5]
-        distortion = (k1, k2, p1, p2, k3)
-    if size is not None:
-        # checks the size
-        PinholeCamera.from_matrix([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], size=size, where="--K")
-    return CameraFile(Path("--K"), fx, fy, cx, cy, size=size, distortion=distortion, pixel_origin="")
 
 
 def _camera(
@@ -198,20 +203,20 @@ def _camera(
     return camera, file.distortion_for(camera), doubts
 
 
-def _frame(arguments: argparse.Namespace) -> _Frame:
-    path: Path = arguments.frame
-    if arguments.frame_number is not None:
+def _frame(given: CaseInputs) -> _Frame:
+    path = given.frame
+    if given.frame_number is not None:
         # needs OpenCV, which no image does
-        from ..video.frame_reader import read_video_frame
+        from ...video.frame_reader import read_video_frame
 
-        pixels = read_video_frame(path, arguments.frame_number)
+        pixels = read_video_frame(path, given.frame_number)
         colours, shown = (pixels / np.float32(255)).astype(np.float32), np.ones(pixels.shape[:2], np.bool_)
     else:
         if path.suffix.lower() in _VIDEOS:
             raise InputError(f"{path.name}: expected an image, found a video; say which frame with --frame-number")
         colours, shown = read_image(path, path.name)
-    if arguments.mask is not None:
-        shown = joined_mask(shown, read_mask(arguments.mask), path.name, arguments.mask.name)
+    if given.mask is not None:
+        shown = joined_mask(shown, read_mask(given.mask), path.name, given.mask.name)
     elif not shown.any():
         raise InputError(f"{path.name}: expected a frame that shows something, its alpha is 0 everywhere")
     return _Frame(colours, shown)
@@ -264,7 +269,7 @@ def _with_pose(case: Case, file: Path | None, surface: SurfaceFolder, mesh: Tria
 
 
 def _overlay(loaded: LoadedCase) -> np.ndarray:
-    """``(H, W, 3)`` float32 values 0..1: the frame with outline and structures, from a z-buffer."""
+    """``(H, W, 3)`` float32 values 0..1: the frame with outline and structures, and its mask in blue."""
 
     def depth_mm(mesh: TriangleMesh) -> np.ndarray:
         inverse = rasterise_depth(mesh, loaded.case.camera, loaded.cam_from_model).inverse_depth
@@ -273,4 +278,4 @@ def _overlay(loaded: LoadedCase) -> np.ndarray:
     # the ear canal and the dura would hide the nerve
     known = [each for each in loaded.structures if each[0].colour != OTHER] or loaded.structures
     layers = [Layer(depth_mm(mesh), structure.colour) for structure, mesh in known]
-    return draw_overlay(loaded.image, depth_mm(loaded.mesh), layers)
+    return draw_overlay(with_mask_tinted(loaded.image, loaded.valid, UNSEEN), depth_mm(loaded.mesh), layers)

@@ -88,6 +88,7 @@ def run(arguments: argparse.Namespace, align: str) -> int:
         from ..camera.intrinsics_file import read_camera, typed_camera
         from ..case.case_file import Structure
         from ..case.structure_colour import structure_colour
+        from ..case.surface_folder import RECORD
     output = own_output()
     structures = []
     for text in arguments.structures:
@@ -102,7 +103,7 @@ def run(arguments: argparse.Namespace, align: str) -> int:
     else:
         camera = typed_camera(arguments.K, size=arguments.size, distortion=arguments.distortion, name="--K")
     given = CaseInputs(
-        arguments.surface,
+        arguments.surface.parent if arguments.surface.name == RECORD else arguments.surface,
         tuple(structures),
         arguments.units,
         arguments.frame,

@@ -31,13 +31,11 @@ from ...case.structure_place import place_doubt
 from ...case.surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_folder, structure_file
 from ...case.surface_size import extents_of, size_doubt, size_text
 from ...errors import InputError
-from ...files.content import read_content
 from ...files.kinds import PNG
 from ...files.numbers import MM_PER_UNIT
 from ...files.outputs import check_outputs
 from ...files.signature import signed
-from ...images.image_header import JPEG_SIGNATURE
-from ...images.masked_frame import encoded_frame, joined_mask, shown_by_mask, with_mask_tinted
+from ...images.masked_frame import with_mask_tinted
 from ...images.overlay import Layer, draw_overlay
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
@@ -46,7 +44,7 @@ from ...projection.z_buffer import rasterise_depth
 from ...surface.mesh import TriangleMesh
 from ...surface.mesh_reader import read_mesh
 from ...transforms import inverse_rigid, rigid
-from ..bridge.image import read_image
+from ..case.frame_file import Frame, read_frame
 from ..case.load_case import load_case
 from ..colour.surface_colour import UNSEEN
 
@@ -94,18 +92,6 @@ class CaseInputs:
         return files | {f"structure {structure.name}": structure.mesh for structure in folder.structures}
 
 
-@dataclass(frozen=True)
-class _Frame:
-    """The frame in memory: ``(H, W, 3)`` code values 0..1 and ``(H, W)`` bool, False where it shows no surface."""
-
-    colours: np.ndarray
-    shown: np.ndarray
-
-    @property
-    def size_wh(self) -> tuple[int, int]:
-        return self.shown.shape[1], self.shown.shape[0]
-
-
 def make_case(given: CaseInputs, out: Path) -> Iterator[str]:
     """Check everything, then write the folder ``out``.
 
@@ -125,8 +111,9 @@ def make_case(given: CaseInputs, out: Path) -> Iterator[str]:
     names = [structure.name for structure in surface.structures]
     check_outputs(without_kept(folder_outputs(out, names, overlay=True), inputs), inputs)
     frame = _frame(given)
+    kept_frame = frame.kept(out / FRAME)
     camera, distortion, doubts = _camera(given.camera, frame.size_wh, rescale=given.rescale_camera)
-    yield f"frame: {frame.size_wh[0]} x {frame.size_wh[1]} px, {1 - frame.shown.mean():.1%} masked"
+    yield f"frame: {frame.size_wh[0]} x {frame.size_wh[1]} px, {frame.masked:.1%} masked"
     yield f"K: fx {camera.fx:g}, fy {camera.fy:g}, cx {camera.cx:g}, cy {camera.cy:g} px" + (
         "" if distortion is None else ", with distortion"
     )
@@ -154,7 +141,7 @@ def make_case(given: CaseInputs, out: Path) -> Iterator[str]:
     case, lines = _with_pose(case, given.pose, surface, mesh)
     yield from lines
     files = [
-        KeptFile(out / FRAME, encoded_frame(frame.colours, frame.shown, given.frame.name), PNG),
+        kept_frame,
         kept_mesh(surface.mesh, out / SURFACE),
         *(kept_mesh(each.mesh, out / structure_file(each.name)) for each in surface.structures),
         kept_case(case),
@@ -203,39 +190,22 @@ def _camera(
     return camera, file.distortion_for(camera), doubts
 
 
-def _frame(given: CaseInputs) -> _Frame:
+def _frame(given: CaseInputs) -> Frame:
     path = given.frame
     if given.frame_number is not None:
         # needs OpenCV, which no image does
         from ...video.frame_reader import read_video_frame
 
         pixels = read_video_frame(path, given.frame_number)
-        colours, shown = (pixels / np.float32(255)).astype(np.float32), np.ones(pixels.shape[:2], np.bool_)
+        frame = Frame(path.name, (pixels / np.float32(255)).astype(np.float32), np.ones(pixels.shape[:2], np.bool_))
+    elif path.suffix.lower() in _VIDEOS:
+        raise InputError(f"{path.name}: expected an image, found a video; say which frame with --frame-number")
     else:
-        if path.suffix.lower() in _VIDEOS:
-            raise InputError(f"{path.name}: expected an image, found a video; say which frame with --frame-number")
-        colours, shown = read_image(path, path.name)
-    if given.mask is not None:
-        shown = joined_mask(shown, read_mask(given.mask), path.name, given.mask.name)
-    elif not shown.any():
-        raise InputError(f"{path.name}: expected a frame that shows something, its alpha is 0 everywhere")
-    return _Frame(colours, shown)
+        frame = read_frame(path)
+    return frame if given.mask is None else frame.with_mask(given.mask)
 
 
 _VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".mpg", ".mpeg", ".webm")
-
-
-def read_mask(path: Path) -> np.ndarray:
-    """``(H, W)`` bool of a mask's file, True where it shows the surface; see :func:`.shown_by_mask`.
-
-    Raises
-    ------
-    InputError
-        No image without losses, no mask, or one that shows nothing.
-    """
-    if path.is_file() and read_content(path, "a mask", path.name).startswith(JPEG_SIGNATURE):
-        raise InputError(f"{path.name}: expected a mask, found a JPEG, which blurs its zeros; make it as PNG")
-    return shown_by_mask(*read_image(path, path.name), path.name)
 
 
 def _structure_lines(surface: SurfaceFolder, mesh: TriangleMesh, mm_per_unit: float) -> Iterator[str]:

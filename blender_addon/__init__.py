@@ -78,6 +78,8 @@ _MODULES = tuple(
         "volume.drop",
         "volume.panel",
         "setup.operators",
+        "setup.mask",
+        "setup.save_case",
         "setup.sample",
         "setup.drop",
         "setup.panel",

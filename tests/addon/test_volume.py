@@ -9,8 +9,9 @@ import pytest
 
 sitk = pytest.importorskip("SimpleITK")
 
+from blender_addon.state import from_scene
 from blender_addon.ui.background_work import BackgroundWork
-from blender_addon.volume import drill_session, drill_strokes, loaded, surface_files
+from blender_addon.volume import drill_session, drill_strokes, loaded
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.commands import surface as surface_command
 from pipeline.images.png import encode_png
@@ -73,7 +74,7 @@ def drilled(scene, *strokes):
 
 
 def surface_bytes(scene):
-    return surface_files.from_scene.absolute_path(scene.oneframe.surface.oneframe.mesh_path).read_bytes()
+    return from_scene.absolute_path(scene.oneframe.surface.oneframe.mesh_path).read_bytes()
 
 
 STROKES = (
@@ -90,7 +91,7 @@ def test_the_surface_is_the_scripts_drilled_or_not(scene, files, tmp_path):
     assert surface_bytes(scene) == (tmp_path / "plain" / "surface.ply").read_bytes()
     (nerve,) = scene.oneframe.surface.children
     assert nerve.name == "facial_nerve"
-    made = surface_files.from_scene.absolute_path(nerve.oneframe.mesh_path).read_bytes()
+    made = from_scene.absolute_path(nerve.oneframe.mesh_path).read_bytes()
     assert made == (tmp_path / "plain" / "structures" / "facial_nerve.ply").read_bytes()
 
     bpy.ops.oneframe.drill()
@@ -111,7 +112,7 @@ def test_pose_and_landmarks_stay_when_the_surface_is_made_again(scene, files):
     surface = scene.oneframe.surface
     entry = scene.oneframe.landmarks.add()
     entry.has_point, entry.point = True, (1.0, 2.0, 3.0)
-    to_mesh = surface_files.from_scene
+    to_mesh = from_scene
     before = to_mesh.landmarks_mesh(scene)[0].point
     world = np.array(surface.matrix_world) @ np.linalg.inv(_mesh_from_model(surface))
     scene.oneframe_ct.threshold_hu = 900

@@ -102,7 +102,13 @@ def writing_commands(case: Path, target: Path) -> Iterator[CommandLine]:
         yield "align", case, "--landmarks", folder / "landmarks.csv", option, target
     yield "compare", case, folder / "held_out.json", "--out", target
     yield "sample", "--out", target
+    yield new_case(case, target)
     yield "render", case, "--out", target, "--count", "1"
+
+
+def new_case(case: Path, out: Path) -> CommandLine:
+    folder = case.parent
+    return "case", "--surface", folder / "surface.ply", "--frame", folder / "frame.png", "--camera", case, "--out", out
 
 
 def assert_sentence(code: int, errors: str, line: CommandLine) -> None:
@@ -148,6 +154,7 @@ def test_no_command_replaces_an_input(case, tmp_path, run_all, long_form):
     lines = [line for line in lines if not makes_a_new_surface(line, taken)]
     for place in (folder, tmp_path / "way"):
         lines += [("compare", case, folder / "held_out.json", "--out", place), ("sample", "--out", place)]
+        lines.append(new_case(case, place))
         lines.append(("render", case, "--out", place, "--count", "1"))
     lines.append(("render", case, "--out", folder, "--poses", folder / "poses.npy"))
     lines.append(("render", case, "--out", tmp_path, "--count", "1"))
@@ -192,7 +199,7 @@ def test_no_command_replaces_a_file_of_another_kind(case, tmp_path, run_all):
     sample = tmp_path / "sample"
     sample.mkdir()
     (sample / "case.toml").write_bytes(case.read_bytes())
-    lines += [("sample", "--out", sample), ("render", case, "--out", sample, "--count", "1")]
+    lines += [("sample", "--out", sample), new_case(case, sample), ("render", case, "--out", sample, "--count", "1")]
     before = hashes(folder, sheet, sample)
     for line, (code, errors) in zip(lines, run_all(lines), strict=True):
         assert_sentence(code, errors, line)
@@ -208,10 +215,11 @@ def test_own_outputs_are_replaced_until_somebody_changes_them(case, tmp_path, ru
         *(("colour", case, "--out", out / name) for name in ("a.obj", "b.ply", "c.glb")),
         ("align", case, *landmarks, "--out", out / "aligned.toml", "--picture", out / "picture.png"),
         ("compare", case, case.parent / "held_out.json", "--out", out / "comparison"),
+        new_case(case, out / "case"),
     ]
     results = run_all([*lines, *lines])
     assert [code for code, _ in results] == [0] * 2 * len(lines), results
-    for name in ("a.png", "a.mtl", "b.png", "comparison/sheet.png", "comparison/frame.png"):
+    for name in ("a.png", "a.mtl", "b.png", "comparison/sheet.png", "comparison/frame.png", "case/frame.png"):
         path = out / name
         data = bytearray(path.read_bytes())
         data[len(data) // 3] ^= 1
@@ -334,7 +342,11 @@ def test_what_cannot_be_written_is_one_sentence(case, run_all):
             given = ("--landmarks", folder / "landmarks.csv") if command == "align" else ()
             lines.append((command, case, *given, option, name))
         if kind not in ("a folder", "a name that is too long"):
-            lines += [("sample", "--out", path), ("compare", case, folder / "held_out.json", "--out", path)]
+            lines += [
+                ("sample", "--out", path),
+                new_case(case, path),
+                ("compare", case, folder / "held_out.json", "--out", path),
+            ]
             lines.append(("render", case, "--out", path, "--count", "1"))
     before = hashes(folder)
     for line, (code, errors) in zip(lines, run_all(lines), strict=True):
@@ -356,8 +368,10 @@ def shell(text: str, **environment: str) -> subprocess.CompletedProcess:
 
 
 FAILING = {
-    "surface": "surface /no/ct.nii.gz --out /no/out", "frames": "frames /no/film.mp4 --out /no/out",
-    "sample": "sample --out /dev/null/x", "align": "align /no/case.toml",
+    "surface": "surface /no/ct.nii.gz --out /no/out", "sample": "sample --out /dev/null/x",
+    "frames": "frames /no/video.mp4 --out /no/out",
+    "case": "case --surface /no/surface --frame /no/frame.png --camera /no/k.json --out /no/out",
+    "align": "align /no/case.toml",
     "render": "render /no/case.toml --out /no/out", "check": "check /no/dataset",
     "compare": "compare /no/case.toml /no/list.json --out /no/out",
     "colour": "colour /no/case.toml --out /no/surface.ply",

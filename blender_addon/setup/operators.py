@@ -32,12 +32,13 @@ from ..state.inputs import input_files
 from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
 from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, call
+from ..video.frame_files import keep_frame_beside
+from ..video.operators import VIDEOS
 from ..volume.surface_files import keep_beside
 from .alignment_record import recorded_case, remember_opened
 from .unsaved import ANSWER, QUESTION, unsaved_text
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
-VIDEOS = "*.mp4;*.avi;*.mov;*.mkv;*.m4v;*.mpg;*.mpeg;*.webm"
 CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.xml;*.npy;*.txt;*.pkl;*.pickle"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"
@@ -128,7 +129,7 @@ class ONEFRAME_OT_save_case(NeedsAlignment, ReportingFile, bpy.types.Operator, E
     def run(self, context: bpy.types.Context) -> Messages:
         from_scene.check_mesh_unedited(context.scene)
         path, settings = self.chosen_file(), context.scene.oneframe
-        kept = keep_beside(context.scene, path.parent)
+        kept = [*keep_beside(context.scene, path.parent), *keep_frame_beside(context.scene, path.parent)]
         update_case(path, _with_kept_record(recorded_case(context.scene, path)))
         settings.case_path, settings.case_dataset_text = str(path), json.dumps(read_case(path).dataset)
         return (f"saved {', '.join(map(str, (path, *kept)))}",)

@@ -86,7 +86,7 @@ def set_frame(context: bpy.types.Context, path: Path, width: int, height: int) -
         typed.width, typed.height = width, height
         typed.cx, typed.cy = number_text((width - 1) / 2), number_text((height - 1) / 2)
     else:
-        _show_frame(scene)
+        show_frame(scene)
     look_through_camera(context)
     return frame_warnings(scene)
 
@@ -163,7 +163,7 @@ def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Di
             surface_object.set_pose(camera_object, surface, pose)
             alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), pose)
     if settings.frame_path:
-        _show_frame(scene)
+        show_frame(scene)
     look_through_camera(context)
 
 
@@ -262,7 +262,7 @@ def _remember_camera(scene: bpy.types.Scene, camera: PinholeCamera, distortion: 
     scene.oneframe.distortion_text = json.dumps(values) if values else ""
 
 
-def _show_frame(scene: bpy.types.Scene) -> None:
+def show_frame(scene: bpy.types.Scene) -> None:
     """Show the frame behind the camera, undistorted if the lens has distortion and K fits."""
     settings = scene.oneframe
     path = absolute_path(settings.frame_path)

@@ -80,7 +80,6 @@ _MODULES = tuple(
         "video.session",
         "video.shown_frame",
         "video.operators",
-        "video.browse",
         "video.drop",
         "setup.operators",
         "setup.sample",
@@ -115,6 +114,7 @@ _MODULES = tuple(
         "landmarks.operators",
         "landmarks.drawing",
         "landmarks.panel",
+        "video.browse",
     )
 )
 

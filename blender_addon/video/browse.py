@@ -131,7 +131,10 @@ _register, _unregister = class_registration(
 
 
 def register() -> None:
-    """Register the operators and their keys, for the add-on's tools and for all others."""
+    """Register the operators and their keys, for the add-on's tools and for all others.
+
+    Of the bindings of a key, Blender tries the one that was added last first. So this module comes after the tools.
+    """
     _register()
     configuration = bpy.context.window_manager.keyconfigs.addon
     if configuration is None:
@@ -142,7 +145,7 @@ def register() -> None:
     ]
     for keymap in (*tools, configuration.keymaps.new(name="3D View", space_type="VIEW_3D")):
         for operator, kind, ctrl, given in _KEYS:
-            item = keymap.keymap_items.new(operator, kind, "PRESS", ctrl=ctrl, repeat="ARROW" in kind, head=True)
+            item = keymap.keymap_items.new(operator, kind, "PRESS", ctrl=ctrl, repeat="ARROW" in kind)
             settings = {**given, "key": True}
             for name, value in settings.items():
                 setattr(item.properties, name, value)

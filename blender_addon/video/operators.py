@@ -38,7 +38,8 @@ class ONEFRAME_OT_open_video(InBackground, bpy.types.Operator, ImportHelper):
 
     bl_idname = "oneframe.open_video"
     bl_label = "Open Video"
-    bl_options = {"REGISTER", "UNDO"}
+    # without REGISTER: Adjust Last Operation would score again, and cover the strip
+    bl_options = {"UNDO"}
     doing = "Scoring the video"
 
     filter_glob: str = prop(StringProperty(default=VIDEOS, options={"HIDDEN"}))
@@ -146,7 +147,7 @@ class ONEFRAME_OT_take_frame(InBackground, NeedsFilm, bpy.types.Operator):
 
     bl_idname = "oneframe.take_frame"
     bl_label = "Take Frame"
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = {"UNDO"}
     doing = "Taking the frame"
 
     masked: bool = prop(

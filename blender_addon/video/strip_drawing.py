@@ -85,7 +85,7 @@ def _draw_alone(context: bpy.types.Context, film: FilmSession) -> None:
     scale = float(np.min((high - low) / film.scores.info.size_wh))
     size = np.array(film.scores.info.size_wh) * scale
     first = (low + high - size) / 2
-    key = ("alone", str(film.path), film.shown, width, height)
+    key = ("alone", str(film.path), film.shown, width, height, context.scene.oneframe_video.show_mask)
     strip_pictures.draw_picture(key, film.picture, tuple(first), tuple(first + size))
 
 

@@ -20,7 +20,10 @@ void main()
 _FRAGMENT = """
 void main()
 {
-  colour = vec4(texture(picture, at).rgb, 1.0);
+  /* the target encodes linear values as sRGB */
+  vec3 code = texture(picture, at).rgb;
+  vec3 linear = mix(pow((code + 0.055) / 1.055, vec3(2.4)), code / 12.92, vec3(lessThan(code, vec3(0.04045))));
+  colour = vec4(linear, 1.0);
 }
 """
 
@@ -29,7 +32,7 @@ _textures: dict[object, gpu.types.GPUTexture] = {}
 
 @cache
 def _shader() -> gpu.types.GPUShader:
-    """Code values as they are."""
+    """Code values as they are, in a 3D view."""
     between = gpu.types.GPUStageInterfaceInfo("oneframe_film")
     between.smooth("VEC2", "at")
     info = gpu.types.GPUShaderCreateInfo()

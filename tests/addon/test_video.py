@@ -1,4 +1,4 @@
-"""A video in the add-on: scored as by the command, looked through; a frame taken to the last bit, kept with the case."""
+"""A video in the add-on: scored as by the command, looked through; a frame is taken to the last bit, and saved."""
 
 import threading
 
@@ -229,3 +229,14 @@ def test_the_time_axis_keeps_what_is_under_the_pointer_and_stays_in_the_film(fil
 )
 def test_times_are_written_as_on_a_clock(time_s, step_s, text):
     assert strip_drawing.clock(time_s, step_s) == text
+
+
+def test_the_mask_is_shown_where_the_masked_frame_has_no_alpha(film, video, tmp_path):
+    scene = bpy.context.scene
+    shown_frame.show(scene, next(at for at, score in enumerate(film.scores.frames) if score.obstructed > 0.02))
+    scene.oneframe_video.show_mask = True
+    marked, plain = pixels_of(background(scene)), read_video_frame(video, film.score.index)
+    bpy.ops.oneframe.take_frame(masked=True)
+    alpha = cv2.imread(scene.oneframe.frame_path, cv2.IMREAD_UNCHANGED)[..., 3]
+    assert 0 < (alpha == 0).mean() < 0.5
+    assert np.array_equal((marked != plain).any(axis=-1), alpha == 0)

@@ -93,7 +93,7 @@ def set_frame(context: bpy.types.Context, path: Path, width: int, height: int) -
         typed.width, typed.height = width, height
         typed.cx, typed.cy = number_text((width - 1) / 2), number_text((height - 1) / 2)
     else:
-        _show_frame(scene)
+        show_frame(scene)
     look_through_camera(context)
     return frame_warnings(scene)
 
@@ -169,7 +169,7 @@ def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Di
             surface_object.set_pose(camera_object, surface, pose)
             alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), pose)
     if settings.frame_path:
-        _show_frame(scene)
+        show_frame(scene)
     look_through_camera(context)
 
 
@@ -318,10 +318,10 @@ def relink_frame(scene: bpy.types.Scene, path: Path) -> None:
     """Use a file with the present frame's pixels as the frame: its copy beside the case."""
     scene.oneframe.frame_path = str(path.resolve())
     if from_scene.present_camera(scene) is not None:
-        _show_frame(scene)
+        show_frame(scene)
 
 
-def _show_frame(scene: bpy.types.Scene) -> None:
+def show_frame(scene: bpy.types.Scene) -> None:
     """Show the frame behind the camera: if K fits, without distortion and with its mask in blue."""
     settings = scene.oneframe
     path = absolute_path(settings.frame_path)

@@ -171,7 +171,7 @@ def _removed(
         taken = taken_bone(solid, removed)
         removed_mm3 = float(np.count_nonzero(taken)) * volume.grid.voxel_mm3
         work.record["removed"] = {"by": ways, "volume_mm3": round(removed_mm3, 1)}
-        share = np.count_nonzero(taken) / max(np.count_nonzero(solid), 1)
+        share = float(taken.sum()) / max(float(solid.sum()), 1.0)
         work.say(f"removed by {' and '.join(ways)}: {removed_mm3:.0f} mm³ of bone")
         if share > MOST_REMOVED:
             work.say(f"warning: that is {share:.0%} of the bone; check what was given as removed")

@@ -14,13 +14,13 @@ from .isosurface import Isosurface, RemovedField
 from .resampling import Sampler
 from .volume import VoxelGrid
 
-_FLAT = 0.95
+_FLAT = 0.97
 """Cosine of the angle between two normals that meet in no crease to speak of."""
 
-_FARTHEST = 1.5
+_FARTHEST = 2.0
 """How far a vertex goes from the middle of its edge, in distances of voxels."""
 
-_STEPS = 3
+_STEPS = 4
 """Of spacing the vertices evenly along the crease."""
 
 _TRIALS = 6
@@ -106,7 +106,7 @@ def _strip(surface: Isosurface) -> _Strip:
 def _crease(
     surface: Isosurface, strip: _Strip, normals: np.ndarray, removed: RemovedField, grid: VoxelGrid
 ) -> np.ndarray:
-    """``(N, 3)`` points of the crease for the edges of the strip; the middle of those that cross none."""
+    """``(N, 3)`` points of the crease for the edges of the strip; those that cross none follow their neighbours."""
     start, end = (surface.mesh.vertices[vertex] for vertex in strip.edges.T)
     n, m = (normals[vertex] for vertex in strip.edges.T)
     cosine = np.einsum("ij,ij->i", n, m)
@@ -122,19 +122,24 @@ def _crease(
         along_n, along_m = above - cosine * above_drilled, above_drilled - cosine * above
         return points - (along_n[:, None] * n + along_m[:, None] * m) / determinant[:, None]
 
+    def within_reach(points: np.ndarray) -> np.ndarray:
+        away = points - middle
+        length = np.linalg.norm(away, axis=1, keepdims=True)
+        return middle + away * np.minimum(1, _FARTHEST * spacing / np.maximum(length, spacing / 1e3))
+
     middle = (start + end) / 2
-    points = onto_both(middle, np.einsum("ij,ij->i", m, middle - end))
+    met = onto_both(middle, np.einsum("ij,ij->i", m, middle - end))
+    points = within_reach(np.where(sharp[:, None], met, middle))
     pair = np.concatenate([strip.split, strip.split[:, ::-1]])
     count = np.bincount(pair[:, 0], minlength=len(middle))
     for _ in range(_STEPS):
-        points = np.where(sharp[:, None], points, middle)
         total = np.stack([np.bincount(pair[:, 0], each[pair[:, 1]], len(middle)) for each in points.T], axis=1)
         points = (points + total / count[:, None]) / 2
         # the field is that of the drill itself, and no plane
         rest = Sampler(box, points).values(removed.distance_mm, outside=0.0)
-        points = onto_both(points, -np.clip(rest, -spacing, spacing).astype(np.float64))
-    near = np.linalg.norm(points - middle, axis=1) < _FARTHEST * spacing
-    return np.where((sharp & near)[:, None], points, middle)
+        met = onto_both(points, -np.clip(rest, -spacing, spacing).astype(np.float64))
+        points = within_reach(np.where(sharp[:, None], met, points))
+    return points
 
 
 def _one_sided_normals(surface: Isosurface) -> np.ndarray:

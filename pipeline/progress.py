@@ -6,7 +6,7 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TextIO
+from typing import Self, TextIO
 
 LINE_SECONDS = 10.0
 """Time between lines where the output is not a terminal."""
@@ -41,7 +41,7 @@ class Progress:
         self._next_line = self._start
         self._show()
 
-    def __enter__(self) -> "Progress":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -79,22 +79,53 @@ class Progress:
 
     def _show(self) -> None:
         now = time.monotonic()
-        last = self._count == self._total
-        if not last and now < self._next_line:
+        if not self._is_due(now):
             return
         self._next_line = now + (0.1 if self._bar else self._line_seconds)
-        text = f"{self._count}/{self._total} {self._noun}"
-        if self._count > self._first:
-            left = self.seconds_per_item * (self._total - self._count)
-            text += f", {self.seconds_per_item * 1000:.0f} ms each, " + (
-                f"done in {duration(now - self._start)}" if last else f"{duration(left)} left"
-            )
+        text = self._text(now)
         if self._bar:
             filled = round(30 * self._count / max(self._total, 1))
             self._stream.write(f"\r[{'#' * filled}{'.' * (30 - filled)}] {text}\x1b[K")
         else:
             self._stream.write(text + "\n")
         self._stream.flush()
+
+    def _is_due(self, now: float) -> bool:
+        return self._count == self._total or now >= self._next_line
+
+    def _text(self, now: float) -> str:
+        text = f"{self._count}/{self._total} {self._noun}"
+        if self._count > self._first:
+            text += f", {self.seconds_per_item * 1000:.0f} ms each, {self._remaining(now)}"
+        return text
+
+    def _remaining(self, now: float) -> str:
+        if self._count == self._total:
+            return f"done in {duration(now - self._start)}"
+        return f"{duration(self.seconds_per_item * (self._total - self._count))} left"
+
+
+class ShareProgress(Progress):
+    """The finished share of one task. What is soon done gets no line where the output is not a terminal."""
+
+    def __init__(self, noun: str, *, stream: TextIO | None = None, line_seconds: float = LINE_SECONDS) -> None:
+        """Start the task that the output names ``noun``, such as ``"of the film"`` after a number of percent."""
+        self._no_line_before = time.monotonic() + line_seconds
+        super().__init__(100, noun, stream=stream, line_seconds=line_seconds)
+
+    def reach(self, share: float) -> None:
+        """Note that a share, 0..1, is finished; it never goes back."""
+        with self._lock:
+            if int(100 * share) > self._count:
+                self._count = int(100 * share)
+                self._show()
+
+    def _is_due(self, now: float) -> bool:
+        return super()._is_due(now) and (self._bar or now >= self._no_line_before)
+
+    def _text(self, now: float) -> str:
+        text = f"{self._count} % {self._noun}"
+        return f"{text}, {self._remaining(now)}" if self._count else text
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import bpy
 
+from ..pipeline.case.alignment_record import INITIAL_GUESS
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..registration import class_registration
@@ -17,6 +18,7 @@ KINDS = {
     "pins": ("Pulled by pins", "PINNED"),
     "refined": ("Refined against the image", "SNAP_ON"),
     "manual": ("By hand", "VIEW_PAN"),
+    INITIAL_GUESS: ("Initial guess, not aligned", "QUESTION"),
 }
 """Method of a record -> its description and icon."""
 

@@ -6,6 +6,7 @@ import bpy
 from bpy.props import CollectionProperty, StringProperty
 
 from ..pipeline.case.structure_colour import OTHER, structure_colour
+from ..pipeline.case.surface_folder import RECORD
 from ..pipeline.errors import InputError
 from ..registration import class_registration, prop
 from ..state import from_scene, workbench
@@ -58,7 +59,7 @@ def _steps(scene: bpy.types.Scene, paths: list[Path]) -> list[tuple[str, Path]]:
     InputError
         Nothing opens a file of this kind, or several files compete for one place.
     """
-    meshes = [path for path in paths if path.suffix.lower() in extensions(MESHES)]
+    meshes = [path for path in paths if path.suffix.lower() in extensions(MESHES) or path.name == RECORD]
     bones = [path for path in meshes if structure_colour(path.stem) == OTHER]
     if len(bones) > 1 or (meshes and not bones and from_scene.present_surface(scene) is None):
         names = ", ".join(path.name for path in bones or meshes)
@@ -70,7 +71,7 @@ def _steps(scene: bpy.types.Scene, paths: list[Path]) -> list[tuple[str, Path]]:
             found.append((0, "open_case", path))
         elif suffix in extensions(IMAGES):
             found.append((1, "load_frame", path))
-        elif suffix in extensions(CAMERAS):
+        elif suffix in extensions(CAMERAS) and path not in bones:
             found.append((2, "load_camera", path))
         elif path in bones:
             found.append((3, "load_surface", path))

@@ -1,7 +1,5 @@
 """Operators that load frame, camera, surface, structures and pose, and open and save the case."""
 
-import json
-from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -14,9 +12,10 @@ from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.blender.case.load_case import load_case
 from ..pipeline.camera.intrinsics_file import read_camera
 from ..pipeline.camera.plausibility import camera_doubts, fit_of
-from ..pipeline.case.case_file import MM_PER_UNIT, Case, read_case
-from ..pipeline.case.case_update import update_case
+from ..pipeline.case.case_file import MM_PER_UNIT, read_case
 from ..pipeline.case.structure_colour import structure_colour
+from ..pipeline.case.structure_place import place_doubt
+from ..pipeline.case.surface_folder import RECORD, SurfaceFolder, read_surface_folder
 from ..pipeline.case.surface_size import SizeDoubt, extents_of, size_doubt, size_text
 from ..pipeline.errors import InputError
 from ..pipeline.files.kinds import PLY
@@ -27,13 +26,13 @@ from ..pipeline.surface.mesh_writer import write_ply
 from ..registration import class_registration, prop
 from ..state import from_scene, to_scene, workbench
 from ..state.camera_view import look_through_camera, show_shape
-from ..state.from_scene import surface_extents
+from ..state.from_scene import surface_bounds, surface_extents
 from ..state.inputs import input_files
 from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
+from ..state.structures import put_structures
 from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, call
-from ..volume.surface_files import keep_beside
-from .alignment_record import recorded_case, remember_opened
+from .alignment_record import remember_opened
 from .unsaved import ANSWER, QUESTION, unsaved_text
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
@@ -41,6 +40,7 @@ VIDEOS = "*.mp4;*.avi;*.mov;*.mkv;*.m4v;*.mpg;*.mpeg;*.webm"
 CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.xml;*.npy;*.txt;*.pkl;*.pickle"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"
+SURFACES = f"{MESHES};{RECORD}"
 
 
 class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
@@ -97,51 +97,6 @@ class ONEFRAME_OT_discard_case(Asking, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context) -> None:
         call("open_case", "INVOKE_DEFAULT", discard=True, filepath=self.filepath)
-
-
-class ONEFRAME_OT_save_case(NeedsAlignment, ReportingFile, bpy.types.Operator, ExportHelper):
-    """Save frame, K, surface, pose and landmarks as a case file, the input of render_dataset.py"""
-
-    bl_idname = "oneframe.save_case"
-    bl_label = "Save Case"
-    bl_options = {"REGISTER"}
-
-    filename_ext = ".toml"
-    filter_glob: str = prop(StringProperty(default="*.toml", options={"HIDDEN"}))
-
-    save_as: bool = prop(
-        BoolProperty(
-            name="Save As",
-            description="Ask for the file even if the case already has one",
-            default=False,
-            options={"SKIP_SAVE", "HIDDEN"},
-        )
-    )
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        known = bpy.path.abspath(context.scene.oneframe.case_path)
-        frame_path = context.scene.oneframe.frame_path
-        beside = from_scene.absolute_path(frame_path).parent if frame_path else Path()
-        self.filepath = known or str(beside / "case.toml")
-        return self.execute(context) if known and not self.save_as else super().invoke(context, event)
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        from_scene.check_mesh_unedited(context.scene)
-        path, settings = self.chosen_file(), context.scene.oneframe
-        kept = keep_beside(context.scene, path.parent)
-        update_case(path, _with_kept_record(recorded_case(context.scene, path)))
-        settings.case_path, settings.case_dataset_text = str(path), json.dumps(read_case(path).dataset)
-        return (f"saved {', '.join(map(str, (path, *kept)))}",)
-
-
-def _with_kept_record(case: Case) -> Case:
-    """The case with the record of its file, or with none if that has none, while the pose is the file's."""
-    try:
-        saved = read_case(case.path)
-    except InputError:
-        return case
-    is_same = np.array_equal(saved.cam_from_mesh, case.cam_from_mesh)
-    return replace(case, alignment=saved.alignment) if is_same else case
 
 
 class ONEFRAME_OT_load_frame(ReportingFile, bpy.types.Operator, ImportHelper):
@@ -234,22 +189,27 @@ class ONEFRAME_OT_rescale_camera(Reporting, bpy.types.Operator):
 
 
 class ONEFRAME_OT_load_surface(ReportingFile, bpy.types.Operator, ImportHelper):
-    """Load the surface to align (PLY, OBJ, STL)"""
+    """Load the surface to align: PLY, OBJ, STL, or surface.json of oneframe surface with its structures"""
 
     bl_idname = "oneframe.load_surface"
     bl_label = "Load Surface"
     bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: str = prop(StringProperty(default=MESHES, options={"HIDDEN"}))
+    filter_glob: str = prop(StringProperty(default=SURFACES, options={"HIDDEN"}))
     units: str = prop(
         EnumProperty(name="Units", description="Unit of the numbers in the file", items=UNITS, default="mm")
     )
 
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
+        folder = read_surface_folder(path.parent) if path.name == RECORD else SurfaceFolder(path, (), None)
+        units = "mm" if path.name == RECORD else self.units
+        path = folder.mesh
         given, messages = read_mesh(path)
-        mesh = given.scaled(MM_PER_UNIT[self.units])
-        to_scene.set_surface(context, path, mesh, self.units)
+        mesh = given.scaled(MM_PER_UNIT[units])
+        to_scene.set_surface(context, path, mesh, units, folder.focus)
+        files = {structure.name: (structure.mesh, structure.colour) for structure in folder.structures}
+        messages += put_structures(from_scene.surface_of(context.scene), files)
         doubt = _size_doubt(context.scene, extents_of(mesh))
         if doubt is not None and doubt.better_units is not None and not bpy.app.background:
             bpy.ops.oneframe.change_units("INVOKE_DEFAULT", units=doubt.better_units)  # type: ignore[attr-defined]
@@ -330,11 +290,15 @@ class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper)
         paths = [folder / entry.name for entry in self.files if entry.name] or [self.chosen_file()]
         read = [(path, *read_mesh(path)) for path in paths]
         offset = surface_object.mesh_from_model_of(surface)[:3, 3]
+        doubts = []
         for path, given, _ in read:
-            mesh = given.scaled(MM_PER_UNIT[context.scene.oneframe.units]).moved(-offset)
-            structure = alignment_scene.put_structure(surface, mesh, path.stem, structure_colour(path.stem))
+            mesh = given.scaled(MM_PER_UNIT[context.scene.oneframe.units])
+            doubts.append(place_doubt(mesh.bounds, surface_bounds(context.scene), path.stem, "the surface"))
+            structure = alignment_scene.put_structure(
+                surface, mesh.moved(-offset), path.stem, structure_colour(path.stem)
+            )
             structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path)
-        return [message for *_, messages in read for message in messages]
+        return [message for *_, messages in read for message in messages] + [doubt for doubt in doubts if doubt]
 
 
 class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
@@ -389,7 +353,6 @@ class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportH
 _CLASSES = (
     ONEFRAME_OT_open_case,
     ONEFRAME_OT_discard_case,
-    ONEFRAME_OT_save_case,
     ONEFRAME_OT_load_frame,
     ONEFRAME_OT_load_video_frame,
     ONEFRAME_OT_load_camera,

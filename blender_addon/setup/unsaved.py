@@ -3,9 +3,7 @@
 from pathlib import Path
 
 import bpy
-import numpy as np
 
-from ..pipeline.blender.bridge.exact_values import exact
 from ..pipeline.case.case_file import read_case
 from ..pipeline.case.case_update import differing_fields
 from ..pipeline.errors import InputError
@@ -59,10 +57,9 @@ def unsaved_text(scene: bpy.types.Scene) -> str:
 
 
 def _aligned_parts(scene: bpy.types.Scene) -> tuple[str, ...]:
-    initial = exact(from_scene.surface_of(scene), to_scene.INITIAL_POSE)
     parts = ["landmarks"] if len(scene.oneframe.landmarks) else []
     try:
-        is_initial = initial is not None and np.array_equal(initial, from_scene.cam_from_model(scene))
+        is_initial = to_scene.has_initial_pose(scene)
     except InputError:
         is_initial = False
     return tuple(parts if is_initial else ["pose", *parts])

@@ -300,12 +300,34 @@ def surface_extents(scene: bpy.types.Scene) -> np.ndarray:
     return corners.max(axis=0) - corners.min(axis=0)
 
 
+def surface_bounds(scene: bpy.types.Scene) -> np.ndarray:
+    """``(2, 3)`` smallest and largest coordinates of the surface object, mm, in the frame of its file.
+
+    Raises
+    ------
+    InputError
+        There is no surface.
+    """
+    surface = surface_of(scene)
+    corners = np.array(surface.bound_box) + mesh_from_model_of(surface)[:3, 3]
+    return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+
+def surface_in_file(scene: bpy.types.Scene) -> TriangleMesh:
+    """The surface in the model frame, mm, as its file holds it.
+
+    Raises
+    ------
+    InputError
+        There is no surface, or its file cannot be read.
+    """
+    path = absolute_path(surface_of(scene).oneframe.mesh_path)
+    return _surface(path, stamp(path), MM_PER_UNIT[scene.oneframe.units])[0]
+
+
 def check_mesh_unedited(scene: bpy.types.Scene) -> None:
     """Raise :class:`InputError` if the surface's mesh differs from its file."""
-    surface = surface_of(scene)
-    path = absolute_path(surface.oneframe.mesh_path)
-    mesh, _, _ = _surface(path, stamp(path), MM_PER_UNIT[scene.oneframe.units])
-    _check_unedited(surface, mesh)
+    _check_unedited(surface_of(scene), surface_in_file(scene))
 
 
 def stamp(path: Path) -> tuple[int, int]:

@@ -18,14 +18,21 @@ from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.landmarks import Landmark
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
+from ..pipeline.files.content import reading
+from ..pipeline.images.image_header import may_have_alpha
+from ..pipeline.surface.ball import Ball
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.transforms import inverse_rigid, rigid, transform_points
 from . import events, from_scene, pose_evidence, workbench
 from .camera_view import look_through_camera, show_shape
 from .pivot import PIVOT
 
-INITIAL_POSE = "oneframe_first_pose"
-"""Custom property of the surface: its automatic initial pose, found again when K is set while it is still in use."""
+INITIAL_POSE, FOCUS = "oneframe_first_pose", "oneframe_focus"
+"""Custom properties of the surface: its automatic initial pose, found again when K is set while it is still in use; and
+the ball that this pose looks at, its centre and radius in mm, in the frame of the mesh file."""
+
+HEAD_BYTES = 1 << 16
+"""Of an image, to tell whether it may have alpha."""
 
 
 def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment_scene.AlignmentObjects) -> None:
@@ -156,8 +163,7 @@ def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Di
     camera_object = settings.camera_object = alignment_scene.put_camera(scene, existing, camera)
     _remember_camera(scene, camera, distortion)
     if surface is not None and pose is not None:
-        initial = exact(surface, INITIAL_POSE)
-        if initial is not None and np.array_equal(initial, pose):
+        if _is_initial(surface, pose):
             _set_initial_pose(scene, surface)
         else:
             surface_object.set_pose(camera_object, surface, pose)
@@ -167,8 +173,29 @@ def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Di
     look_through_camera(context)
 
 
-def set_surface(context: bpy.types.Context, path: Path, given: TriangleMesh, units: str) -> None:
-    """Use a mesh (frame of its file, mm) as the surface; removes the old one, its structures and landmarks."""
+def has_initial_pose(scene: bpy.types.Scene) -> bool:
+    """Whether the surface still has the pose that was computed when it was loaded.
+
+    Raises
+    ------
+    InputError
+        There is no camera or surface, or the surface is scaled, sheared or mirrored.
+    """
+    return _is_initial(from_scene.surface_of(scene), from_scene.cam_from_model(scene))
+
+
+def _is_initial(surface: bpy.types.Object, pose: np.ndarray) -> bool:
+    initial = exact(surface, INITIAL_POSE)
+    return initial is not None and np.array_equal(initial, pose)
+
+
+def set_surface(
+    context: bpy.types.Context, path: Path, given: TriangleMesh, units: str, focus: Ball | None = None
+) -> None:
+    """Use a mesh (frame of its file, mm) as the surface; removes the old one, its structures and landmarks.
+
+    The initial pose looks at ``focus``, in the frame of the file, mm, if there is one.
+    """
     scene = workbench.enter(context)
     settings = scene.oneframe
     old = settings.surface
@@ -179,6 +206,7 @@ def set_surface(context: bpy.types.Context, path: Path, given: TriangleMesh, uni
     surface = alignment_scene.put_surface(scene, given.moved(-centre), rigid(translation=centre), np.eye(4))
     surface.oneframe.role, surface.oneframe.mesh_path = "SURFACE", str(path.resolve())
     settings.surface, settings.units = surface, units
+    set_focus(surface, focus)
     _set_initial_pose(scene, surface)
     replace_landmarks(scene, ())
     show_shape(context)
@@ -199,6 +227,9 @@ def rescale(context: bpy.types.Context, units: str) -> None:
     for scaled in (surface, *surface.children):
         if scaled.type == "MESH":
             surface_object.scale_mesh(scaled, factor)
+    focus = exact(surface, FOCUS)
+    if focus is not None:
+        set_exact(surface, FOCUS, focus * factor)
     for name in (surface_object.OFFSET, INITIAL_POSE, from_scene.READ_POSE):
         matrices = exact(surface, name)
         if matrices is not None and matrices.shape[-2:] == (4, 4):
@@ -237,6 +268,7 @@ def exchange_surface(context: bpy.types.Context, path: Path, given: TriangleMesh
     scene = context.scene
     camera_object, surface = from_scene.present_camera(scene), from_scene.surface_of(scene)
     pose = surface_object.pose_of(camera_object, surface)
+    was_initial = _is_initial(surface, pose)
     landmarks = from_scene.landmarks_mesh(scene)
     mesh_from_old = surface_object.mesh_from_model_of(surface)
     mesh_from_new = rigid(translation=given.vertices.mean(axis=0))
@@ -248,6 +280,8 @@ def exchange_surface(context: bpy.types.Context, path: Path, given: TriangleMesh
     surface_object.set_pose(camera_object, surface, pose @ old_from_new)
     pose_evidence.reframe(surface, old_from_new)
     surface.oneframe.mesh_path = str(path.resolve())
+    if was_initial:
+        set_exact(surface, INITIAL_POSE, pose @ old_from_new)
     replace_landmarks(scene, landmarks)
 
 
@@ -262,25 +296,73 @@ def _remember_camera(scene: bpy.types.Scene, camera: PinholeCamera, distortion: 
     scene.oneframe.distortion_text = json.dumps(values) if values else ""
 
 
+def set_focus(surface: bpy.types.Object, focus: Ball | None) -> None:
+    """Remember what an initial pose looks at: a ball in the frame of the mesh file, mm, or nothing."""
+    if focus is not None:
+        ball = focus.rounded()
+        set_exact(surface, FOCUS, [*ball.centre, ball.radius_mm])
+    elif FOCUS in surface:
+        del surface[FOCUS]
+
+
+def renew_initial_pose(scene: bpy.types.Scene, focus: Ball | None) -> None:
+    """Remember another focus (frame of the mesh file, mm); a pose that nobody has changed looks at it from now on."""
+    surface = from_scene.surface_of(scene)
+    pose = surface_object.pose_of(from_scene.present_camera(scene), surface)
+    set_focus(surface, focus)
+    if _is_initial(surface, pose) and not scene.oneframe.landmarks:
+        _set_initial_pose(scene, surface)
+
+
+def relink_frame(scene: bpy.types.Scene, path: Path) -> None:
+    """Use a file with the present frame's pixels as the frame: its copy beside the case."""
+    scene.oneframe.frame_path = str(path.resolve())
+    if from_scene.present_camera(scene) is not None:
+        _show_frame(scene)
+
+
 def _show_frame(scene: bpy.types.Scene) -> None:
-    """Show the frame behind the camera, undistorted if the lens has distortion and K fits."""
+    """Show the frame behind the camera: if K fits, without distortion and with its mask in blue."""
     settings = scene.oneframe
     path = absolute_path(settings.frame_path)
-    undistorted = None
-    if settings.distortion_text and not frame_warnings(scene):
-        undistorted, _ = from_scene.frame_at(scene, path)
-    alignment_scene.show_frame(from_scene.camera_object_of(scene), alignment_scene.frame_image(path, undistorted))
+    changed = None
+    if not frame_warnings(scene) and (settings.distortion_text or _may_have_alpha(path)):
+        image, valid = from_scene.frame_at(scene, path)
+        changed = alignment_scene.shown_frame(image, valid, undistorted=bool(settings.distortion_text))
+    shown = alignment_scene.frame_image(path, changed)
+    if changed is None:
+        # another one may have had this name
+        shown.reload()
+    alignment_scene.show_frame(from_scene.camera_object_of(scene), shown)
+
+
+def _may_have_alpha(path: Path) -> bool:
+    with reading(path, "an image file"), path.open("rb") as file:
+        return may_have_alpha(file.read(HEAD_BYTES))
 
 
 def _set_initial_pose(scene: bpy.types.Scene, surface: bpy.types.Object) -> None:
-    mesh = surface_object.edited_mesh(surface)
     camera_object = from_scene.present_camera(scene)
     # without K any camera will do: the initial pose is found again when K is set
     camera = PinholeCamera(1920, 1080, 12800, 12800, 959.5, 539.5)
     if camera_object is not None:
         camera = from_scene.camera(scene)
-    pose = initial_pose(mesh, camera)
+    stored, focus = exact(surface, FOCUS), None
+    if stored is not None and stored.shape == (4,):
+        focus = Ball(stored[:3] - surface_object.mesh_from_model_of(surface)[:3, 3], float(stored[3]))
+    mesh = _mesh_as_read(scene, surface)
+    pose = initial_pose(mesh, camera, focus)
     surface_object.set_pose(camera_object, surface, pose)
     set_exact(surface, INITIAL_POSE, pose)
     if camera_object is not None:
         alignment_scene.fit_clip(camera_object, mesh.radius, pose)
+
+
+def _mesh_as_read(scene: bpy.types.Scene, surface: bpy.types.Object) -> TriangleMesh:
+    """The surface (model frame) in the digits of its file, as scripts read it; that of Blender if it was edited."""
+    try:
+        mesh = from_scene.surface_in_file(scene)
+        from_scene.check_mesh_unedited(scene)
+    except InputError:
+        return surface_object.edited_mesh(surface)
+    return mesh

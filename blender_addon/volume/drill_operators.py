@@ -9,7 +9,7 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from ..pipeline.errors import InputError
 from ..pipeline.volume.drill_plan import DrillPlan, check_strokes, read_drill_plan, write_drill_plan
-from ..pipeline.volume.structures import structure_meshes, structure_names, without_bone
+from ..pipeline.volume.structures import structure_meshes, without_bone
 from ..registration import class_registration, prop
 from ..state import from_scene
 from ..state.camera_view import views
@@ -18,7 +18,8 @@ from ..ui.background_operator import InBackground, Work
 from ..ui.keymap import DRILL_TOOL
 from ..ui.operator import Messages, Reporting, ReportingFile, redraw
 from . import drill_session, drill_strokes
-from .loaded import LoadedCT, key_of, loaded_ct
+from .loaded import key_of, loaded_ct
+from .margins import margins_of
 from .operators import NeedsCT
 from .surface import is_from_ct
 
@@ -65,15 +66,7 @@ class ONEFRAME_OT_drill(InBackground, NeedsCT, bpy.types.Operator):
             area.spaces.active.region_3d.view_perspective = "PERSP"
         if not bpy.app.background:
             _activate_tool(context)
-        return ("drag over the bone to drill; Make Surface takes what was drilled over",)
-
-
-def margins_of(scene: bpy.types.Scene, ct: LoadedCT) -> dict[str, float]:
-    """The margins of the scene's plan; the usual ones of its structures if it has none."""
-    margins = dict(drill_strokes.plan_of(scene).margins_mm)
-    if margins or ct.labels is None:
-        return margins
-    return drill_strokes.usual_margins(structure_names(without_bone(ct.labels)).values())
+        return ("drag over the bone to drill; Make Surface applies it",)
 
 
 def _activate_tool(context: bpy.types.Context) -> None:
@@ -84,7 +77,7 @@ def _activate_tool(context: bpy.types.Context) -> None:
 
 
 class ONEFRAME_OT_stop_drill(Reporting, bpy.types.Operator):
-    """Show the surface again; what was drilled stays, and Make Surface takes it over"""
+    """Show the surface again; what was drilled stays, and Make Surface applies it"""
 
     bl_idname = "oneframe.stop_drill"
     bl_label = "End Drilling"
@@ -136,10 +129,6 @@ class ONEFRAME_OT_open_plan(NeedsCT, ReportingFile, bpy.types.Operator, ImportHe
         scene, path = context.scene, self.chosen_file()
         plan = read_drill_plan(path)
         messages = check_strokes(plan, loaded_ct(scene).volume.grid, path.name)
-        changed = dict(plan.margins_mm) != dict(drill_strokes.plan_of(scene).margins_mm)
-        if changed and scene.oneframe_ct.drilling:
-            # other margins are another guard
-            drill_session.end(scene)
         drill_strokes.set_margins(scene, plan.margins_mm)
         _set_strokes(scene, plan.strokes)
         return *messages, f"{path.name}: {len(plan.strokes)} strokes"

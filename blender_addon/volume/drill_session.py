@@ -52,7 +52,14 @@ class DrillSession:
         self.changed: set[BlockKey] = set()
         self.revision = 0
         self._drilled = DrilledVolume(ct.volume.grid)
+        self.margins_mm = dict(margins_mm)
         self._room = BurrRoom(structures, margins_mm)
+
+    def spare(self, margins_mm: Mapping[str, float]) -> None:
+        """Stop the burr at other margins from now on."""
+        if self.margins_mm != margins_mm:
+            self.margins_mm = dict(margins_mm)
+            self._room = BurrRoom(self.structures, margins_mm)
 
     @property
     def removed(self) -> RemovedField | None:
@@ -154,20 +161,23 @@ def prepared(
     return session
 
 
-_Kept = tuple[Key, float, str]
+_Kept = tuple[Key, float]
 _session: tuple[_Kept, DrillSession] | None = None
 
 
 def _what(scene: bpy.types.Scene) -> _Kept | None:
     key, settings = key_of(scene), scene.oneframe_ct
-    return None if key is None else (key, settings.threshold_hu, settings.margins_text)
+    return None if key is None else (key, settings.threshold_hu)
 
 
 def of(scene: bpy.types.Scene) -> DrillSession | None:
-    """The scene's session, while it drills: ``None`` if CT, labels, threshold or margins are others."""
+    """The scene's session, while it drills: ``None`` if CT, labels or threshold are others."""
     if _session is None or not scene.oneframe_ct.drilling or ct_of(scene) is not _session[1].ct:
         return None
-    return _session[1] if _session[0] == _what(scene) else None
+    if _session[0] != _what(scene):
+        return None
+    _session[1].spare(drill_strokes.plan_of(scene).margins_mm)
+    return _session[1]
 
 
 def keep(scene: bpy.types.Scene, session: DrillSession) -> None:

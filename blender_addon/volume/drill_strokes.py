@@ -47,7 +47,7 @@ def plan_of(scene: bpy.types.Scene) -> DrillPlan:
 
 def set_margins(scene: bpy.types.Scene, margins_mm: Mapping[str, float]) -> None:
     """Store the margins in the scene."""
-    scene.oneframe_ct.margins_text = json.dumps(dict(margins_mm)) if margins_mm else ""
+    scene.oneframe_ct.margins_text = json.dumps(dict(margins_mm))
 
 
 def usual_margins(names: Iterable[str]) -> dict[str, float]:

@@ -68,15 +68,14 @@ class ONEFRAME_PT_ct(bpy.types.Panel):
             column.prop(settings, "burr_mm")
         else:
             row.operator("oneframe.drill", icon="MESH_UVSPHERE")
+        row.operator("oneframe.margins", text="", icon="MOD_SOLIDIFY")
         row.operator("oneframe.open_plan", text="", icon="FILE_FOLDER")
         row.operator("oneframe.save_plan", text="", icon="FILE_TICK")
         if settings.drilling and not in_use:
             draw_text(layout, "The threshold has changed: press Drill again.", icon="INFO")
         if strokes:
-            count = f"{len(strokes)} stroke{'s' if len(strokes) > 1 else ''}"
-            draw_text(
-                layout, f"{count} of the drill: Make Surface takes them over, Save Case keeps them as drill.toml."
-            )
+            count, them = ("1 stroke", "it") if len(strokes) == 1 else (f"{len(strokes)} strokes", "them")
+            draw_text(layout, f"{count} drilled: Make Surface applies {them}, Save Case keeps {them} as drill.toml.")
 
 
 register, unregister = class_registration((ONEFRAME_PT_ct,))

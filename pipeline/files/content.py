@@ -105,6 +105,18 @@ def read_content(path: Path, what: str, where: str | None = None, most: int = LA
     return data
 
 
+def read_beginning(path: Path, what: str, most: int, where: str | None = None) -> bytes:
+    """Read up to ``most`` bytes from the beginning of a file that the user named; none of one without a size.
+
+    Raises
+    ------
+    InputError
+        As for :func:`reading`.
+    """
+    with reading(path, what, where), open(path, "rb", opener=_open_at_once) as file:
+        return file.read(min(os.fstat(file.fileno()).st_size, most))
+
+
 @contextmanager
 def hashed_reading() -> Iterator[dict[Path, str]]:
     """Collect the SHA-256 of the very bytes that :func:`read_content` gives inside the block, by path."""

@@ -76,6 +76,13 @@ def image_header(data: bytes) -> ImageHeader:
     raise ValueError("it is no image")
 
 
+def may_have_alpha(data: bytes) -> bool:
+    """Whether an image file may have alpha, by its beginning: a JPEG and most PNG without it rule it out."""
+    if data.startswith(PNG_SIGNATURE):
+        return data[25:26] not in (b"\0", b"\2") or b"tRNS" in data
+    return not data.startswith(JPEG_SIGNATURE)
+
+
 def _png(data: bytes) -> ImageHeader:
     width, height, depth, colours = struct.unpack_from(">IIBB", data, 16)
     if data[12:16] != b"IHDR":

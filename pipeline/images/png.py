@@ -20,13 +20,13 @@ def encode_png(image: np.ndarray) -> bytes:
     Parameters
     ----------
     image
-        ``(H, W)`` uint8 or uint16, or ``(H, W, 3)`` or ``(H, W, 4)`` uint8, with alpha that multiplies nothing.
+        ``(H, W)``, ``(H, W, 3)`` or ``(H, W, 4)``, uint8 or uint16, with alpha that multiplies nothing.
     """
     height, width = image.shape[:2]
     depth = image.dtype.itemsize * 8
     rows = np.ascontiguousarray(image, dtype=image.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
     if image.ndim == 3:
-        filtered, strategy = _average_filtered(rows, image.shape[2]), zlib.Z_RLE
+        filtered, strategy = _average_filtered(rows, image.shape[2] * image.dtype.itemsize), zlib.Z_RLE
     elif depth == 16:
         filtered, strategy = _sub_filtered(rows, 2), zlib.Z_DEFAULT_STRATEGY
     else:

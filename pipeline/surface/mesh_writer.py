@@ -60,7 +60,28 @@ def write_ply(
     uv: np.ndarray | None = None,
     texture: str | None = None,
 ) -> None:
-    """Write a binary little endian PLY with float32 coordinates, as BOP stores its models (in mm).
+    """Write a binary little endian PLY; the parameters are those of :func:`encoded_ply`.
+
+    Raises
+    ------
+    ValueError
+        Arrays that do not fit the mesh.
+    OSError
+        The file cannot be written.
+    """
+    data = encoded_ply(mesh, colours=colours, normals=normals, uv=uv, texture=texture)
+    write_bytes_atomically(path, data)
+
+
+def encoded_ply(
+    mesh: TriangleMesh,
+    *,
+    colours: np.ndarray | None = None,
+    normals: np.ndarray | None = None,
+    uv: np.ndarray | None = None,
+    texture: str | None = None,
+) -> bytes:
+    """The bytes of a binary little endian PLY with float32 coordinates, as BOP stores its models (in mm), signed.
 
     Parameters
     ----------
@@ -78,8 +99,6 @@ def write_ply(
     ------
     ValueError
         Arrays that do not fit the mesh.
-    OSError
-        The file cannot be written.
     """
     vertex_count, face_count = len(mesh.vertices), len(mesh.faces)
     _check("colours", colours, (vertex_count, 3), np.uint8)
@@ -115,7 +134,7 @@ def write_ply(
     faces["count"], faces["indices"] = 3, mesh.faces
     if uv is not None:
         faces["uv_count"], faces["uv"] = 6, uv.reshape(-1, 6)
-    write_bytes_atomically(path, signed("\n".join(header).encode() + vertices.tobytes() + faces.tobytes()))
+    return signed("\n".join(header).encode() + vertices.tobytes() + faces.tobytes())
 
 
 def write_obj(

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.child_process import ChildError, streamed_apart
-from ..files.content import reading
+from ..files.content import read_beginning
 from ..images.image_check import LARGEST_FRAME
 from ..images.image_header import SIGNATURES
 from .film_decoder import FRAME_HEAD, film_in_parts, frames_in_parts
@@ -157,8 +157,7 @@ def read_film_frames(path: Path, numbers: Sequence[int]) -> Iterator[tuple[int, 
 
 
 def _check_video(path: Path) -> None:
-    with reading(path, "a video"), open(path, "rb") as file:
-        start = file.read(16)
+    start = read_beginning(path, "a video", 16)
     if not start:
         raise InputError(f"{path.name}: expected a video, cannot open it, it is empty; copy it again")
     if start.startswith((*SIGNATURES, b"GIF8")):

@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from ..errors import InputError
+from ..surface.ball import Ball
 from ..surface.mesh import MOST_FACES
 from ..surface.simplification import simplified, tolerance_near
 from ..transforms import transform_points
@@ -27,14 +28,6 @@ STAGES = ("extracted", "smoothed", "simplified")
 
 FINER = 4
 """How many times smaller the tolerance is in the part that matters."""
-
-
-@dataclass(frozen=True)
-class Ball:
-    """``centre`` (3,) and radius, mm, in the frame of the mesh."""
-
-    centre: np.ndarray
-    radius_mm: float
 
 
 @dataclass(frozen=True)

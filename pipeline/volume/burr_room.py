@@ -21,7 +21,7 @@ class BurrRoom:
     structures
         Meshes by name, in the frame of the mesh, mm.
     margins_mm
-        Thickness of bone that stays around them; 0 for those that are not named.
+        Thickness of bone that stays around them; those that are not named do not stop the burr.
     """
 
     def __init__(self, structures: Mapping[str, TriangleMesh], margins_mm: Mapping[str, float]) -> None:
@@ -32,9 +32,9 @@ class BurrRoom:
         self._points = np.concatenate([np.zeros((0, 3)), *points]).astype(np.float64) - self._middle
         self._points = self._points.astype(np.float32)
         self._owner = np.repeat(np.arange(len(points)), [len(each) for each in points])
-        margins = np.array([margins_mm.get(name, 0.0) for name in self.names], np.float32)
+        margins = np.array([margins_mm.get(name, -np.inf) for name in self.names], np.float32)
         self._margin = margins[self._owner] if points else np.zeros(0, np.float32)
-        self._widest = max(map(float, margins), default=0.0)
+        self._widest = max([0.0, *map(float, margins)])
 
     def nearest(self, point: np.ndarray) -> tuple[str, float] | None:
         """Name of the structure nearest to a point ``(3,)``, and its distance, mm; ``None`` without structures."""

@@ -51,7 +51,7 @@ def clearances(
         As written: smoothed and simplified.
     removed
         What the drill removed, on ``grid``: bone may be missing all around a structure that the drill went through,
-        which the surface alone would not tell.
+        which the surface alone does not show.
     structures
         Meshes by name, in the frame of the mesh.
     margins_mm

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from ..files.content import LARGEST_TEXT, reading
+from ..files.content import LARGEST_TEXT, read_beginning
 from .stored_voxels import VolumeHeader, check_axes, several_components, three_dimensions
 
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
@@ -42,6 +42,9 @@ _NRRD_TO_LPS = {
     **dict.fromkeys(("right-anterior-superior", "ras"), (-1, -1, 1)),
     **dict.fromkeys(("left-anterior-superior", "las"), (1, -1, 1)),
 }
+_LONGEST_LINE = 1 << 16
+"""Bytes of a line of MetaImage; the voxels follow the last one."""
+
 _SEGMENT = re.compile(r"Segment(\d+)_(Name|LabelValue)")
 _VECTOR = re.compile(r"\(([^()]*)\)")
 
@@ -66,8 +69,7 @@ def read_header(path: Path) -> VolumeHeader:
             f"{path}: expected a volume ({', '.join(SUFFIXES)}) or a folder of DICOM files, found another kind of "
             "file; convert it to NIfTI"
         )
-    with reading(path, "a volume"), open(path, "rb") as file:
-        head = file.read(LARGEST_TEXT)
+    head = read_beginning(path, "a volume", LARGEST_TEXT)
     if not head:
         raise InputError(f"{path}: expected a volume, found an empty file; copy or export it again")
     if suffix.startswith(".nii"):
@@ -185,14 +187,13 @@ def _segment_names(segments: Mapping[str, Mapping[str, str]]) -> dict[int, str]:
 
 def _metaimage_header(path: Path, head: bytes) -> VolumeHeader:
     where, fields, start = path.name, dict[str, str](), 0
-    for match in re.finditer(rb"[ \t]*(\w+)[ \t]*=([^\r\n]*)\r?\n?", head):
-        if match.start() != start:
+    while start < len(head) and "elementdatafile" not in fields:
+        line, _, _ = head[start : start + _LONGEST_LINE].partition(b"\n")
+        key, equals, value = line.partition(b"=")
+        if not equals or not (name := key.strip().decode("latin-1").lower()).isidentifier():
             break
-        start = match.end()
-        key = match[1].decode().lower()
-        fields[key] = match[2].decode("latin-1").strip()
-        if key == "elementdatafile":
-            break
+        fields[name] = value.decode("latin-1").strip()
+        start += len(line) + 1
     if "elementdatafile" not in fields or "dimsize" not in fields:
         raise InputError(f"{where}: expected MetaImage, found no DimSize and ElementDataFile; export it again")
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.child_process import ChildError, called_apart
-from ..files.content import reading
+from ..files.content import read_beginning
 from ..files.memory import available_bytes
 from ..files.temporary import temporary_folder, unwritable_temporary, writing_temporary
 from .dicom_series import MOST_FILES, SeriesInfo
@@ -30,6 +30,9 @@ WAITING = 20
 
 _COPIES = 2
 """Of the file's voxels that ITK holds for a moment: its own, and those of the library of the format."""
+
+_OF_A_SLICE = 1 << 30
+"""Bytes that reading DICOM takes at most, slice by slice: GDCM allocates whatever a header claims."""
 
 _MARGIN = 512 << 20
 """Bytes that the child's libraries take."""
@@ -88,7 +91,8 @@ def list_series(folder: Path) -> tuple[SeriesInfo, ...]:
     folder = Path(folder)
     if not _is_folder(folder):
         raise InputError(f"{folder}: expected a folder of DICOM files, found a file; give the folder that it is in")
-    entries = json.loads(_called(series_as_json, b"", (str(folder),), _total_megabytes(folder), str(folder)))
+    megabytes = _total_megabytes(folder)
+    entries = json.loads(_called(series_as_json, b"", (str(folder),), megabytes, str(folder), _OF_A_SLICE))
     return tuple(
         SeriesInfo(**entry | {"size": tuple(entry["size"]), "spacing_mm": tuple(entry["spacing_mm"])})
         for entry in entries
@@ -136,7 +140,7 @@ def _series_voxels(folder: Path, series: int | None, box: list[list[float]] | No
         out = temporary / "voxels.npy"
         arguments = (str(folder), str(out), series or 0)
         data = json.dumps({"box_mm": box}).encode()
-        return _voxels(out, _called(series_as_npy, data, arguments, megabytes, str(folder)))
+        return _voxels(out, _called(series_as_npy, data, arguments, megabytes, str(folder), _OF_A_SLICE))
 
 
 def _voxels(out: Path, answer: bytes) -> tuple[np.ndarray, VoxelGrid]:
@@ -151,7 +155,12 @@ def _voxels(out: Path, answer: bytes) -> tuple[np.ndarray, VoxelGrid]:
 
 
 def _called(
-    function: Callable[..., bytes], data: bytes, arguments: tuple[str | int, ...], megabytes: float, where: str
+    function: Callable[..., bytes],
+    data: bytes,
+    arguments: tuple[str | int, ...],
+    megabytes: float,
+    where: str,
+    most_bytes: int | None = None,
 ) -> bytes:
     cpu_seconds = CPU_SECONDS + CPU_SECONDS_PER_MB * megabytes
     try:
@@ -161,7 +170,7 @@ def _called(
             arguments,
             seconds=WAITING * cpu_seconds,
             cpu_seconds=cpu_seconds,
-            megabytes=(available_bytes() + _MARGIN) / 2**20,
+            megabytes=((available_bytes() if most_bytes is None else most_bytes) + _MARGIN) / 2**20,
         )
     except ChildError as error:
         raise InputError(f"{where}: expected a volume, cannot read it ({error}); copy or export it again") from None
@@ -187,12 +196,8 @@ def _is_folder(path: Path) -> bool:
 
 def _volume_file(path: Path) -> Path:
     """The path of a file, unless it is a single DICOM file."""
-    if volume_suffix(path) is None:
-        with reading(path, "a volume"), open(path, "rb") as file:
-            if file.read(132)[128:] == b"DICM":
-                raise InputError(
-                    f"{path}: expected a folder of DICOM files, found one of them; give the folder of the series"
-                )
+    if volume_suffix(path) is None and read_beginning(path, "a volume", 132)[128:] == b"DICM":
+        raise InputError(f"{path}: expected a folder of DICOM files, found one of them; give the folder of the series")
     return path
 
 

@@ -160,7 +160,7 @@ def _simple_itk() -> Any:
     except ImportError:
         raise InputError(
             "volumes: expected the package SimpleITK, which reads CT, this Python has none; install it with "
-            'pip install "SimpleITK>=2.5"'
+            'pip install "SimpleITK>=2.5", or use a Blender in which the OneFrame extension is enabled'
         ) from None
     sitk.ProcessObject.SetGlobalWarningDisplay(False)
     # threads take memory each, and reading takes one

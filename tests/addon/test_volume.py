@@ -9,8 +9,9 @@ import pytest
 
 sitk = pytest.importorskip("SimpleITK")
 
+from blender_addon.state import from_scene
 from blender_addon.ui.background_work import BackgroundWork
-from blender_addon.volume import drill_session, drill_strokes, loaded, surface_files
+from blender_addon.volume import drill_session, drill_strokes, loaded
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.commands import surface as surface_command
 from pipeline.images.png import encode_png
@@ -73,7 +74,7 @@ def drilled(scene, *strokes):
 
 
 def surface_bytes(scene):
-    return surface_files.from_scene.absolute_path(scene.oneframe.surface.oneframe.mesh_path).read_bytes()
+    return from_scene.absolute_path(scene.oneframe.surface.oneframe.mesh_path).read_bytes()
 
 
 STROKES = (
@@ -90,7 +91,7 @@ def test_the_surface_is_the_scripts_drilled_or_not(scene, files, tmp_path):
     assert surface_bytes(scene) == (tmp_path / "plain" / "surface.ply").read_bytes()
     (nerve,) = scene.oneframe.surface.children
     assert nerve.name == "facial_nerve"
-    made = surface_files.from_scene.absolute_path(nerve.oneframe.mesh_path).read_bytes()
+    made = from_scene.absolute_path(nerve.oneframe.mesh_path).read_bytes()
     assert made == (tmp_path / "plain" / "structures" / "facial_nerve.ply").read_bytes()
 
     bpy.ops.oneframe.drill()
@@ -111,7 +112,7 @@ def test_pose_and_landmarks_stay_when_the_surface_is_made_again(scene, files):
     surface = scene.oneframe.surface
     entry = scene.oneframe.landmarks.add()
     entry.has_point, entry.point = True, (1.0, 2.0, 3.0)
-    to_mesh = surface_files.from_scene
+    to_mesh = from_scene
     before = to_mesh.landmarks_mesh(scene)[0].point
     world = np.array(surface.matrix_world) @ np.linalg.inv(_mesh_from_model(surface))
     scene.oneframe_ct.threshold_hu = 900
@@ -179,6 +180,23 @@ def test_the_burr_meets_the_bone_where_the_ray_does_and_stops_at_the_margin(scen
     session.begin(2.0, near(0, 0, 8))
     deeper = session.hit(session.removed, near(0, 0, 50), np.array([0, 0, -1.0]))
     assert deeper[2] == pytest.approx(CENTRE[2] + 6, abs=0.1)
+
+
+def test_margins_can_be_chosen_and_hold(scene, files):
+    with_labels(files)
+    bpy.ops.oneframe.make_surface()
+    bpy.ops.oneframe.drill()
+    session = drill_session.of(scene)
+    outside, beside = near(0, 0, 12), near(0, 0, 0.5)
+    stops = []
+    for spared, margin in ((False, 1.0), (True, 0.5), (True, 2.0)):
+        bpy.ops.oneframe.margins(margins=[{"name": "facial_nerve", "spared": spared, "margin_mm": margin}])
+        # the same session: nothing that was drilled is lost
+        assert drill_session.of(scene) is session
+        stops.append(float(np.linalg.norm(session.reached(outside, beside, 1.0) - CENTRE)))
+    assert stops[0] == pytest.approx(0.5)
+    assert stops[1] == pytest.approx(1.0 + 1.0 + 0.5, abs=0.3)
+    assert stops[2] == pytest.approx(1.0 + 1.0 + 2.0, abs=0.3)
 
 
 def test_save_case_takes_surface_and_plan_beside_it(scene, files, tmp_path):

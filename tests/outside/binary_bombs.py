@@ -319,6 +319,8 @@ READERS = {
     "camera.json": "camera", "camera.npy": "camera", "pose.npy": "pose", "poses.npy": "poses", "poses.json": "poses",
     "landmarks.csv": "landmarks", "case.toml": "case", "photographs.json": "photographs", "mesh.ply": "mesh",
     "mesh.obj": "mesh", "mesh.stl": "mesh", "frame.png": "image header", "film.mp4": "video",
+    "whole.mp4": "film", "plan.toml": "drill plan", "ct.nii": "volume", "ct.nii.gz": "volume", "ct.nrrd": "volume",
+    "ct.mha": "volume", "labels.nii": "labels",
 }  # fmt: skip
 
 

@@ -180,6 +180,7 @@ TEXT_READERS = {
     "camera.json": "camera", "camera.yaml": "camera", "camera.toml": "camera", "camera": "camera", "pose.json": "pose",
     "pose.txt": "pose", "poses.json": "poses", "landmarks.csv": "landmarks", "landmarks.json": "landmarks",
     "case.toml": "case", "photographs.json": "photographs", "mesh.ply": "mesh", "mesh.obj": "mesh", "mesh.stl": "mesh",
+    "plan.toml": "drill plan", "ct.nrrd": "volume", "ct.mhd": "volume", "ct.nii": "volume",
 }  # fmt: skip
 
 
@@ -245,6 +246,11 @@ CASE = (
     'units = "mm"\n[frame]\nimage = "frame.png"\n[camera]\nsize = [64, 48]\nK = {K}\n[surface]\nmesh = "surface.ply"\n'
     "[pose]\ncam_from_mesh = {POSE}\n"
 )
+STROKE = "[[strokes]]\nradius_mm = 2.0\npoints_mm = {points}\n"
+NRRD = (
+    "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 8 8 8\nencoding: raw\n"
+    "space directions: (1,0,0) (0,1,0) (0,0,1)\nendian: little\n\n"
+)
 TEMPLATES: dict[str, tuple[str, str, str]] = {
     "K": ("camera", "camera.json", '{"K": @}'),
     "an entry of K": ("camera", "camera.json", '{"K": [[@, 0, 1], [0, 1, 1], [0, 0, 1]]}'),
@@ -292,6 +298,12 @@ TEMPLATES: dict[str, tuple[str, str, str]] = {
         "case", "case.toml", CASE.format(K=K, POSE=POSE) + '[[landmarks]]\nname = "a"\nsurface = [@, 1, 1]\n'
     ),
     "alignment of a case": ("case", "case.toml", CASE.format(K=K, POSE=POSE) + "[alignment]\nrms_px = @\ndate = @\n"),
+    "margin": ("drill plan", "plan.toml", "[margins_mm]\na = @\n" + STROKE.format(points="[[1, 2, 3]]")),
+    "points of a stroke": ("drill plan", "plan.toml", STROKE.format(points="@")),
+    "an entry of its points": ("drill plan", "plan.toml", STROKE.format(points="[[1, @, 3], [4, 5, 6]]")),
+    "its radius": ("drill plan", "plan.toml", STROKE.format(points="[[1, 2, 3]]").replace("2.0", "@")),
+    "size of a volume": ("volume", "ct.nrrd", NRRD.replace("8 8 8", "8 8 @")),
+    "directions of a volume": ("volume", "ct.nrrd", NRRD.replace("(0,0,1)", "(0,0,@)")),
     "options of a case": ("case", "case.toml", CASE.format(K=K, POSE=POSE) + "[dataset]\ncount = @\n"),
 }  # fmt: skip
 

@@ -1,7 +1,9 @@
 """Every sample input, changed at random, ends in a value or in a sentence: no traceback, no crash, 5 s and 1 GB."""
 
+import gzip
 import json
 import pickle
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 
 from pipeline.images.png import encode_png
 from tests.outside.victims import Victims, faults_of
+from tests.volume.conftest import series_on_disk
 
 K = np.array([[900.0, 0, 31.5], [0, 905, 23.5], [0, 0, 1]])
 POSE = np.array([[1.0, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]])
@@ -105,6 +108,24 @@ def samples(case: Path) -> dict[str, tuple[str, bytes]]:
     }
 
 
+def volumes(folder: Path) -> dict[str, tuple[str, bytes]]:
+    """CT and labels in every format, a slice of a series, and a plan of a drill."""
+    nibabel, sitk = pytest.importorskip("nibabel"), pytest.importorskip("SimpleITK")
+    rng = np.random.default_rng(5)
+    values = rng.integers(-1000, 2000, (6, 7, 8)).astype(np.int16)
+    image = nibabel.Nifti1Image(values, np.diag([-0.4, -0.4, 0.8, 1]))
+    made = {"ct.nii": ("volume", image.to_bytes()), "ct.nii.gz": ("volume", gzip.compress(image.to_bytes()))}
+    made["labels.nii"] = "labels", nibabel.Nifti1Image((values % 3).astype(np.uint8), np.eye(4)).to_bytes()
+    for name, packed in (("ct.nrrd", False), ("packed.nrrd", True), ("ct.mha", False), ("packed.mha", True)):
+        sitk.WriteImage(sitk.GetImageFromArray(values), folder / name, packed)
+        made[name] = "volume", (folder / name).read_bytes()
+    series_on_disk(folder / "series", 3)
+    first = min((folder / "series").iterdir())
+    made[first.name] = "slice", first.read_bytes()
+    plan = "[margins_mm]\nfacial_nerve = 1.0\n[[strokes]]\nradius_mm = 2.0\npoints_mm = [[1, 2, 3], [4.5, 5, -6e1]]\n"
+    return made | {"plan.toml": ("drill plan", plan.encode())}
+
+
 SPECIAL = (0, 1, 127, 128, 255, 0x7FFF, 0x8000, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF)
 
 
@@ -145,9 +166,12 @@ def faults(made: dict[str, tuple[str, bytes]], times: int, folder: Path, seed: i
     with Victims() as victims:
         for number, (name, (reader, data)) in enumerate(made.items()):
             # a file whose parser starts a process takes a hundred times as long
-            apart = reader == "video" or name.endswith((".yml", ".xml"))
+            apart = reader in ("video", "volume", "slice", "labels", "film") or name.endswith((".yml", ".xml"))
             rng, place = np.random.default_rng([seed, number]), folder / name
             place.mkdir()
+            if reader == "slice":
+                # beside the others of its series
+                shutil.copytree(folder / "samples" / "series", place, dirs_exist_ok=True)
             for turn in range(times // 10 if apart and times > 100 else times):
                 (place / name).write_bytes(mutated(data, rng))
                 answer = victims.opened(reader, place / name)
@@ -162,6 +186,11 @@ def sample_files(tmp_path, write_tiny_case: Callable[[Path], Path]) -> dict[str,
 
 def test_mutations_end_in_a_value_or_a_sentence(tmp_path, long_form, sample_files):
     assert faults(sample_files, 5000 if long_form else 6, tmp_path, seed=8) == []
+
+
+def test_mutations_of_volumes_end_in_a_value_or_a_sentence(tmp_path, long_form):
+    (tmp_path / "samples").mkdir()
+    assert faults(volumes(tmp_path / "samples"), 3000 if long_form else 2, tmp_path, seed=10) == []
 
 
 @pytest.mark.render

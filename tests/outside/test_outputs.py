@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -101,7 +102,13 @@ def writing_commands(case: Path, target: Path) -> Iterator[CommandLine]:
         yield "align", case, "--landmarks", folder / "landmarks.csv", option, target
     yield "compare", case, folder / "held_out.json", "--out", target
     yield "sample", "--out", target
+    yield new_case(case, target)
     yield "render", case, "--out", target, "--count", "1"
+
+
+def new_case(case: Path, out: Path) -> CommandLine:
+    folder = case.parent
+    return "case", "--surface", folder / "surface.ply", "--frame", folder / "frame.png", "--camera", case, "--out", out
 
 
 def assert_sentence(code: int, errors: str, line: CommandLine) -> None:
@@ -147,6 +154,7 @@ def test_no_command_replaces_an_input(case, tmp_path, run_all, long_form):
     lines = [line for line in lines if not makes_a_new_surface(line, taken)]
     for place in (folder, tmp_path / "way"):
         lines += [("compare", case, folder / "held_out.json", "--out", place), ("sample", "--out", place)]
+        lines.append(new_case(case, place))
         lines.append(("render", case, "--out", place, "--count", "1"))
     lines.append(("render", case, "--out", folder, "--poses", folder / "poses.npy"))
     lines.append(("render", case, "--out", tmp_path, "--count", "1"))
@@ -191,7 +199,7 @@ def test_no_command_replaces_a_file_of_another_kind(case, tmp_path, run_all):
     sample = tmp_path / "sample"
     sample.mkdir()
     (sample / "case.toml").write_bytes(case.read_bytes())
-    lines += [("sample", "--out", sample), ("render", case, "--out", sample, "--count", "1")]
+    lines += [("sample", "--out", sample), new_case(case, sample), ("render", case, "--out", sample, "--count", "1")]
     before = hashes(folder, sheet, sample)
     for line, (code, errors) in zip(lines, run_all(lines), strict=True):
         assert_sentence(code, errors, line)
@@ -207,10 +215,11 @@ def test_own_outputs_are_replaced_until_somebody_changes_them(case, tmp_path, ru
         *(("colour", case, "--out", out / name) for name in ("a.obj", "b.ply", "c.glb")),
         ("align", case, *landmarks, "--out", out / "aligned.toml", "--picture", out / "picture.png"),
         ("compare", case, case.parent / "held_out.json", "--out", out / "comparison"),
+        new_case(case, out / "case"),
     ]
     results = run_all([*lines, *lines])
     assert [code for code, _ in results] == [0] * 2 * len(lines), results
-    for name in ("a.png", "a.mtl", "b.png", "comparison/sheet.png", "comparison/frame.png"):
+    for name in ("a.png", "a.mtl", "b.png", "comparison/sheet.png", "comparison/frame.png", "case/frame.png"):
         path = out / name
         data = bytearray(path.read_bytes())
         data[len(data) // 3] ^= 1
@@ -262,6 +271,60 @@ UNWRITABLE = {
 }
 
 
+@pytest.fixture
+def recordings(tmp_path) -> dict[str, Path]:
+    """A CT with labels and a plan of a drill, and a film: in one folder, by names of outputs as far as can be."""
+    nibabel = pytest.importorskip("nibabel")
+    folder = tmp_path / "recordings"
+    (folder / "structures").mkdir(parents=True)
+    z, y, x = np.indices((24, 24, 24)) - 11.5
+    bone = np.clip(1000 * (9 - np.sqrt(x * x + y * y + z * z)), -1000, 1500)
+    inside = (x - 3) ** 2 + y * y + z * z < 6
+    made = {"ct": folder / "ct.nii", "labels": folder / "labels.nii", "plan": folder / "surface.json"}
+    for name, values in (("ct", bone.astype(np.int16)), ("labels", inside.astype(np.uint8))):
+        nibabel.save(nibabel.Nifti1Image(values.T, np.diag([-1, -1, 1, 1.0])), made[name])
+    made["plan"].write_text("[[strokes]]\nradius_mm = 2.0\npoints_mm = [[-1, 0, 10], [1, 0, 12]]\n")
+    made["film"] = folder / "scores.csv"
+    writer = cv2.VideoWriter(str(folder / "film.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, (64, 48))
+    picture = np.random.default_rng(2).integers(0, 256, (48, 64, 3)).astype(np.uint8)
+    for _ in range(40):
+        writer.write(picture)
+    writer.release()
+    (folder / "film.avi").rename(made["film"])
+    return made
+
+
+def recording_commands(made: dict[str, Path], out: Path) -> list[CommandLine]:
+    return [
+        ("surface", made["ct"], "--labels", made["labels"], "--drill", made["plan"], "--out", out),
+        ("surface", made["ct"], "--remove", made["labels"], "--out", out),
+        ("frames", made["film"], "--out", out),
+    ]
+
+
+def test_recordings_are_not_replaced_and_own_outputs_are(recordings, tmp_path, run_all):
+    folder, out = recordings["ct"].parent, tmp_path / "out"
+    good = recording_commands(recordings, out)
+    results = run_all([*good, *good])
+    assert [code for code, _ in results] == [0] * len(results), results
+    assert {"surface.ply", "surface.json", "slices.png", "scores.csv"} <= {path.name for path in out.iterdir()}
+    before, (drilled, removed, film) = hashes(folder), recording_commands(recordings, folder)
+    bad: list[CommandLine] = [drilled, film, *recording_commands(recordings, Path("/dev/full"))]
+    bad += [line for path in recordings.values() for line in recording_commands(recordings, path)]
+    bad += recording_commands(recordings, folder / ("n" * 300)) + recording_commands(recordings, Path("/proc/x"))
+    # the plan, which is no input of this one, is no report of ours either
+    bad.append(removed)
+    for line, (code, errors) in zip(bad, run_all(bad), strict=True):
+        assert_sentence(code, errors, line)
+    assert hashes(folder) == before
+    for name in ("surface.ply", "surface.json", "slices.png", "scores.csv", "contact_sheet.png"):
+        (out / name).write_bytes(b"mine")
+    before = hashes(out)
+    for line, (code, errors) in zip(good, run_all(good), strict=True):
+        assert_sentence(code, errors, line)
+    assert hashes(out) == before
+
+
 @pytest.mark.render
 @pytest.mark.skipif(sys.platform != "linux", reason="folders of Linux in which nobody can write")
 def test_what_cannot_be_written_is_one_sentence(case, run_all):
@@ -279,7 +342,11 @@ def test_what_cannot_be_written_is_one_sentence(case, run_all):
             given = ("--landmarks", folder / "landmarks.csv") if command == "align" else ()
             lines.append((command, case, *given, option, name))
         if kind not in ("a folder", "a name that is too long"):
-            lines += [("sample", "--out", path), ("compare", case, folder / "held_out.json", "--out", path)]
+            lines += [
+                ("sample", "--out", path),
+                new_case(case, path),
+                ("compare", case, folder / "held_out.json", "--out", path),
+            ]
             lines.append(("render", case, "--out", path, "--count", "1"))
     before = hashes(folder)
     for line, (code, errors) in zip(lines, run_all(lines), strict=True):
@@ -301,7 +368,10 @@ def shell(text: str, **environment: str) -> subprocess.CompletedProcess:
 
 
 FAILING = {
-    "sample": "sample --out /dev/null/x", "align": "align /no/case.toml",
+    "surface": "surface /no/ct.nii.gz --out /no/out", "sample": "sample --out /dev/null/x",
+    "frames": "frames /no/video.mp4 --out /no/out",
+    "case": "case --surface /no/surface --frame /no/frame.png --camera /no/k.json --out /no/out",
+    "align": "align /no/case.toml",
     "render": "render /no/case.toml --out /no/out", "check": "check /no/dataset",
     "compare": "compare /no/case.toml /no/list.json --out /no/out",
     "colour": "colour /no/case.toml --out /no/surface.ply",

@@ -26,6 +26,9 @@ from pipeline.files.content import reading
 from pipeline.images.image_check import check_image_file
 from pipeline.poses.pose_file import read_pose, read_poses
 from pipeline.surface.mesh_reader import read_mesh
+from pipeline.volume.drill_plan import read_drill_plan
+from pipeline.volume.label_map import read_labels
+from pipeline.volume.volume_reader import read_volume
 
 
 class _Loaded:
@@ -71,6 +74,12 @@ def _video(path: Path) -> object:
     return read_video_frame(path, video_info(path).frames - 1)
 
 
+def _film(path: Path) -> object:
+    from pipeline.video.frame_scores import score_frames
+
+    return score_frames(path)
+
+
 def _button(operator: str) -> Callable[[Path], object]:
     """An operator of the add-on: its report of an error is what Blender raises here."""
 
@@ -104,6 +113,11 @@ READERS: dict[str, Callable[[Path], object]] = {
     "image header": lambda path: check_image_file(path, path.name),
     "image": _image,
     "video": _video,
+    "film": _film,
+    "volume": lambda path: read_volume(path),
+    "slice": lambda path: read_volume(path.parent),
+    "labels": lambda path: read_labels(path),
+    "drill plan": lambda path: read_drill_plan(path),
     **{
         f"button {name}": _button(name)
         for name in ("load_frame", "load_camera", "load_surface", "load_pose", "open_case", "load_video_frame")

@@ -25,6 +25,7 @@ SCRIPTS = {
     "surface": "ct_to_surface.py",
     "sample": "make_sample.py",
     "frames": "select_frame.py",
+    "case": "new_case.py",
     "align": "align.py",
     "render": "render_dataset.py",
     "check": "check_dataset.py",

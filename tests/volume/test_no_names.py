@@ -83,12 +83,12 @@ def spoken_and_written(path: Path, folder: Path) -> bytes:
 
 @pytest.fixture
 def here(monkeypatch):
-    """Read in this process, which tells the same in less time."""
+    """Read in this process, which reports the same in less time."""
     direct = lambda function, data, arguments, **_: function(data, *arguments)  # noqa: E731
     monkeypatch.setattr(volume_reader, "called_apart", direct)
 
 
-def told_by(call, path: Path) -> str:
+def reported_by(call, path: Path) -> str:
     """What a function gives, or its error."""
     try:
         return repr(call(path))
@@ -96,7 +96,7 @@ def told_by(call, path: Path) -> str:
         return f"{error!r} {error.__cause__!r}"
 
 
-def test_no_tag_of_dicom_is_ever_told(here, write_series, tmp_path):
+def test_no_tag_of_dicom_is_ever_reported(here, write_series, tmp_path):
     """Read well, listed, and refused at each step: several series, a missing slice, no geometry, damage, modality."""
     from pydicom.uid import UID
 
@@ -123,17 +123,17 @@ def test_no_tag_of_dicom_is_ever_told(here, write_series, tmp_path):
     assert all(SECRET.encode() in path.read_bytes() for path in (tmp_path / "in").rglob("*") if path.is_file())
     for folder in folders:
         for call in (list_series, read_volume, read_labels):
-            assert SECRET not in told_by(call, folder)
+            assert SECRET not in reported_by(call, folder)
     (tmp_path / "out").mkdir()
-    assert "spacing_mm" in told_by(list_series, tmp_path / "in" / "good")
-    told = spoken_and_written(tmp_path / "in" / "good", tmp_path / "out")
-    assert b"SeriesInfo" in told
-    assert SECRET.encode() not in told
+    assert "spacing_mm" in reported_by(list_series, tmp_path / "in" / "good")
+    reported = spoken_and_written(tmp_path / "in" / "good", tmp_path / "out")
+    assert b"SeriesInfo" in reported
+    assert SECRET.encode() not in reported
 
 
 @pytest.mark.parametrize("suffix", [".nii", ".nrrd", ".mhd"])
 @pytest.mark.parametrize("fault", ["none", "labels", "cut", "keyword"])
-def test_no_text_of_a_header_is_ever_told(here, tmp_path, suffix, fault):
+def test_no_text_of_a_header_is_ever_reported(here, tmp_path, suffix, fault):
     path, values = tmp_path / f"ct{suffix}", np.arange(-60, 60, dtype=np.int16).reshape(4, 5, 6)
     values = abs(values) % 3 if fault == "labels" else values
     sitk.WriteImage(sitk.GetImageFromArray(values), str(path))
@@ -155,9 +155,9 @@ def test_no_text_of_a_header_is_ever_told(here, tmp_path, suffix, fault):
     if fault == "cut":
         data = path.with_suffix(".raw") if suffix == ".mhd" else path
         data.write_bytes(data.read_bytes()[:-20])
-    told = told_by(read_volume, path) + told_by(read_labels, path)
-    assert "Volume(" in told or "LabelMap(" in told or "InputError" in told
-    assert SECRET not in told
+    reported = reported_by(read_volume, path) + reported_by(read_labels, path)
+    assert "Volume(" in reported or "LabelMap(" in reported or "InputError" in reported
+    assert SECRET not in reported
     if fault == "none":
         (tmp_path / "out").mkdir()
         spoken = spoken_and_written(path, tmp_path / "out")

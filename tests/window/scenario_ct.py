@@ -102,14 +102,23 @@ def scenario(user):
     assert len(user.window.scene.oneframe.surface.data.polygons) != faces
     yield from user.picture("4_drilled_surface")
 
-    # what Save Case keeps
+    # what Save Case keeps; the mask hides the left third of the frame
     scene = user.window.scene
     with user.context():
         bpy.ops.oneframe.load_frame(True, filepath=str(user.case.parent / "frame.png"))
         bpy.ops.oneframe.load_camera(True, filepath=str(user.case))
-        bpy.ops.oneframe.save_case("EXEC_DEFAULT", filepath=str(user.folder / "case.toml"))
-    for name in ("case.toml", "surface.ply", "drill.toml"):
+        width, height = scene.oneframe.frame_size
+        shown = np.repeat((np.arange(width) > width / 3).astype(np.uint8)[None], height, axis=0)
+        (user.folder / "mask.png").write_bytes(part("pipeline.images.png").encode_png(shown))
+        bpy.ops.oneframe.load_mask(True, filepath=str(user.folder / "mask.png"))
+    yield from user.redraw()
+    yield from user.picture("5_masked_frame")
+    with user.context():
+        bpy.ops.oneframe.save_case("EXEC_DEFAULT", filepath=str(user.folder / "case.toml"), collect=True)
+    for name in ("case.toml", "surface.ply", "frame.png", "drill.toml"):
         assert (user.folder / name).exists(), name
+    case = part("pipeline.case.case_file").read_case(user.folder / "case.toml")
+    assert case.alignment == {"method": "initial guess"}
 
     # in a file that is opened again, the voxels are read again
     bpy.ops.wm.save_as_mainfile(filepath=str(user.folder / "kept.blend"))
@@ -119,7 +128,7 @@ def scenario(user):
     part("volume.reread")._after_load()
     yield from user.until(lambda: loaded.ct_of(user.window.scene) is not None, "the CT read again", 60)
     assert strokes(user) == 1
-    yield from user.picture("5_read_again")
+    yield from user.picture("6_read_again")
 
 
 def written_ct(path):

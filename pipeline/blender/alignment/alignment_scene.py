@@ -16,6 +16,7 @@ from mathutils import Matrix
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...errors import InputError
+from ...images.masked_frame import with_mask_tinted
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...surface.mesh import TriangleMesh
@@ -24,6 +25,7 @@ from ..bridge.data_blocks import new_mesh_object
 from ..bridge.exact_values import exact, set_exact
 from ..bridge.image import new_packed_image
 from ..bridge.versions import new_node_material
+from ..colour.surface_colour import UNSEEN
 from .surface_object import new_surface_object
 
 COLLECTION, CAMERA = "OneFrame", "OneFrame camera"
@@ -51,7 +53,8 @@ def set_up(scene: bpy.types.Scene, loaded: LoadedCase) -> AlignmentObjects:
     clear(scene)
     set_alignment_units(scene)
     camera_object = put_camera(scene, None, loaded.case.camera)
-    show_frame(camera_object, frame_image(loaded.case.image, loaded.image if loaded.case.distortion else None))
+    changed = shown_frame(loaded.image, loaded.valid, undistorted=loaded.case.distortion is not None)
+    show_frame(camera_object, frame_image(loaded.case.image, changed))
     surface = put_surface(scene, loaded.mesh, loaded.mesh_from_model, loaded.cam_from_model)
     structures = [put_structure(surface, mesh, entry.name, entry.colour) for entry, mesh in loaded.structures]
     fit_clip(camera_object, loaded.mesh.radius, loaded.cam_from_model)
@@ -132,16 +135,23 @@ def camera_of(camera_object: bpy.types.Object) -> PinholeCamera:
     return PinholeCamera(int(width), int(height), fx, fy, cx, cy)
 
 
-def frame_image(path: Path, undistorted: np.ndarray | None) -> bpy.types.Image:
-    """The frame as a Blender image: the file, or the undistorted ``(H, W, 3)`` values packed into the .blend file."""
-    if undistorted is None:
+def shown_frame(image: np.ndarray, valid: np.ndarray, *, undistorted: bool) -> np.ndarray | None:
+    """``(H, W, 3)`` values of the frame with its mask in blue, ``None`` if they are those of its file."""
+    if valid.all():
+        return image if undistorted else None
+    return with_mask_tinted(image, valid, UNSEEN)
+
+
+def frame_image(path: Path, changed: np.ndarray | None) -> bpy.types.Image:
+    """The frame as a Blender image: the file, or changed ``(H, W, 3)`` values packed into the .blend file."""
+    if changed is None:
         return bpy.data.images.load(str(path.resolve()), check_existing=True)
-    name = f"{path.name} (undistorted)"
+    name = f"{path.name} (as shown)"
     existing = bpy.data.images.get(name)
     if existing is not None:
         bpy.data.images.remove(existing)
-    height, width = undistorted.shape[:2]
-    return new_packed_image(name, encode_png(to_uint8(undistorted)), width=width, height=height)
+    height, width = changed.shape[:2]
+    return new_packed_image(name, encode_png(to_uint8(changed)), width=width, height=height)
 
 
 def show_frame(camera_object: bpy.types.Object, image: bpy.types.Image) -> None:

@@ -1,0 +1,72 @@
+"""The files that Save Case puts into the case's folder: what was made in this session, and on request all others."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import bpy
+
+from ..pipeline.blender.case.frame_file import read_frame
+from ..pipeline.case.case_folder import FRAME, KeptFile, keep_files, kept_mesh
+from ..pipeline.case.surface_folder import SURFACE, structure_file
+from ..pipeline.files.outputs import Output, check_outputs
+from ..pipeline.volume.drill_plan import KIND, write_drill_plan
+from ..state import from_scene, to_scene
+from ..state.inputs import input_files
+from ..state.session_files import is_temporary
+from ..volume import drill_strokes
+
+DRILL = "drill.toml"
+
+
+def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool) -> list[Path]:
+    """Copy files into the case's folder as ``oneframe case`` does, use the copies, and write the drill plan.
+
+    Parameters
+    ----------
+    folder
+        The case's; files in it stay as they are.
+    collect
+        Copy all files, and not only those that end with this session.
+
+    Returns
+    -------
+    The files in the folder that were copied or written.
+
+    Raises
+    ------
+    InputError
+        There are files of these names that the add-on did not write; nothing is copied then.
+    RunError
+        A file cannot be written.
+    """
+
+    def is_kept(path: Path) -> bool:
+        return is_temporary(path) or (collect and folder.resolve() not in path.resolve().parents)
+
+    kept: list[tuple[KeptFile, Callable[[str], None]]] = []
+    inputs = {name: path for name, path in input_files(scene).items() if name != "case" and not is_kept(path)}
+    frame = from_scene.absolute_path(scene.oneframe.frame_path)
+    if is_kept(frame):
+        kept.append((read_frame(frame).kept(folder / FRAME), lambda path: to_scene.relink_frame(scene, Path(path))))
+    surface = from_scene.surface_of(scene)
+    for made in (surface, *(child for child in surface.children if child.oneframe.role == "STRUCTURE")):
+        source = from_scene.absolute_path(made.oneframe.mesh_path)
+        if is_kept(source):
+            target = folder / (SURFACE if made == surface else structure_file(made.name))
+            kept.append((kept_mesh(source, target), _relinked(made)))
+    plan = drill_strokes.plan_of(scene)
+    if plan.strokes:
+        check_outputs([Output(folder / DRILL, KIND)], inputs)
+    keep_files([file for file, _ in kept], inputs)
+    for file, relink in kept:
+        relink(str(file.path.resolve()))
+    if plan.strokes:
+        write_drill_plan(folder / DRILL, plan, {})
+    return [file.path for file, _ in kept] + ([folder / DRILL] if plan.strokes else [])
+
+
+def _relinked(made: bpy.types.Object) -> Callable[[str], None]:
+    def relink(path: str) -> None:
+        made.oneframe.mesh_path = path
+
+    return relink

@@ -1,0 +1,251 @@
+"""A new case from the files that a user has: K for the frame, mask, initial pose, and the folder with all of it."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ...alignment.manual.initial_pose import initial_pose
+from ...camera.distortion import Distortion
+from ...camera.intrinsics_file import CameraFile
+from ...camera.pinhole import PinholeCamera
+from ...camera.plausibility import fit_of
+from ...case.alignment_record import INITIAL_GUESS
+from ...case.case_file import Case, Structure, read_case
+from ...case.case_folder import (
+    CASE,
+    FRAME,
+    OVERLAY,
+    KeptFile,
+    folder_outputs,
+    keep_files,
+    kept_case,
+    kept_mesh,
+    rounding_message,
+    without_kept,
+)
+from ...case.loaded_case import LoadedCase, check_pose
+from ...case.structure_colour import OTHER
+from ...case.structure_place import place_doubt
+from ...case.surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_folder, structure_file
+from ...case.surface_size import extents_of, size_doubt, size_text
+from ...errors import InputError
+from ...files.kinds import PNG
+from ...files.numbers import MM_PER_UNIT
+from ...files.outputs import check_outputs
+from ...files.signature import signed
+from ...images.masked_frame import with_mask_tinted
+from ...images.overlay import Layer, draw_overlay
+from ...images.pixel_values import to_uint8
+from ...images.png import encode_png
+from ...poses.pose_file import read_pose
+from ...projection.z_buffer import rasterise_depth
+from ...surface.mesh import TriangleMesh
+from ...surface.mesh_reader import read_mesh
+from ...transforms import inverse_rigid, rigid
+from ..case.frame_file import Frame, read_frame
+from ..case.load_case import load_case
+from ..colour.surface_colour import UNSEEN
+
+
+@dataclass(frozen=True)
+class CaseInputs:
+    """What a new case is made of.
+
+    Attributes
+    ----------
+    surface
+        The folder of ``oneframe surface``, or a mesh file.
+    structures
+        Further structures, with their meshes in the frame and unit of the surface.
+    units
+        ``"mm"`` or ``"m"``: the unit of the meshes and the pose.
+    frame, frame_number
+        An image; or a video and the number of its frame, from 0.
+    mask
+        An image in which 0 shows no surface.
+    camera
+        K and distortion.
+    rescale_camera
+        Whether a K for another size of the same picture is rescaled.
+    pose
+        A file with ``cam_from_mesh``; ``None`` for an initial guess.
+    """
+
+    surface: Path
+    structures: tuple[Structure, ...]
+    units: str
+    frame: Path
+    frame_number: int | None
+    mask: Path | None
+    camera: CameraFile
+    rescale_camera: bool
+    pose: Path | None
+
+    def files(self, folder: SurfaceFolder) -> dict[str, Path]:
+        """All files that are read, by what they are; ``folder`` is what ``surface`` holds."""
+        files = {"frame": self.frame, "camera": self.camera.path, "surface": folder.mesh}
+        files |= {name: path for name, path in (("mask", self.mask), ("pose", self.pose)) if path is not None}
+        if self.surface.is_dir():
+            files["report of the surface"] = self.surface / RECORD
+        return files | {f"structure {structure.name}": structure.mesh for structure in folder.structures}
+
+
+def make_case(given: CaseInputs, out: Path) -> Iterator[str]:
+    """Check everything, then write the folder ``out``.
+
+    Yields
+    ------
+    What it holds, and what is doubtful.
+
+    Raises
+    ------
+    InputError
+        An input cannot be used, the inputs do not fit together, or an output must not be replaced.
+    RunError
+        A file cannot be written.
+    """
+    surface = _surface(given)
+    inputs = given.files(surface)
+    names = [structure.name for structure in surface.structures]
+    check_outputs(without_kept(folder_outputs(out, names, overlay=True), inputs), inputs)
+    frame = _frame(given)
+    kept_frame = frame.kept(out / FRAME)
+    camera, distortion, doubts = _camera(given.camera, frame.size_wh, rescale=given.rescale_camera)
+    yield f"frame: {frame.size_wh[0]} x {frame.size_wh[1]} px, {frame.masked:.1%} masked"
+    yield f"K: fx {camera.fx:g}, fy {camera.fy:g}, cx {camera.cx:g}, cy {camera.cy:g} px" + (
+        "" if distortion is None else ", with distortion"
+    )
+    yield from (f"note: {message}" for message in given.camera.messages)
+    yield from (f"warning: {message}" for message in doubts)
+
+    mesh, messages = read_mesh(surface.mesh)
+    mesh = mesh.scaled(MM_PER_UNIT[given.units])
+    yield f"surface: {len(mesh.faces):,} triangles, {size_text(extents_of(mesh))}"
+    yield from (f"note: {message}" for message in messages)
+    if size := size_doubt(extents_of(mesh), given.units, camera, surface.mesh.name):
+        yield f"warning: {size.message}"
+    yield from _structure_lines(surface, mesh, MM_PER_UNIT[given.units])
+
+    case = Case(
+        path=out / CASE,
+        mm_per_unit=MM_PER_UNIT[given.units],
+        image=out / FRAME,
+        camera=camera,
+        distortion=distortion,
+        mesh=out / SURFACE,
+        cam_from_mesh=np.eye(4),
+        structures=tuple(replace(each, mesh=out / structure_file(each.name)) for each in surface.structures),
+    )
+    case, lines = _with_pose(case, given.pose, surface, mesh)
+    yield from lines
+    files = [
+        kept_frame,
+        kept_mesh(surface.mesh, out / SURFACE),
+        *(kept_mesh(each.mesh, out / structure_file(each.name)) for each in surface.structures),
+        kept_case(case),
+    ]
+    keep_files(files, inputs)
+    yield f"case: {case.path}"
+    # as every other command reads it
+    picture = signed(encode_png(to_uint8(_overlay(load_case(read_case(case.path), aligned=False)))))
+    keep_files([KeptFile(out / OVERLAY, picture, PNG)], inputs)
+    yield f"frame with the surface at this pose: {out / OVERLAY}"
+
+
+def _surface(given: CaseInputs) -> SurfaceFolder:
+    if given.surface.is_dir():
+        if given.units != "mm":
+            raise InputError(f"{given.surface}: expected mm, the unit of the meshes in it, found {given.units!r}")
+        found = read_surface_folder(given.surface)
+    else:
+        found = SurfaceFolder(given.surface, (), None)
+    structures = [*found.structures, *given.structures]
+    names = [structure.name for structure in structures]
+    if repeated := sorted({name for name in names if names.count(name) > 1}):
+        raise InputError(f"structures: expected a different name for each, found {repeated[0]!r} twice")
+    # in the order of the window's
+    return replace(found, structures=tuple(sorted(structures, key=lambda structure: structure.name)))
+
+
+def _camera(
+    file: CameraFile, size_wh: tuple[int, int], *, rescale: bool
+) -> tuple[PinholeCamera, Distortion | None, Sequence[str]]:
+    """K and distortion for the frame, and what is doubtful about them."""
+    fit = fit_of(file, size_wh)
+    camera, doubts = fit.camera, list(fit.messages)
+    if file.size is not None and file.size != size_wh:
+        mismatch, *doubts = fit.messages
+        if fit.rescaled is None:
+            raise InputError(f"{file.path.name}: {mismatch}")
+        if not rescale:
+            raise InputError(
+                f"{file.path.name}: {mismatch} with --rescale-camera, or give the K and the frame of one size"
+            )
+        camera = fit.rescaled
+    else:
+        # checks it for this size
+        camera = file.camera(size_wh)
+    return camera, file.distortion_for(camera), doubts
+
+
+def _frame(given: CaseInputs) -> Frame:
+    path = given.frame
+    if given.frame_number is not None:
+        # needs OpenCV, which no image does
+        from ...video.frame_reader import read_video_frame
+
+        pixels = read_video_frame(path, given.frame_number)
+        frame = Frame(path.name, (pixels / np.float32(255)).astype(np.float32), np.ones(pixels.shape[:2], np.bool_))
+    elif path.suffix.lower() in _VIDEOS:
+        raise InputError(f"{path.name}: expected an image, found a video; say which frame with --frame-number")
+    else:
+        frame = read_frame(path)
+    return frame if given.mask is None else frame.with_mask(given.mask)
+
+
+_VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".m4v", ".mpg", ".mpeg", ".webm")
+
+
+def _structure_lines(surface: SurfaceFolder, mesh: TriangleMesh, mm_per_unit: float) -> Iterator[str]:
+    if message := rounding_message(mesh, surface.mesh.name):
+        yield f"note: {message}"
+    for structure in surface.structures:
+        found, messages = read_mesh(structure.mesh)
+        yield from (f"note: {message}" for message in messages)
+        bounds = found.scaled(mm_per_unit).bounds
+        if doubt := place_doubt(bounds, mesh.bounds, structure.name, surface.mesh.name):
+            yield f"warning: {doubt}"
+    if surface.structures:
+        yield f"structures: {', '.join(structure.name for structure in surface.structures)}"
+
+
+def _with_pose(case: Case, file: Path | None, surface: SurfaceFolder, mesh: TriangleMesh) -> tuple[Case, Sequence[str]]:
+    """The case with the given pose, or with an initial one."""
+    centre = mesh.vertices.mean(axis=0)
+    mesh_from_model, model = rigid(translation=centre), mesh.moved(-centre)
+    if file is not None:
+        cam_from_mesh, message = read_pose(file, mm_per_unit=case.mm_per_unit)
+        found = replace(case, cam_from_mesh=cam_from_mesh)
+        check_pose(replace(found, path=file), model, cam_from_mesh @ mesh_from_model)
+        return found, [f"pose: {file}", *([f"note: {message}"] if message else [])]
+    focus = None if surface.focus is None else replace(surface.focus, centre=surface.focus.centre - centre)
+    cam_from_model = initial_pose(model, case.camera, focus)
+    found = replace(
+        case, cam_from_mesh=cam_from_model @ inverse_rigid(mesh_from_model), alignment={"method": INITIAL_GUESS}
+    )
+    return found, ["pose: an initial guess, not aligned"]
+
+
+def _overlay(loaded: LoadedCase) -> np.ndarray:
+    """``(H, W, 3)`` float32 values 0..1: the frame with outline and structures, and its mask in blue."""
+
+    def depth_mm(mesh: TriangleMesh) -> np.ndarray:
+        inverse = rasterise_depth(mesh, loaded.case.camera, loaded.cam_from_model).inverse_depth
+        return np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0)
+
+    # the ear canal and the dura would hide the nerve
+    known = [each for each in loaded.structures if each[0].colour != OTHER] or loaded.structures
+    layers = [Layer(depth_mm(mesh), structure.colour) for structure, mesh in known]
+    return draw_overlay(with_mask_tinted(loaded.image, loaded.valid, UNSEEN), depth_mm(loaded.mesh), layers)

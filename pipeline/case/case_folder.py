@@ -1,0 +1,138 @@
+"""A case whose files all lie in its folder, under fixed names: copies that hold pixels and meshes, and nothing else.
+
+Names of the given files, comments in their headers and metadata of images may name a patient: none is taken over.
+"""
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..files.content import read_content, write_bytes_atomically
+from ..files.kinds import PLY, PNG, Kind
+from ..files.outputs import Output, check_outputs, companion, made_folder, writing
+from ..files.signature import is_signed, signed
+from ..surface.mesh import TriangleMesh
+from ..surface.mesh_reader import read_mesh
+from ..surface.mesh_writer import encoded_ply
+from .case_file import Case, case_from_text
+from .case_writer import CASE_FILE, case_text, encoded
+from .surface_folder import SURFACE, structure_file
+
+CASE, FRAME, OVERLAY = "case.toml", "frame.png", "overlay.png"
+
+_TEXTURE = b"comment TextureFile"
+
+
+@dataclass(frozen=True)
+class KeptFile:
+    """A file of the folder.
+
+    Attributes
+    ----------
+    path
+        Where.
+    data
+        Its content.
+    kind
+        What it is.
+    """
+
+    path: Path
+    data: bytes
+    kind: Kind
+
+    @property
+    def is_there(self) -> bool:
+        """Whether the file already holds this."""
+        try:
+            return self.path.stat().st_size == len(self.data) and self.path.read_bytes() == self.data
+        except OSError:
+            return False
+
+
+def folder_outputs(folder: Path, structures: Iterable[str], *, overlay: bool) -> list[Output]:
+    """The files of a new case, to be checked before any work; the structures are given by their names.
+
+    Raises
+    ------
+    InputError
+        Two structures would have one file.
+    """
+    names: dict[str, str] = {}
+    for name in structures:
+        other = names.setdefault(structure_file(name).casefold(), name)
+        if other != name:
+            raise InputError(f"structures: expected names that differ in their letters, found {other!r} and {name!r}")
+    meshes = [folder / name for name in (SURFACE, *map(structure_file, names.values()))]
+    pictures = [folder / FRAME, *([folder / OVERLAY] if overlay else [])]
+    return [
+        *(companion(path, PLY) for path in meshes),
+        *(companion(path, PNG) for path in pictures),
+        companion(folder / CASE, CASE_FILE),
+    ]
+
+
+def kept_mesh(path: Path, target: Path) -> KeptFile:
+    """A mesh as a file of the folder: byte by byte if this program wrote it, or else as a new PLY in the same units.
+
+    Raises
+    ------
+    InputError
+        No usable mesh.
+    """
+    data = read_content(path, "a mesh")
+    if not (PLY.matches(data) and is_signed(data) and _TEXTURE not in data[:1000]):
+        data = encoded_ply(read_mesh(path)[0])
+    return KeptFile(target, data, PLY)
+
+
+def kept_case(case: Case) -> KeptFile:
+    """The case file of a folder, signed.
+
+    Raises
+    ------
+    InputError
+        The case could not be read back.
+    """
+    text = case_text(case.path, case)
+    data = signed(encoded(case.path, text))
+    case_from_text(data, case.path)
+    return KeptFile(case.path, data, CASE_FILE)
+
+
+def keep_files(files: Sequence[KeptFile], inputs: Mapping[str, Path]) -> None:
+    """Write files of a folder, in their order; those that are already there stay.
+
+    Raises
+    ------
+    InputError
+        One would replace an input, or a file that this program did not write or somebody has changed.
+    RunError
+        One cannot be written.
+    """
+    fresh = [file for file in files if not file.is_there]
+    check_outputs([companion(file.path, file.kind) for file in fresh], inputs)
+    for file in fresh:
+        with writing(made_folder(file.path)):
+            write_bytes_atomically(file.path, file.data)
+
+
+def without_kept(outputs: Iterable[Output], inputs: Mapping[str, Path]) -> list[Output]:
+    """The outputs that are no input: what already lies in the folder is compared with its new content later."""
+    taken = {os.path.realpath(path) for path in inputs.values()}
+    return [output for output in outputs if os.path.realpath(output.path) not in taken]
+
+
+def rounding_message(mesh: TriangleMesh, name: str) -> str | None:
+    """A message if single precision, which the folder's meshes have, moves a surface by more than a micrometre."""
+    moved = float(np.abs(mesh.vertices.astype(np.float32) - mesh.vertices).max())
+    if moved <= 1e-3:
+        return None
+    return (
+        f"{name}: its coordinates are up to {np.abs(mesh.vertices).max():.4g} mm, and were rounded by up to "
+        f"{moved:.2g} mm; move the origin nearer"
+    )

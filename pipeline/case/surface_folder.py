@@ -1,0 +1,134 @@
+"""The folder that ``oneframe surface`` leaves: the names of its files, and its record, read strictly."""
+
+import json
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..files.content import LARGEST_FILE, read_content
+from ..files.kinds import Kind, json_object
+from ..files.tables import parsed_json
+from ..surface.ball import Ball
+from ..surface.mesh_writer import SAFE_NAME
+from .case_file import Structure
+
+SURFACE, RECORD, STRUCTURES = "surface.ply", "surface.json", "structures"
+RECORD_KIND = Kind("the report of a surface", json_object("threshold_hu", "surface", "volume"))
+
+ADVICE = "run oneframe surface again, or give a mesh file"
+
+_COUNTS = re.compile(rb"^element (vertex|face) (\d+)\s*$", re.MULTILINE)
+_HEADER_BYTES = 64 * 1024
+
+
+@dataclass(frozen=True)
+class SurfaceFolder:
+    """A checked folder; all meshes are in LPS, mm.
+
+    Attributes
+    ----------
+    mesh
+        The surface's file.
+    structures
+        With their names and colours, in the order of the labels.
+    focus
+        The ball around what was drilled, or else around the known structures; ``None`` if there was neither.
+    """
+
+    mesh: Path
+    structures: tuple[Structure, ...]
+    focus: Ball | None
+
+
+def structure_file(name: str) -> str:
+    """The file of a structure, relative to the folder, with a name that every program reads."""
+    safe = name if SAFE_NAME.fullmatch(name) else "_".join(re.findall("[A-Za-z0-9]+", name)) or "structure"
+    return f"{STRUCTURES}/{safe}.ply"
+
+
+def focus_table(focus: Ball) -> dict[str, object]:
+    """The part that matters, as the record holds it."""
+    rounded = focus.rounded()
+    return {"centre_mm": rounded.centre.tolist(), "radius_mm": rounded.radius_mm}
+
+
+def read_surface_folder(folder: Path) -> SurfaceFolder:
+    """Read the record of a folder, and check that the meshes in it are those that the record describes.
+
+    Raises
+    ------
+    InputError
+        There is no record, it is none, or it does not belong to the meshes beside it.
+    """
+    path = folder / RECORD
+    if not path.exists():
+        raise InputError(
+            f"{folder}: expected a folder of oneframe surface, or a mesh file; there is no {RECORD} in it; {ADVICE}"
+        )
+    data = read_content(path, "the report of a surface", str(path), most=LARGEST_FILE)
+    if not RECORD_KIND.matches(data):
+        raise InputError(f"{path}: expected the report of oneframe surface, found another file; {ADVICE}")
+    record = parsed_json(data, str(path))
+    surface = _table(record["surface"], f"{path}: surface")
+    mesh = _file(folder, surface, f"{path}: surface")
+    _check_counts(mesh, surface, ("vertices", "faces"), path)
+    structures = []
+    for name, value in _table(record.get("structures", {}), f"{path}: structures").items():
+        where = f"{path}: structures: {name}"
+        entry = _table(value, where)
+        colour = _numbers(entry.get("colour"), 3, f"{where}: colour")
+        if not all(0 <= part <= 1 for part in colour):
+            raise InputError(f"{where}: colour: expected three numbers 0..1, found {colour}; {ADVICE}")
+        structure = Structure(name, _file(folder, entry, where), (colour[0], colour[1], colour[2]))
+        _check_counts(structure.mesh, entry, ("faces",), path)
+        structures.append(structure)
+    return SurfaceFolder(mesh, tuple(structures), _focus(record.get("focus"), f"{path}: focus"))
+
+
+def _focus(value: object, where: str) -> Ball | None:
+    if value is None:
+        return None
+    table = _table(value, where)
+    centre = _numbers(table.get("centre_mm"), 3, f"{where}: centre_mm")
+    (radius,) = _numbers([table.get("radius_mm")], 1, f"{where}: radius_mm")
+    return Ball(np.array(centre), radius) if radius > 0 else None
+
+
+def _check_counts(mesh: Path, entry: dict[str, Any], keys: tuple[str, ...], record: Path) -> None:
+    """Check the numbers of vertices and faces that a PLY announces against those of the record."""
+    header = read_content(mesh, "a mesh", str(mesh))[:_HEADER_BYTES].partition(b"end_header")[0]
+    found = {{b"vertex": "vertices", b"face": "faces"}[name]: int(count) for name, count in _COUNTS.findall(header)}
+    for key in keys:
+        if entry.get(key) != found.get(key):
+            raise InputError(
+                f"{mesh}: expected the {entry.get(key)} {key} that {record.name} states, found "
+                f"{found.get(key, 'none')}: the record does not belong to this mesh; {ADVICE}"
+            )
+
+
+def _file(folder: Path, entry: dict[str, Any], where: str) -> Path:
+    name = entry.get("file")
+    if not isinstance(name, str) or not name or "\0" in name:
+        raise InputError(f"{where}: file: expected the name of a mesh, found {json.dumps(name)}; {ADVICE}")
+    if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
+        raise InputError(f"{where}: file: expected a file in this folder, found {name!r}; {ADVICE}")
+    return folder / name
+
+
+def _table(value: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise InputError(f"{where}: expected a table, found {json.dumps(value)[:100]}; {ADVICE}")
+    return value
+
+
+def _numbers(value: Any, count: int, where: str) -> list[float]:
+    values = value if isinstance(value, list) else []
+    numbers = [each for each in values if isinstance(each, int | float) and not isinstance(each, bool)]
+    if len(values) != count or len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise InputError(f"{where}: expected {count} numbers, found {json.dumps(value)[:100]}; {ADVICE}")
+    return [float(each) for each in numbers]

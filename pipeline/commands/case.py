@@ -1,0 +1,120 @@
+"""The command ``oneframe case``."""
+
+import argparse
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..blender.process import own_output
+from ..errors import InputError
+from .parser import command_parser, explained_imports
+
+ABOUT = "Put surface, structures, frame, mask and K into a case folder, with a case.toml that all other commands take."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
+EPILOG = """examples:
+  %(prog)s --surface surface --frame frames/surgery_frame_001234_masked.png --camera camera.json --out case
+  %(prog)s --surface surface --frame surgery.mp4 --frame-number 1234 --mask mask.png --camera camera.yaml --out case
+  %(prog)s --surface bone.stl --structure chorda=ct.ply --frame frame.png --K 12800 12800 959.5 539.5 --out case
+
+The folder gets case.toml, frame.png (colours unchanged, alpha 0 where the frame shows no surface), surface.ply,
+structures/*.ply and overlay.png: the frame with the surface at the pose of the case. Without --pose this is only an
+initial guess, from where the drilled cavity is open; align it next. Names of files, comments and metadata are not
+copied.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this command."""
+    surface = parser.add_argument_group("surface and structures")
+    surface.add_argument(
+        "--surface", metavar="PATH", type=Path, required=True,
+        help="the folder of oneframe surface, with its structures, or a mesh: PLY, OBJ or STL",
+    )  # fmt: skip
+    surface.add_argument(
+        "--structure", metavar="[NAME=]FILE", action="append", default=[], dest="structures",
+        help="a structure in the frame and unit of the surface; its name gives its colour (default: the file's name)",
+    )  # fmt: skip
+    surface.add_argument(
+        "--units", choices=("mm", "m"), default="mm", help="unit of the meshes and of --pose (default mm)"
+    )
+    frame = parser.add_argument_group("frame")
+    frame.add_argument("--frame", metavar="FILE", type=Path, required=True, help="PNG, JPEG, TIFF or BMP; or a video")
+    frame.add_argument("--frame-number", metavar="N", type=int, help="frame N of the video, counted from 0")
+    frame.add_argument(
+        "--mask", metavar="FILE", type=Path,
+        help="an image of the frame's size, grey or with alpha: 0 shows no surface; joins the frame's own alpha",
+    )  # fmt: skip
+    camera = parser.add_argument_group("camera")
+    given = camera.add_mutually_exclusive_group(required=True)
+    given.add_argument(
+        "--camera", metavar="FILE", type=Path,
+        help="K and distortion: JSON, YAML or XML of OpenCV, ROS, COLMAP, NumPy, Vision6D, another case",
+    )  # fmt: skip
+    given.add_argument(
+        "--K", metavar=("FX", "FY", "CX", "CY"), nargs=4, type=float,
+        help="in px; (0, 0) is the centre of the top-left pixel",
+    )  # fmt: skip
+    camera.add_argument(
+        "--size", metavar=("W", "H"), nargs=2, type=int, help="size of the images that --K is for (default: the frame)"
+    )
+    camera.add_argument("--distortion", metavar="X", nargs="+", type=float, help="with --K: OpenCV's k1 k2 p1 p2 [k3]")
+    camera.add_argument(
+        "--rescale-camera", action="store_true", help="rescale a K that is for another size of the same picture"
+    )
+    parser.add_argument("--pose", metavar="FILE", type=Path, help="cam_from_mesh: .npy, text or JSON")
+    parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder of the case")
+
+
+def main(argv: Sequence[str], prog: str = "oneframe case", *, align: str = "oneframe align") -> int:
+    """Parse the arguments and run; the last message suggests the command ``align`` as the next step."""
+    parser = command_parser(prog, ABOUT, EPILOG, add_arguments)
+    arguments = parser.parse(argv)
+    for name in ("size", "distortion"):
+        if getattr(arguments, name) is not None and arguments.K is None:
+            parser.error(f"--{name}: expected --K with it; a file for --camera has its own")
+    if arguments.frame_number is not None and arguments.frame_number < 0:
+        parser.error(f"--frame-number: expected 0 or more, found {arguments.frame_number}")
+    for name in ("K", "distortion"):
+        values = getattr(arguments, name) or ()
+        if not all(map(math.isfinite, values)):
+            parser.error(f"--{name}: expected finite numbers, found {' '.join(map(str, values))}")
+    return run(arguments, align)
+
+
+def run(arguments: argparse.Namespace, align: str) -> int:
+    """Read and check everything, write the folder, and say what it holds."""
+    with explained_imports():
+        from ..blender.alignment.new_case import CaseInputs, make_case
+        from ..camera.intrinsics_file import read_camera, typed_camera
+        from ..case.case_file import Structure
+        from ..case.structure_colour import structure_colour
+        from ..case.surface_folder import RECORD
+    output = own_output()
+    structures = []
+    for text in arguments.structures:
+        name, equals, file = text.partition("=")
+        if not equals or Path(text).exists():
+            name, file = Path(text).stem, text
+        if not name or not file:
+            raise InputError(f"--structure: expected NAME=FILE or a file, found {text!r}")
+        structures.append(Structure(name, Path(file), structure_colour(name)))
+    if arguments.camera is not None:
+        camera = read_camera(arguments.camera)
+    else:
+        camera = typed_camera(arguments.K, size=arguments.size, distortion=arguments.distortion, name="--K")
+    given = CaseInputs(
+        arguments.surface.parent if arguments.surface.name == RECORD else arguments.surface,
+        tuple(structures),
+        arguments.units,
+        arguments.frame,
+        arguments.frame_number,
+        arguments.mask,
+        camera,
+        arguments.rescale_camera,
+        arguments.pose,
+    )
+    for line in make_case(given, arguments.out):
+        output.write(line + "\n")
+    case, aligned = arguments.out / "case.toml", arguments.out / "aligned.toml"
+    output.write(f"next: open {case} in Blender and align it, or: {align} {case} --landmarks FILE --out {aligned}\n")
+    return 0

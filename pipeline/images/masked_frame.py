@@ -1,0 +1,111 @@
+"""A frame and its mask as one PNG: colours unchanged, alpha 0 where the frame shows no surface, and nothing else."""
+
+import numpy as np
+
+from ..errors import InputError
+from ..files.signature import signed
+from .png import encode_png
+
+DEEP = 65535
+"""Largest code value of 16 bits."""
+
+TINT = 0.6
+"""Opacity of the colour that marks what is masked."""
+
+_BYTE_STEP = DEEP // 255
+"""Between the code values of 8 bits, in those of 16."""
+
+_ROUNDING = 0.05
+"""Of code values of 16 bits, from their conversion to single precision."""
+
+
+def shown_by_mask(colours: np.ndarray, valid: np.ndarray, where: str) -> np.ndarray:
+    """Where a mask shows the surface.
+
+    Parameters
+    ----------
+    colours, valid
+        ``(H, W, 3)`` code values and ``(H, W)`` bool (alpha above 0) of the mask's file. If any alpha is 0, alpha is
+        the mask; otherwise the grey values are, and 0 shows no surface.
+    where
+        Begins the messages.
+
+    Returns
+    -------
+    ``(H, W)`` bool.
+
+    Raises
+    ------
+    InputError
+        The image has colours, so it is no mask; or it shows nothing.
+    """
+    if valid.all():
+        if not (np.ptp(colours, axis=2) == 0).all():
+            raise InputError(
+                f"{where}: expected a mask, grey or with alpha, found an image in colour; give one in which 0 means: "
+                "shows no surface"
+            )
+        valid = colours[..., 0] > 0
+    if not valid.any():
+        raise InputError(f"{where}: expected a mask that leaves some of the frame, it is 0 everywhere; invert it")
+    return valid
+
+
+def joined_mask(valid: np.ndarray, shown: np.ndarray, frame: str, mask: str) -> np.ndarray:
+    """``(H, W)`` bool of a frame's alpha and its mask together; ``frame`` and ``mask`` are their names in messages.
+
+    Raises
+    ------
+    InputError
+        They differ in size, or nothing is left.
+    """
+    if shown.shape != valid.shape:
+        (height, width), (rows, columns) = valid.shape, shown.shape
+        raise InputError(
+            f"{mask}: expected a mask of {width}x{height} px, the size of {frame}, found {columns}x{rows}; "
+            "make it on this frame"
+        )
+    joined = valid & shown
+    if not joined.any():
+        raise InputError(f"{mask}: expected a mask that leaves some of {frame}, together they hide all of it")
+    return joined
+
+
+def with_mask_tinted(colours: np.ndarray, valid: np.ndarray, tint: tuple[float, float, float]) -> np.ndarray:
+    """``(H, W, 3)`` float32 code values of a frame, with :data:`TINT` of a colour (0..1) where ``valid`` is False."""
+    result = colours.astype(np.float32, copy=True)
+    result[~valid] = (1 - TINT) * result[~valid] + TINT * np.array(tint, np.float32)
+    return result
+
+
+def encoded_frame(colours: np.ndarray, valid: np.ndarray, where: str) -> bytes:
+    """A frame as signed PNG, with 8 bits if they hold its values and else with 16; without metadata.
+
+    Parameters
+    ----------
+    colours, valid
+        ``(H, W, 3)`` code values 0..1, and ``(H, W)`` bool, False where alpha becomes 0. There is no alpha if all are
+        True.
+    where
+        Begins the messages.
+
+    Raises
+    ------
+    InputError
+        The values are not those of 8 or 16 bits.
+    """
+    codes = np.empty((*colours.shape[:2], 3 if valid.all() else 4), np.uint16)
+    is_byte = True
+    # row by row: the products take twice the memory of the frame
+    for row, values in enumerate(colours):
+        scaled = np.nan_to_num(values.astype(np.float64) * DEEP, nan=-1.0)
+        rounded = np.rint(np.clip(scaled, 0, DEEP))
+        if not (np.abs(scaled - rounded) <= _ROUNDING).all():
+            raise InputError(
+                f"{where}: expected a frame of 8 or 16 bits a channel, found other values; save it as PNG, and check it"
+            )
+        codes[row, :, :3] = rounded
+        is_byte = is_byte and not (codes[row, :, :3] % _BYTE_STEP).any()
+    if codes.shape[2] == 4:
+        codes[..., 3] = np.where(valid, DEEP, 0)
+    return signed(encode_png((codes // _BYTE_STEP).astype(np.uint8) if is_byte else codes))

@@ -1,0 +1,231 @@
+"""A case begun from nothing in the window: the same files as those of ``oneframe case``, complete in one folder."""
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+
+from blender_addon.setup.alignment_record import pose_record
+from blender_addon.state import from_scene, session_files
+from blender_addon.view.overlay import frame_image_of
+from blender_addon.volume import drill_strokes
+from pipeline.blender.case.load_case import load_case
+from pipeline.case.case_file import read_case
+from pipeline.commands.__main__ import dispatch
+from pipeline.images.png import encode_png
+from pipeline.volume.drill_plan import read_drill_plan
+
+K = {"fx": 900.0, "fy": 905.0, "cx": 47.0, "cy": 36.5, "width": 96, "height": 72, "distortion": [0.1, -0.05, 0, 0, 0]}
+PLAN = """
+[margins_mm]
+facial_nerve = 1.0
+[[strokes]]
+radius_mm = 4.0
+points_mm = [[-9.0, 51.5, 911.0], [-14.0, 51.5, 911.0]]
+"""
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory) -> Path:
+    """A CT of a ball of bone with a nerve, the plan of a drill, a frame, a mask, K."""
+    sitk = pytest.importorskip("SimpleITK")
+    folder = tmp_path_factory.mktemp("given")
+    z, y, x = np.mgrid[:44, :46, :48] * 0.5
+    depth = 8 - np.sqrt((x - 12) ** 2 + (y - 11.5) ** 2 + (z - 11) ** 2)
+    nerve = (np.hypot(x - 9, y - 11.5) < 1) & (depth > 1)
+    volumes = {"ct": np.clip(300 + 900 * depth, -1000, 1500).astype(np.int16), "labels": nerve.astype(np.uint8)}
+    for name, values in volumes.items():
+        image = sitk.GetImageFromArray(values)
+        image.SetSpacing((0.5, 0.5, 0.5))
+        image.SetOrigin((-30.0, 40.0, 900.0))
+        sitk.WriteImage(image, str(folder / f"{name}.nii.gz"))
+    (folder / "labels.json").write_text('{"labels": {"facial nerve": 1}}')
+    (folder / "plan.toml").write_text(PLAN)
+    v, u = np.mgrid[:72, :96]
+    codes = np.stack([(u * 37 + v * 11) % 256, (u * v) % 256, 255 - (u + v)], -1).astype(np.uint8)
+    cv2.imwrite(str(folder / "photo.jpg"), codes)
+    alpha = np.where(u < 90, 255, 0).astype(np.uint8)
+    cv2.imwrite(str(folder / "masked.png"), np.dstack([codes, alpha]))
+    (folder / "mask.png").write_bytes(encode_png((v >= 10).astype(np.uint8)))
+    (folder / "camera.json").write_text(json.dumps(K))
+    line = ["surface", folder / "ct.nii.gz", "--labels", folder / "labels.nii.gz", "--drill", folder / "plan.toml"]
+    assert dispatch([*map(str, line), "--out", str(folder / "surface")]) == 0
+    return folder
+
+
+def load(**loaded: Path) -> None:
+    for name, path in loaded.items():
+        assert getattr(bpy.ops.oneframe, f"load_{name}")(filepath=str(path)) == {"FINISHED"}
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    return {path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def assert_same_case(window: Path, command: Path, *more: str) -> None:
+    """The same files to the last bit, but for the mark of the command's case file and its picture."""
+    ours, theirs = hashes(window), hashes(command)
+    text, signed = ours.pop("case.toml"), theirs.pop("case.toml")
+    assert text != signed
+    lines = (command / "case.toml").read_text().splitlines()
+    assert lines.pop().startswith("# OneFrame ")
+    assert (window / "case.toml").read_text().splitlines() == lines
+    assert theirs.pop("overlay.png")
+    assert [name for name in more if ours.pop(name)] == list(more)
+    assert ours == theirs
+
+
+@pytest.mark.parametrize("frame", ["photo.jpg", "masked.png"])
+def test_the_window_and_the_command_make_the_same_case(addon, files, tmp_path, frame):
+    bpy.ops.oneframe.open_ct(filepath=str(files / "ct.nii.gz"))
+    bpy.ops.oneframe.open_labels(filepath=str(files / "labels.nii.gz"))
+    bpy.ops.oneframe.make_surface()
+    bpy.ops.oneframe.drill()
+    bpy.ops.oneframe.open_plan(filepath=str(files / "plan.toml"))
+    bpy.ops.oneframe.make_surface()
+    load(frame=files / frame, mask=files / "mask.png", camera=files / "camera.json")
+    scene, folder = bpy.context.scene, tmp_path / "window"
+    folder.mkdir()
+    assert session_files.is_temporary(from_scene.absolute_path(scene.oneframe.frame_path))
+    bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)
+    line = ["case", "--surface", files / "surface", "--frame", files / frame, "--mask", files / "mask.png"]
+    assert dispatch([*map(str, line), "--camera", str(files / "camera.json"), "--out", str(tmp_path / "command")]) == 0
+    assert_same_case(folder, tmp_path / "command", "drill.toml")
+    assert len(read_drill_plan(folder / "drill.toml").strokes) == 1
+    # the scene has them too: nothing refers to what ends with the session
+    before = hashes(folder)
+    bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)
+    assert hashes(folder) == before
+    assert from_scene.loaded_case(scene).case.image == folder / "frame.png"
+
+
+def test_a_surface_folder_opens_with_its_structures(addon, files, tmp_path):
+    load(camera=files / "camera.json", surface=files / "surface" / "surface.json", frame=files / "photo.jpg")
+    scene = bpy.context.scene
+    (nerve,) = scene.oneframe.surface.children
+    assert (nerve.name, tuple(nerve.color)[:3]) == ("facial_nerve", (1.0, 0.0, 1.0))
+    before = hashes(files)
+    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case.toml"))
+    # by reference, unless copies are asked for
+    case = read_case(tmp_path / "case.toml")
+    assert {case.image.resolve().parent, case.mesh.resolve().parent} == {files, files / "surface"}
+    assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
+    assert case.alignment == {"method": "initial guess"}
+    folder = tmp_path / "all"
+    folder.mkdir()
+    bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)
+    line = ["case", "--surface", files / "surface", "--frame", files / "photo.jpg", "--camera", files / "camera.json"]
+    assert dispatch([*map(str, line), "--out", str(tmp_path / "command")]) == 0
+    assert_same_case(folder, tmp_path / "command")
+    assert hashes(files) == before
+
+
+def test_files_in_the_folder_stay_and_those_of_others_are_not_replaced(addon, files, tmp_path):
+    folder = tmp_path / "mine"
+    shutil.copytree(files / "surface", folder)
+    shutil.copy(files / "photo.jpg", folder / "view.jpg")
+    load(camera=files / "camera.json", surface=folder / "surface.json", frame=folder / "view.jpg")
+    before = hashes(folder)
+    bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)
+    assert hashes(folder).items() > before.items()
+    assert hashes(folder).keys() - before.keys() == {"case.toml"}
+    assert read_case(folder / "case.toml").image.name == "view.jpg"
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "frame.png").write_bytes((files / "masked.png").read_bytes())
+    with pytest.raises(RuntimeError, match=r"frame.png: expected no such file or one that this program wrote"):
+        bpy.ops.oneframe.save_case(filepath=str(other / "case.toml"), collect=True)
+    assert [path.name for path in other.iterdir()] == ["frame.png"]
+    assert bpy.context.scene.oneframe.frame_path == str(folder / "view.jpg")
+
+
+def test_a_mask_is_shown_in_blue_and_kept_with_the_case(addon, files, tmp_path):
+    load(surface=files / "surface" / "surface.json", frame=files / "masked.png", camera=files / "camera.json")
+    scene = bpy.context.scene
+
+    def shown() -> np.ndarray:
+        image = frame_image_of(scene)
+        values = np.empty(4 * image.size[0] * image.size[1], np.float32)
+        image.pixels.foreach_get(values)
+        return values.reshape(image.size[1], image.size[0], 4)[::-1, :, :3]
+
+    own = shown()
+    load(mask=files / "mask.png")
+    blue = shown()
+    # away from the outlines, which the lens moves
+    assert np.array_equal(own[14:], blue[14:])
+    assert (blue[:8, :80, 2] > 0.59).all()
+    assert (own[20:60, 92:, 2] > 0.55).all()
+    for wrong, message in (("masked.png", "together"), ("photo.jpg", "JPEG"), ("camera.json", "image")):
+        (tmp_path / "inverse.png").write_bytes(encode_png((np.mgrid[:72, :96][0] < 10).astype(np.uint8)))
+        path = tmp_path / "inverse.png" if message == "together" else files / wrong
+        before = scene.oneframe.frame_path
+        with pytest.raises(RuntimeError, match=message):
+            load(mask=path)
+        assert scene.oneframe.frame_path == before
+    # kept although no copies are asked for: the masked frame is no file of the user's
+    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case.toml"))
+    case = read_case(tmp_path / "case.toml")
+    assert case.image == tmp_path / "frame.png"
+    loaded = load_case(case)
+    assert not loaded.valid[:8].any()
+    assert loaded.valid[14:68, 4:80].all()
+    assert np.array_equal(shown(), blue)
+    # opened again, it looks the same; another mask replaces what this case kept
+    bpy.ops.oneframe.open_case(filepath=str(tmp_path / "case.toml"))
+    assert np.array_equal(shown(), blue)
+    (tmp_path / "more.png").write_bytes(encode_png((np.mgrid[:72, :96][0] < 60).astype(np.uint8)))
+    load(mask=tmp_path / "more.png")
+    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case.toml"))
+    assert not load_case(case).valid[64:].any()
+    bpy.ops.oneframe.open_case(filepath=str(tmp_path / "case.toml"))
+    assert (shown()[64:, :80, 2] > 0.55).all()
+
+
+def test_the_initial_pose_follows_the_drill_until_somebody_moves_it(addon, files):
+    bpy.ops.oneframe.open_ct(filepath=str(files / "ct.nii.gz"))
+    bpy.ops.oneframe.make_surface()
+    load(camera=files / "camera.json", frame=files / "photo.jpg")
+    scene = bpy.context.scene
+    plain = from_scene.cam_from_model(scene)
+    assert pose_record(scene) == {"method": "initial guess"}
+    bpy.ops.oneframe.drill()
+    bpy.ops.oneframe.open_plan(filepath=str(files / "plan.toml"))
+    drill_strokes.set_margins(scene, {})
+    bpy.ops.oneframe.make_surface()
+    drilled = from_scene.cam_from_model(scene)
+    # the bowl opens to the left
+    assert drilled[2, 0] < -0.95
+    assert not np.allclose(plain, drilled)
+    assert pose_record(scene) == {"method": "initial guess"}
+    bpy.ops.oneframe.change_units(units="m")
+    bpy.ops.oneframe.change_units(units="mm")
+    load(camera=files / "camera.json")
+    np.testing.assert_allclose(from_scene.cam_from_model(scene), drilled, atol=1e-6)
+    bpy.ops.oneframe.nudge(axis="x")
+    moved = from_scene.cam_from_mesh(scene)
+    scene.oneframe_ct.threshold_hu = 500
+    bpy.ops.oneframe.make_surface()
+    np.testing.assert_allclose(from_scene.cam_from_mesh(scene), moved, atol=1e-6)
+    assert pose_record(scene)["method"] == "manual"
+
+
+def test_a_frame_of_a_video_is_copied(addon, files, tmp_path):
+    writer = cv2.VideoWriter(str(tmp_path / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 25, (96, 72))
+    for index in range(4):
+        writer.write(np.full((72, 96, 3), 40 * index, np.uint8))
+    writer.release()
+    load(surface=files / "surface" / "surface.json", camera=files / "camera.json")
+    bpy.ops.oneframe.load_video_frame(filepath=str(tmp_path / "film.avi"), frame_index=2)
+    folder = tmp_path / "case"
+    folder.mkdir()
+    bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)
+    line = ["case", "--surface", files / "surface", "--frame", tmp_path / "film.avi", "--frame-number", 2]
+    assert dispatch([*map(str, line), "--camera", str(files / "camera.json"), "--out", str(tmp_path / "command")]) == 0
+    assert_same_case(folder, tmp_path / "command")

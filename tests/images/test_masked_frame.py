@@ -1,0 +1,55 @@
+"""A frame and its mask as one PNG: the values that were given, to the last bit, at the depth that they need."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.errors import InputError
+from pipeline.files.signature import is_signed
+from pipeline.images.masked_frame import encoded_frame, joined_mask, shown_by_mask
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([255, 65535]), st.booleans())
+def test_the_values_are_those_of_the_frame(seed, largest, masked):
+    rng = np.random.default_rng(seed)
+    codes = rng.integers(0, largest, (*rng.integers(1, 20, 2), 3), endpoint=True)
+    shown = rng.random(codes.shape[:2]) < 0.7 if masked else np.ones(codes.shape[:2], np.bool_)
+    # as decoders give them: divided, or multiplied by the reciprocal
+    for values in ((codes / largest).astype(np.float32), codes.astype(np.float32) * np.float32(1 / largest)):
+        data = encoded_frame(values, shown, "frame")
+        assert is_signed(data)
+        read = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        read = read if read.ndim == 3 else np.repeat(read[..., None], 3, axis=2)
+        assert np.array_equal(read[..., 2::-1] / np.iinfo(read.dtype).max, codes / largest)
+        assert read.dtype == np.uint16 or largest == 255
+        alpha = read[..., 3] > 0 if read.shape[2] == 4 else np.ones(shown.shape, np.bool_)
+        assert np.array_equal(alpha, shown)
+
+
+@pytest.mark.parametrize("values", [1.2, -0.1, 0.3333, np.nan, np.inf])
+def test_values_that_no_code_holds_are_refused(values):
+    with pytest.raises(InputError, match="8 or 16 bits"):
+        encoded_frame(np.full((4, 4, 3), values, np.float32), np.ones((4, 4), np.bool_), "frame.exr")
+
+
+def test_a_mask_is_its_alpha_or_else_its_grey_values():
+    grey, all_valid = np.zeros((4, 6, 3), np.float32), np.ones((4, 6), np.bool_)
+    # labels 0 and 1 in 8 bits
+    grey[1:3] = 1 / 255
+    expected = grey[..., 0] > 0
+    assert np.array_equal(shown_by_mask(grey, all_valid, "m"), expected)
+    # black pixels of a masked frame are no mask
+    assert np.array_equal(shown_by_mask(np.zeros_like(grey), expected, "m"), expected)
+    grey[0, 0] = (0.5, 0.4, 0.5)
+    with pytest.raises(InputError, match="colour"):
+        shown_by_mask(grey, all_valid, "m")
+    with pytest.raises(InputError, match="0 everywhere"):
+        shown_by_mask(np.zeros_like(grey), all_valid, "m")
+    assert np.array_equal(joined_mask(expected, expected.copy(), "f", "m"), expected)
+    with pytest.raises(InputError, match="together they hide all"):
+        joined_mask(expected, ~expected, "f", "m")
+    with pytest.raises(InputError, match="6x4 px, the size of f, found 4x6"):
+        joined_mask(expected, expected.T, "f", "m")

@@ -1,0 +1,48 @@
+"""Progress on a terminal and in a file."""
+
+import io
+
+import pytest
+
+from pipeline import progress
+from pipeline.progress import Progress, ShareProgress, read_progress
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Seconds that only the test lets pass."""
+    seconds = [100.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: seconds[0])
+    return seconds
+
+
+def test_lines_say_what_is_left(clock):
+    stream = io.StringIO()
+    with Progress(40, "views", stream=stream) as shown:
+        for _ in range(40):
+            clock[0] += 1.0
+            shown.advance()
+    lines = [read_progress(line) for line in stream.getvalue().splitlines()]
+    assert [(line.count, line.total, line.noun) for line in lines] == [(n, 40, "views") for n in (0, 10, 20, 30, 40)]
+    assert [line.left for line in lines] == ["", "30 s", "20 s", "10 s", ""]
+
+
+def test_a_share_says_what_is_left_and_nothing_of_what_is_soon_done(clock):
+    stream, terminal = io.StringIO(), Terminal()
+    for seconds, expected in ((4.0, 0), (40.0, 4)):
+        with ShareProgress("of the film", stream=stream) as shown, ShareProgress("of it", stream=terminal) as bar:
+            for done in range(100):
+                clock[0] += seconds / 100
+                shown.reach((done + 1) / 100)
+                # it never goes back
+                shown.reach(0.0)
+                bar.reach((done + 1) / 100)
+        assert len(stream.getvalue().splitlines()) == expected
+    assert stream.getvalue().splitlines()[1] == "50 % of the film, 20 s left"
+    assert terminal.getvalue().count("100 % of it, done in 4 s") == 1
+    assert terminal.getvalue().endswith("\n")

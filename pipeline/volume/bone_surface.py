@@ -1,4 +1,4 @@
-"""From the voxels of bone to the surface that is written: extracted, smoothed, simplified.
+"""From the voxels of bone to the surface that is written: extracted, its rim sharpened, smoothed, simplified.
 
 Script and window both call :func:`bone_surface`, so that they give the same surface.
 """
@@ -17,6 +17,7 @@ from ..transforms import transform_points
 from .bone import CRUMB_MM3, without_crumbs
 from .isosurface import Isosurface, RemovedField, isosurface
 from .resampling import Sampler
+from .rim import with_sharp_rim
 from .smoothing import STEPS, smoothed
 from .volume import Volume, VoxelGrid
 
@@ -101,6 +102,9 @@ def bone_surface(
     faces = len(surface.mesh.faces)
     if faces == 0:
         raise InputError("surface: expected bone, found none left; remove less")
+    if removed is not None:
+        # before smoothing, which would draw the bone towards the saw teeth
+        surface = with_sharp_rim(surface, removed, volume.grid)
     surface = smoothed(surface, finish.smoothing_steps, progress=stages["smoothed"])
     if finish.tolerance_mm > 0:
         surface = _simplified(surface, volume.grid, solid, removed, finish, stages["simplified"])

@@ -111,7 +111,7 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
             drill_session.end(scene)
         if is_from_ct(scene) and scene.oneframe.units == "mm":
             to_scene.exchange_surface(context, paths[""], mesh)
-            to_scene.renew_initial_pose(scene, focus)
+            to_scene.renew_initial_pose(context, focus)
         else:
             to_scene.set_surface(context, paths[""], mesh, "mm", focus)
         surface = from_scene.surface_of(context.scene)

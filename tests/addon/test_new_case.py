@@ -185,6 +185,9 @@ def test_a_mask_is_shown_in_blue_and_kept_with_the_case(addon, files, tmp_path):
         with pytest.raises(RuntimeError, match=message):
             load(mask=path)
         assert scene.oneframe.frame_path == before
+    # a dataset would outlive the file
+    with pytest.raises(RuntimeError, match=r"frame: expected a file that lasts, found masked_masked.png.*Save Case"):
+        bpy.ops.oneframe.render_dataset()
     # kept although no copies are asked for: the masked frame is no file of the user's
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case.toml"))
     case = read_case(tmp_path / "case.toml")

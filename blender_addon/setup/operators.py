@@ -207,6 +207,9 @@ class ONEFRAME_OT_load_surface(ReportingFile, bpy.types.Operator, ImportHelper):
         path = folder.mesh
         given, messages = read_mesh(path)
         mesh = given.scaled(MM_PER_UNIT[units])
+        for structure in folder.structures:
+            # before the scene changes
+            read_mesh(structure.mesh)
         to_scene.set_surface(context, path, mesh, units, folder.focus_of(mesh))
         files = {structure.name: (structure.mesh, structure.colour) for structure in folder.structures}
         messages += put_structures(from_scene.surface_of(context.scene), files)

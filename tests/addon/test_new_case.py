@@ -126,6 +126,17 @@ def test_a_surface_folder_opens_with_its_structures(addon, files, tmp_path):
     assert hashes(files) == before
 
 
+def test_a_surface_folder_with_a_damaged_structure_changes_nothing(addon, files, tmp_path):
+    shutil.copytree(files / "surface", tmp_path / "surface")
+    path = tmp_path / "surface" / "structures" / "facial_nerve.ply"
+    path.write_bytes(path.read_bytes()[:-50])
+    load(surface=files / "surface" / "surface.ply")
+    before = bpy.context.scene.oneframe.surface
+    with pytest.raises(RuntimeError, match=r"facial_nerve.ply"):
+        load(surface=tmp_path / "surface" / "surface.json")
+    assert bpy.context.scene.oneframe.surface == before
+
+
 def test_a_surface_that_was_not_drilled_is_upright(addon, files, tmp_path):
     assert dispatch(["surface", str(files / "ct.nii.gz"), "--out", str(tmp_path / "plain")]) == 0
     assert "focus" not in json.loads((tmp_path / "plain" / "surface.json").read_text())

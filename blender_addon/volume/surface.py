@@ -10,7 +10,7 @@ from ..pipeline.case.structure_colour import structure_colour
 from ..pipeline.case.surface_size import extents_of, size_text
 from ..pipeline.commands.surface_finish import finish_of, removed_of
 from ..pipeline.errors import InputError
-from ..pipeline.surface.ball import Ball
+from ..pipeline.surface.ball import Ball, ball_around
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.volume.bone import bone_voxels
@@ -105,6 +105,7 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
         focus, structures, paths = result
         # as every other tool reads it: the file has single precision
         mesh, _ = read_mesh(paths[""])
+        focus = focus or ball_around(mesh)
         key = key_of(scene)
         if scene.oneframe_ct.drilling:
             drill_session.end(scene)

@@ -164,7 +164,7 @@ def _surface(given: CaseInputs) -> SurfaceFolder:
             raise InputError(f"{given.surface}: expected mm, the unit of the meshes in it, found {given.units!r}")
         found = read_surface_folder(given.surface)
     else:
-        found = SurfaceFolder(given.surface, (), None)
+        found = SurfaceFolder(given.surface)
     known = {structure.name: structure for structure in found.structures}
     for name in given.only or ():
         if name not in known:
@@ -239,7 +239,9 @@ def _with_pose(case: Case, file: Path | None, surface: SurfaceFolder, mesh: Tria
         found = replace(case, cam_from_mesh=cam_from_mesh)
         check_pose(replace(found, path=file), model, cam_from_mesh @ mesh_from_model)
         return found, [f"pose: {file}", *([f"note: {message}"] if message else [])]
-    focus = None if surface.focus is None else replace(surface.focus, centre=surface.focus.centre - centre)
+    focus = surface.focus_of(mesh)
+    if focus is not None:
+        focus = replace(focus, centre=focus.centre - centre)
     cam_from_model = initial_pose(model, case.camera, focus)
     found = replace(
         case, cam_from_mesh=cam_from_model @ inverse_rigid(mesh_from_model), alignment={"method": INITIAL_GUESS}

@@ -10,10 +10,10 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..surface.mesh import TriangleMesh
 from ..transforms import transform_points
-from .rasteriser import rasterise
+from .spans import filled, spans_of
 
 FARTHEST_PX = 1e5
-"""The rasteriser's limit on coordinates."""
+"""Largest coordinate of a corner: beyond it, too little of a number's precision is left for the pixel."""
 
 
 class DepthRaster(NamedTuple):
@@ -38,7 +38,7 @@ def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: n
 
     Notes
     -----
-    The inverse depth of a plane is affine in the pixel, so interpolation with image barycentrics is exact.
+    The inverse depth of a plane is affine in the pixel, so interpolation along the pixels of a row is exact.
     """
     points = transform_points(cam_from_model, mesh.vertices)
     height, width = camera.shape_hw
@@ -53,7 +53,7 @@ def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: n
     for values, size in ((u, width), (v, height)):
         of_a, of_b, of_c = values[a], values[b], values[c]
         low, high = np.minimum(np.minimum(of_a, of_b), of_c), np.maximum(np.maximum(of_a, of_b), of_c)
-        # keep faces with a pixel centre in their bounds, and within the rasteriser's limit on coordinates
+        # keep faces with a pixel centre in their bounds, and within the limit on coordinates
         kept &= (
             (np.ceil(low) <= np.floor(high))
             & (high >= 0)
@@ -62,23 +62,32 @@ def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: n
             & (high < FARTHEST_PX)
         )
     kept = np.flatnonzero(kept)
-    faces = mesh.faces[kept]
-
-    pixel, face, nearness = [], [], []
-    for samples in rasterise(np.stack([u[faces], v[faces]], axis=-1)):
-        inside = (samples.x >= 0) & (samples.x < width) & (samples.y >= 0) & (samples.y < height)
-        triangle = samples.triangle[inside]
-        pixel.append(samples.y[inside] * width + samples.x[inside])
-        face.append(kept[triangle])
-        nearness.append(np.einsum("nk,nk->n", samples.barycentric[inside], inverse[faces[triangle]]))
+    corners = mesh.faces[kept].T
+    u, v, inverse = u[corners], v[corners], inverse[corners]
+    spans = spans_of(u, v, camera.size_wh)
+    across, down = _gradient(u, v, inverse)
+    triangle = spans.triangle
+    first = inverse[0][triangle] + (
+        (spans.first - u[0][triangle]) * across[triangle] + (spans.row - v[0][triangle]) * down[triangle]
+    )
+    across = across[triangle]
+    # rounding must not carry the depth beyond that of the corners: next to an edge, faces seen edge-on are steep
+    least, most = inverse.min(axis=0)[triangle], inverse.max(axis=0)[triangle]
     inverse_depth, shown = np.zeros(height * width), np.full(height * width, -1)
-    if pixel:
-        order = np.argsort(np.concatenate(nearness), kind="stable")
-        target = np.concatenate(pixel)[order]
-        # numpy keeps the last of repeated indices: the nearest
-        inverse_depth[target] = np.concatenate(nearness)[order]
-        shown[target] = np.concatenate(face)[order]
+    for span, offset, pixel in filled(spans, width):
+        nearness = np.clip(first[span] + offset * across[span], least[span], most[span])
+        np.maximum.at(inverse_depth, pixel, nearness)
+        nearest = inverse_depth[pixel] == nearness
+        shown[pixel[nearest]] = kept[triangle[span[nearest]]]
     return DepthRaster(inverse_depth.reshape(height, width), shown.reshape(height, width))
+
+
+def _gradient(u: np.ndarray, v: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives along columns and rows of what is affine in ``(3, T)`` triangles; 0 for those without area."""
+    (x1, x2), (y1, y2), (w1, w2) = ((part[1] - part[0], part[2] - part[0]) for part in (u, v, values))
+    area2 = x1 * y2 - x2 * y1
+    inverse = np.divide(1.0, area2, out=np.zeros_like(area2), where=area2 != 0)
+    return (w1 * y2 - w2 * y1) * inverse, (w2 * x1 - w1 * x2) * inverse
 
 
 def is_within_limits(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> bool:

@@ -9,16 +9,11 @@ _BLOCK = 1 << 18
 """Pixels whose distance is computed at a time."""
 
 
-def divided(segments: np.ndarray, longest_px: float = LONGEST_PX) -> tuple[np.ndarray, np.ndarray]:
-    """Cut ``(N, 2, 2)`` segments into equal pieces of at most ``longest_px``.
-
-    Returns
-    -------
-    ``(M, 2, 2)`` pieces, and ``(M, 2)`` where on its segment each begins and ends, 0..1; see :func:`pieces_of`.
-    """
+def divided(segments: np.ndarray, longest_px: float = LONGEST_PX) -> np.ndarray:
+    """Cut ``(N, 2, 2)`` segments into equal pieces of at most ``longest_px``: ``(M, 2, 2)``."""
     segment, along = pieces_of(np.hypot(*(segments[:, 1] - segments[:, 0]).T), longest_px)
     start, direction = segments[segment, 0], segments[segment, 1] - segments[segment, 0]
-    return start[:, None] + along[:, :, None] * direction[:, None], along
+    return start[:, None] + along[:, :, None] * direction[:, None]
 
 
 def pieces_of(lengths: np.ndarray, longest_px: float = LONGEST_PX) -> tuple[np.ndarray, np.ndarray]:
@@ -46,13 +41,18 @@ def line_distance(segments: np.ndarray, shape_hw: tuple[int, int], reach_px: flo
     ``(M,)`` index ``row * width + column`` of each pixel in increasing order, and ``(M,)`` float32 distance of its
     centre to the nearest segment, px.
     """
-    height, width = shape_hw
-    near = np.full(height * width, np.inf, np.float32)
-    pieces, _ = divided(segments)
+    pieces = divided(segments)
     radius = int(np.ceil(reach_px + LONGEST_PX / 2 + 0.5))
-    middle = pieces.mean(axis=1)
-    kept = (np.abs(middle - [(width - 1) / 2, (height - 1) / 2]) <= np.array([width, height]) / 2 + radius).all(axis=1)
-    pieces, middle = pieces[kept], np.rint(middle[kept]).astype(np.int64)
+    middle = np.rint(pieces.mean(axis=1))
+    kept = ((middle >= -radius) & (middle < np.array(shape_hw[::-1]) + radius)).all(axis=1)
+    if not kept.any():
+        return np.zeros(0, np.int64), np.zeros(0, np.float32)
+    pieces, middle = pieces[kept], middle[kept].astype(np.int64)
+    # in the part of the image that they lie in
+    low = np.maximum(middle.min(axis=0) - radius, 0)
+    width, height = np.minimum(middle.max(axis=0) + radius + 1, shape_hw[::-1]) - low
+    near = np.full(height * width, np.inf, np.float32)
+    pieces, middle = pieces - low, middle - low
     offset = np.arange(-radius, radius + 1)
     step = max(_BLOCK // len(offset) ** 2, 1)
     for begin in range(0, len(pieces), step):
@@ -72,7 +72,8 @@ def line_distance(segments: np.ndarray, shape_hw: tuple[int, int], reach_px: flo
         index = (y[:, :, None] * width + x[:, None, :])[inside]
         np.minimum.at(near, index, distance[inside])
     touched = np.flatnonzero(near <= reach_px)
-    return touched, near[touched]
+    row, column = np.divmod(touched, width)
+    return (row + low[1]) * shape_hw[1] + column + low[0], near[touched]
 
 
 def coverage(distance_px: np.ndarray, width_px: float) -> np.ndarray:

@@ -45,27 +45,34 @@ def spans_of(u: np.ndarray, v: np.ndarray, size_wh: tuple[int, int]) -> Spans:
     width, height = size_wh
     columns = np.arange(u.shape[1])
     # corner by corner: numpy is slow along an axis of three
-    top, bottom = _least(v), _greatest(v)
-    middle = 3 - top - bottom
-    ua, ub, uc = (u[corner, columns] for corner in (top, middle, bottom))
-    va, vb, vc = (v[corner, columns] for corner in (top, middle, bottom))
+    top, bottom = _highest(v), _lowest(v)
+    ends = (top, 3 - top - bottom, bottom)
+    ua, ub, uc = (u[corner, columns] for corner in ends)
+    va, vb, vc = (v[corner, columns] for corner in ends)
     middle_is_right = (ub - ua) * (vc - va) > (uc - ua) * (vb - va)
-    first_row = np.clip(np.ceil(va), 0, height).astype(np.int64)
-    middle_row = np.clip(np.ceil(vb), 0, height).astype(np.int64)
-    rows = np.clip(np.ceil(vc), 0, height).astype(np.int64) - first_row
-    triangle = np.repeat(columns, rows)
-    row = np.arange(len(triangle)) + np.repeat(first_row - np.cumsum(rows) + rows, rows)
+    rows_a, rows_b, rows_c = (np.clip(np.ceil(rows), 0, height).astype(np.int64) for rows in (va, vb, vc))
     # each edge from its upper end, with its own slope: equal to the last bit in both of its triangles
-    across_long, across_upper, across_lower = _slope(ua, va, uc, vc), _slope(ua, va, ub, vb), _slope(ub, vb, uc, vc)
-    is_upper = row < middle_row[triangle]
-    long = ua[triangle] + (row - va[triangle]) * across_long[triangle]
-    u_short, v_short = np.where(is_upper, ua[triangle], ub[triangle]), np.where(is_upper, va[triangle], vb[triangle])
-    short = u_short + (row - v_short) * np.where(is_upper, across_upper[triangle], across_lower[triangle])
-    right = middle_is_right[triangle]
-    first = np.clip(np.ceil(np.where(right, long, short)), 0, width).astype(np.int64)
-    count = np.clip(np.ceil(np.where(right, short, long)), 0, width).astype(np.int64) - first
-    kept = np.flatnonzero(count > 0)
-    return Spans(triangle[kept], row[kept], first[kept], count[kept])
+    long = ua, va, _slope(ua, va, uc, vc)
+    halves = []
+    for short, first_row, last_row in (
+        ((ua, va, _slope(ua, va, ub, vb)), rows_a, rows_b), ((ub, vb, _slope(ub, vb, uc, vc)), rows_b, rows_c),
+    ):  # fmt: skip
+        crossed = np.flatnonzero(last_row > first_row)
+        right = middle_is_right[crossed]
+        rows, first_row = (last_row - first_row)[crossed], first_row[crossed]
+        row = np.arange(int(rows.sum())) + np.repeat(first_row - np.cumsum(rows) + rows, rows)
+        bounds = []
+        for on_left in (True, False):
+            # the long edge is on the left where the middle corner is on the right
+            u0, v0, slope = (
+                np.repeat(np.where(right == on_left, one[crossed], other[crossed]), rows)
+                for one, other in zip(long, short, strict=True)
+            )
+            bounds.append(np.clip(np.ceil(u0 + (row - v0) * slope), 0, width).astype(np.int64))
+        length = bounds[1] - bounds[0]
+        kept = np.flatnonzero(length > 0)
+        halves.append((np.repeat(crossed, rows)[kept], row[kept], bounds[0][kept], length[kept]))
+    return Spans(*(np.concatenate(parts) for parts in zip(*halves, strict=True)))
 
 
 def filled(spans: Spans, width: int) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
@@ -89,12 +96,12 @@ def filled(spans: Spans, width: int) -> Iterator[tuple[np.ndarray, np.ndarray, n
         begin = stop
 
 
-def _least(v: np.ndarray) -> np.ndarray:
+def _highest(v: np.ndarray) -> np.ndarray:
     """``(3, T)`` -> ``(T,)`` the corner that is highest in the image; the first of equals."""
     return np.where(v[0] <= v[1], np.where(v[0] <= v[2], 0, 2), np.where(v[1] <= v[2], 1, 2))
 
 
-def _greatest(v: np.ndarray) -> np.ndarray:
+def _lowest(v: np.ndarray) -> np.ndarray:
     """``(3, T)`` -> ``(T,)`` the corner that is lowest in the image; the last of equals."""
     return np.where(v[2] >= v[1], np.where(v[2] >= v[0], 2, 0), np.where(v[1] >= v[0], 1, 0))
 

@@ -3,17 +3,22 @@
 For interactive work, where starting a renderer would take longer; datasets are ray traced.
 """
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..surface.mesh import TriangleMesh
-from ..transforms import transform_points
-from .spans import filled, spans_of
+from ..transforms import camera_centre, transform_points
+from .spans import Spans, filled, spans_of
 
 FARTHEST_PX = 1e5
 """Largest coordinate of a corner: beyond it, too little of a number's precision is left for the pixel."""
+
+
+BLOCK = 1 << 13
+"""Faces that are rasterised at once: few enough for a processor's cache."""
 
 
 class DepthRaster(NamedTuple):
@@ -40,8 +45,54 @@ def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: n
     -----
     The inverse depth of a plane is affine in the pixel, so interpolation along the pixels of a row is exact.
     """
-    points = transform_points(cam_from_model, mesh.vertices)
     height, width = camera.shape_hw
+    inverse_depth, shown = np.zeros(height * width), np.full(height * width, -1)
+    for faces, nearness in _faces_in_rows(mesh, camera, cam_from_model, fronts_only=False):
+        for span, offset, pixel in filled(nearness.spans, width):
+            values = nearness.at(span, offset)
+            np.maximum.at(inverse_depth, pixel, values)
+            nearest = inverse_depth[pixel] == values
+            shown[pixel[nearest]] = faces[nearness.spans.triangle[span[nearest]]]
+    return DepthRaster(inverse_depth.reshape(height, width), shown.reshape(height, width))
+
+
+def inverse_depth_of(
+    mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, *, fronts_only: bool
+) -> np.ndarray:
+    """``(H, W)`` inverse depth as of :func:`rasterise_depth`, in less time.
+
+    With ``fronts_only``, back faces are left out: of a closed surface, seen from outside, they are never the nearest.
+    """
+    height, width = camera.shape_hw
+    inverse_depth = np.zeros(height * width)
+    for _, nearness in _faces_in_rows(mesh, camera, cam_from_model, fronts_only=fronts_only):
+        for span, offset, pixel in filled(nearness.spans, width):
+            np.maximum.at(inverse_depth, pixel, nearness.at(span, offset))
+    return inverse_depth.reshape(height, width)
+
+
+class _Nearness(NamedTuple):
+    """Inverse depth along spans: ``(S,)`` at their first pixel, its change per column, its least and greatest value."""
+
+    spans: Spans
+    first: np.ndarray
+    across: np.ndarray
+    least: np.ndarray
+    most: np.ndarray
+
+    def at(self, span: np.ndarray, offset: np.ndarray) -> np.ndarray:
+        values = offset * self.across[span]
+        values += self.first[span]
+        np.maximum(values, self.least[span], out=values)
+        return np.minimum(values, self.most[span], out=values)
+
+
+def _faces_in_rows(
+    mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, *, fronts_only: bool
+) -> Iterator[tuple[np.ndarray, _Nearness]]:
+    """The faces that may cover a pixel centre, block by block, and their spans."""
+    points = transform_points(cam_from_model, mesh.vertices)
+    width, height = camera.size_wh
     inverse = np.divide(1.0, points[:, 2], out=np.zeros(len(points)), where=points[:, 2] > 0)
     u, v = (
         points[:, axis] * inverse * focal + centre
@@ -61,25 +112,26 @@ def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: n
             & (low > -FARTHEST_PX)
             & (high < FARTHEST_PX)
         )
+    if fronts_only:
+        kept &= mesh.front_facing(camera_centre(cam_from_model))
     kept = np.flatnonzero(kept)
-    corners = mesh.faces[kept].T
-    u, v, inverse = u[corners], v[corners], inverse[corners]
-    spans = spans_of(u, v, camera.size_wh)
+    for begin in range(0, len(kept), BLOCK):
+        faces = kept[begin : begin + BLOCK]
+        corners = np.ascontiguousarray(mesh.faces[faces].T)
+        yield faces, _nearness(u[corners], v[corners], inverse[corners], camera.size_wh)
+
+
+def _nearness(u: np.ndarray, v: np.ndarray, inverse: np.ndarray, size_wh: tuple[int, int]) -> _Nearness:
+    """Of triangles with corners ``(3, T)``."""
+    spans = spans_of(u, v, size_wh)
     across, down = _gradient(u, v, inverse)
     triangle = spans.triangle
     first = inverse[0][triangle] + (
         (spans.first - u[0][triangle]) * across[triangle] + (spans.row - v[0][triangle]) * down[triangle]
     )
-    across = across[triangle]
-    # rounding must not carry the depth beyond that of the corners: next to an edge, faces seen edge-on are steep
+    # rounding must not carry the depth beyond that of the corners: faces seen edge-on are steep
     least, most = inverse.min(axis=0)[triangle], inverse.max(axis=0)[triangle]
-    inverse_depth, shown = np.zeros(height * width), np.full(height * width, -1)
-    for span, offset, pixel in filled(spans, width):
-        nearness = np.clip(first[span] + offset * across[span], least[span], most[span])
-        np.maximum.at(inverse_depth, pixel, nearness)
-        nearest = inverse_depth[pixel] == nearness
-        shown[pixel[nearest]] = kept[triangle[span[nearest]]]
-    return DepthRaster(inverse_depth.reshape(height, width), shown.reshape(height, width))
+    return _Nearness(spans, first, across[triangle], least, most)
 
 
 def _gradient(u: np.ndarray, v: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

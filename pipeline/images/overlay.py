@@ -5,10 +5,10 @@ and its outline is dashed. Lines have a dark rim, so that they show on bright an
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from .layer_stack import Colour, Layer, LayerStack, SurfaceLayer
 from .mask_outline import Outline, outlines
 from .strokes import coverage, dashed, line_distance
 
@@ -32,47 +32,6 @@ DASH_PX, GAP_PX = 14.0, 9.0
 SHORTEST_DASH_PX, SHORTEST_GAP_PX = 6.0, 4.0
 SMOOTHING_PX = 2.0
 
-Colour = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Layer:
-    """A structure as a camera sees it, in a window of the image.
-
-    Attributes
-    ----------
-    corner
-        (x, y) of the window's top-left pixel.
-    depth_mm
-        ``(h, w)`` in the window, 0 where there is no structure.
-    shade
-        ``(h, w)`` how much each point faces the camera: 1 in full, 0 edge-on.
-    colour
-        sRGB code values 0..1.
-    """
-
-    corner: tuple[int, int]
-    depth_mm: np.ndarray
-    shade: np.ndarray
-    colour: Colour
-
-
-@dataclass(frozen=True)
-class SurfaceLayer:
-    """The surface as a camera sees it.
-
-    Attributes
-    ----------
-    depth_mm
-        ``(H, W)``, 0 where there is no surface.
-    contour, edges
-        ``(N, 2, 2)`` segments (x, y), px: where the surface ends, and where a nearer part of it hides a farther one.
-    """
-
-    depth_mm: np.ndarray
-    contour: np.ndarray
-    edges: np.ndarray
-
 
 def line_scale(shape_hw: tuple[int, int]) -> float:
     """Factor of the widths of lines in an image of this size."""
@@ -86,7 +45,12 @@ def hidden_opacity(below_mm: np.ndarray) -> np.ndarray:
 
 
 def draw_overlay(
-    image: np.ndarray, surface: SurfaceLayer, layers: Sequence[Layer], *, clear: np.ndarray | None = None
+    image: np.ndarray,
+    surface: SurfaceLayer,
+    layers: Sequence[Layer],
+    stack: LayerStack | None = None,
+    *,
+    clear: np.ndarray | None = None,
 ) -> np.ndarray:
     """Draw structures and the surface's contours over an image.
 
@@ -96,6 +60,8 @@ def draw_overlay(
         ``(H, W, 3)``: uint8 codes, or float values 0..1.
     surface, layers
         What to draw; nearer structures cover farther ones.
+    stack
+        Of these, if the caller has it.
     clear
         ``(H, W)`` bool: where anything may be drawn; ``None`` for everywhere.
 
@@ -111,80 +77,22 @@ def draw_overlay(
         (surface.edges, EDGE_PX, EDGE_OPACITY), (surface.contour, CONTOUR_PX, CONTOUR_OPACITY),
     ):  # fmt: skip
         canvas.line(segments, max(width * scale, 0.8), rim, CONTOUR_COLOUR, opacity)
-    drawn = _Owners.of(layers, surface.depth_mm)
+    stack = stack or LayerStack.of(surface, layers)
     for number, layer in enumerate(layers):
-        canvas.fill(drawn, number, layer)
+        canvas.fill(stack, number, layer)
     width = max(OUTLINE_PX * scale, THINNEST_PX)
     dash = max(DASH_PX * scale, SHORTEST_DASH_PX), max(GAP_PX * scale, SHORTEST_GAP_PX)
     # farther ones first
     order = sorted(range(len(layers)), key=lambda number: -_nearest(layers[number].depth_mm))
     for number in order:
-        visible, hidden = outline_segments(drawn, number, on_px=dash[0], off_px=dash[1], sigma_px=SMOOTHING_PX)
+        visible, hidden = outline_segments(stack, number, on_px=dash[0], off_px=dash[1], sigma_px=SMOOTHING_PX)
         canvas.line(hidden, width, rim, layers[number].colour, HIDDEN_LINE_OPACITY)
         canvas.line(visible, width, rim, layers[number].colour, 1.0)
     return result
 
 
-@dataclass(frozen=True)
-class _Owners:
-    """Which structure is the nearest at each pixel of a window.
-
-    Attributes
-    ----------
-    corner
-        (x, y) of the window.
-    number
-        ``(h, w)`` index of the structure, -1 for none.
-    depth_mm
-        ``(h, w)`` of that structure, infinite for none.
-    below_mm
-        ``(h, w)`` how far it lies behind the surface; 0 or less if the surface does not hide it.
-    shape_hw
-        Of the image.
-    """
-
-    corner: tuple[int, int]
-    number: np.ndarray
-    depth_mm: np.ndarray
-    below_mm: np.ndarray
-    shape_hw: tuple[int, int]
-
-    @classmethod
-    def of(cls, layers: Sequence[Layer], surface_depth_mm: np.ndarray) -> "_Owners":
-        shape = surface_depth_mm.shape[:2]
-        filled = [layer for layer in layers if layer.depth_mm.size]
-        x0, y0 = (min((layer.corner[axis] for layer in filled), default=0) for axis in (0, 1))
-        x1, y1 = (
-            max((layer.corner[axis] + layer.depth_mm.shape[1 - axis] for layer in filled), default=0) for axis in (0, 1)
-        )
-        number, nearest = np.full((y1 - y0, x1 - x0), -1, np.int16), np.full((y1 - y0, x1 - x0), np.inf, np.float32)
-        for index, layer in enumerate(layers):
-            if not layer.depth_mm.size:
-                continue
-            (x, y), (h, w) = layer.corner, layer.depth_mm.shape
-            part = np.s_[y - y0 : y - y0 + h, x - x0 : x - x0 + w]
-            nearer = (layer.depth_mm > 0) & (layer.depth_mm < nearest[part])
-            number[part][nearer] = index
-            nearest[part][nearer] = layer.depth_mm[nearer]
-        covered = surface_depth_mm[y0:y1, x0:x1]
-        # without surface nothing is hidden
-        below = np.where(covered > 0, nearest - covered, 0).astype(np.float32)
-        below[number < 0] = 0
-        return cls((x0, y0), number, nearest, below, (shape[0], shape[1]))
-
-    def at(self, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Depth, and depth below the surface, at ``(N, 2)`` pixels (x, y); infinite and 0 outside the window."""
-        height, width = self.number.shape
-        x, y = pixels[:, 0] - self.corner[0], pixels[:, 1] - self.corner[1]
-        inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-        depth, below = np.full(len(pixels), np.inf, np.float32), np.zeros(len(pixels), np.float32)
-        depth[inside] = self.depth_mm[y[inside], x[inside]]
-        below[inside] = self.below_mm[y[inside], x[inside]]
-        return depth, below
-
-
 class _Canvas:
-    """An image that is drawn on, pixel by pixel where something is drawn."""
+    """An image that is drawn on, pixel by pixel where something is stack."""
 
     def __init__(self, image: np.ndarray, clear: np.ndarray | None) -> None:
         self._image, self._shape = image, (image.shape[0], image.shape[1])
@@ -199,13 +107,13 @@ class _Canvas:
         self._blend(at, np.zeros(3, np.float32), opacity * RIM_OPACITY * coverage(distance, width_px + 2 * rim_px))
         self._blend(at, np.array(colour, np.float32), opacity * coverage(distance, width_px))
 
-    def fill(self, drawn: "_Owners", number: int, layer: Layer) -> None:
+    def fill(self, stack: LayerStack, number: int, layer: Layer) -> None:
         if not layer.depth_mm.size:
             return
         (x0, y0), (h, w) = layer.corner, layer.depth_mm.shape
-        left, top = x0 - drawn.corner[0], y0 - drawn.corner[1]
-        y, x = np.nonzero(drawn.number[top : top + h, left : left + w] == number)
-        below = drawn.below_mm[y + top, x + left]
+        left, top = x0 - stack.corner[0], y0 - stack.corner[1]
+        y, x = np.nonzero(stack.number[top : top + h, left : left + w] == number)
+        below = stack.below_mm[y + top, x + left]
         opacity = np.where(below > 0, hidden_opacity(below), VISIBLE_OPACITY)
         light = DARKEST + (1 - DARKEST) * layer.shade[y, x]
         self._blend((y + y0) * self._shape[1] + x + x0, light[:, None] * np.array(layer.colour, np.float32), opacity)
@@ -220,23 +128,23 @@ class _Canvas:
 
 
 def outline_segments(
-    drawn: "_Owners", number: int, *, on_px: float, off_px: float, sigma_px: float
+    stack: LayerStack, number: int, *, on_px: float, off_px: float, sigma_px: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """The lines of a structure's outline: ``(N, 2, 2)`` visible ones, and the dashes of the hidden ones.
 
     A point is hidden if the structure is at the pixel inside it. The border of the image is no outline, and neither is
     that of a nearer structure.
     """
-    x0, y0 = drawn.corner
+    corner = np.array(stack.corner)
     found: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
-    for each in outlines(drawn.number == number, sigma_px=sigma_px):
-        curve = Outline(each.points + [x0, y0], each.inner + [x0, y0], each.outer + [x0, y0])
-        depth, below = drawn.at(curve.inner)
-        beyond, _ = drawn.at(curve.outer)
+    for each in outlines(stack.number == number, sigma_px=sigma_px):
+        curve = Outline(each.points + corner, each.inner + corner, each.outer + corner)
+        depth, below = stack.at(curve.inner)
+        beyond, _ = stack.at(curve.outer)
         lengths = curve.lengths
         position = np.cumsum(lengths) - lengths
         end = np.roll(curve.points, -1, axis=0)
-        own = ((curve.outer >= 0) & (curve.outer < drawn.shape_hw[::-1])).all(axis=1) & ~(beyond < depth)
+        own = ((curve.outer >= 0) & (curve.outer < stack.shape_hw[::-1])).all(axis=1) & ~(beyond < depth)
         hidden = below > 0
         on = dashed(position + lengths / 2, float(lengths.sum()), on_px=on_px, off_px=off_px)
         segments = np.stack([curve.points, end], axis=1)

@@ -17,7 +17,7 @@ def divided(segments: np.ndarray, longest_px: float = LONGEST_PX) -> np.ndarray:
 
 
 def pieces_of(lengths: np.ndarray, longest_px: float = LONGEST_PX) -> tuple[np.ndarray, np.ndarray]:
-    """``(N,)`` lengths -> ``(M,)`` the segment of each piece, ``(M, 2)`` where on it the piece begins and ends, 0..1."""
+    """``(N,)`` lengths -> ``(M,)`` segment of each piece, ``(M, 2)`` where on it the piece begins and ends, 0..1."""
     count = np.maximum(np.ceil(lengths / longest_px), 1).astype(np.int64)
     segment = np.repeat(np.arange(len(count)), count)
     number = np.arange(len(segment)) - np.repeat(np.cumsum(count) - count, count)
@@ -63,10 +63,10 @@ def line_distance(segments: np.ndarray, shape_hw: tuple[int, int], reach_px: flo
         # (piece, row, column)
         right = offset.astype(np.float32) - ax[:, None]
         down = offset.astype(np.float32) - ay[:, None]
-        along = ((right * (dx / squared)[:, None])[:, None, :] + (down * (dy / squared)[:, None])[:, :, None]).clip(0, 1)
-        distance = np.hypot(
-            right[:, None, :] - along * dx[:, None, None], down[:, :, None] - along * dy[:, None, None]
+        along = ((right * (dx / squared)[:, None])[:, None, :] + (down * (dy / squared)[:, None])[:, :, None]).clip(
+            0, 1
         )
+        distance = np.hypot(right[:, None, :] - along * dx[:, None, None], down[:, :, None] - along * dy[:, None, None])
         x, y = pixel[:, 0, None] + offset, pixel[:, 1, None] + offset
         inside = ((x >= 0) & (x < width))[:, None, :] & ((y >= 0) & (y < height))[:, :, None] & (distance <= reach_px)
         index = (y[:, :, None] * width + x[:, None, :])[inside]

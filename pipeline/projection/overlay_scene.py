@@ -6,14 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..images.overlay import Layer, SurfaceLayer
+from ..images.layer_stack import Colour, Layer, SurfaceLayer
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, transform_points
 from .contour import visible_contours
 from .silhouette import SilhouetteEdges
 from .z_buffer import inverse_depth_of, rasterise_depth
-
-Colour = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,9 @@ class OverlayScene:
         """The surface at a pose (4x4, mm); its ``(H, W)`` depth is rasterised unless it is given."""
         if depth_mm is None:
             inverse = inverse_depth_of(self.edges.mesh, camera, cam_from_model, fronts_only=self.is_solid)
-            depth_mm = np.divide(1, inverse, out=np.zeros(inverse.shape, np.float32), where=inverse > 0, casting="unsafe")
+            depth_mm = np.divide(
+                1, inverse, out=np.zeros(inverse.shape, np.float32), where=inverse > 0, casting="unsafe"
+            )
         return SurfaceLayer(depth_mm, *visible_contours(self.edges, camera, cam_from_model, depth_mm))
 
     def layers(self, camera: PinholeCamera, cam_from_model: np.ndarray) -> list[Layer]:
@@ -102,7 +102,7 @@ def _facing(
 
 
 def _is_solid(edges: SilhouetteEdges) -> bool:
-    """Whether every edge joins two faces that run along it in opposite directions, and the enclosed volume is positive."""
+    """Whether every edge joins two faces that run along it in opposite directions, around a positive volume."""
     faces = len(edges.mesh.faces)
     first, second = edges.half_edges
     opposite = (second < 2 * faces) & ((first < faces) != (second < faces))

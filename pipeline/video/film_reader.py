@@ -42,6 +42,8 @@ class FilmInfo:
         Whether a frame can be found by its time.
     missing_s
         How much shorter the film is than its header promises; above 0 the file is cut off.
+    span_s
+        Time from the first of the chosen frames to the last.
     """
 
     frames: int
@@ -50,6 +52,7 @@ class FilmInfo:
     small_wh: tuple[int, int]
     unique_times: bool
     missing_s: float
+    span_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -77,8 +80,16 @@ class FilmFrame:
 class Film:
     """A video that is being decoded: a context manager, and an iterator over its frames."""
 
-    def __init__(self, path: Path, *, every: int = 1, from_s: float = 0.0, to_s: float | None = None) -> None:
-        """Start decoding; leave the context to stop.
+    def __init__(
+        self,
+        path: Path,
+        *,
+        every: int = 1,
+        from_s: float = 0.0,
+        to_s: float | None = None,
+        width: int = SMALL_WIDTH,
+    ) -> None:
+        """Start decoding; leave the context to stop. Frames wider than ``width`` are made smaller.
 
         Raises
         ------
@@ -87,10 +98,10 @@ class Film:
         """
         self.path = Path(path)
         _check_video(self.path)
-        small_bytes = FRAME_HEAD.size + 3 * SMALL_WIDTH * LARGEST_FRAME
+        small_bytes = FRAME_HEAD.size + 3 * width * LARGEST_FRAME
         self._parts = streamed_apart(
             film_in_parts,
-            (str(self.path), SMALL_WIDTH, every, from_s, to_s),
+            (str(self.path), width, every, from_s, to_s),
             seconds=PART_SECONDS,
             most_bytes=min(small_bytes, 1 << 28),
         )
@@ -108,6 +119,7 @@ class Film:
             tuple(found["small_wh"]),
             found["unique_times"],
             found["missing_s"],
+            found["span_s"],
         )
         self.broken = False
         """Whether decoding ended before the end."""

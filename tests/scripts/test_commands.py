@@ -26,6 +26,7 @@ SCRIPTS = {
     "sample": "make_sample.py",
     "frames": "select_frame.py",
     "align": "align.py",
+    "overlay": "overlay.py",
     "render": "render_dataset.py",
     "check": "check_dataset.py",
     "compare": "compare_views.py",

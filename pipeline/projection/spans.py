@@ -60,18 +60,19 @@ def spans_of(u: np.ndarray, v: np.ndarray, size_wh: tuple[int, int]) -> Spans:
         crossed = np.flatnonzero(last_row > first_row)
         right = middle_is_right[crossed]
         rows, first_row = (last_row - first_row)[crossed], first_row[crossed]
-        row = np.arange(int(rows.sum())) + np.repeat(first_row - np.cumsum(rows) + rows, rows)
+        half = np.repeat(np.arange(len(crossed)), rows)
+        row = np.arange(len(half)) + (first_row - np.cumsum(rows) + rows)[half]
         bounds = []
         for on_left in (True, False):
             # the long edge is on the left where the middle corner is on the right
             u0, v0, slope = (
-                np.repeat(np.where(right == on_left, one[crossed], other[crossed]), rows)
+                np.where(right == on_left, one[crossed], other[crossed])[half]
                 for one, other in zip(long, short, strict=True)
             )
             bounds.append(np.clip(np.ceil(u0 + (row - v0) * slope), 0, width).astype(np.int64))
         length = bounds[1] - bounds[0]
         kept = np.flatnonzero(length > 0)
-        halves.append((np.repeat(crossed, rows)[kept], row[kept], bounds[0][kept], length[kept]))
+        halves.append((crossed[half[kept]], row[kept], bounds[0][kept], length[kept]))
     return Spans(*(np.concatenate(parts) for parts in zip(*halves, strict=True)))
 
 
@@ -84,15 +85,15 @@ def filled(spans: Spans, width: int) -> Iterator[tuple[np.ndarray, np.ndarray, n
     ``row * width + column``.
     """
     ends = np.cumsum(spans.length)
+    before = ends - spans.length
     starts = spans.row * width + spans.first
     begin = 0
     while begin < len(ends):
-        done = ends[begin] - spans.length[begin]
+        done = before[begin]
         stop = max(int(np.searchsorted(ends, done + BLOCK, side="right")), begin + 1)
-        count = spans.length[begin:stop]
-        span = np.repeat(np.arange(begin, stop), count)
-        offset = np.arange(done, done + len(span)) - np.repeat(ends[begin:stop] - count, count)
-        yield span, offset, np.repeat(starts[begin:stop], count) + offset
+        span = np.repeat(np.arange(begin, stop), spans.length[begin:stop])
+        offset = np.arange(done, done + len(span)) - before[span]
+        yield span, offset, starts[span] + offset
         begin = stop
 
 

@@ -18,6 +18,10 @@ WIDEST_NOTE = "100 % visible, to 00.0 mm deep"
 """Room is left for it, so that the legend of a film keeps its size."""
 WIDEST_FRACTION = 0.62
 """Of the image's width that a panel may take; letters get smaller instead."""
+TALLEST_FRACTION = 0.6
+"""The same of its height."""
+LEAST_LETTER_PX = 5.0
+"""Smaller letters cannot be read."""
 BAR_FRACTION = 0.2
 """Greatest length of the scale bar, of the image's shorter side."""
 
@@ -78,22 +82,29 @@ def letter_size(shape_hw: tuple[int, int]) -> float:
     return max(LETTER_FRACTION * float(np.sqrt(shape_hw[0] * shape_hw[1])), SMALLEST_LETTER_PX)
 
 
-def legend_panel(entries: Sequence[Entry], write: Write, shape_hw: tuple[int, int]) -> np.ndarray:
-    """Draw the legend for an image of this size -> ``(h, w, 4)`` float32 RGBA 0..1, straight alpha."""
+def legend_panel(entries: Sequence[Entry], write: Write, shape_hw: tuple[int, int]) -> np.ndarray | None:
+    """Draw the legend for an image of this size -> ``(h, w, 4)`` float32 RGBA 0..1, straight alpha.
+
+    ``None`` if the image has no room for letters that can be read.
+    """
     size = letter_size(shape_hw)
     panel = _legend(entries, write, size)
     # a long name must not cover the image
-    room = min(WIDEST_FRACTION * shape_hw[1] / panel.shape[1], 0.9 * shape_hw[0] / panel.shape[0])
-    return panel if room >= 1 else _legend(entries, write, max(size * room, 4.0))
+    room = min(WIDEST_FRACTION * shape_hw[1] / panel.shape[1], TALLEST_FRACTION * shape_hw[0] / panel.shape[0])
+    if room >= 1:
+        return panel
+    return _legend(entries, write, size * room) if size * room >= LEAST_LETTER_PX else None
 
 
-def bar_panel(bar: ScaleBar, write: Write, shape_hw: tuple[int, int]) -> np.ndarray:
-    """Draw a scale bar for an image of this size -> ``(h, w, 4)`` RGBA; the bar begins and ends within pixels."""
+def bar_panel(bar: ScaleBar, write: Write, shape_hw: tuple[int, int]) -> np.ndarray | None:
+    """Draw a scale bar for an image of this size, as :func:`legend_panel`; its end covers a part of a pixel."""
     size = letter_size(shape_hw)
     text = write(bar.label, size)
     if text.shape[1] > WIDEST_FRACTION * shape_hw[1]:
         size *= WIDEST_FRACTION * shape_hw[1] / text.shape[1]
-        text = write(bar.label, max(size, 4.0))
+        text = write(bar.label, size)
+    if size < LEAST_LETTER_PX:
+        return None
     pad, thick = max(round(0.5 * size), 3), max(round(0.22 * size), 2)
     width = max(text.shape[1], int(np.ceil(bar.length_px)) + 1) + 2 * pad
     panel = _panel(text.shape[0] + 2 * pad + 2 * thick, width)

@@ -18,7 +18,8 @@ _BEYOND = np.array([(0, -1), (1, 0), (0, 1), (-1, 0)])
 class Outline:
     """A closed curve with the mask on its right, one point for each side of a pixel that it passes.
 
-    It starts at its highest point, the leftmost of several, so that what is counted from there moves with the mask.
+    It starts at the highest pixel of the mask on it that has none above, the leftmost of several, so that what is
+    counted from there moves with the mask.
 
     Attributes
     ----------
@@ -57,7 +58,7 @@ def outlines(mask: np.ndarray, *, sigma_px: float) -> list[Outline]:
     following = _following(inner, side).tolist()
     curves: list[list[int]] = []
     seen = bytearray(len(side))
-    # sides upwards come first, row by row: the first of a curve is its highest, or inside a hole the highest below it
+    # every curve passes tops of pixels, which come first, row by row
     for first in range(int((side == 0).sum())):
         if seen[first]:
             continue

@@ -68,5 +68,5 @@ def visible_contours(
     farthest = around.max(axis=0)
     visible = depth <= farthest + HIDDEN_MM
     ending = visible & np.isinf(farthest)
-    step = visible & ~ending & (farthest - depth > STEP_MM) & (around.min(axis=0) > depth - HIDDEN_MM)
+    step = visible & ~ending & (farthest - depth > STEP_MM)
     return pieces[ending], pieces[step]

@@ -154,25 +154,26 @@ class OverlayPainter:
         ]
         legend = legend_panel(entries, text_mask, shape) if entries else None
         bar_drawn = bar_panel(bar, text_mask, shape) if bar else None
-        if self._places is None and bar_drawn is not None:
-            self._places = _free_places(stack, legend, bar_drawn)
         if self._places is None:
-            return
+            if bar is None:
+                # nothing is in view yet
+                return
+            self._places = _free_places(stack, legend, bar_drawn)
         for panel, place in zip((legend, bar_drawn), self._places, strict=True):
             if panel is not None:
                 put(image, panel, place)
 
 
-def _free_places(stack: LayerStack, legend: np.ndarray | None, bar: np.ndarray) -> tuple[Place, Place]:
+def _free_places(stack: LayerStack, legend: np.ndarray | None, bar: np.ndarray | None) -> tuple[Place, Place]:
     """Corners for legend and scale bar where they cover least of the structures."""
     busy = np.zeros(stack.shape_hw, bool)
     x, y = stack.corner
     busy[y : y + stack.number.shape[0], x : x + stack.number.shape[1]] = stack.number >= 0
-    legend_size = (0, 0) if legend is None else (legend.shape[0], legend.shape[1])
+    legend_size, bar_size = ((0, 0) if panel is None else (panel.shape[0], panel.shape[1]) for panel in (legend, bar))
     place = freest_corner(busy, legend_size, LEGEND_PLACES)
     # not above or below each other: in a small image they would overlap
     others = [each for each in BAR_PLACES if each != place and (legend is None or each[1] != place[1])]
-    return place, freest_corner(busy, (bar.shape[0], bar.shape[1]), others)
+    return place, freest_corner(busy, bar_size, others)
 
 
 def _spelt(name: str) -> str:

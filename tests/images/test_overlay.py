@@ -29,9 +29,7 @@ def surface_at(depth_mm: np.ndarray | float) -> SurfaceLayer:
     return SurfaceLayer(np.broadcast_to(np.float32(depth_mm), SHAPE).copy(), NO_LINES, NO_LINES)
 
 
-@given(
-    x=st.floats(60, 250), y=st.floats(60, 180), radius=st.floats(4, 55), hole=st.floats(0.3, 0.7), at=st.booleans()
-)
+@given(x=st.floats(60, 250), y=st.floats(60, 180), radius=st.floats(4, 55), hole=st.floats(0.3, 0.7), at=st.booleans())
 def test_outlines_follow_a_disc_and_its_hole(x, y, radius, hole, at):
     mask = disc((x, y), radius)
     circles = [radius]

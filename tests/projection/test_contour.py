@@ -108,7 +108,8 @@ def test_the_outline_of_a_visible_structure_is_its_silhouette(frontal_pose):
     mask = silhouette_mask(SilhouetteEdges.of(nerve), CAMERA, frontal_pose, window=(0, 0, *CAMERA.size_wh))
     padded = np.pad(mask, 1)
     sides = [
-        np.argwhere(mask & ~padded[1 + down : 302 + down, 1 + right : 402 + right])[:, ::-1] + 0.5 * np.array([right, down])
+        np.argwhere(mask & ~padded[1 + down : 302 + down, 1 + right : 402 + right])[:, ::-1]
+        + 0.5 * np.array([right, down])
         for right, down in ((1, 0), (-1, 0), (0, 1), (0, -1))
     ]
     border, points = np.concatenate(sides), visible.mean(axis=1)

@@ -1,5 +1,6 @@
 """The picture that a surgeon looks at: an image, the overlay of a case at a pose, its legend and a scale bar."""
 
+import string
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,7 +23,7 @@ from ...images.legend import (
 )
 from ...images.overlay import draw_overlay
 from ...images.pixel_values import to_uint8
-from ..render.lettering import text_mask
+from ..render.lettering import learn_letters, text_mask
 from .frame_overlay import overlay_scene
 
 LEGEND_PLACES: tuple[Place, ...] = ((False, False), (True, False), (True, True), (False, True))
@@ -98,6 +99,9 @@ class OverlayPainter:
         """Prepare a case for images of a camera; ``explained`` with legend and scale bar."""
         self._loaded, self._camera, self._scene, self._explained = loaded, camera, overlay_scene(loaded), explained
         self._places: tuple[Place, Place] | None = None
+        if explained:
+            # a film is painted while Blender encodes
+            learn_letters(string.printable + "".join(structure.name for structure, _ in loaded.structures))
 
     def paint(
         self, image: np.ndarray, cam_from_model: np.ndarray, *, clear: np.ndarray | None = None

@@ -11,7 +11,7 @@ from ...projection.spans import filled, spans_of
 SAMPLES = 4
 """Samples of a pixel along each side."""
 
-ASCENT, DESCENT = 0.85, 0.25
+ASCENT, DESCENT = 0.92, 0.25
 """Above and below the base line, of the size."""
 
 _BEARING = "H"
@@ -59,7 +59,13 @@ def text_mask(text: str, size_px: float) -> np.ndarray:
     return mask
 
 
-@lru_cache(maxsize=1024)
+def learn_letters(text: str) -> None:
+    """Get letters from Blender now, e.g. because a render that is about to start must not be disturbed."""
+    for letter in text:
+        _glyph(letter)
+
+
+@lru_cache(maxsize=4096)
 def _glyph(letter: str) -> _Glyph:
     measured = _outline(_BEARING + letter + _BEARING)[..., 0].max() - _outline(_BEARING * 2)[..., 0].max()
     return _Glyph(_outline(letter), max(float(measured), 0.0))

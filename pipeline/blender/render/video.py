@@ -3,6 +3,7 @@
 import shutil
 import struct
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 import bpy
@@ -77,29 +78,34 @@ def stream_video(path: Path, images: Iterable[np.ndarray], count: int, *, fps: f
     failures: list[BaseException] = []
     with temporary_folder() as folder:
         written, files = folder / "video.mp4", [folder / f"{number:08d}.bmp" for number in range(count)]
-        picture = padded(next(pictures))
+        first = padded(next(pictures))
         with writing_temporary():
-            files[0].write_bytes(_bmp(picture))
+            files[0].write_bytes(_bmp(first))
 
         def prepare(scene: bpy.types.Scene, *_: object) -> None:
-            nonlocal picture
             number = scene.frame_current - 1
-            # Blender cannot be told to stop
-            if number == 0 or failures:
+            if number == 0:
                 return
-            try:
-                following = next(pictures, None)
-                picture = picture if following is None else padded(following)
-                with writing_temporary():
-                    files[number].write_bytes(_bmp(picture))
+            picture = None
+            if not failures:
+                try:
+                    picture = next(pictures, None)
+                    if picture is not None:
+                        with writing_temporary():
+                            files[number].write_bytes(_bmp(padded(picture)))
+                except BaseException as error:
+                    # Blender would print it and go on
+                    failures.append(error)
+            with suppress(OSError):
+                # Blender cannot be told to stop, and crashes if a file is missing
+                if picture is None or failures:
+                    files[number - 1].replace(files[number])
+                else:
                     files[number - 1].unlink()
-            except BaseException as error:
-                # Blender would print it and go on
-                failures.append(error)
 
         with temporary_data():
             scene = bpy.data.scenes.new("oneframe video")
-            _set_up(scene, files, width=picture.shape[1], height=picture.shape[0], fps=fps)
+            _set_up(scene, files, width=first.shape[1], height=first.shape[0], fps=fps)
             editor = scene.sequence_editor_create()
             editor.use_cache_raw = editor.use_cache_final = False
             scene.render.filepath = render_path(written)

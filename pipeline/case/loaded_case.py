@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..camera.whereabouts import whereabouts
 from ..errors import InputError
 from ..surface.mesh import TriangleMesh
 from ..surface.mesh_reader import read_mesh
@@ -99,10 +100,10 @@ def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> No
             f"{name}: expected a surface about as large as the frame, it spans {extent_px:.3g} px of "
             f"{max(camera.size_wh)}: wrong units suspected; are mesh and translation in the same unit?"
         )
-    pixels = camera.project(points_cam[in_front])
-    u, v = pixels[:, 0], pixels[:, 1]
-    if u.max() < -0.5 or v.max() < -0.5 or u.min() > camera.width - 0.5 or v.min() > camera.height - 0.5:
+    place = whereabouts(points_cam, camera, np.eye(4))
+    if place is not None:
+        u, v = camera.project(points_cam[in_front]).T
         raise InputError(
-            f"{name}: expected the surface in the frame, it projects to u {u.min():.0f} to {u.max():.0f}, "
+            f"{name}: expected the surface in the frame, it lies {place}: u {u.min():.0f} to {u.max():.0f}, "
             f"v {v.min():.0f} to {v.max():.0f} px of {camera.width}x{camera.height}; align the pose first"
         )

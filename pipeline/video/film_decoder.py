@@ -90,7 +90,8 @@ def film_in_parts(name: str, width: int, every: int, from_s: float, to_s: float 
         small_wh = _small_size(width_px, height_px, width)
         if not sent_wh:
             info = {"frames": last - first, "fps": fps, "size_wh": [width_px, height_px], "small_wh": small_wh}
-            yield json.dumps({**info, "unique_times": unique, "missing_s": missing_s}).encode()
+            span_s = (times_ms[last - 1] - times_ms[first]) / 1000
+            yield json.dumps({**info, "unique_times": unique, "missing_s": missing_s, "span_s": span_s}).encode()
             sent_wh = small_wh
         if small_wh != sent_wh:
             raise InputError(

@@ -42,6 +42,8 @@ class FilmInfo:
         Whether a frame can be found by its time.
     missing_s
         How much shorter the film is than its header promises; above 0 the file is cut off.
+    span_s
+        Time from the first of the chosen frames to the last.
     """
 
     frames: int
@@ -50,6 +52,7 @@ class FilmInfo:
     small_wh: tuple[int, int]
     unique_times: bool
     missing_s: float
+    span_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -115,6 +118,7 @@ class Film:
             tuple(found["small_wh"]),
             found["unique_times"],
             found["missing_s"],
+            found["span_s"],
         )
         self.broken = False
         """Whether decoding ended before the end."""

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..files.child_process import ChildError, streamed_apart
 from ..files.content import reading
 from ..images.image_check import LARGEST_FRAME
-from ..images.image_header import SIGNATURES
+from .container import check_container
 from .film_decoder import FRAME_HEAD, film_in_parts, frames_in_parts
 
 SMALL_WIDTH = 480
@@ -164,12 +164,10 @@ def read_film_frames(path: Path, numbers: Sequence[int]) -> Iterator[tuple[int, 
 
 
 def _check_video(path: Path) -> None:
-    with reading(path, "a video"), open(path, "rb") as file:
-        start = file.read(16)
-    if not start:
-        raise InputError(f"{path.name}: expected a video, cannot open it, it is empty; copy it again")
-    if start.startswith((*SIGNATURES, b"GIF8")):
-        raise InputError(f"{path.name}: expected a video, found an image; name it as the frame of the case")
+    with reading(path, "a video"):
+        if not path.stat().st_size and path.is_file():
+            raise InputError(f"{path.name}: expected a video, cannot open it, it is empty; copy it again")
+        check_container(path)
 
 
 def _undecodable(path: Path, error: ChildError) -> InputError:

@@ -12,9 +12,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.child_process import ChildError, streamed_apart
-from ..files.content import read_beginning
 from ..images.image_check import LARGEST_FRAME
-from ..images.image_header import SIGNATURES
+from .container import check_container
 from .film_decoder import FRAME_HEAD, film_in_parts, frames_in_parts
 
 SMALL_WIDTH = 480
@@ -97,7 +96,7 @@ class Film:
             No file, not a video, no frames between these times, or frames too large.
         """
         self.path = Path(path)
-        _check_video(self.path)
+        check_container(self.path)
         self._parts = streamed_apart(
             film_in_parts,
             (str(self.path), width, every, from_s, to_s),
@@ -165,14 +164,6 @@ def read_film_frames(path: Path, numbers: Sequence[int]) -> Iterator[tuple[int, 
         raise _undecodable(path, error) from None
     finally:
         parts.close()  # type: ignore[attr-defined]
-
-
-def _check_video(path: Path) -> None:
-    start = read_beginning(path, "a video", 16)
-    if not start:
-        raise InputError(f"{path.name}: expected a video, cannot open it, it is empty; copy it again")
-    if start.startswith((*SIGNATURES, b"GIF8")):
-        raise InputError(f"{path.name}: expected a video, found an image; name it as the frame of the case")
 
 
 def _undecodable(path: Path, error: ChildError) -> InputError:

@@ -1,9 +1,9 @@
 """The Blender add-on: align a frame to a surface, assess the alignment, colour the surface, render a dataset.
 
-Each topic has a folder and a panel in the sidebar, in the order of the work: ``volume``, ``setup``, ``view``,
-``move``, ``landmarks``, ``refine``, ``colour``, ``dataset``. ``state`` holds the properties and converts them to and
-from the pipeline's types; ``ui`` holds the drawing and input code that the topics share. Operators are thin: they read
-the scene, call one function of the pipeline and report.
+Each topic has a folder and a panel in the sidebar, in the order of the work: ``volume``, ``setup`` with ``video``,
+``view``, ``move``, ``landmarks``, ``refine``, ``colour``, ``dataset``. ``state`` holds the properties and converts them
+to and from the pipeline's types; ``ui`` holds the drawing and input code that the topics share. Operators are thin:
+they read the scene, call one function of the pipeline and report.
 
 The extension contains the pipeline inside this package. In a checkout the pipeline lies next to it, and ``.pipeline``
 is an alias for the same modules.
@@ -77,12 +77,18 @@ _MODULES = tuple(
         "volume.reread",
         "volume.drop",
         "volume.panel",
+        "video.properties",
+        "video.session",
+        "video.shown_frame",
+        "video.operators",
+        "video.drop",
         "setup.operators",
         "setup.mask",
         "setup.save_case",
         "setup.sample",
         "setup.drop",
         "setup.panel",
+        "video.panel",
         "view.zoom",
         "view.fit",
         "view.operators",
@@ -92,6 +98,8 @@ _MODULES = tuple(
         "view.second_view",
         "view.workspace",
         "view.panel",
+        "video.strip_gizmo",
+        "video.strip_drawing",
         "move.operators",
         "move.panel",
         "move.gizmo",
@@ -109,6 +117,7 @@ _MODULES = tuple(
         "landmarks.operators",
         "landmarks.drawing",
         "landmarks.panel",
+        "video.browse",
     )
 )
 

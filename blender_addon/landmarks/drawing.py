@@ -148,9 +148,13 @@ def _draw_pointer(xy: tuple[int, int]) -> None:
         return
     strokes = Strokes()
     text, region = tool.instruction(context), frame_view.window_region(context.area)
+    low, high = free_rectangle(context.area)
+    if xy[1] - region.y < low[1]:
+        # the strip of a video has the pointer
+        return
     at = np.array(xy) + np.array([18, -26]) * strokes.unit
     # not under the sidebar
-    room = region.x + free_rectangle(context.area)[1][0] - strokes.width_of(text) - 6 * strokes.unit
+    room = region.x + high[0] - strokes.width_of(text) - 6 * strokes.unit
     strokes.text(np.array([min(at[0], room), at[1]]), text, INCOMPLETE)
     strokes.draw()
 

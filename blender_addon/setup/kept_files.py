@@ -26,7 +26,7 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool) -> list[
     folder
         The case's; files in it stay as they are.
     collect
-        Copy all files, and not only those that end with this session.
+        Copy all files, and not only those that end with this session and the frame that was taken from a video.
 
     Returns
     -------
@@ -40,14 +40,18 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool) -> list[
         A file cannot be written.
     """
 
+    frame = from_scene.absolute_path(scene.oneframe.frame_path)
+    from_video = scene.oneframe.frame_path == scene.oneframe_video.taken_path
+
     def is_kept(path: Path) -> bool:
-        return is_temporary(path) or (collect and folder.resolve() not in path.resolve().parents)
+        elsewhere = folder.resolve() not in path.resolve().parents
+        return is_temporary(path) or (elsewhere and (collect or (from_video and path == frame)))
 
     kept: list[tuple[KeptFile, Callable[[str], None]]] = []
     inputs = {name: path for name, path in input_files(scene).items() if name != "case" and not is_kept(path)}
-    frame = from_scene.absolute_path(scene.oneframe.frame_path)
     if is_kept(frame):
-        kept.append((read_frame(frame).kept(folder / FRAME), lambda path: to_scene.relink_frame(scene, Path(path))))
+        target = folder / (frame.name if from_video and not collect else FRAME)
+        kept.append((read_frame(frame).kept(target), lambda path: to_scene.relink_frame(scene, Path(path))))
     surface = from_scene.surface_of(scene)
     for made in (surface, *(child for child in surface.children if child.oneframe.role == "STRUCTURE")):
         source = from_scene.absolute_path(made.oneframe.mesh_path)
@@ -60,6 +64,8 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool) -> list[
     keep_files([file for file, _ in kept], inputs)
     for file, relink in kept:
         relink(str(file.path.resolve()))
+    if from_video:
+        scene.oneframe_video.taken_path = scene.oneframe.frame_path
     if plan.strokes:
         write_drill_plan(folder / DRILL, plan, {})
     return [file.path for file, _ in kept] + ([folder / DRILL] if plan.strokes else [])

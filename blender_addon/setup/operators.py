@@ -32,11 +32,11 @@ from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
 from ..state.structures import put_structures
 from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, call
+from ..video.operators import VIDEOS
 from .alignment_record import remember_opened
 from .unsaved import ANSWER, QUESTION, unsaved_text
 
 IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
-VIDEOS = "*.mp4;*.avi;*.mov;*.mkv;*.m4v;*.mpg;*.mpeg;*.webm"
 CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.xml;*.npy;*.txt;*.pkl;*.pickle"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import bpy
 import numpy as np
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
@@ -53,6 +53,14 @@ def look_through_camera(context: bpy.types.Context) -> None:
         return
     area = context.area if context.area in areas else max(areas, key=lambda area: area.width * area.height)
     through_camera(scene, area)
+
+
+def follow_surface(context: bpy.types.Context, world_from_model: Matrix, moved_world_from_model: Matrix) -> None:
+    """Move free views with the surface, which has moved, so that they show the same of it."""
+    for area in views(context):
+        region_3d = area.spaces.active.region_3d
+        if region_3d.view_perspective != "CAMERA":
+            region_3d.view_matrix = region_3d.view_matrix @ world_from_model @ moved_world_from_model.inverted()
 
 
 def through_camera(scene: bpy.types.Scene, area: bpy.types.Area) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import bpy
 
-_PREFIX = "oneframe-ct-"
+_PREFIX = "oneframe-session-"
 
 
 def session_folder() -> Path:

@@ -24,7 +24,7 @@ from ..pipeline.surface.ball import Ball
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.transforms import inverse_rigid, rigid, transform_points
 from . import events, from_scene, pose_evidence, workbench
-from .camera_view import look_through_camera, show_shape
+from .camera_view import follow_surface, look_through_camera, show_shape
 from .pivot import PIVOT
 
 INITIAL_POSE, FOCUS = "oneframe_first_pose", "oneframe_focus"
@@ -93,7 +93,7 @@ def set_frame(context: bpy.types.Context, path: Path, width: int, height: int) -
         typed.width, typed.height = width, height
         typed.cx, typed.cy = number_text((width - 1) / 2), number_text((height - 1) / 2)
     else:
-        _show_frame(scene)
+        show_frame(scene)
     look_through_camera(context)
     return frame_warnings(scene)
 
@@ -169,7 +169,7 @@ def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Di
             surface_object.set_pose(camera_object, surface, pose)
             alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), pose)
     if settings.frame_path:
-        _show_frame(scene)
+        show_frame(scene)
     look_through_camera(context)
 
 
@@ -305,23 +305,31 @@ def set_focus(surface: bpy.types.Object, focus: Ball | None) -> None:
         del surface[FOCUS]
 
 
-def renew_initial_pose(scene: bpy.types.Scene, focus: Ball | None) -> None:
-    """Remember another focus (frame of the mesh file, mm); a pose that nobody has changed looks at it from now on."""
-    surface = from_scene.surface_of(scene)
-    pose = surface_object.pose_of(from_scene.present_camera(scene), surface)
+def renew_initial_pose(context: bpy.types.Context, focus: Ball | None) -> None:
+    """Remember another focus (frame of the mesh file, mm); a pose that nobody has changed looks at it from now on.
+
+    Free views keep what they show: they move with the surface.
+    """
+    scene = context.scene
+    camera_object, surface = from_scene.present_camera(scene), from_scene.surface_of(scene)
     set_focus(surface, focus)
-    if _is_initial(surface, pose) and not scene.oneframe.landmarks:
-        _set_initial_pose(scene, surface)
+    pose = surface_object.pose_of(camera_object, surface)
+    # without K nothing looks through the camera; with it, the initial pose is found again
+    if camera_object is None or not _is_initial(surface, pose) or scene.oneframe.landmarks:
+        return
+    before = surface.matrix_world.copy()
+    _set_initial_pose(scene, surface)
+    follow_surface(context, before, surface.matrix_world)
 
 
 def relink_frame(scene: bpy.types.Scene, path: Path) -> None:
     """Use a file with the present frame's pixels as the frame: its copy beside the case."""
     scene.oneframe.frame_path = str(path.resolve())
     if from_scene.present_camera(scene) is not None:
-        _show_frame(scene)
+        show_frame(scene)
 
 
-def _show_frame(scene: bpy.types.Scene) -> None:
+def show_frame(scene: bpy.types.Scene) -> None:
     """Show the frame behind the camera: if K fits, without distortion and with its mask in blue."""
     settings = scene.oneframe
     path = absolute_path(settings.frame_path)

@@ -16,7 +16,7 @@ TOOLS = {PIN_TOOL: "Pins", LANDMARK_TOOL: "Landmarks", MOVE_TOOL: "Move Surface"
 """Tools of the toolbar and their labels."""
 
 
-def _keymap_of(tool: str) -> str:
+def keymap_of(tool: str) -> str:
     """As Blender names the keymaps of tools."""
     return f"3D View Tool: Object, {TOOLS[tool]}"
 
@@ -71,7 +71,7 @@ class Keys:
         for key in self.keys:
             for tool in key.tools:
                 keymap = configuration.keymaps.new(
-                    name=_keymap_of(tool), space_type="VIEW_3D", region_type="WINDOW", tool=True
+                    name=keymap_of(tool), space_type="VIEW_3D", region_type="WINDOW", tool=True
                 )
                 item = keymap.keymap_items.new(
                     key.operator, key.type, key.value, shift=key.shift, ctrl=key.ctrl, alt=key.alt, repeat=key.repeat
@@ -93,7 +93,7 @@ def binding(operator: str, **properties: object) -> str:
     for configuration in (manager.keyconfigs.user, manager.keyconfigs.addon):
         if configuration is None:
             continue
-        for name in map(_keymap_of, TOOLS):
+        for name in map(keymap_of, TOOLS):
             for item in _items(configuration, name):
                 if item.idname != operator or not item.active or item.type == "NONE":
                     continue

@@ -1,5 +1,7 @@
 """Fits the whole frame into the part of a 3D view that no toolbar, sidebar or header covers."""
 
+from collections.abc import Callable
+
 import bpy
 import numpy as np
 
@@ -17,9 +19,28 @@ DRAWN_S = 0.05
 """Time after which a view has been drawn once; before that its regions have no sizes."""
 
 _waiting: set[int] = set()
+_reserved: list[Callable[[bpy.types.Area], float]] = []
+
+
+def reserve(height_of: Callable[[bpy.types.Area], float]) -> None:
+    """Leave ``height_of(area)`` px at the bottom of 3D views to what draws there, until :func:`release`."""
+    _reserved.append(height_of)
+
+
+def release(height_of: Callable[[bpy.types.Area], float]) -> None:
+    """Undo :func:`reserve`."""
+    _reserved.remove(height_of)
 
 
 def free_rectangle(area: bpy.types.Area) -> tuple[np.ndarray, np.ndarray]:
+    """Lower left and upper right corner (px of the view's region) of what is left of a 3D view for frame and loupe."""
+    low, high = uncovered_rectangle(area)
+    below = max((height_of(area) for height_of in _reserved), default=0.0)
+    low = np.maximum(low, [0.0, below])
+    return (low, high) if (high > low).all() else uncovered_rectangle(area)
+
+
+def uncovered_rectangle(area: bpy.types.Area) -> tuple[np.ndarray, np.ndarray]:
     """Lower left and upper right corner (px of the view's region) of what other regions leave of a 3D view."""
     region = window_region(area)
     low, high = np.array([0.0, 0.0]), np.array([region.width, region.height], float)

@@ -8,14 +8,13 @@ from bpy.props import BoolProperty
 
 from ..pipeline.case.structure_colour import structure_colour
 from ..pipeline.case.surface_size import extents_of, size_text
-from ..pipeline.commands.surface_finish import finish_of
+from ..pipeline.commands.surface_finish import finish_of, removed_of
 from ..pipeline.errors import InputError
 from ..pipeline.surface.ball import Ball
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.volume.bone import bone_voxels
 from ..pipeline.volume.bone_surface import STAGES, bone_surface
-from ..pipeline.volume.drilled_volume import removed_by_plan
 from ..pipeline.volume.structures import structure_meshes, without_bone
 from ..pipeline.volume.threshold import check_threshold
 from ..registration import class_registration, prop
@@ -86,7 +85,7 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
                 structures = structure_meshes(
                     without_bone(ct.labels), progress=lambda share: progress(_BONE_SHARE + _STRUCTURES_SHARE * share)
                 )
-            removed = removed_by_plan(plan, ct.volume.grid, structures)
+            removed = removed_of(plan, ct.volume, structures)
             before = _BONE_SHARE + _STRUCTURES_SHARE
 
             def report(stage: str, share: float) -> None:
@@ -111,7 +110,7 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
             drill_session.end(scene)
         if is_from_ct(scene) and scene.oneframe.units == "mm":
             to_scene.exchange_surface(context, paths[""], mesh)
-            to_scene.renew_initial_pose(scene, focus)
+            to_scene.renew_initial_pose(context, focus)
         else:
             to_scene.set_surface(context, paths[""], mesh, "mm", focus)
         surface = from_scene.surface_of(context.scene)

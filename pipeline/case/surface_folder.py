@@ -79,6 +79,8 @@ def read_surface_folder(folder: Path) -> SurfaceFolder:
     _check_counts(mesh, surface, ("vertices", "faces"), path)
     structures = []
     for name, value in _table(record.get("structures", {}), f"{path}: structures").items():
+        if not name:
+            raise InputError(f"{path}: structures: expected a name for each, found an empty one; {ADVICE}")
         where = f"{path}: structures: {name}"
         entry = _table(value, where)
         colour = _numbers(entry.get("colour"), 3, f"{where}: colour")

@@ -35,6 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a structure in the frame and unit of the surface; its name gives its colour (default: the file's name)",
     )  # fmt: skip
     surface.add_argument(
+        "--only", metavar="NAME", action="append",
+        help="of the structures in the folder, take this one; may be repeated (default: all)",
+    )  # fmt: skip
+    surface.add_argument(
         "--units", choices=("mm", "m"), default="mm", help="unit of the meshes and of --pose (default mm)"
     )
     frame = parser.add_argument_group("frame")
@@ -103,15 +107,16 @@ def run(arguments: argparse.Namespace, align: str) -> int:
     else:
         camera = typed_camera(arguments.K, size=arguments.size, distortion=arguments.distortion, name="--K")
     given = CaseInputs(
-        arguments.surface.parent if arguments.surface.name == RECORD else arguments.surface,
-        tuple(structures),
-        arguments.units,
-        arguments.frame,
-        arguments.frame_number,
-        arguments.mask,
-        camera,
-        arguments.rescale_camera,
-        arguments.pose,
+        surface=arguments.surface.parent if arguments.surface.name == RECORD else arguments.surface,
+        structures=tuple(structures),
+        only=None if arguments.only is None else tuple(arguments.only),
+        units=arguments.units,
+        frame=arguments.frame,
+        frame_number=arguments.frame_number,
+        mask=arguments.mask,
+        camera=camera,
+        rescale_camera=arguments.rescale_camera,
+        pose=arguments.pose,
     )
     for line in make_case(given, arguments.out):
         output.write(line + "\n")

@@ -27,10 +27,9 @@ from ..progress import ShareProgress
 from ..surface.mesh import TriangleMesh
 from ..surface.mesh_writer import write_ply
 from ..volume.bone import bone_voxels
-from ..volume.bone_surface import FINER, BoneSurface, Finish, bone_surface, taken_bone
+from ..volume.bone_surface import BoneSurface, Finish, bone_surface, taken_bone
 from ..volume.clearance import clearances, violations
 from ..volume.drill_plan import DrillPlan, check_strokes, read_drill_plan
-from ..volume.drilled_volume import removed_by_plan
 from ..volume.isosurface import RemovedField
 from ..volume.label_map import read_labels
 from ..volume.slice_views import LabelColours, slice_views
@@ -39,7 +38,7 @@ from ..volume.subtraction import removed_by_labels, removed_by_operation, united
 from ..volume.threshold import DEFAULT_HU, check_threshold, otsu_threshold
 from ..volume.volume import LabelMap, Volume
 from ..volume.volume_reader import read_volume
-from .surface_finish import finish_of
+from .surface_finish import finish_of, removed_of
 
 SLICES = "slices.png"
 MOST_REMOVED = 0.5
@@ -156,7 +155,8 @@ def _removed(
 ) -> RemovedField | None:
     """The field of everything that is removed."""
     fields, ways = [], []
-    if plan is not None and (drilled := removed_by_plan(plan, volume.grid, structures)) is not None:
+    drilled = None if plan is None else removed_of(plan, volume, structures, tolerance_mm=arguments.tolerance)
+    if drilled is not None:
         fields.append(drilled)
         ways.append("drill")
     if arguments.remove is not None:
@@ -171,7 +171,7 @@ def _removed(
         taken = taken_bone(solid, removed)
         removed_mm3 = float(np.count_nonzero(taken)) * volume.grid.voxel_mm3
         work.record["removed"] = {"by": ways, "volume_mm3": round(removed_mm3, 1)}
-        share = np.count_nonzero(taken) / max(np.count_nonzero(solid), 1)
+        share = float(taken.sum()) / max(float(solid.sum()), 1.0)
         work.say(f"removed by {' and '.join(ways)}: {removed_mm3:.0f} mm³ of bone")
         if share > MOST_REMOVED:
             work.say(f"warning: that is {share:.0%} of the bone; check what was given as removed")
@@ -201,8 +201,7 @@ def _report_clearances(
     }  # fmt: skip
     for each in found[:1]:
         work.say(f"nearest to the drill: {each.structure}, {each.smallest_mm:.2f} mm")
-    # what sampling and simplification may move
-    for sentence in violations(found, 0.1 * float(volume.grid.spacing_mm.min()) + finish.tolerance_mm / FINER):
+    for sentence in violations(found):
         work.say(f"warning: {sentence}")
 
 

@@ -7,10 +7,12 @@ import numpy as np
 from ..case.structure_colour import OTHER, structure_colour
 from ..surface.ball import Ball
 from ..surface.mesh import TriangleMesh
-from ..volume.bone_surface import Finish, removed_ball
+from ..volume.bone_surface import Finish, moved_mm, removed_ball
+from ..volume.drill_plan import DrillPlan
+from ..volume.drilled_volume import removed_by_plan
 from ..volume.isosurface import RemovedField
 from ..volume.smoothing import STEPS
-from ..volume.volume import Volume
+from ..volume.volume import Volume, VoxelGrid
 
 
 def finish_of(
@@ -23,9 +25,27 @@ def finish_of(
     smoothing_steps: int = STEPS,
 ) -> Finish:
     """The finish of a surface; ``tolerance_mm`` is half the smallest distance of voxels if it is ``None``."""
-    tolerance = float(volume.grid.spacing_mm.min()) / 2 if tolerance_mm is None else tolerance_mm
+    tolerance = _tolerance(volume.grid, tolerance_mm)
     focus = _focus(volume, solid, removed, structures)
     return Finish(smoothing_steps=smoothing_steps, tolerance_mm=tolerance, focus=focus)
+
+
+def removed_of(
+    plan: DrillPlan, volume: Volume, structures: Mapping[str, TriangleMesh], *, tolerance_mm: float | None = None
+) -> RemovedField | None:
+    """What a plan removes, so that the margins hold on the finished surface; ``None`` without strokes.
+
+    Raises
+    ------
+    InputError
+        As for :func:`.removed_by_plan`.
+    """
+    slack = moved_mm(volume.grid, _tolerance(volume.grid, tolerance_mm))
+    return removed_by_plan(plan, volume.grid, structures, slack_mm=slack)
+
+
+def _tolerance(grid: VoxelGrid, tolerance_mm: float | None) -> float:
+    return float(grid.spacing_mm.min()) / 2 if tolerance_mm is None else tolerance_mm
 
 
 def _focus(

@@ -12,6 +12,7 @@ import numpy as np
 
 from .mesh import TriangleMesh
 from .triangle_distance import squared_triangle_distances
+from .z_curve import ZCurve
 
 _LEAF = 4
 """Triangles in a box of the lowest level."""
@@ -23,6 +24,8 @@ _ROUNDED = 1 + 1e-12
 """Leaves room for rounding where a box that decides must not be left out."""
 _CELLS = 1 << 20
 """Of the Z curve along an axis."""
+_BESIDE = (0, -1, 1, -2, 2, -3)
+"""Triangles beside a point on the curve that are tried first."""
 
 
 def deviation(points: np.ndarray, mesh: TriangleMesh) -> np.ndarray:
@@ -43,13 +46,14 @@ class SurfaceTree:
 
     def __init__(self, mesh: TriangleMesh) -> None:
         """Order the triangles and box them: about 1 s for 1.6 million faces."""
-        self._origin = mesh.bounds[0]
-        self._step = max(float(np.ptp(mesh.bounds, axis=0).max()), 1e-300) / (_CELLS - 1)
-        centres = mesh.face_centres
-        codes = self._codes(centres)
-        order = np.argsort(codes, kind="stable")
-        self._order, self._sorted_codes = order, codes[order]
-        a, b, c = (np.ascontiguousarray(mesh.vertices[mesh.faces[order, corner]].T) for corner in range(3))
+        corners = [mesh.vertices[corner] for corner in mesh.faces.T]
+        centres = (corners[0] + corners[1] + corners[2]) / 3
+        origin = centres.min(axis=0)
+        self._curve = ZCurve(origin, float((centres.max(axis=0) - origin).max()), _CELLS)
+        places = self._curve.places(centres)
+        order = np.argsort(places, kind="stable")
+        self._order, self._sorted_places = order, places[order]
+        a, b, c = (np.ascontiguousarray(corner[order].T) for corner in corners)
         self._corner, self._first, self._second = a, b - a, c - a
         lower, upper = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
         levels = []
@@ -77,17 +81,39 @@ class SurfaceTree:
         squared, face = np.empty(len(points)), np.empty(len(points), np.intp)
         within = np.broadcast_to(within_mm, len(points))
         # neighbours together: their boxes stay in the cache
-        order = np.argsort(self._codes(points), kind="stable")
+        order = np.argsort(self._curve.places(points), kind="stable")
         for at in range(0, len(points), _BLOCK):
             block = order[at : at + _BLOCK]
             squared[block], face[block] = self._nearest(points[block], within[block])
         return np.sqrt(squared), face
 
+    def beyond(self, points: np.ndarray, limit_mm: np.ndarray) -> np.ndarray:
+        """``(N,)`` bool: whether points ``(N, 3)`` lie farther from the surface than ``limit_mm`` (N,).
+
+        Quick where most do not: the triangles beside a point on the curve tell.
+        """
+        points = np.asarray(points, dtype=np.float64)
+        places = self._curve.places(points)
+        order = np.argsort(places, kind="stable")
+        count = len(self._sorted_places)
+        beyond = np.zeros(len(points), bool)
+        for at in range(0, len(points), _BLOCK):
+            left = order[at : at + _BLOCK]
+            columns, limit = np.ascontiguousarray(points[left].T), limit_mm[left]
+            place = np.searchsorted(self._sorted_places, places[left])
+            still = np.arange(len(left))
+            for offset in _BESIDE:
+                triangle = np.clip(place[still] + offset, 0, count - 1)
+                still = still[self._from_triangles(columns, still, triangle) > limit[still] ** 2]
+            squared, _ = self._nearest(points[left[still]], limit[still])
+            beyond[left[still]] = squared > limit[still] ** 2
+        return beyond
+
     def _nearest(self, points: np.ndarray, within_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         columns = np.ascontiguousarray(points.T)
-        count = len(self._sorted_codes)
+        count = len(self._sorted_places)
         # the triangles beside the point on the curve give a first bound
-        place = np.searchsorted(self._sorted_codes, self._codes(points))
+        place = np.searchsorted(self._sorted_places, self._curve.places(points))
         everyone = np.arange(len(points))
         triangle = np.minimum(place, count - 1)
         squared = self._from_triangles(columns, everyone, triangle)
@@ -147,23 +173,3 @@ class SurfaceTree:
             span = np.maximum(below, above)
             farthest += span * span
         return squared, farthest
-
-    def _codes(self, points: np.ndarray) -> np.ndarray:
-        """``(N,)`` places of points ``(N, 3)`` along the Z curve: the bits of the three coordinates interleaved."""
-        code = np.zeros(len(points), np.int64)
-        for axis in range(3):
-            cell = (points[:, axis] - self._origin[axis]) / self._step
-            bits = np.clip(cell, 0, _CELLS - 1).astype(np.int64)
-            for shift, mask in _SPREAD:
-                bits = (bits | (bits << shift)) & mask
-            code |= bits << axis
-        return code
-
-
-_SPREAD = (
-    (32, 0x1F00000000FFFF),
-    (16, 0x1F0000FF0000FF),
-    (8, 0x100F00F00F00F00F),
-    (4, 0x10C30C30C30C30C3),
-    (2, 0x1249249249249249),
-)

@@ -8,13 +8,13 @@ Sources: Garland & Heckbert (1997) for cost and position; Klein et al., "Mesh re
 tracking the distance.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from .deviation import SurfaceTree
 from .edge_stars import EdgeStars
-from .mesh import TriangleMesh
-from .quadrics import best_positions, vertex_quadrics
-from .triangle_distance import squared_triangle_distances
+from .face_sides import Sides
+from .quadrics import best_positions
 
 _BLOCK = 1 << 14
 _SELECTIONS = 3
@@ -26,42 +26,63 @@ _MOST_RMS = 0.5
 faces less, and dozens of collapses that the measured distance refuses."""
 
 
-class EdgeCollapse:
-    """A mesh under reduction: mutable on purpose, as a round changes a part of it.
+@dataclass(frozen=True)
+class Patch:
+    """A part of a surface under reduction, in indices of its own.
 
     Attributes
     ----------
-    faces
-        ``(3, F)`` vertices of the faces left.
+    vertices, faces
+        ``(3, V)``, mm, and ``(3, F)``.
+    quadrics, limit, crease
+        ``(11, V)``; ``(V,)`` tolerances, mm; ``(V,)`` cosine of the sharpest crease of the original.
+    fixed
+        ``(V,)`` bool: vertices that stay.
+    points, tolerance, face_of_point
+        ``(3, P)`` vertices of the original, ``(P,)`` their tolerances, mm, and a face that lies within.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    quadrics: np.ndarray
+    limit: np.ndarray
+    crease: np.ndarray
+    fixed: np.ndarray
+    points: np.ndarray
+    tolerance: np.ndarray
+    face_of_point: np.ndarray
+
+
+class EdgeCollapse:
+    """A patch under reduction: mutable on purpose, as a round changes a part of it.
+
+    Attributes
+    ----------
+    faces, face
+        ``(3, F)`` vertices of the faces left, and ``(F,)`` which of the patch they were.
+    vertices, vertex, quadrics, limit, crease
+        ``(3, V)`` positions, ``(V,)`` which of the patch they were, and what they have.
     face_of_point
         ``(P,)`` for each vertex of the original a face that lies within its tolerance.
     fresh
-        ``(F,)`` bool: the face has changed since the caller set it to ``False``.
+        ``(F,)`` bool: the face has changed.
     """
 
-    def __init__(self, mesh: TriangleMesh, tolerance_mm: np.ndarray) -> None:
-        """Start from ``mesh`` with tolerances ``(V,)``, mm, of its vertices."""
-        self._centre = mesh.bounds.mean(axis=0)
-        self._points = np.ascontiguousarray((mesh.vertices - self._centre).T)
-        self._rounding = 1e-7 * float(np.ptp(mesh.bounds, axis=0).max())
-        self._tolerance = np.maximum(tolerance_mm, self._rounding)
-        self._vertices = self._points.copy()
-        self.faces = np.ascontiguousarray(mesh.faces.T.astype(np.intp))
-        self._quadrics = vertex_quadrics(self._vertices, self.faces)
-        self._original_faces, self._original_quadrics = mesh.faces.T, self._quadrics
-        self._original_face = np.arange(self.faces.shape[1])
-        self._vertex_of_point = np.arange(len(mesh.vertices))
-        self.fresh = np.ones(self.faces.shape[1], bool)
-        self._limit = self._tolerance.copy()
-        self._edges, self._locked = _edges(self.faces, len(mesh.vertices))
-        self._border = self._locked
-        self.face_of_point = np.full(len(mesh.vertices), -1)
-        for corner in self.faces:
-            self.face_of_point[corner] = np.arange(self.faces.shape[1])
-        # vertices that no face uses are no part of the surface: any distance will do
-        self._tolerance[self.face_of_point < 0] = np.inf
+    def __init__(self, patch: Patch, sides: Sides, normals: np.ndarray, quality: np.ndarray) -> None:
+        """Start from ``patch``, and from unit normals ``(3, F)`` and quality ``(F,)`` of its faces."""
+        self._points, self._tolerance = patch.points, patch.tolerance
+        self.vertices, self.faces = patch.vertices.copy(), patch.faces
+        self.quadrics, self.limit, self.crease = patch.quadrics.copy(), patch.limit.copy(), patch.crease.copy()
+        self.face_of_point = patch.face_of_point
+        self.face, self.vertex = np.arange(self.faces.shape[1]), np.arange(self.vertices.shape[1])
+        self.fresh = np.zeros(self.faces.shape[1], bool)
+        self._heir = np.arange(self.vertices.shape[1])
+        self._fixed = patch.fixed
+        self._neighbours = sides.neighbours
+        self._edges = sides.edges
+        self._normals, self._quality = normals, quality
         self._cost = self._costs(self._edges)
-        self._vertex_count = len(mesh.vertices)
+        self._vertex_count = len(self.vertex)
 
     @property
     def vertex_count(self) -> int:
@@ -69,82 +90,12 @@ class EdgeCollapse:
         return self._vertex_count
 
     @property
-    def mesh(self) -> TriangleMesh:
-        """The mesh as it is now; its faces are in the order of :attr:`faces`."""
-        self._compact()
-        vertices = np.ascontiguousarray(self._vertices.T) + self._centre
-        return TriangleMesh(vertices, np.ascontiguousarray(self.faces.T.astype(np.int32)))
-
-    def restore(self, vertices: np.ndarray, points: np.ndarray, factor: float) -> None:
-        """Bring back the original at ``vertices`` and original vertices ``points``, with ``factor`` of its tolerance.
-
-        Notes
-        -----
-        What the vertices stand for becomes single vertices again, while all else stays contracted, as in a
-        vertex hierarchy (Luebke & Erikson, "View-dependent simplification of arbitrary polygonal environments", 1997).
-        Where the two parts do not fit together, more comes back.
-        """
-        again = np.zeros(self._vertices.shape[1], bool)
-        again[vertices] = True
-        again[self._vertex_of_point[points]] = True
-        while True:
-            zone = again[self._vertex_of_point]
-            single = np.flatnonzero(zone)
-            vertex_of_point = self._vertex_of_point.copy()
-            vertex_of_point[single] = len(again) + np.arange(len(single))
-            vertices = np.concatenate([self._vertices, self._points[:, single]], axis=1)
-            original_face = self._original_faces_left(vertex_of_point)
-            corners = vertex_of_point[self._original_faces[:, original_face]]
-            edges, locked = _edges(corners, vertices.shape[1])
-            place = np.full(self._original_faces.shape[1], -1)
-            place[original_face] = np.arange(len(original_face))
-            face_of_point = place[self._original_face[self.face_of_point]]
-            own = zone[self._original_faces]
-            for corner, is_single in zip(self._original_faces[:, original_face], own[:, original_face], strict=True):
-                face_of_point[corner[is_single]] = np.flatnonzero(is_single)
-            # outside the zone: vertices no longer on discs, and points whose face moved away from them
-            border = np.zeros(vertices.shape[1], bool)
-            border[vertex_of_point[self._border]] = True
-            torn = np.flatnonzero(locked & ~border)
-            astray = self._astray(vertices, corners, face_of_point, np.flatnonzero(~zone))
-            if len(astray):
-                changed = np.flatnonzero((corners >= len(again)).any(axis=0))
-                tree = SurfaceTree(TriangleMesh(vertices.T, corners[:, changed].T))
-                distance, nearest = tree.nearest(self._points[:, astray].T)
-                found = distance <= self._tolerance[astray]
-                face_of_point[astray[found]] = changed[nearest[found]]
-                astray = astray[~found]
-            wrong = np.concatenate([torn[torn < len(again)], self._vertex_of_point[astray]])
-            around = np.isin(corners, torn).any(axis=0)
-            near = corners[:, around].ravel()
-            wrong = np.concatenate([wrong, near[near < len(again)]])
-            if len(wrong) == 0:
-                break
-            again[wrong] = True
-        self._tolerance[single] = np.maximum(self._tolerance[single] * factor, self._rounding)
-        unchanged = np.zeros(self._original_faces.shape[1], bool)
-        unchanged[self._original_face[~self.fresh]] = True
-        self.fresh = ~unchanged[original_face] | (corners >= len(again)).any(axis=0)
-        self._vertices, self.faces, self._original_face = vertices, corners, original_face
-        self._quadrics = np.concatenate([self._quadrics, self._original_quadrics[:, single]], axis=1)
-        self._limit = np.concatenate([self._limit, self._tolerance[single]])
-        self._vertex_of_point, self.face_of_point = vertex_of_point, face_of_point
-        self._edges, self._locked = edges, border
-        self._compact()
-        self._cost = self._costs(self._edges)
-
-    def _original_faces_left(self, vertex_of_point: np.ndarray) -> np.ndarray:
-        """Original faces whose corners stand for three vertices: those that are left of the surface."""
-        a, b, c = (vertex_of_point[corner] for corner in self._original_faces)
-        return np.flatnonzero((a != b) & (b != c) & (c != a))
-
-    def _astray(
-        self, vertices: np.ndarray, faces: np.ndarray, face_of_point: np.ndarray, points: np.ndarray
-    ) -> np.ndarray:
-        """Those of ``points`` (N,) that lie farther than their tolerance from the face that tracks them."""
-        start, first, second = (np.take(vertices, corner[face_of_point[points]], axis=1) for corner in faces)
-        squared = squared_triangle_distances(first - start, second - start, self._points[:, points] - start)
-        return points[squared > self._tolerance[points] ** 2]
+    def heirs(self) -> np.ndarray:
+        """``(V,)`` for each vertex of the patch the one of the patch that it has become."""
+        heir = self._heir
+        while not np.array_equal(further := heir[heir], heir):
+            heir = further
+        return heir
 
     def collapse(self) -> tuple[int, int]:
         """One round: the numbers of edges that it tried and of those that it collapsed."""
@@ -152,22 +103,35 @@ class EdgeCollapse:
         if len(chosen) == 0:
             return 0, 0
         first, second = self._edges[:, chosen]
-        position = best_positions(self._vertices, self._quadrics, first, second)[0]
-        stars = EdgeStars(self._vertices, self.faces, first, second, position)
+        position = best_positions(self.vertices, self.quadrics, first, second)[0]
+        stars = EdgeStars(self.vertices, self.faces, self._neighbours, first, second, position)
+        crease = np.minimum(self.crease[first], self.crease[second])
+        stars.refuse_bad_shapes(self._normals, self._quality, self.crease, crease)
         good = stars.good
         tracked, face = self._tracked(stars, good)
         self._cost[chosen[~good]] = np.inf
         kept = good[stars.of_face[self.face_of_point[tracked]]]
         self.face_of_point[tracked[kept]] = face[kept]
-        self._commit(stars, first[good], second[good], position[:, good], good)
+        self._commit(stars, first[good], second[good], position[:, good])
         return len(chosen), int(good.sum())
+
+    def compact(self) -> None:
+        """Forget the vertices that no face uses, so that a round costs what is left."""
+        used = np.zeros(self.vertices.shape[1], bool)
+        used[self.faces] = True
+        renamed = np.cumsum(used) - 1
+        self.faces, self._edges = renamed[self.faces], renamed[self._edges]
+        self.vertices, self.quadrics = (np.compress(used, each, axis=1) for each in (self.vertices, self.quadrics))
+        self.limit, self.crease = self.limit[used], self.crease[used]
+        self._fixed, self.vertex = self._fixed[used], self.vertex[used]
+        self._vertex_count = len(self.vertex)
 
     def _costs(self, edges: np.ndarray) -> np.ndarray:
         """``(E,)`` float32; infinite where the collapse is out of the question."""
         first, second = edges
-        _, mean_squared, cost = best_positions(self._vertices, self._quadrics, first, second)
-        limit = _MOST_RMS * np.minimum(self._limit[first], self._limit[second])
-        cost[(mean_squared > limit * limit) | self._locked[first] | self._locked[second]] = np.inf
+        _, mean_squared, cost = best_positions(self.vertices, self.quadrics, first, second)
+        limit = _MOST_RMS * np.minimum(self.limit[first], self.limit[second])
+        cost[(mean_squared > limit * limit) | self._fixed[first] | self._fixed[second]] = np.inf
         return cost.astype(np.float32)
 
     def _selected(self) -> np.ndarray:
@@ -179,7 +143,7 @@ class EdgeCollapse:
         key = ((self._cost[free].view(np.int32) >> _COST_BITS).astype(np.int64) << 32) | scattered.astype(np.int64)
         first, second = self._edges[:, free]
         all_first, all_second = self._edges
-        taken = np.zeros(self._vertices.shape[1], bool)
+        taken = np.zeros(self.vertices.shape[1], bool)
         chosen = []
         for _ in range(_SELECTIONS):
             if len(free) == 0:
@@ -229,59 +193,39 @@ class EdgeCollapse:
         good[star[lost[nearest > limit[lost]]]] = False
         return points, stars.face[row]
 
-    def _commit(
-        self, stars: EdgeStars, first: np.ndarray, second: np.ndarray, position: np.ndarray, good: np.ndarray
-    ) -> None:
-        self._vertices[:, first] = position
-        self._quadrics[:, first] += self._quadrics[:, second]
-        self._limit[first] = np.minimum(self._limit[first], self._limit[second])
+    def _commit(self, stars: EdgeStars, first: np.ndarray, second: np.ndarray, position: np.ndarray) -> None:
+        self.vertices[:, first] = position
+        self.quadrics[:, first] += self.quadrics[:, second]
+        self.limit[first] = np.minimum(self.limit[first], self.limit[second])
+        self.crease[first] = np.minimum(self.crease[first], self.crease[second])
+        self._heir[self.vertex[second]] = self.vertex[first]
         self._vertex_count -= len(first)
+        row = np.flatnonzero(stars.good[stars.star])
+        changed = stars.face[row]
+        self.fresh[changed] = True
+        self._normals[:, changed], self._quality[changed] = stars.normals[:, row], stars.quality[row]
+        self._neighbours.ravel()[stars.sides[:, row]] = stars.neighbours[:, row]
         kept = np.ones(self.faces.shape[1], bool)
-        kept[stars.removed_face[good[stars.removed_star]]] = False
-        self.fresh[stars.face[good[stars.star]]] = True
-        self.face_of_point = (np.cumsum(kept) - 1)[self.face_of_point]
-        renamed = np.arange(self._vertices.shape[1])
+        kept[stars.removed_face[stars.good[stars.removed_star]]] = False
+        place = np.append(np.cumsum(kept) - 1, -1)
+        self.face_of_point = place[self.face_of_point]
+        renamed = np.arange(self.vertices.shape[1])
         renamed[second] = first
-        self.faces = renamed[self.faces[:, kept]]
-        self._original_face, self.fresh = self._original_face[kept], self.fresh[kept]
-        self._vertex_of_point = renamed[self._vertex_of_point]
+        # np.compress keeps rows together, indexing by a mask does not
+        self.faces = renamed[np.compress(kept, self.faces, axis=1)]
+        self._neighbours = place[np.compress(kept, self._neighbours, axis=1)]
+        self.face, self.fresh = self.face[kept], self.fresh[kept]
+        self._normals, self._quality = np.compress(kept, self._normals, axis=1), self._quality[kept]
         moved = np.zeros(len(renamed), bool)
         moved[first] = True
         self._edges = renamed[self._edges]
         changed = moved[self._edges[0]] | moved[self._edges[1]]
-        edges = _unique_edges(self._edges[:, changed], len(renamed))
+        edges = _unique_edges(np.compress(changed, self._edges, axis=1), len(renamed))
         costs = self._costs(edges)
-        self._edges = np.concatenate([self._edges[:, ~changed], edges], axis=1)
+        self._edges = np.concatenate([np.compress(~changed, self._edges, axis=1), edges], axis=1)
         self._cost = np.concatenate([self._cost[~changed], costs])
         if 2 * self._vertex_count < len(renamed):
-            self._compact()
-
-    def _compact(self) -> None:
-        """Forget the vertices that no face uses, so that a round costs what is left."""
-        used = np.zeros(self._vertices.shape[1], bool)
-        used[self.faces] = True
-        renamed = np.cumsum(used) - 1
-        self.faces, self._edges = renamed[self.faces], renamed[self._edges]
-        self._vertex_of_point = renamed[self._vertex_of_point]
-        self._vertices, self._quadrics = self._vertices[:, used], self._quadrics[:, used]
-        self._limit, self._locked = self._limit[used], self._locked[used]
-        self._vertex_count = int(used.sum())
-
-
-def _edges(faces: np.ndarray, vertex_count: int) -> tuple[np.ndarray, np.ndarray]:
-    """``(2, E)`` edges of faces ``(3, F)``; ``(V,)`` bool: vertices on a border, a seam or an edge of many faces."""
-    start, end = faces.ravel(), faces[[1, 2, 0]].ravel()
-    # the lowest bit is the direction: an inner edge has both, once
-    key = np.sort((np.minimum(start, end) * vertex_count + np.maximum(start, end)) * 2 + (start > end))
-    edge = key >> 1
-    first = np.flatnonzero(np.append(True, edge[1:] != edge[:-1]))
-    size = np.diff(np.append(first, len(edge)))
-    inner = size == 2
-    inner[inner] = key[first[inner]] != key[first[inner] + 1]
-    edges = np.stack([edge[first] // vertex_count, edge[first] % vertex_count])
-    locked = np.zeros(vertex_count, bool)
-    locked[edges[:, ~inner]] = True
-    return edges, locked
+            self.compact()
 
 
 def _unique_edges(edges: np.ndarray, vertex_count: int) -> np.ndarray:

@@ -5,8 +5,9 @@ Source: the link condition of Dey et al., "Topology preserving edge contraction"
 
 import numpy as np
 
-from .quadrics import cross, dot
+from .quadrics import dot
 from .triangle_distance import squared_triangle_distances
+from .triangle_shape import DEGENERATE, shapes
 
 _BLOCK = 1 << 11
 """Points at a time, whose numbers stay in the cache."""
@@ -14,8 +15,10 @@ _SMALLEST_COSINE = 0.5
 """Between the normals of a face before and after a collapse."""
 _SMALLEST_QUALITY = 0.05
 """Of a face: 1 equilateral, 0 without area. Worse ones may only get better."""
-_DEGENERATE = 1e-3
-"""Quality below which a face has no normal to speak of."""
+_SHARPEST_COSINE = 0.5
+"""Between the normals of neighbouring faces where the original has no crease."""
+_SHARPER = 0.1
+"""How much smaller it may be than in a sharper crease of the original."""
 
 
 class EdgeStars:
@@ -24,43 +27,70 @@ class EdgeStars:
     Attributes
     ----------
     good
-        ``(S,)`` bool: the collapse keeps a manifold, flips no face and makes no sliver.
+        ``(S,)`` bool: the collapse keeps a manifold, flips and folds no face and makes no sliver.
     of_face, row_of_face
         ``(F,)`` for each face its star and its row, -1 if none.
-    face
-        ``(R,)`` for each row its face.
+    face, star
+        ``(R,)`` for each row its face and its star.
+    normals, quality
+        ``(3, R)`` unit normals of the rows, and ``(R,)`` their quality.
+    sides, neighbours
+        ``(3, R)`` places of the rows' sides in an array ``(3, F)`` that is raveled, and the faces beyond them.
     removed_face, removed_star
         Faces that vanish, and the stars they vanish from.
     """
 
     def __init__(
-        self, vertices: np.ndarray, faces: np.ndarray, first: np.ndarray, second: np.ndarray, position: np.ndarray
+        self,
+        vertices: np.ndarray,
+        faces: np.ndarray,
+        neighbours: np.ndarray,
+        first: np.ndarray,
+        second: np.ndarray,
+        position: np.ndarray,
     ) -> None:
-        count, vertex_count = len(first), vertices.shape[1]
+        count, (_, vertex_count), (_, face_count) = len(first), vertices.shape, faces.shape
         star_of_vertex = np.full(vertex_count, -1)
         star_of_vertex[first] = star_of_vertex[second] = np.arange(count)
         corner_star = star_of_vertex[faces]
         self.of_face = np.maximum(np.maximum(corner_star[0], corner_star[1]), corner_star[2])
         touched = np.flatnonzero(self.of_face >= 0)
         star, inner, corners = self.of_face[touched], corner_star[:, touched] >= 0, faces[:, touched]
-        removed = inner.sum(axis=0) == 2
+        removed = (inner[0].view(np.int8) + inner[1] + inner[2]) == 2
         self.removed_face, self.removed_star = touched[removed], star[removed]
-        opposite = np.where(inner[:, removed], 0, corners[:, removed]).sum(axis=0)
         self.face, self.star = touched[~removed], star[~removed]
-        inner, corners = inner[:, ~removed], corners[:, ~removed]
-        old = np.where(inner[0], corners[0], np.where(inner[1], corners[1], corners[2]))
-        left = np.where(inner[0], corners[1], np.where(inner[1], corners[2], corners[0]))
-        right = np.where(inner[0], corners[2], np.where(inner[1], corners[0], corners[1]))
-        self.row_of_face = np.full(faces.shape[1], -1)
+        self.row_of_face = np.full(face_count, -1)
         self.row_of_face[self.face] = np.arange(len(self.face))
+        apart, inner = inner[:, removed], inner[:, ~removed]
+        # faces without an inner corner on the side from corner to corner + 1
+        opposite = np.where(apart, 0, corners[:, removed]).sum(axis=0)
+        corner = inner[1] + 2 * inner[2].astype(np.intp)
+        self.sides = np.stack([(corner + turn) % 3 * face_count for turn in range(3)]) + self.face
+        left, right = (faces.ravel()[self.sides[turn]] for turn in (1, 2))
+        self.ring = left, right
         self._apex = np.take(position, self.star, axis=1)
         a, b = np.take(vertices, left, axis=1), np.take(vertices, right, axis=1)
         self._left, self._right = a - self._apex, b - self._apex
+        self.normals, self.quality = shapes(self._left, self._right)
+        self.neighbours = self._neighbours(neighbours, np.where(apart[2], np.where(apart[1], 1, 2), 0))
         self.good = self._manifold(count, opposite, left, right, vertex_count)
-        self.good[self.star[self._worse(np.take(vertices, old, axis=1), a, b)]] = False
         self._order = np.argsort(self.star, kind="stable")
         self._size = np.bincount(self.star, minlength=count)
         self.start = np.cumsum(self._size) - self._size
+
+    def _neighbours(self, neighbours: np.ndarray, between: np.ndarray) -> np.ndarray:
+        """``(3, R)`` faces beyond the rows' sides; ``between`` is the side along the edge, of faces that vanish."""
+        found = neighbours.ravel()[self.sides]
+        # across a face that vanishes: its two others
+        around = np.take(neighbours, self.removed_face, axis=1)
+        others = np.zeros(neighbours.shape[1], np.intp)
+        others[self.removed_face] = around.sum(axis=0) - around[between, np.arange(len(between))]
+        for side in (0, 2):
+            vanishes = self.row_of_face[found[side]] < 0
+            found[side, vanishes] = others[found[side, vanishes]] - self.face[vanishes]
+        # where the edge cannot collapse anyway
+        found[(found < 0) | (found >= neighbours.shape[1])] = -1
+        return found
 
     def _manifold(
         self, count: int, opposite: np.ndarray, left: np.ndarray, right: np.ndarray, vertex_count: int
@@ -79,19 +109,32 @@ class EdgeStars:
         good[ring[1:][ring[1:] == ring[:-1]] // vertex_count] = False
         return good
 
-    def _worse(self, old: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """``(R,)`` bool: the face flips over or becomes a sliver, where its inner corner was ``old`` (3, R)."""
-        normal, before = cross(self._left, self._right), cross(a - old, b - old)
-        across = dot(b - a, b - a)
-        squared, squared_before = dot(normal, normal), dot(before, before)
-        sides = dot(self._left, self._left) + dot(self._right, self._right) + across
-        sides_before = dot(a - old, a - old) + dot(b - old, b - old) + across
-        quality = 12 * squared / np.maximum(sides * sides, 1e-300)
-        quality_before = 12 * squared_before / np.maximum(sides_before * sides_before, 1e-300)
-        along = dot(normal, before)
-        flipped = (along < 0) | (along * along < _SMALLEST_COSINE**2 * squared * squared_before)
-        sliver = (quality < _SMALLEST_QUALITY**2) & (quality <= quality_before) | (quality < 1e-10)
-        return (flipped & (quality_before > _DEGENERATE**2)) | sliver
+    def refuse_bad_shapes(
+        self, normals: np.ndarray, quality: np.ndarray, crease: np.ndarray, crease_of_star: np.ndarray
+    ) -> None:
+        """Take back :attr:`good` where a face flips, folds over its neighbour, or becomes a sliver.
+
+        Parameters
+        ----------
+        normals, quality
+            ``(3, F)`` and ``(F,)`` of the faces before.
+        crease, crease_of_star
+            ``(V,)`` and ``(S,)`` cosine of the sharpest crease of the original at vertices and at the new ones.
+        """
+        before, quality_before = np.take(normals, self.face, axis=1), quality[self.face]
+        flipped = (dot(self.normals, before) < _SMALLEST_COSINE) & (quality_before > DEGENERATE)
+        sliver = (self.quality < _SMALLEST_QUALITY) & (self.quality <= quality_before) | (self.quality < 1e-5)
+        left, right = (crease[corners] for corners in self.ring)
+        of_star = crease_of_star[self.star]
+        next_row = self.row_of_face[self.neighbours[0]]
+        folded = dot(self.normals, np.take(self.normals, next_row, axis=1)) < _allowed(np.minimum(of_star, left))
+        beyond = self.neighbours[1]
+        limit = np.where(beyond < 0, -2, _allowed(np.minimum(np.minimum(left, right), of_star)))
+        folded |= dot(self.normals, np.take(normals, beyond, axis=1)) < limit
+        # the face beyond may belong to another star, whose collapse may happen or not
+        row = self.row_of_face[beyond]
+        folded |= (dot(self.normals, np.take(self.normals, row, axis=1)) < limit) & (row >= 0)
+        self.good[self.star[flipped | sliver | folded]] = False
 
     def squared_distances(self, row: np.ndarray, points: np.ndarray) -> np.ndarray:
         """``(N,)`` of points ``(3, N)`` from rows ``(N,)``, mm^2."""
@@ -114,3 +157,8 @@ class EdgeStars:
             best[point[hit]] = rows[hit]
             squared[block], row[block] = least, best
         return squared, row
+
+
+def _allowed(crease: np.ndarray) -> np.ndarray:
+    """Smallest cosine between neighbouring faces, where the original has one of ``crease``."""
+    return np.minimum(_SHARPEST_COSINE, crease - _SHARPER)

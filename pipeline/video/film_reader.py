@@ -77,8 +77,16 @@ class FilmFrame:
 class Film:
     """A video that is being decoded: a context manager, and an iterator over its frames."""
 
-    def __init__(self, path: Path, *, every: int = 1, from_s: float = 0.0, to_s: float | None = None) -> None:
-        """Start decoding; leave the context to stop.
+    def __init__(
+        self,
+        path: Path,
+        *,
+        every: int = 1,
+        from_s: float = 0.0,
+        to_s: float | None = None,
+        width: int = SMALL_WIDTH,
+    ) -> None:
+        """Start decoding; leave the context to stop. Pictures wider than ``width`` px come in this width.
 
         Raises
         ------
@@ -87,12 +95,11 @@ class Film:
         """
         self.path = Path(path)
         _check_video(self.path)
-        small_bytes = FRAME_HEAD.size + 3 * SMALL_WIDTH * LARGEST_FRAME
         self._parts = streamed_apart(
             film_in_parts,
-            (str(self.path), SMALL_WIDTH, every, from_s, to_s),
+            (str(self.path), width, every, from_s, to_s),
             seconds=PART_SECONDS,
-            most_bytes=min(small_bytes, 1 << 28),
+            most_bytes=FRAME_HEAD.size + 3 * LARGEST_FRAME,
         )
         try:
             first = next(self._parts, None)

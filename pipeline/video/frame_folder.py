@@ -101,9 +101,7 @@ def write_frames(
         picture = without_combs(pixels) if score.comb > COMBED else pixels
         mask = tissue_mask(picture, scores.compared[by_index[index]], scores.inside, scores.circle)
         _write_new(image_file, encode_png(picture))
-        alpha = np.where(mask, 255, 0).astype(np.uint8)
-        with writing(masked_file):
-            write_bytes_atomically(masked_file, signed(encode_png(np.dstack([picture, alpha]))))
+        _write_masked(masked_file, picture, mask)
         written[index] = ChosenFrame(score, image_file, masked_file, float(mask.mean()))
         tiles[index] = _tiles(picture, mask, score, [each.index for each in chosen].index(index) + 1)
         if progress:
@@ -116,6 +114,44 @@ def write_frames(
     with writing(out / TABLE):
         write_csv(out / TABLE, COLUMNS, _rows(scores.frames, in_order))
     return [written[index] for index in in_order]
+
+
+def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore, *, masked: bool = False) -> Path:
+    """Write one frame, chosen or not, under the name and with the content that :func:`write_frames` gives it.
+
+    Parameters
+    ----------
+    video, folder
+        The film, and an existing folder.
+    scores, score
+        Of the film; of the frame.
+    masked
+        Write alpha 0 where it shows no tissue, instead of the frame as decoded.
+
+    Returns
+    -------
+    The file.
+
+    Raises
+    ------
+    InputError
+        The file exists with other content, or the frame cannot be decoded.
+    RunError
+        The file cannot be written.
+    """
+    image_file, masked_file = _files(video, folder, score)
+    written = masked_file if masked else image_file
+    check_outputs([companion(masked_file, PNG) if masked else companion(image_file, PNG, lambda _: True)],
+                  {"video": video})  # fmt: skip
+    for _, pixels in _pictures(video, scores, [score.index]):
+        picture = without_combs(pixels) if score.comb > COMBED else pixels
+        if masked:
+            compared = scores.compared[scores.frames.index(score)]
+            _write_masked(written, picture, tissue_mask(picture, compared, scores.inside, scores.circle))
+        else:
+            _write_new(written, encode_png(picture))
+        return written
+    raise InputError(f"{video.name}: cannot decode frame {score.index}; use another frame")
 
 
 def _pictures(video: Path, scores: FilmScores, numbers: Sequence[int]) -> Iterator[tuple[int, np.ndarray]]:
@@ -141,6 +177,12 @@ def _write_new(path: Path, data: bytes) -> None:
         )
     with writing(path):
         write_bytes_atomically(path, data)
+
+
+def _write_masked(path: Path, picture: np.ndarray, mask: np.ndarray) -> None:
+    alpha = np.where(mask, 255, 0).astype(np.uint8)
+    with writing(path):
+        write_bytes_atomically(path, signed(encode_png(np.dstack([picture, alpha]))))
 
 
 def _tiles(picture: np.ndarray, mask: np.ndarray, score: FrameScore, rank: int) -> list[np.ndarray]:

@@ -11,6 +11,7 @@ from ..errors import InputError
 from .film_reader import Film, FilmFrame, FilmInfo
 from .frame_measures import BURNT_OUT, VIEW_WIDTH, FrameMeasures, measured, motion_px, view_of
 from .passage import MOST_FRAMES, ComparedFrame, PassageComparison
+from .thumbnails import Thumbnails
 from .view_circle import Circle, lit_part, view_circle
 
 COMBED = 1.1
@@ -101,6 +102,7 @@ def score_frames(
     from_s: float = 0.0,
     to_s: float | None = None,
     progress: Callable[[float], None] | None = None,
+    thumbnails: Thumbnails | None = None,
 ) -> FilmScores:
     """Score the frames of a video.
 
@@ -114,6 +116,8 @@ def score_frames(
         Score only frames displayed from ... to before these times.
     progress
         Called after each frame with the fraction done; an exception that it raises stops the work. Any thread.
+    thumbnails
+        Gets small pictures of the film, which is decoded only once.
 
     Raises
     ------
@@ -124,6 +128,8 @@ def score_frames(
         scorer, count = FilmScorer(film.info, progress), 0
         for frame in film:
             scorer.add(frame)
+            if thumbnails is not None:
+                thumbnails.add(frame)
             count += 1
         frames = scorer.finished()
         broken = film.broken or count < film.info.frames or film.info.missing_s > 0

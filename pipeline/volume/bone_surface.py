@@ -116,6 +116,11 @@ def bone_surface(
     return BoneSurface(surface, faces)
 
 
+def moved_mm(grid: VoxelGrid, tolerance_mm: float) -> float:
+    """How far the surface of what was removed may lie from its distance field: sampled, smoothed, simplified."""
+    return 0.1 * float(grid.spacing_mm.min()) + tolerance_mm / FINER
+
+
 def removed_ball(grid: VoxelGrid, solid: np.ndarray, removed: RemovedField) -> Ball | None:
     """The ball around the bone that was removed; ``None`` if it was none."""
     taken = taken_bone(solid, removed)
@@ -157,5 +162,5 @@ def _simplified(
         depth, height, width = removed.distance_mm.shape
         box = Sampler(grid.shifted(removed.first, (width, height, depth)), mesh.vertices)
         distance = box.values(removed.distance_mm, outside=np.inf)
-        drilled = distance < finish.tolerance_mm / FINER + 0.1 * grid.spacing_mm.min()
+        drilled = distance < moved_mm(grid, finish.tolerance_mm)
     return Isosurface(mesh, drilled)

@@ -12,6 +12,7 @@ from .resampling import Sampler
 from .volume import VoxelGrid
 
 _FEW = 100
+_ROUNDING_MM = 1e-3
 
 
 @dataclass(frozen=True)
@@ -77,14 +78,14 @@ def clearances(
     return tuple(sorted(found, key=lambda each: each.smallest_mm))
 
 
-def violations(found: Sequence[Clearance], allowance_mm: float) -> list[str]:
-    """A sentence for each margin that was not held, by more than ``allowance_mm`` (what simplification may move)."""
+def violations(found: Sequence[Clearance]) -> list[str]:
+    """A sentence for each margin that was not held."""
     sentences = []
     for each in found:
         place = f"({', '.join(f'{value:.1f}' for value in each.at)}) mm"
         if each.smallest_mm < 0:
             sentences.append(f"{each.structure}: the drill went {-each.smallest_mm:.2f} mm into it, at {place}")
-        elif each.margin_mm is not None and each.smallest_mm < each.margin_mm - allowance_mm:
+        elif each.margin_mm is not None and each.smallest_mm < each.margin_mm - _ROUNDING_MM:
             sentences.append(
                 f"{each.structure}: expected a margin of {each.margin_mm:g} mm, found {each.smallest_mm:.2f} mm at "
                 f"{place}"

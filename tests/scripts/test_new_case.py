@@ -199,6 +199,15 @@ def test_the_colours_are_those_that_blender_reads(given, tmp_path, kind):
     assert own.all() == (kind != "rgba")
 
 
+def test_structures_by_choice(given, tmp_path):
+    shutil.copy(given / "surface" / "structures" / "facial_nerve.ply", given / "chorda.ply")
+    break_record(given, lambda record: record["structures"].update(bone=record["structures"]["facial_nerve"]))
+    assert dispatch([*line(given, only="facial_nerve"), "--structure", str(given / "chorda.ply")]) == 0
+    case = read_case(tmp_path / "case" / "case.toml")
+    assert [structure.name for structure in case.structures] == ["chorda", "facial_nerve"]
+    assert case.structures[0].colour == (0, 1, 0)
+
+
 def test_k_of_another_size_is_refused_with_the_factor_or_rescaled(given, tmp_path):
     (given / "camera.json").write_text(
         json.dumps(K | {"width": 2 * WIDTH, "height": 2 * HEIGHT, "cx": 95.5, "cy": 71.5})
@@ -328,6 +337,7 @@ WRONG = {
     "a structure twice": (
         lambda given: {"structure": f"facial_nerve={given}/surface/surface.ply"}, "'facial_nerve' twice"
     ),
+    "a structure that the folder lacks": (lambda given: {"only": "facial nrve"}, "did you mean 'facial_nerve'"),
     "a structure without a file": (lambda given: {"structure": "nerve="}, "NAME=FILE"),
     "one file for two structures": (
         lambda given: {"structure": f"facial nerve={given}/surface/surface.ply"}, "'facial_nerve'"

@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from pipeline.surface.mesh import TriangleMesh
+from pipeline.volume.bone_surface import moved_mm
 from pipeline.volume.clearance import clearances, violations
 from pipeline.volume.drill_plan import DrillPlan, Stroke
 from pipeline.volume.drilled_volume import removed_by_plan
@@ -35,20 +36,20 @@ def test_distances_are_those_of_the_drilled_surface_the_nearest_first():
     assert near.smallest_mm == pytest.approx(2, abs=0.03)
     np.testing.assert_allclose(near.at, MIDDLE - (0, 3, 0), atol=0.4)
     assert (far.margin_mm, far.smallest_mm) == (None, pytest.approx(4, abs=0.03))
-    sentences = violations(found, 0.05)
+    sentences = violations(found)
     assert len(sentences) == 2
     assert sentences[0].startswith("gone: the drill went ")
     assert sentences[1].startswith("near: expected a margin of 2.5 mm, found 2.0")
-    assert violations(found[1:], 0.6) == []
+    assert violations([far]) == []
 
 
 def test_margins_that_were_kept_are_no_violation():
     structures = {"nerve": ball(1, MIDDLE - (0, 3, 0))}
     plan = DrillPlan((Stroke(3.0, MIDDLE[None]),), {"nerve": 1.2})
-    removed = removed_by_plan(plan, GRID, structures)
+    removed = removed_by_plan(plan, GRID, structures, slack_mm=moved_mm(GRID, 0.0))
     assert removed is not None
     surface = isosurface(BONE, 300, GRID, removed=removed)
     (nerve,) = clearances(surface, removed, GRID, structures, plan.margins_mm)
-    assert nerve.smallest_mm == pytest.approx(1.2, abs=0.05)
-    assert violations([nerve], 0.05) == []
+    assert 1.2 <= nerve.smallest_mm < 1.25 + moved_mm(GRID, 0.0)
+    assert violations([nerve]) == []
     assert clearances(isosurface(BONE, 300, GRID), removed, GRID, structures, {}) == ()

@@ -31,6 +31,7 @@ from ...case.structure_place import place_doubt
 from ...case.surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_folder, structure_file
 from ...case.surface_size import extents_of, size_doubt, size_text
 from ...errors import InputError
+from ...files.keys import nearest_name
 from ...files.kinds import PNG
 from ...files.numbers import MM_PER_UNIT
 from ...files.outputs import check_outputs
@@ -59,6 +60,8 @@ class CaseInputs:
         The folder of ``oneframe surface``, or a mesh file.
     structures
         Further structures, with their meshes in the frame and unit of the surface.
+    only
+        Names of the structures that are taken from the folder; ``None`` for all.
     units
         ``"mm"`` or ``"m"``: the unit of the meshes and the pose.
     frame, frame_number
@@ -75,6 +78,7 @@ class CaseInputs:
 
     surface: Path
     structures: tuple[Structure, ...]
+    only: tuple[str, ...] | None
     units: str
     frame: Path
     frame_number: int | None
@@ -161,7 +165,12 @@ def _surface(given: CaseInputs) -> SurfaceFolder:
         found = read_surface_folder(given.surface)
     else:
         found = SurfaceFolder(given.surface, (), None)
-    structures = [*found.structures, *given.structures]
+    known = {structure.name: structure for structure in found.structures}
+    for name in given.only or ():
+        if name not in known:
+            raise InputError(f"{given.surface}: expected a structure {name!r}; {nearest_name(name, tuple(known))}")
+    taken = [structure for name, structure in known.items() if given.only is None or name in given.only]
+    structures = [*taken, *given.structures]
     names = [structure.name for structure in structures]
     if repeated := sorted({name for name in names if names.count(name) > 1}):
         raise InputError(f"structures: expected a different name for each, found {repeated[0]!r} twice")

@@ -1,0 +1,160 @@
+"""Keys, wheel and buttons of the strip: step, go to the best frames, zoom the time axis, take.
+
+The keys work where the pointer is over the strip; elsewhere they are those of the tool.
+"""
+
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, FloatProperty, IntProperty
+
+from ..registration import class_registration, prop
+from ..ui.keymap import TOOLS, keymap_of
+from ..ui.operator import OperatorResult, redraw
+from . import session, shown_frame, strip_layout
+from .operators import NeedsFilm
+from .strip_layout import StripLayout
+
+
+class OverStrip(NeedsFilm):
+    """Mixin: a key counts only where the pointer is over the strip."""
+
+    key: bool = prop(BoolProperty(description="Called by a key", options={"SKIP_SAVE", "HIDDEN"}))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        """Called by Blender."""
+        layout = None
+        if context.region is not None and context.region.type == "WINDOW":
+            layout = StripLayout.of(context)
+        inside = layout is not None and layout.contains(event.mouse_region_x, event.mouse_region_y)
+        if self.key and not inside:
+            return {"PASS_THROUGH"}
+        self.time_s = layout.time_at(event.mouse_region_x) if inside and layout is not None else None
+        return self.execute(context)
+
+    time_s: float | None = None
+    """Under the pointer."""
+
+
+def _show(context: bpy.types.Context, at: int) -> None:
+    film = session.scored(context.scene)
+    shown_frame.show(context.scene, at)
+    film.span_s = strip_layout.following(film)
+
+
+class ONEFRAME_OT_video_step(OverStrip, bpy.types.Operator):
+    """Show the next or the previous frame of the video"""
+
+    bl_idname = "oneframe.video_step"
+    bl_label = "Next Frame"
+    bl_options = {"INTERNAL"}
+
+    step: int = prop(IntProperty(name="Step", default=1))
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        """Called by Blender."""
+        _show(context, session.scored(context.scene).shown + self.step)
+        return {"FINISHED"}
+
+
+class ONEFRAME_OT_video_best(OverStrip, bpy.types.Operator):
+    """Show the next or the previous one of the best frames of the video, by rank"""
+
+    bl_idname = "oneframe.video_best"
+    bl_label = "Next Best"
+    bl_options = {"INTERNAL"}
+
+    step: int = prop(IntProperty(name="Step", default=1))
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        """Called by Blender."""
+        film = session.scored(context.scene)
+        if not film.best:
+            self.report({"INFO"}, "No frame of this video shows anything sharply")
+            return {"CANCELLED"}
+        rank = film.rank(film.shown)
+        # from any other frame to the best one
+        at = film.best[(rank - 1 + self.step) % len(film.best)] if rank else film.best[0]
+        _show(context, at)
+        return {"FINISHED"}
+
+
+class ONEFRAME_OT_video_zoom(OverStrip, bpy.types.Operator):
+    """Zoom the time axis about the pointer"""
+
+    bl_idname = "oneframe.video_zoom"
+    bl_label = "Zoom Time"
+    bl_options = {"INTERNAL"}
+
+    factor: float = prop(FloatProperty(name="Factor", description="0 for the whole film", default=1.5, min=0, max=100))
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        """Called by Blender."""
+        film = session.scored(context.scene)
+        about = film.score.time_s if self.time_s is None else self.time_s
+        film.span_s = strip_layout.zoomed(film, film.span_s, self.factor, about) if self.factor else film.whole_span_s
+        redraw(context)
+        return {"FINISHED"}
+
+
+class ONEFRAME_OT_video_take_key(OverStrip, bpy.types.Operator):
+    """Take the frame in view"""
+
+    bl_idname = "oneframe.video_take_key"
+    bl_label = "Take Frame"
+    bl_options = {"INTERNAL"}
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        """Called by Blender."""
+        # a key begins the thread, with its progress; scripts wait
+        bpy.ops.oneframe.take_frame("INVOKE_DEFAULT")  # type: ignore[attr-defined]
+        return {"FINISHED"}
+
+
+_KEYS: tuple[tuple[str, Any, bool, dict[str, object]], ...] = (
+    ("oneframe.video_zoom", "WHEELINMOUSE", False, {"factor": 1.5}),
+    ("oneframe.video_zoom", "WHEELOUTMOUSE", False, {"factor": 1 / 1.5}),
+    ("oneframe.video_zoom", "HOME", False, {"factor": 0.0}),
+    ("oneframe.video_step", "LEFT_ARROW", False, {"step": -1}),
+    ("oneframe.video_step", "RIGHT_ARROW", False, {"step": 1}),
+    ("oneframe.video_best", "LEFT_ARROW", True, {"step": -1}),
+    ("oneframe.video_best", "RIGHT_ARROW", True, {"step": 1}),
+    ("oneframe.video_take_key", "RET", False, {}),
+    ("oneframe.video_take_key", "NUMPAD_ENTER", False, {}),
+)
+"""Operator, event, Ctrl, settings."""
+
+_added: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
+_register, _unregister = class_registration(
+    (ONEFRAME_OT_video_step, ONEFRAME_OT_video_best, ONEFRAME_OT_video_zoom, ONEFRAME_OT_video_take_key)
+)
+
+
+def register() -> None:
+    """Register the operators and their keys, for the add-on's tools and for all others.
+
+    Of the bindings of a key, Blender tries the one that was added last first. So this module comes after the tools.
+    """
+    _register()
+    configuration = bpy.context.window_manager.keyconfigs.addon
+    if configuration is None:
+        return
+    tools = [
+        configuration.keymaps.new(name=keymap_of(tool), space_type="VIEW_3D", region_type="WINDOW", tool=True)
+        for tool in TOOLS
+    ]
+    for keymap in (*tools, configuration.keymaps.new(name="3D View", space_type="VIEW_3D")):
+        for operator, kind, ctrl, given in _KEYS:
+            item = keymap.keymap_items.new(operator, kind, "PRESS", ctrl=ctrl, repeat="ARROW" in kind)
+            settings = {**given, "key": True}
+            for name, value in settings.items():
+                setattr(item.properties, name, value)
+            _added.append((keymap, item))
+
+
+def unregister() -> None:
+    """Undo :func:`register`."""
+    for keymap, item in _added:
+        keymap.keymap_items.remove(item)
+    _added.clear()
+    _unregister()

@@ -1,0 +1,183 @@
+"""Operators that open a video, score it again, and take the frame in view as that of the case."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import bpy
+from bpy.props import BoolProperty, FloatProperty, IntProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
+
+from ..pipeline.blender.bridge.image import read_image
+from ..pipeline.errors import InputError
+from ..pipeline.video.frame_folder import write_frame
+from ..registration import class_registration, prop
+from ..state import camera_view, from_scene, to_scene, workbench
+from ..state.session_files import session_folder
+from ..ui.background_operator import InBackground, Work
+from ..ui.operator import Messages, OperatorResult, Reporting
+from ..view.fit import fit_soon
+from . import session, shown_frame
+from .session import FilmSession
+
+VIDEOS = "*.mp4;*.avi;*.mov;*.mkv;*.m4v;*.mpg;*.mpeg;*.webm;*.ts;*.mts;*.wmv;*.mxf"
+
+
+class NeedsFilm(bpy.types.Operator):
+    """Mixin: available once a video is scored."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Called by Blender."""
+        if session.of(context.scene) is not None:
+            return True
+        cls.poll_message_set("Open a video first")
+        return False
+
+
+class ONEFRAME_OT_open_video(InBackground, bpy.types.Operator, ImportHelper):
+    """Open a video of the microscope: its frames are scored, and shown as a strip to choose one from"""
+
+    bl_idname = "oneframe.open_video"
+    bl_label = "Open Video"
+    # without REGISTER: Adjust Last Operation would score again, and cover the strip
+    bl_options = {"UNDO"}
+    doing = "Scoring the video"
+
+    filter_glob: str = prop(StringProperty(default=VIDEOS, options={"HIDDEN"}))
+    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
+    every: int = prop(
+        IntProperty(
+            name="Every", description="Only every so many frames: quicker for long films", default=1, min=1, max=1000
+        )
+    )
+    from_s: float = prop(FloatProperty(name="From (s)", description="Begin here", min=0, precision=2))
+    to_s: float = prop(FloatProperty(name="To (s)", description="End here; 0 for the end", min=0, precision=2))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        """Called by Blender."""
+        return self.start(context) if self.filepath else ImportHelper.invoke(self, context, event)
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        """Called by Blender, also by the file dialog: the thread begins there."""
+        if self.options.is_invoke and not bpy.app.background and self._timer is None:
+            return self.start(context)
+        return super().execute(context)
+
+    def work(self, context: bpy.types.Context) -> Work:
+        path = Path(bpy.path.abspath(self.filepath)) if self.filepath else Path()
+        if not path.name or path.is_dir():
+            raise InputError(f"expected a video, found {self.filepath or 'none'}; choose a file")
+        from_s, to_s = (from_scene.shortest(value) for value in (self.from_s, self.to_s))
+        if to_s and to_s <= from_s:
+            raise InputError(f"To (s): expected a time after {from_s:g} s, or 0 for the end, found {to_s:g}")
+        self._key = str(path), self.every, from_s, to_s
+        return session.scorer(self._key)
+
+    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
+        scene = workbench.enter(context)
+        shown_frame.restore(scene)
+        settings = scene.oneframe_video
+        settings.path, settings.every, settings.from_s, settings.to_s = self._key
+        settings.visible = True
+        return _begin(context, scene, result)
+
+
+class ONEFRAME_OT_score_video(InBackground, bpy.types.Operator):
+    """Score the video of this scene, whose file holds its path only"""
+
+    bl_idname = "oneframe.score_video"
+    bl_label = "Score Again"
+    bl_options = {"REGISTER"}
+    doing = "Scoring the video"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return session.key_of(context.scene) is not None
+
+    def work(self, context: bpy.types.Context) -> Work:
+        key = session.key_of(context.scene)
+        if key is None:
+            raise InputError("expected a video, found none; open one")
+        self._key = key
+        return session.scorer(key)
+
+    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
+        if session.key_of(context.scene) != self._key:
+            raise InputError("the video has changed meanwhile; start again")
+        context.scene.oneframe_video.visible = True
+        return _begin(context, context.scene, result)
+
+
+def _begin(context: bpy.types.Context, scene: bpy.types.Scene, film: FilmSession) -> Messages:
+    session.keep(scene, film)
+    shown_frame.show(scene, film.shown)
+    for area in camera_view.views(context):
+        fit_soon(area)
+    frames, info = film.scores.frames, film.scores.info
+    found = f"{len(film.best)} best frames" if film.best else "no frame shows anything sharply"
+    messages = [f"{film.path.name}: {len(frames)} frames, {info.size_wh[0]} x {info.size_wh[1]} px; {found}"]
+    if film.scores.broken:
+        messages.append(f"{film.path.name} is damaged or cut off; the frames that can be decoded are used")
+    return messages
+
+
+class ONEFRAME_OT_video_strip(Reporting, bpy.types.Operator):
+    """Show the strip of the video, or hide it and show the case's own frame"""
+
+    bl_idname = "oneframe.video_strip"
+    bl_label = "Strip"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return session.of(context.scene) is not None
+
+    def run(self, context: bpy.types.Context) -> None:
+        scene, film = context.scene, session.scored(context.scene)
+        scene.oneframe_video.visible = not scene.oneframe_video.visible
+        if scene.oneframe_video.visible:
+            shown_frame.show(scene, film.shown)
+        else:
+            shown_frame.restore(scene)
+        for area in camera_view.views(context):
+            fit_soon(area)
+
+
+class ONEFRAME_OT_take_frame(InBackground, NeedsFilm, bpy.types.Operator):
+    """Use the video's frame in view as the frame of the case, pixel by pixel as decoded; Save Case puts it beside"""
+
+    bl_idname = "oneframe.take_frame"
+    bl_label = "Take Frame"
+    bl_options = {"UNDO"}
+    doing = "Taking the frame"
+
+    masked: bool = prop(
+        BoolProperty(
+            name="Masked",
+            description="Leave out what is not tissue, with alpha 0: instruments, hands, glare, the black around a "
+            "circle. A first draft",
+            default=False,
+            options={"SKIP_SAVE"},
+        )
+    )
+
+    def work(self, context: bpy.types.Context) -> Work:
+        film, masked = session.scored(context.scene), self.masked
+        self._film, score = film, film.score
+        folder = film.path.parent if os.access(film.path.parent, os.W_OK) else session_folder()
+        return lambda _progress: write_frame(film.path, folder, film.scores, score, masked=masked)
+
+    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
+        path: Path = result
+        if session.of(context.scene) is not self._film:
+            raise InputError("the video has changed meanwhile, nothing was taken")
+        image, _ = read_image(path, path.name)
+        messages = to_scene.set_frame(context, path, image.shape[1], image.shape[0])
+        scene = context.scene
+        scene.oneframe_video.taken_path = scene.oneframe.frame_path
+        return f"the frame of the case is {path}", *messages
+
+
+_CLASSES = (ONEFRAME_OT_open_video, ONEFRAME_OT_score_video, ONEFRAME_OT_video_strip, ONEFRAME_OT_take_frame)
+register, unregister = class_registration(_CLASSES)

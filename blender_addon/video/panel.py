@@ -1,0 +1,68 @@
+"""The panel Video, in Set up: the frame in view with its figures, the best frames, and what takes it."""
+
+import bpy
+
+from ..registration import class_registration
+from ..ui.wrapped_text import draw_text
+from . import session, shown_frame
+from .session import FilmSession
+from .strip_drawing import figures
+
+
+class ONEFRAME_PT_video(bpy.types.Panel):
+    """Choose the frame from a video"""
+
+    bl_idname = "ONEFRAME_PT_video"
+    bl_parent_id = "ONEFRAME_PT_setup"
+    bl_label = "Video"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "OneFrame"
+    bl_order = -1
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Called by Blender."""
+        return session.key_of(context.scene) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Called by Blender."""
+        layout, scene = self.layout, context.scene
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.label(text=bpy.path.basename(scene.oneframe_video.path), icon="FILE_MOVIE")
+        film = session.of(scene)
+        if film is None:
+            draw_text(layout, "Its scores are not in memory.", icon="INFO")
+            layout.operator("oneframe.score_video", icon="FILE_REFRESH")
+            return
+        visible = scene.oneframe_video.visible
+        layout.operator("oneframe.video_strip", icon="SEQ_STRIP_DUPLICATE", depress=visible)
+        if visible:
+            _draw_film(layout, scene, film)
+
+
+def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSession) -> None:
+    column = layout.column(align=True)
+    row = column.row(align=True)
+    for operator, step, text, icon in (
+        ("oneframe.video_best", -1, "Best", "PREV_KEYFRAME"),
+        ("oneframe.video_step", -1, "", "TRIA_LEFT"),
+        ("oneframe.video_step", 1, "", "TRIA_RIGHT"),
+        ("oneframe.video_best", 1, "Best", "NEXT_KEYFRAME"),
+    ):
+        row.operator(operator, text=text, icon=icon).step = step
+    texts = figures(film, film.shown)
+    for part in ("   ".join(texts[:2]), "   ".join(texts[2:4]), "   ".join(texts[4:])):
+        column.label(text=part)
+    failure = film.fetcher.failure(film.shown)
+    if failure:
+        draw_text(layout, failure, icon="ERROR")
+    row = layout.row(align=True)
+    row.operator("oneframe.take_frame", icon="CHECKMARK")
+    row.operator("oneframe.take_frame", text="Masked", icon="MOD_MASK").masked = True
+    row.prop(scene.oneframe_video, "show_mask", text="", icon="HIDE_OFF")
+    if shown_frame.is_shown(scene):
+        draw_text(layout, "The view shows the video. Strip brings back the frame of the case.", icon="INFO")
+
+
+register, unregister = class_registration((ONEFRAME_PT_video,))

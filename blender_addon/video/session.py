@@ -1,0 +1,171 @@
+"""A scored video in memory. The scene stores its path only: in a file that is opened again, scoring is offered."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..pipeline.errors import InputError
+from ..pipeline.video.frame_scores import FilmScores, FrameScore, score_frames
+from ..pipeline.video.selection import best_frames
+from ..pipeline.video.thumbnails import Thumbnails
+from ..state import from_scene
+from .frame_fetcher import FrameFetcher
+
+BEST = 5
+"""Frames that the strip marks."""
+
+Key = tuple[str, int, float, float]
+"""Path of the video, every so many frames, from ... to in s; 0 for the end."""
+
+
+@dataclass
+class FilmSession:
+    """A film with its scores.
+
+    Attributes
+    ----------
+    path, scores, thumbnails
+        The film, and what was found in its one pass.
+    best
+        Positions of the best frames in the list of scores, the best first.
+    times_s, totals
+        ``(N,)`` of all frames.
+    shown
+        Position of the frame in view.
+    shown_since
+        When it came into view, by the clock of :mod:`time`.
+    picture
+        ``(H, W, 3)`` uint8 RGB that stands for it: full, or a thumbnail until that is decoded.
+    is_full
+        Whether that is the full frame.
+    span_s
+        The part of the film that the strip shows.
+    """
+
+    path: Path
+    scores: FilmScores
+    thumbnails: Thumbnails
+    best: tuple[int, ...] = ()
+    times_s: np.ndarray = field(default_factory=lambda: np.empty(0))
+    totals: np.ndarray = field(default_factory=lambda: np.empty(0))
+    shown: int = 0
+    shown_since: float = 0.0
+    picture: np.ndarray = field(default_factory=lambda: np.zeros((1, 1, 3), np.uint8))
+    is_full: bool = False
+    span_s: tuple[float, float] = (0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        frames = self.scores.frames
+        positions = {score.index: at for at, score in enumerate(frames)}
+        self.best = tuple(positions[score.index] for score in best_frames(frames, BEST))
+        self.times_s = np.array([score.time_s for score in frames])
+        self.totals = np.array([score.total for score in frames])
+        self.span_s = self.whole_span_s
+        self.fetcher = FrameFetcher(self.path, frames)
+        self.show(self.best[0] if self.best else int(np.argmax(self.totals)))
+
+    @property
+    def score(self) -> FrameScore:
+        """That of the frame in view."""
+        return self.scores.frames[self.shown]
+
+    @property
+    def whole_span_s(self) -> tuple[float, float]:
+        """From the first frame to half a frame after the last one."""
+        step = float(np.median(np.diff(self.times_s))) if len(self.times_s) > 1 else 1.0
+        return float(self.times_s[0]) - step / 2, float(self.times_s[-1]) + step / 2
+
+    def at_time(self, time_s: float) -> int:
+        """Position of the frame that is nearest to a time."""
+        after = int(np.searchsorted(self.times_s, time_s))
+        near = [at for at in (after - 1, after) if 0 <= at < len(self.times_s)]
+        return min(near, key=lambda at: abs(self.times_s[at] - time_s))
+
+    def show(self, at: int) -> None:
+        """Bring a frame into view: at once as a thumbnail, unless it is decoded already."""
+        self.shown = min(max(at, 0), len(self.times_s) - 1)
+        self.shown_since = time.monotonic()
+        full = self.fetcher.frame(self.shown)
+        self.is_full = full is not None
+        self.picture = self.thumbnails.nearest(self.score.index)[1] if full is None else full
+
+    def rank(self, at: int) -> int:
+        """1 for the best frame; 0 for all but the best ones."""
+        return self.best.index(at) + 1 if at in self.best else 0
+
+
+_sessions: dict[Key, FilmSession] = {}
+"""One: a session holds up to 200 MB."""
+
+
+def key_of(scene: bpy.types.Scene) -> Key | None:
+    """What the scene's video is; ``None`` if it has none."""
+    settings = scene.oneframe_video
+    if not settings.path:
+        return None
+    # Blender's 0.4 is a little more, and would leave out the frame at 0.4 s
+    from_s, to_s = (from_scene.shortest(value) for value in (settings.from_s, settings.to_s))
+    return str(from_scene.absolute_path(settings.path)), settings.every, from_s, to_s
+
+
+def of(scene: bpy.types.Scene) -> FilmSession | None:
+    """The scene's video if it is scored."""
+    key = key_of(scene)
+    return None if key is None else _sessions.get(key)
+
+
+def scored(scene: bpy.types.Scene) -> FilmSession:
+    """The scene's video.
+
+    Raises
+    ------
+    InputError
+        There is none, or it is not scored in this session of Blender.
+    """
+    found = of(scene)
+    if found is None:
+        raise InputError(
+            "expected a video, found none; open one" if key_of(scene) is None else "press Score Again first"
+        )
+    return found
+
+
+def scorer(key: Key) -> Callable[[Callable[[float], None]], FilmSession]:
+    """A function that decodes and scores a film, for a thread."""
+    path, every, from_s, to_s = key
+
+    def score(progress: Callable[[float], None]) -> FilmSession:
+        thumbnails = Thumbnails()
+        scores = score_frames(
+            Path(path), every=every, from_s=from_s, to_s=to_s or None, progress=progress, thumbnails=thumbnails
+        )
+        return FilmSession(Path(path), scores, thumbnails)
+
+    return score
+
+
+def keep(scene: bpy.types.Scene, session: FilmSession) -> None:
+    """Keep a scored film in memory as that of the scene."""
+    key = key_of(scene)
+    _forget()
+    if key is not None:
+        _sessions[key] = session
+
+
+def _forget() -> None:
+    for session in _sessions.values():
+        session.fetcher.stop()
+    _sessions.clear()
+
+
+def register() -> None:
+    """Nothing to do: films are scored when they are asked for."""
+
+
+def unregister() -> None:
+    """Free the memory."""
+    _forget()

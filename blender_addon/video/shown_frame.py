@@ -1,0 +1,180 @@
+"""The film's frame in the view: behind the camera in place of the case's own, which stays that of the case."""
+
+import time
+from pathlib import Path
+
+import bpy
+import cv2
+import numpy as np
+from bpy.app.handlers import persistent
+
+from ..pipeline.blender.alignment import alignment_scene
+from ..pipeline.camera.distortion import undistort
+from ..pipeline.errors import InputError
+from ..pipeline.images.pixel_values import to_uint8
+from ..pipeline.video.frame_folder import MASKED_COLOUR
+from ..pipeline.video.frame_mask import tissue_mask, without_combs
+from ..pipeline.video.frame_scores import COMBED
+from ..state import from_scene, to_scene
+from ..ui.operator import redraw
+from . import properties, session
+from .session import FilmSession
+
+IMAGE = "OneFrame film"
+_FILE = "oneframe_film.bmp"
+
+REST_S, POLL_S = 0.15, 0.05
+"""So long a frame is in view before its full picture is decoded; how often that is asked for."""
+
+_restored: list[str] = []
+"""Scenes whose own frame is back while their file is being saved."""
+
+
+def show(scene: bpy.types.Scene, at: int) -> None:
+    """Bring a frame of the scene's film into view: a thumbnail at once, its full picture once it is decoded."""
+    film = session.scored(scene)
+    film.show(at)
+    if bpy.app.background and not film.is_full:
+        film.fetcher.wait(film.shown)
+        film.show(film.shown)
+    put(scene, film)
+    if not film.is_full and not bpy.app.timers.is_registered(_poll):
+        bpy.app.timers.register(_poll, first_interval=POLL_S)
+
+
+def put(scene: bpy.types.Scene, film: FilmSession) -> None:
+    """Put the film's picture behind the frame's camera; without a camera, the strip draws it."""
+    redraw(bpy.context)
+    camera_object = from_scene.present_camera(scene)
+    if film.is_full and scene.oneframe_video.show_mask:
+        film.picture = _with_mask(film)
+    if camera_object is not None and scene.oneframe_video.visible:
+        alignment_scene.show_frame(camera_object, _image(_undistorted(scene, film)))
+
+
+def restore(scene: bpy.types.Scene) -> None:
+    """Show the case's own frame again."""
+    redraw(bpy.context)
+    camera_object = from_scene.present_camera(scene)
+    if camera_object is None or not is_shown(scene):
+        return
+    try:
+        if scene.oneframe.frame_path:
+            to_scene.show_frame(scene)
+            return
+    except (InputError, RuntimeError):
+        # its file has moved: the panel View reports it
+        pass
+    camera_object.data.background_images[0].image = None
+
+
+def is_shown(scene: bpy.types.Scene) -> bool:
+    """Whether the view shows a frame of the film behind the camera."""
+    camera_object = from_scene.present_camera(scene)
+    if camera_object is None or not camera_object.data.background_images:
+        return False
+    image = camera_object.data.background_images[0].image
+    return image is not None and image.name == IMAGE
+
+
+def _with_mask(film: FilmSession) -> np.ndarray:
+    """The full picture with what a masked frame leaves out in the colour of the contact sheet."""
+    picture = film.picture
+    if film.score.comb > COMBED:
+        picture = without_combs(picture)
+    mask = tissue_mask(picture, film.scores.compared[film.shown], film.scores.inside, film.scores.circle)
+    marked = picture.copy()
+    marked[~mask] = np.rint(0.35 * picture[~mask] + 0.65 * 255 * MASKED_COLOUR).astype(np.uint8)
+    return marked
+
+
+def _look_again(scene: bpy.types.Scene) -> None:
+    film = session.of(scene)
+    if film is not None and (is_shown(scene) or from_scene.present_camera(scene) is None):
+        show(scene, film.shown)
+
+
+def _undistorted(scene: bpy.types.Scene, film: FilmSession) -> np.ndarray:
+    lens, camera = from_scene.distortion(scene), from_scene.camera(scene)
+    if lens is None or film.scores.info.size_wh != camera.size_wh:
+        return film.picture
+    height, width = film.picture.shape[:2]
+    values = np.asarray(film.picture, np.float32) / 255
+    return to_uint8(undistort(values, camera.resized(width, height), lens)[0])
+
+
+def _image(picture: np.ndarray) -> bpy.types.Image:
+    """The picture as a Blender image: of a file, since Blender would ask to save an image that only memory holds."""
+    path = Path(bpy.app.tempdir) / _FILE
+    _, data = cv2.imencode(".bmp", np.ascontiguousarray(picture[..., ::-1]))
+    path.write_bytes(data.tobytes())
+    image = bpy.data.images.get(IMAGE)
+    if image is None:
+        image = bpy.data.images.load(str(path))
+        image.name = IMAGE
+    else:
+        image.filepath = str(path)
+        image.reload()
+    return image
+
+
+def _poll() -> float | None:
+    """Timer: show the full picture once it is decoded; stops when nothing is missing."""
+    waiting = False
+    for scene in bpy.data.scenes:
+        film = session.of(scene)
+        if film is None or film.is_full or film.fetcher.failure(film.shown) or not scene.oneframe_video.visible:
+            continue
+        if film.fetcher.frame(film.shown) is not None:
+            film.show(film.shown)
+            put(scene, film)
+            continue
+        waiting = True
+        if time.monotonic() - film.shown_since > REST_S:
+            film.fetcher.want(film.shown)
+    return POLL_S if waiting else None
+
+
+@persistent
+def _before_saving(*_: object) -> None:
+    _restored[:] = [scene.name for scene in bpy.data.scenes if is_shown(scene)]
+    for name in _restored:
+        restore(bpy.data.scenes[name])
+
+
+@persistent
+def _after_saving(*_: object) -> None:
+    for name in _restored:
+        scene = bpy.data.scenes.get(name)
+        film = None if scene is None else session.of(scene)
+        if scene is not None and film is not None:
+            put(scene, film)
+    _restored.clear()
+
+
+_HANDLERS = (
+    (bpy.app.handlers.save_pre, _before_saving),
+    (bpy.app.handlers.save_post, _after_saving),
+    (bpy.app.handlers.save_post_fail, _after_saving),
+)
+
+
+def register() -> None:
+    """Keep the film's frames out of saved files."""
+    properties.on_look(_look_again)
+    for handlers, handler in _HANDLERS:
+        handlers.append(handler)
+
+
+def unregister() -> None:
+    """Undo :func:`register`, and show the cases' own frames."""
+    properties.remove_listener(_look_again)
+    for handlers, handler in _HANDLERS:
+        handlers.remove(handler)
+    if bpy.app.timers.is_registered(_poll):
+        bpy.app.timers.unregister(_poll)
+    for scene in bpy.data.scenes:
+        restore(scene)
+    image = bpy.data.images.get(IMAGE)
+    if image is not None:
+        bpy.data.images.remove(image)

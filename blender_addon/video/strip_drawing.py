@@ -1,0 +1,229 @@
+"""Draws the strip: thumbnails and scores over one time axis, the best frames, the frame in view and its figures."""
+
+import bpy
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+
+from ..state import from_scene
+from ..ui.strokes import Colour, Strokes
+from ..view.fit import free_rectangle, release, reserve
+from . import shown_frame, strip_gizmo, strip_pictures
+from .session import FilmSession
+from .strip_layout import StripLayout, film_in, reserved_height
+
+BACKGROUND: Colour = (0.05, 0.05, 0.05, 0.85)
+INK: Colour = (0.92, 0.92, 0.92, 1.0)
+FAINT: Colour = (0.6, 0.6, 0.6, 1.0)
+CURVE: Colour = (0.35, 0.75, 1.0, 1.0)
+AREA: Colour = (0.35, 0.75, 1.0, 0.3)
+BEST: Colour = (1.0, 0.75, 0.2, 1.0)
+SHOWN: Colour = (1.0, 1.0, 1.0, 1.0)
+HOVERED: Colour = (1.0, 1.0, 1.0, 0.45)
+
+TICK_STEPS_S = (0.04, 0.1, 0.2, 0.5, 1, 2, 5, 10, 30, 60, 120, 300, 600, 1800, 3600, 7200)
+TICK_PX = 90
+"""Least distance of two times that are written below the curve, at interface scale 1."""
+
+_handle: object | None = None
+
+
+def draw_strip() -> None:
+    """Draw the strip of the 3D view that Blender is drawing now (a POST_PIXEL draw handler)."""
+    context = bpy.context
+    film, layout = film_in(context), StripLayout.of(context)
+    if film is None:
+        return
+    if from_scene.present_camera(context.scene) is None:
+        _draw_alone(context, film)
+    if layout is None:
+        return
+    pointer = strip_gizmo.pointer_in(context.region)
+    _fill([(layout.low, layout.high)], BACKGROUND)
+    _draw_thumbnails(film, layout)
+    strokes = Strokes()
+    _draw_curve(film, layout, strokes)
+    _draw_ticks(layout, strokes)
+    _draw_best(film, layout, strokes)
+    hovered = None if pointer is None else film.at_time(layout.time_at(pointer[0]))
+    if hovered is not None:
+        _line_at(film, layout, strokes, hovered, HOVERED, 1.0)
+    _line_at(film, layout, strokes, film.shown, SHOWN, 2.0)
+    _draw_texts(context.scene, film, layout, strokes, hovered)
+    strokes.draw()
+
+
+def figures(film: FilmSession, at: int) -> list[str]:
+    """A frame's number, time and scores, the most important first."""
+    score = film.scores.frames[at]
+    rank = film.rank(at)
+    return [
+        f"Frame {score.index}",
+        clock(score.time_s, 0.01),
+        f"score {score.total:.2f}" + (f" (best {rank})" if rank else ""),
+        f"sharp {score.sharpness:.2f}",
+        f"glare {score.glare:.1%}",
+        f"covered {score.obstructed:.1%}",
+    ]
+
+
+def clock(time_s: float, step_s: float) -> str:
+    """``1:02`` or, in steps of parts of a second, ``1:02.40``."""
+    decimals = 0 if step_s >= 1 else 1 if step_s >= 0.1 else 2
+    hundredths = round(time_s * 10**decimals) / 10**decimals
+    minutes, seconds = divmod(hundredths, 60)
+    width = 2 if decimals == 0 else 3 + decimals
+    if minutes >= 60:
+        return f"{int(minutes // 60)}:{int(minutes % 60):02d}:{seconds:0{width}.{decimals}f}"
+    return f"{int(minutes)}:{seconds:0{width}.{decimals}f}"
+
+
+def _draw_alone(context: bpy.types.Context, film: FilmSession) -> None:
+    """The frame in the free part of the view: without K no camera shows it."""
+    low, high = free_rectangle(context.area)
+    height, width = film.picture.shape[:2]
+    scale = float(np.min((high - low) / film.scores.info.size_wh))
+    size = np.array(film.scores.info.size_wh) * scale
+    first = (low + high - size) / 2
+    key = ("alone", str(film.path), film.shown, width, height, context.scene.oneframe_video.show_mask)
+    strip_pictures.draw_picture(key, film.picture, tuple(first), tuple(first + size))
+
+
+def _draw_thumbnails(film: FilmSession, layout: StripLayout) -> None:
+    low, high = layout.thumbnails
+    if high <= low:
+        return
+    width, height = film.scores.info.size_wh
+    across = max((high - low) * width / height, 8.0)
+    left, right = layout.low[0], layout.high[0]
+    count = max(1, int((right - left) // across))
+    # spread over the whole width: each stands in the middle of its time
+    step = (right - left) / count
+    for number in range(count):
+        middle = left + (number + 0.5) * step
+        at = film.at_time(layout.time_at(middle))
+        index, picture = film.thumbnails.nearest(film.scores.frames[at].index)
+        half = min(across, right - left) / 2
+        strip_pictures.draw_picture((str(film.path), index), picture, (middle - half, low), (middle + half, high))
+
+
+def _draw_curve(film: FilmSession, layout: StripLayout, strokes: Strokes) -> None:
+    begin, end = layout.span_s
+    first = max(int(np.searchsorted(film.times_s, begin)) - 1, 0)
+    last = min(int(np.searchsorted(film.times_s, end)) + 1, len(film.times_s))
+    x, totals = layout.x_of(film.times_s[first:last]), film.totals[first:last]
+    x, totals = _highest(x, totals, layout.unit)
+    low, high = layout.curve
+    inside = np.clip(x, layout.low[0], layout.high[0])
+    y = low + np.interp(inside, x, totals) * (high - low)
+    line = np.stack([inside, y], axis=1)
+    if len(line) > 1:
+        base = np.stack([inside, np.full(len(inside), low)], axis=1)
+        quads = np.stack([base[:-1], base[1:], line[1:], base[:-1], line[1:], line[:-1]], axis=1).reshape(-1, 2)
+        _triangles(quads, AREA)
+    strokes.line(line, CURVE, width=1.0)
+    strokes.line(np.array([[layout.low[0], low], [layout.high[0], low]]), FAINT, width=0.5)
+
+
+def _highest(x: np.ndarray, totals: np.ndarray, unit: float) -> tuple[np.ndarray, np.ndarray]:
+    """At most one point a pixel: the best frame there, so that no good one is lost in a long film."""
+    if len(x) < 2:
+        return x, totals
+    columns = np.floor(x / max(unit, 1.0)).astype(np.int64)
+    starts = np.flatnonzero(np.diff(columns, prepend=columns[0] - 1))
+    if len(starts) == len(x):
+        return x, totals
+    return x[starts], np.maximum.reduceat(totals, starts)
+
+
+def _draw_ticks(layout: StripLayout, strokes: Strokes) -> None:
+    begin, end = layout.span_s
+    least = TICK_PX * layout.unit / (layout.high[0] - layout.low[0]) * (end - begin)
+    step = next((step for step in TICK_STEPS_S if step >= least), TICK_STEPS_S[-1])
+    for number in range(int(np.ceil(max(begin, 0.0) / step)), int(np.floor(end / step)) + 1):
+        x, text = float(layout.x_of(number * step)), clock(number * step, step)
+        strokes.line(np.array([[x, layout.curve[0]], [x, layout.curve[0] - 4 * layout.unit]]), FAINT, width=1.0)
+        if x + strokes.width_of(text) + 4 * layout.unit < layout.high[0]:
+            strokes.text(np.array([x + 3 * layout.unit, layout.low[1] + 5 * layout.unit]), text, FAINT)
+
+
+def _draw_best(film: FilmSession, layout: StripLayout, strokes: Strokes) -> None:
+    begin, end = layout.span_s
+    for rank, at in enumerate(film.best, start=1):
+        if not begin <= film.times_s[at] <= end:
+            continue
+        x = float(layout.x_of(film.times_s[at]))
+        strokes.line(np.array([[x, layout.curve[0]], [x, layout.curve[1]]]), BEST, width=1.5)
+        # beside the line, on the side where there is room
+        shift = 3 * layout.unit
+        if x + shift + strokes.width_of(str(rank)) > layout.high[0]:
+            shift = -shift - strokes.width_of(str(rank))
+        strokes.text(np.array([x + shift, layout.curve[1] - 12 * layout.unit]), str(rank), BEST)
+
+
+def _line_at(film: FilmSession, layout: StripLayout, strokes: Strokes, at: int, colour: Colour, width: float) -> None:
+    x = float(layout.x_of(film.times_s[at]))
+    if layout.low[0] <= x <= layout.high[0]:
+        strokes.line(np.array([[x, layout.curve[0]], [x, layout.thumbnails[1]]]), colour, width=width)
+
+
+def _draw_texts(
+    scene: bpy.types.Scene, film: FilmSession, layout: StripLayout, strokes: Strokes, hovered: int | None
+) -> None:
+    """Figures of the frame under the pointer, or of the one in view, and what the view shows."""
+    unit = layout.unit
+    y = layout.thumbnails[1] + 5 * unit
+    state = _state(scene, film, over=hovered is not None)
+    room = layout.high[0] - layout.low[0] - 12 * unit - strokes.width_of(state)
+    if room < strokes.width_of(figures(film, film.shown)[0]):
+        state, room = "", layout.high[0] - layout.low[0] - 6 * unit
+    parts = figures(film, film.shown if hovered is None else hovered)
+    while len(parts) > 1 and strokes.width_of("   ".join(parts)) > room - 12 * unit:
+        parts.pop()
+    strokes.text(np.array([layout.low[0] + 5 * unit, y]), "   ".join(parts), INK if hovered is None else BEST)
+    if state:
+        strokes.text(np.array([layout.high[0] - 5 * unit - strokes.width_of(state), y]), state, FAINT)
+
+
+def _state(scene: bpy.types.Scene, film: FilmSession, *, over: bool) -> str:
+    failure = film.fetcher.failure(film.shown)
+    if failure:
+        return "cannot be decoded"
+    if from_scene.present_camera(scene) is not None and not shown_frame.is_shown(scene):
+        return "the case's frame is in view"
+    if not film.is_full:
+        return "decoding ..."
+    return "Enter: Take" if over else "not taken"
+
+
+def _fill(rectangles: list[tuple[tuple[float, float], tuple[float, float]]], colour: Colour) -> None:
+    corners = []
+    for (left, below), (right, above) in rectangles:
+        corners += [(left, below), (right, below), (right, above), (left, below), (right, above), (left, above)]
+    _triangles(np.array(corners), colour)
+
+
+def _triangles(points: np.ndarray, colour: Colour) -> None:
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    batch = batch_for_shader(shader, "TRIS", {"pos": np.float32(points)})
+    shader.bind()
+    shader.uniform_float("color", colour)
+    gpu.state.blend_set("ALPHA")
+    batch.draw(shader)
+    gpu.state.blend_set("NONE")
+
+
+def register() -> None:
+    """Draw in 3D views, whose frame makes room."""
+    global _handle
+    _handle = bpy.types.SpaceView3D.draw_handler_add(draw_strip, (), "WINDOW", "POST_PIXEL")
+    reserve(reserved_height)
+
+
+def unregister() -> None:
+    """Stop drawing, and free the GPU's memory."""
+    global _handle
+    release(reserved_height)
+    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
+    _handle = None
+    strip_pictures.clear()

@@ -1,0 +1,246 @@
+"""A video in the add-on: scored as by the command, looked through; a frame is taken to the last bit, and saved."""
+
+import threading
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+
+from blender_addon.ui.background_work import BackgroundWork
+from blender_addon.video import session, shown_frame, strip_drawing, strip_layout
+from blender_addon.video.frame_fetcher import FrameFetcher
+from pipeline.case.case_file import read_case
+from pipeline.images.png import encode_png
+from pipeline.video.film_reader import FilmFrame
+from pipeline.video.frame_folder import write_frames
+from pipeline.video.frame_reader import read_video_frame
+from pipeline.video.frame_scores import score_frames
+from pipeline.video.selection import best_frames
+from pipeline.video.thumbnails import MOST, Thumbnails
+from tests.video.surgical_film import Event, surgical_film
+
+SIZE_WH = (64, 48)
+"""That of the small case."""
+
+KINDS = ("clear", "tool", "clear", "blur", "clear")
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory):
+    rng = np.random.default_rng(2)
+    picture = sum(
+        scale * cv2.resize(rng.normal(0, 1, (48 // step, 64 // step, 3)), SIZE_WH, interpolation=cv2.INTER_CUBIC)
+        for scale, step in ((14, 1), (20, 3), (30, 8))
+    )
+    picture = np.clip(picture + np.array([150, 110, 90]), 0, 255).astype(np.uint8)
+    events = [Event(kind, 8 * number, 8 * number + 8) for number, kind in enumerate(KINDS)]
+    path = tmp_path_factory.mktemp("film") / "surgery.mkv"
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*"FFV1"), 25.0, SIZE_WH)
+    for frame in surgical_film([picture], events, rng, drift_px=0.0):
+        writer.write(np.ascontiguousarray(frame[..., ::-1]))
+    writer.release()
+    return path
+
+
+@pytest.fixture
+def case_path(write_tiny_case, tmp_path):
+    return write_tiny_case(tmp_path / "case")
+
+
+@pytest.fixture
+def film(addon, case_path, video):
+    """The small case, and the film opened over it."""
+    bpy.ops.oneframe.open_case(filepath=str(case_path))
+    bpy.ops.oneframe.open_video(filepath=str(video))
+    return session.of(bpy.context.scene)
+
+
+def background(scene):
+    return scene.oneframe.camera_object.data.background_images[0].image
+
+
+def pixels_of(image):
+    """``(H, W, 3)`` uint8 of a Blender image, top row first."""
+    width, height = image.size
+    values = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(values)
+    return np.rint(values.reshape(height, width, -1)[::-1, :, :3] * 255).astype(np.uint8)
+
+
+def test_the_window_scores_as_the_command_does_and_shows_the_best_frame(film, video):
+    scene = bpy.context.scene
+    expected = score_frames(video)
+    assert film.scores.frames == expected.frames
+    assert [film.scores.frames[at] for at in film.best] == list(best_frames(expected.frames, session.BEST))
+    assert film.shown == film.best[0]
+    assert film.is_full
+    assert np.array_equal(pixels_of(background(scene)), read_video_frame(video, film.score.index))
+    assert scene.oneframe.frame_path.endswith("frame.png"), "the case's frame stays until another one is taken"
+    # from rank to rank and around; a step is a frame
+    bpy.ops.oneframe.video_best(step=1)
+    assert film.rank(film.shown) == 2
+    bpy.ops.oneframe.video_best(step=-2)
+    assert film.rank(film.shown) == len(film.best)
+    bpy.ops.oneframe.video_step(step=1_000)
+    assert film.score.index == 39
+    bpy.ops.oneframe.video_step(step=-1)
+    assert np.array_equal(pixels_of(background(scene)), read_video_frame(video, 38))
+    bpy.ops.oneframe.video_strip()
+    assert background(scene).filepath.endswith("frame.png")
+    bpy.ops.oneframe.video_strip()
+    assert shown_frame.is_shown(scene)
+
+
+def test_a_frame_that_is_taken_is_that_of_the_command_and_goes_with_the_case(film, video, case_path, tmp_path):
+    scene = bpy.context.scene
+    tool = next(at for at, score in enumerate(film.scores.frames) if score.obstructed > 0.02)
+    shown_frame.show(scene, tool)
+    expected, by_command = film.score, tmp_path / "frames"
+    (written,) = write_frames(video, by_command, film.scores, [expected])
+    for masked, file in ((False, written.image), (True, written.masked)):
+        bpy.ops.oneframe.take_frame(masked=masked)
+        assert scene.oneframe.frame_path == str(video.parent / file.name)
+        assert (video.parent / file.name).read_bytes() == file.read_bytes()
+        assert not shown_frame.is_shown(scene)
+    assert written.tissue < 1
+    # Save Case puts it beside the case, where everything else finds it
+    bpy.ops.oneframe.save_case(filepath=str(case_path))
+    kept = case_path.parent / written.masked.name
+    assert read_case(case_path).image == kept
+    assert kept.read_bytes() == written.masked.read_bytes()
+    # the user's own picture of that name is not replaced
+    bpy.ops.oneframe.take_frame(masked=False)
+    own = case_path.parent / written.image.name
+    own.write_bytes(encode_png(np.zeros((2, 2), np.uint8)))
+    before = own.read_bytes()
+    with pytest.raises(RuntimeError, match=written.image.name):
+        bpy.ops.oneframe.save_case(filepath=str(case_path))
+    assert own.read_bytes() == before
+
+
+def test_a_saved_file_holds_the_path_and_the_cases_own_frame(film, video, tmp_path):
+    scene = bpy.context.scene
+    assert shown_frame.is_shown(scene)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "kept.blend"))
+    assert shown_frame.is_shown(scene), "the view is as it was"
+    session.unregister()
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "kept.blend"))
+    scene = bpy.context.scene
+    assert background(scene).filepath.endswith("frame.png")
+    assert session.of(scene) is None
+    assert not bpy.ops.oneframe.take_frame.poll()
+    assert bpy.ops.oneframe.score_video() == {"FINISHED"}
+    assert session.of(scene).path == video
+    assert shown_frame.is_shown(scene)
+
+
+def test_without_k_a_video_opens_and_its_frame_can_be_taken(addon, video):
+    bpy.ops.oneframe.open_video(filepath=str(video), every=2, from_s=0.4)
+    scene = bpy.context.scene
+    film = session.of(scene)
+    assert [score.index for score in film.scores.frames] == list(range(10, 40, 2))
+    bpy.ops.oneframe.take_frame()
+    assert tuple(scene.oneframe.frame_size) == SIZE_WH
+    assert np.array_equal(film.picture, cv2.imread(scene.oneframe.frame_path)[..., ::-1])
+
+
+@pytest.mark.parametrize(
+    ("content", "settings", "message"),
+    [
+        (b"", {}, "it is empty"),
+        (b"no film" * 99, {}, "expected a video"),
+        (cv2.imencode(".png", np.zeros((9, 9, 3), np.uint8))[1].tobytes(), {}, "found an image"),
+        (None, {"from_s": 100}, "expected frames from 100 s"),
+        (None, {"from_s": 1, "to_s": 0.5}, "expected a time after 1 s"),
+    ],
+)
+def test_bad_videos_change_nothing(film, video, tmp_path, content, settings, message):
+    path = video
+    if content is not None:
+        path = tmp_path / "bad.mp4"
+        path.write_bytes(content)
+    with pytest.raises(RuntimeError, match=message):
+        bpy.ops.oneframe.open_video(filepath=str(path), **settings)
+    assert session.of(bpy.context.scene) is film
+
+
+def test_scoring_stops_when_the_user_stops_it(video):
+    begun, go_on = threading.Event(), threading.Event()
+
+    def work(progress):
+        def stepped(fraction):
+            begun.set()
+            go_on.wait(10)
+            progress(fraction)
+
+        return session.scorer((str(video), 1, 0.0, 0.0))(stepped)
+
+    background_work = BackgroundWork(work)
+    assert begun.wait(10)
+    background_work.stop()
+    go_on.set()
+    background_work._thread.join(10)
+    assert not background_work.running
+    assert background_work.result is None
+    assert background_work.error is None
+
+
+def test_the_fetcher_gives_exact_frames_in_any_order_and_says_what_it_cannot(film, video, tmp_path):
+    for at in (20, 21, 19, 18, 39, 0):
+        film.fetcher.wait(at)
+        assert np.array_equal(film.fetcher.frame(at), read_video_frame(video, at))
+    lost = FrameFetcher(tmp_path / "gone.mkv", film.scores.frames)
+    lost.wait(3)
+    assert lost.frame(3) is None
+    assert "gone.mkv" in lost.failure(3)
+
+
+@pytest.mark.parametrize("count", [1, MOST, MOST + 1, 5 * MOST])
+def test_thumbnails_are_few_and_regular(count):
+    kept = Thumbnails()
+    for number in range(count):
+        kept.add(FilmFrame(2 * number, 0.0, 0.0, np.full((2, 3, 3), number % 251, np.uint8)))
+    assert min(count, MOST / 2) <= len(kept) <= MOST
+    apart = 2 ** max(0, int(np.ceil(np.log2(count / MOST))))
+    for wanted in range(0, 2 * count, 7):
+        index, picture = kept.nearest(wanted)
+        assert abs(index - wanted) <= 2 * apart
+        assert (picture == index // 2 % 251).all()
+
+
+def test_the_time_axis_keeps_what_is_under_the_pointer_and_stays_in_the_film(film):
+    rng = np.random.default_rng(1)
+    span, (first, last) = film.whole_span_s, film.whole_span_s
+    for _ in range(200):
+        about = rng.uniform(*span)
+        share = (about - span[0]) / (span[1] - span[0])
+        new = strip_layout.zoomed(film, span, rng.choice([1 / 1.5, 1.5]), about)
+        assert first - 1e-9 <= new[0] < new[1] <= last + 1e-9
+        if new[0] > first and new[1] < last:
+            assert abs((about - new[0]) / (new[1] - new[0]) - share) < 1e-9
+        span = new
+    film.span_s = strip_layout.zoomed(film, film.whole_span_s, 100, first)
+    for at in rng.integers(0, len(film.times_s), 50):
+        film.show(int(at))
+        film.span_s = strip_layout.following(film)
+        assert film.span_s[0] <= film.times_s[at] <= film.span_s[1]
+
+
+@pytest.mark.parametrize(
+    ("time_s", "step_s", "text"),
+    [(0, 1, "0:00"), (62.4, 0.1, "1:02.4"), (59.999, 0.01, "1:00.00"), (3661, 60, "1:01:01"), (0.04, 0.04, "0:00.04")],
+)
+def test_times_are_written_as_on_a_clock(time_s, step_s, text):
+    assert strip_drawing.clock(time_s, step_s) == text
+
+
+def test_the_mask_is_shown_where_the_masked_frame_has_no_alpha(film, video, tmp_path):
+    scene = bpy.context.scene
+    shown_frame.show(scene, next(at for at, score in enumerate(film.scores.frames) if score.obstructed > 0.02))
+    scene.oneframe_video.show_mask = True
+    marked, plain = pixels_of(background(scene)), read_video_frame(video, film.score.index)
+    bpy.ops.oneframe.take_frame(masked=True)
+    alpha = cv2.imread(scene.oneframe.frame_path, cv2.IMREAD_UNCHANGED)[..., 3]
+    assert 0 < (alpha == 0).mean() < 0.5
+    assert np.array_equal((marked != plain).any(axis=-1), alpha == 0)

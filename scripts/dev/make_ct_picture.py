@@ -19,7 +19,7 @@ from mathutils import Matrix
 from PIL import Image
 
 from pipeline.case.structure_colour import OTHER, structure_colour
-from pipeline.commands.surface_finish import finish_of
+from pipeline.commands.surface_finish import finish_of, removed_of
 from pipeline.errors import InputError, RunError
 from pipeline.files.kinds import Kind, beginning
 from pipeline.files.outputs import Output, check_outputs
@@ -29,7 +29,6 @@ from pipeline.surface.mesh import TriangleMesh
 from pipeline.volume.bone import bone_voxels
 from pipeline.volume.bone_surface import bone_surface, removed_ball
 from pipeline.volume.drill_plan import read_drill_plan
-from pipeline.volume.drilled_volume import removed_by_plan
 from pipeline.volume.label_map import read_labels
 from pipeline.volume.slice_views import LabelColours, slice_views
 from pipeline.volume.structures import structure_meshes, structure_names, without_bone
@@ -85,7 +84,7 @@ def made_panels(arguments: argparse.Namespace) -> list[Image.Image]:
         labels = without_bone(read_labels(arguments.labels, volume, resampled=False))
     structures = {} if labels is None else structure_meshes(labels)
     solid = bone_voxels(volume, DEFAULT_HU)
-    removed = removed_by_plan(read_drill_plan(arguments.drill), volume.grid, structures)
+    removed = removed_of(read_drill_plan(arguments.drill), volume, structures)
     ball = None if removed is None else removed_ball(volume.grid, solid, removed)
     if removed is None or ball is None:
         raise InputError(f"{arguments.drill.name}: expected strokes that remove bone, found none")

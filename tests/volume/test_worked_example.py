@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.commands.surface_finish import finish_of
+from pipeline.commands.surface_finish import finish_of, removed_of
 from pipeline.surface.deviation import SurfaceTree
 from pipeline.surface.mesh import TriangleMesh
 from pipeline.volume.bone import bone_voxels
-from pipeline.volume.bone_surface import FINER, bone_surface
+from pipeline.volume.bone_surface import bone_surface
 from pipeline.volume.clearance import clearances, violations
 from pipeline.volume.drill_plan import DrillPlan, Stroke, read_drill_plan
-from pipeline.volume.drilled_volume import removed_by_plan
 from pipeline.volume.label_map import read_labels
 from pipeline.volume.structures import structure_meshes, structure_names, without_bone
 from pipeline.volume.volume import Volume, VoxelGrid
@@ -29,13 +28,12 @@ def drilled_surface(
 ) -> tuple[TriangleMesh, list[str]]:
     """What ``oneframe surface --drill`` writes, and its sentences about margins."""
     solid = bone_voxels(volume, 300)
-    removed = removed_by_plan(plan, volume.grid, structures)
+    removed = removed_of(plan, volume, structures)
     assert removed is not None
     finish = finish_of(volume, solid, removed, structures)
     made = bone_surface(volume, 300, solid, removed, finish)
     found = clearances(made.surface, removed, volume.grid, structures, plan.margins_mm)
-    allowance = 0.1 * float(volume.grid.spacing_mm.min()) + finish.tolerance_mm / FINER
-    return made.surface.mesh, violations(found, allowance)
+    return made.surface.mesh, violations(found)
 
 
 def widest_sight_line(surface: TriangleMesh, tip: np.ndarray, start_mm: float, directions: np.ndarray) -> float:

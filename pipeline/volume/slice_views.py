@@ -97,7 +97,10 @@ def _slice_view(
     if removed is not None:
         first, size = removed.first, removed.distance_mm.shape[::-1]
         box = volume.grid.shifted(first, (size[0], size[1], size[2]))
-        kept = plane_of(Sampler(box, points).values(removed.distance_mm, outside=1e3))
+        # distances are known near the surface only; where they end, they would jump
+        far = float(np.linalg.norm(volume.grid.spacing_mm))
+        near = Sampler(box, points).values(removed.distance_mm, outside=far, of=lambda mm: np.clip(mm, -far, far))
+        kept = plane_of(near)
         was_bone = bone > 0 if counts is None else (bone > 0) & counts
         tinted = was_bone & (kept <= 0)
         contours.append(Contour(kept, DRILL_COLOUR, was_bone))

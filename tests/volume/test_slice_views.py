@@ -67,7 +67,10 @@ def test_contours_and_the_drilled_part_lie_where_they_are_in_the_patient():
     ball = Volume(np.clip(300 - 200 * (distance - 9), -1000, 1500).astype(np.int16), grid)
     first, part = (5, 6, 7), np.s_[7:40, 6:40, 5:38]
     burr = middle + np.array([4.0, 0.0, 0.0])
-    removed = RemovedField(np.array(first), (np.linalg.norm(points[part] - burr, axis=-1) - 3).astype(np.float32))
+    distances = np.linalg.norm(points[part] - burr, axis=-1) - 3
+    # as of a drill: far from its surface it tells the side alone
+    distances[distances > 2 * grid.spacing_mm.max()] = 1e3
+    removed = RemovedField(np.array(first), distances.astype(np.float32))
     labels = LabelMap((distance < 5).astype(np.uint8) * 3, grid, {3: "nerve"})
     drawn = [LabelColours(labels, {3: (1, 0, 1), 4: (0, 1, 0)})]
     axial, _, _ = slice_views(ball, 300, middle, solid=distance < 12, removed=removed, structures=drawn)
@@ -81,5 +84,9 @@ def test_contours_and_the_drilled_part_lie_where_they_are_in_the_patient():
     reached = np.hypot(x - 4, y[:, None])
     assert not (axial.tinted != ((reached < 3) & (radius < 9)))[np.abs(reached - 3) > 0.1].any()
     assert drill.shown is not None
+    away = reached - 3 > 1.5 * grid.spacing_mm.max()
+    rows, columns = np.gradient(drill.field)
+    # no line where the distances end
+    assert not (np.abs(drill.field) < 3 * np.hypot(rows, columns))[away].any()
     assert not ((nerve.field > 0) != (radius < 5))[np.abs(radius - 5) > grid.spacing_mm.max()].any()
     assert axial.title == f"AXIAL Z {middle[2]:.1f}"

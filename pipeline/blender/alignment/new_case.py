@@ -37,17 +37,16 @@ from ...files.numbers import MM_PER_UNIT
 from ...files.outputs import check_outputs
 from ...files.signature import signed
 from ...images.masked_frame import with_mask_tinted
-from ...images.overlay import Layer, draw_overlay
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...poses.pose_file import read_pose
-from ...projection.z_buffer import rasterise_depth
 from ...surface.mesh import TriangleMesh
 from ...surface.mesh_reader import read_mesh
 from ...transforms import inverse_rigid, rigid
 from ..case.frame_file import Frame, read_frame
 from ..case.load_case import load_case
 from ..colour.surface_colour import UNSEEN
+from .frame_overlay import frame_overlay
 
 
 @dataclass(frozen=True)
@@ -251,12 +250,7 @@ def _with_pose(case: Case, file: Path | None, surface: SurfaceFolder, mesh: Tria
 
 def _overlay(loaded: LoadedCase) -> np.ndarray:
     """``(H, W, 3)`` float32 values 0..1: the frame with outline and structures, and its mask in blue."""
-
-    def depth_mm(mesh: TriangleMesh) -> np.ndarray:
-        inverse = rasterise_depth(mesh, loaded.case.camera, loaded.cam_from_model).inverse_depth
-        return np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0)
-
     # the ear canal and the dura would hide the nerve
-    known = [each for each in loaded.structures if each[0].colour != OTHER] or loaded.structures
-    layers = [Layer(depth_mm(mesh), structure.colour) for structure, mesh in known]
-    return draw_overlay(with_mask_tinted(loaded.image, loaded.valid, UNSEEN), depth_mm(loaded.mesh), layers)
+    known = tuple(each for each in loaded.structures if each[0].colour != OTHER) or loaded.structures
+    tinted = with_mask_tinted(loaded.image, loaded.valid, UNSEEN)
+    return frame_overlay(replace(loaded, image=tinted, structures=known))

@@ -29,6 +29,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "case", metavar="CASE.toml", type=Path, help="frame, camera, surface and pose; structures if it has any"
     )
+    parser.add_argument(
+        "--only", metavar="NAME", action="append", default=[],
+        help="draw this structure; may be repeated (default: those that are not white, or else all)",
+    )  # fmt: skip
     film = parser.add_argument_group("video")
     film.add_argument("--video", metavar="FILE", type=Path, help="draw over the frames of this video instead")
     film.add_argument("--poses", metavar="FILE", type=Path, help="a pose for each frame of the video (.npy or .json)")
@@ -70,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
         with explained_imports():
             from ..blender.alignment.overlay_film import OverlayFilm, opened_film, report_lines
             from ..blender.case.load_case import load_case
-        loaded = load_case(case, aligned=False)
+        loaded = load_case(case, aligned=False).with_shown_structures(arguments.only)
         with opened_film(arguments.video, arguments.poses, loaded) as (film, poses, messages):
             for message in (*loaded.messages, *messages):
                 output.write(f"note: {message}\n")
@@ -84,11 +88,14 @@ def run(arguments: argparse.Namespace) -> int:
             from ..blender.case.load_case import load_case
             from ..files.content import write_bytes_atomically
             from ..images.png import encode_png
-        loaded = load_case(case)
+        loaded = load_case(case).with_shown_structures(arguments.only)
         picture = case_picture(loaded, under_instruments=arguments.under_instruments, explained=not arguments.plain)
         with writing(made_folder(arguments.out)):
             write_bytes_atomically(arguments.out, encode_png(picture.image))
         lines = [*(f"note: {message}" for message in loaded.messages), *picture_lines(loaded, picture)]
+    drawn = {structure.name for structure, _ in loaded.structures}
+    if left := [structure.name for structure in case.structures if structure.name not in drawn]:
+        lines.append(f"not drawn: {', '.join(left)}; --only NAME draws what it names")
     for line in lines:
         output.write(line + "\n")
     output.write(f"overlay: {arguments.out}\n")

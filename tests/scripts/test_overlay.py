@@ -134,3 +134,21 @@ def test_without_structures_and_with_a_distorted_lens(overlay, case_path, tmp_pa
     assert lines[0] == "the case has no structures: only the surface is drawn"
     assert re.fullmatch(r"scale bar: \d+ mm at the surface, \d{3} mm away", lines[1])
     assert lines[2] == "the picture is the undistorted frame"
+
+
+def test_white_structures_are_context_and_others_can_be_chosen(overlay, case_path, tmp_path):
+    (case_path.parent / "dura.ply").write_bytes((case_path.parent / "nerve.ply").read_bytes())
+    case_path.write_text(case_path.read_text() + '[[structures]]\nname = "dura"\nmesh = "dura.ply"\n')
+    lines = {}
+    for number, only in enumerate(((), ("dura",), ("dura", "facial_nerve"))):
+        options = [word for name in only for word in ("--only", name)]
+        lines[number] = overlay(case_path, "--out", tmp_path / f"{number}.png", "--plain", *options).stdout
+    assert "not drawn: dura; " in lines[0]
+    assert "not drawn: facial_nerve, chorda_tympani; " in lines[1]
+    assert "not drawn: chorda_tympani; " in lines[2]
+    magenta, white = (picture(tmp_path / f"{number}.png").astype(int) for number in (0, 1))
+    differs = (magenta != white).any(axis=-1)
+    assert differs.sum() > 100
+    assert ((white - magenta)[differs][:, 1] >= 0).all()
+    with pytest.raises(InputError, match="no structure is named 'nerve'"):
+        dispatch(["overlay", str(case_path), "--out", str(tmp_path / "x.png"), "--only", "nerve"])

@@ -13,12 +13,12 @@ def frame_overlay(loaded: LoadedCase, surface_depth_mm: np.ndarray | None = None
     Parameters
     ----------
     loaded
-        The case, at its pose.
+        The case, at its pose; of its structures, those of :meth:`.LoadedCase.with_shown_structures`.
     surface_depth_mm
         ``(H, W)`` depth of the surface in the frame, 0 where there is none; rasterised if left out.
     """
     camera, pose = loaded.case.camera, loaded.cam_from_model
-    scene = overlay_scene(loaded)
+    scene = overlay_scene(loaded.with_shown_structures())
     return draw_overlay(loaded.image, scene.surface_layer(camera, pose, surface_depth_mm), scene.layers(camera, pose))
 
 

@@ -26,7 +26,6 @@ from ...case.case_folder import (
     without_kept,
 )
 from ...case.loaded_case import LoadedCase, check_pose
-from ...case.structure_colour import OTHER
 from ...case.structure_place import place_doubt
 from ...case.surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_folder, structure_file
 from ...case.surface_size import extents_of, size_doubt, size_text
@@ -250,7 +249,4 @@ def _with_pose(case: Case, file: Path | None, surface: SurfaceFolder, mesh: Tria
 
 def _overlay(loaded: LoadedCase) -> np.ndarray:
     """``(H, W, 3)`` float32 values 0..1: the frame with outline and structures, and its mask in blue."""
-    # the ear canal and the dura would hide the nerve
-    known = tuple(each for each in loaded.structures if each[0].colour != OTHER) or loaded.structures
-    tinted = with_mask_tinted(loaded.image, loaded.valid, UNSEEN)
-    return frame_overlay(replace(loaded, image=tinted, structures=known))
+    return frame_overlay(replace(loaded, image=with_mask_tinted(loaded.image, loaded.valid, UNSEEN)))

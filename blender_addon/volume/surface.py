@@ -19,6 +19,7 @@ from ..pipeline.volume.structures import structure_meshes, without_bone
 from ..pipeline.volume.threshold import check_threshold
 from ..registration import class_registration, prop
 from ..state import from_scene, to_scene
+from ..state.initial_pose import renew_initial_pose
 from ..state.structures import put_structures
 from ..ui.background_operator import InBackground, Work
 from ..ui.operator import Asking, Messages, OperatorResult, call
@@ -111,7 +112,7 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
             drill_session.end(scene)
         if is_from_ct(scene) and scene.oneframe.units == "mm":
             to_scene.exchange_surface(context, paths[""], mesh)
-            to_scene.renew_initial_pose(context, focus)
+            renew_initial_pose(context, focus)
         else:
             to_scene.set_surface(context, paths[""], mesh, "mm", focus)
         surface = from_scene.surface_of(context.scene)

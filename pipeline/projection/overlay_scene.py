@@ -25,18 +25,19 @@ class OverlayScene:
     is_solid
         Whether the surface is closed with its fronts outside, so that no back face is ever seen from outside.
     structures
-        Meshes and their colours, sRGB 0..1.
+        Meshes, their colours (sRGB 0..1), and whether they are solid too.
     """
 
     edges: SilhouetteEdges
     is_solid: bool
-    structures: tuple[tuple[TriangleMesh, Colour], ...]
+    structures: tuple[tuple[TriangleMesh, Colour, bool], ...]
 
     @classmethod
     def of(cls, surface: TriangleMesh, structures: Sequence[tuple[TriangleMesh, Colour]]) -> "OverlayScene":
         """Prepare meshes."""
         edges = SilhouetteEdges.of(surface)
-        return cls(edges, _is_solid(edges), tuple(structures))
+        solid = [(mesh, colour, _is_solid(SilhouetteEdges.of(mesh))) for mesh, colour in structures]
+        return cls(edges, _is_solid(edges), tuple(solid))
 
     def surface_layer(
         self, camera: PinholeCamera, cam_from_model: np.ndarray, depth_mm: np.ndarray | None = None
@@ -51,10 +52,15 @@ class OverlayScene:
 
     def layers(self, camera: PinholeCamera, cam_from_model: np.ndarray) -> list[Layer]:
         """The structures at a pose, in their order."""
-        return [structure_layer(mesh, colour, camera, cam_from_model) for mesh, colour in self.structures]
+        return [
+            structure_layer(mesh, colour, camera, cam_from_model, is_solid=is_solid)
+            for mesh, colour, is_solid in self.structures
+        ]
 
 
-def structure_layer(mesh: TriangleMesh, colour: Colour, camera: PinholeCamera, cam_from_model: np.ndarray) -> Layer:
+def structure_layer(
+    mesh: TriangleMesh, colour: Colour, camera: PinholeCamera, cam_from_model: np.ndarray, *, is_solid: bool
+) -> Layer:
     """One structure (model frame) at a pose, in the part of the image that it may cover."""
     pixels = camera.project(transform_points(cam_from_model, mesh.vertices))
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
@@ -66,7 +72,7 @@ def structure_layer(mesh: TriangleMesh, colour: Colour, camera: PinholeCamera, c
     x0, y0 = (int(value) for value in low)
     width, height = (int(value) for value in high - low)
     window = replace(camera, width=width, height=height, cx=camera.cx - x0, cy=camera.cy - y0)
-    raster = rasterise_depth(mesh, window, cam_from_model)
+    raster = rasterise_depth(mesh, window, cam_from_model, fronts_only=is_solid)
     seen = raster.face >= 0
     depth, shade = np.zeros(seen.shape, np.float32), np.zeros(seen.shape, np.float32)
     depth[seen] = 1 / raster.inverse_depth[seen]

@@ -36,9 +36,12 @@ class DepthRaster(NamedTuple):
     face: np.ndarray
 
 
-def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> DepthRaster:
+def rasterise_depth(
+    mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, *, fronts_only: bool = False
+) -> DepthRaster:
     """Rasterise a mesh, both sides of its faces, and keep the nearest face at each pixel centre.
 
+    With ``fronts_only``, back faces are left out: of a closed surface, seen from outside, they are never the nearest.
     Faces with a corner at or behind the plane of the camera centre are left out: there is no near-plane clipping.
 
     Notes
@@ -47,7 +50,7 @@ def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: n
     """
     height, width = camera.shape_hw
     inverse_depth, shown = np.zeros(height * width), np.full(height * width, -1)
-    for faces, nearness in _faces_in_rows(mesh, camera, cam_from_model, fronts_only=False):
+    for faces, nearness in _faces_in_rows(mesh, camera, cam_from_model, fronts_only=fronts_only):
         for span, offset, pixel in filled(nearness.spans, width):
             values = nearness.at(span, offset)
             np.maximum.at(inverse_depth, pixel, values)
@@ -59,10 +62,7 @@ def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: n
 def inverse_depth_of(
     mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, *, fronts_only: bool
 ) -> np.ndarray:
-    """``(H, W)`` inverse depth as of :func:`rasterise_depth`, in less time.
-
-    With ``fronts_only``, back faces are left out: of a closed surface, seen from outside, they are never the nearest.
-    """
+    """``(H, W)`` inverse depth as of :func:`rasterise_depth`, in less time."""
     height, width = camera.shape_hw
     inverse_depth = np.zeros(height * width)
     for _, nearness in _faces_in_rows(mesh, camera, cam_from_model, fronts_only=fronts_only):

@@ -121,7 +121,7 @@ def test_the_outline_of_a_visible_structure_is_its_silhouette(frontal_pose):
 def test_a_tube_is_shaded_like_a_tube(frontal_pose):
     """Bright along its middle, darker towards both sides: the cosine of a cylinder."""
     nerve = tube(np.array([[-40.0, 0, 0], [-10, 0, 0], [10, 0, 0], [40, 0, 0]]), 6.0, sides=64)
-    layer = structure_layer(nerve, (1.0, 0.0, 1.0), CAMERA, frontal_pose)
+    layer = structure_layer(nerve, (1.0, 0.0, 1.0), CAMERA, frontal_pose, is_solid=True)
     column = layer.shade[:, 200 - layer.corner[0]]
     rows = np.flatnonzero(layer.depth_mm[:, 200 - layer.corner[0]])
     across = (rows - rows.mean()) / (len(rows) / 2)
@@ -141,6 +141,6 @@ def test_structures_outside_have_no_layer_but_a_place(frontal_pose):
         ((190, 190, 0), "right of the frame and below it"), ((0, 0, -900), "behind the camera"), ((0, 0, 0), None),
     ):  # fmt: skip
         pose = rigid(translation=np.array(offset, float)) @ frontal_pose
-        layer = structure_layer(mesh, (1.0, 1.0, 1.0), CAMERA, pose)
+        layer = structure_layer(mesh, (1.0, 1.0, 1.0), CAMERA, pose, is_solid=True)
         assert (layer.depth_mm.size == 0) == (place is not None)
         assert whereabouts(mesh.vertices, CAMERA, pose) == place

@@ -1,11 +1,16 @@
 """Antialiased lines, by the distance of every pixel near them: for pictures made without a library that draws."""
 
+from itertools import pairwise
+
 import numpy as np
 
 LONGEST_PX = 4.0
 """Longer segments are cut, so that the pixels near each lie in a small square."""
 
-_BLOCK = 1 << 18
+SIZES_PX = (1.2, 2.4)
+"""Pieces up to these lengths have smaller squares."""
+
+_BLOCK = 1 << 16
 """Pixels whose distance is computed at a time."""
 
 
@@ -42,8 +47,8 @@ def line_distance(segments: np.ndarray, shape_hw: tuple[int, int], reach_px: flo
     centre to the nearest segment, px.
     """
     pieces = divided(segments)
-    radius = int(np.ceil(reach_px + LONGEST_PX / 2 + 0.5))
-    middle = np.rint(pieces.mean(axis=1))
+    radius = _radius(reach_px, LONGEST_PX)
+    middle = np.rint(0.5 * (pieces[:, 0] + pieces[:, 1]))
     kept = ((middle >= -radius) & (middle < np.array(shape_hw[::-1]) + radius)).all(axis=1)
     if not kept.any():
         return np.zeros(0, np.int64), np.zeros(0, np.float32)
@@ -51,8 +56,26 @@ def line_distance(segments: np.ndarray, shape_hw: tuple[int, int], reach_px: flo
     # in the part of the image that they lie in
     low = np.maximum(middle.min(axis=0) - radius, 0)
     width, height = np.minimum(middle.max(axis=0) + radius + 1, shape_hw[::-1]) - low
-    near = np.full(height * width, np.inf, np.float32)
+    near = np.full((height, width), np.inf, np.float32)
     pieces, middle = pieces - low, middle - low
+    length = np.hypot(*(pieces[:, 1] - pieces[:, 0]).T)
+    for shortest, longest in pairwise((-1.0, *SIZES_PX, LONGEST_PX + 1e-6)):
+        of_size = (length > shortest) & (length <= longest)
+        _lower(near, pieces[of_size], middle[of_size], _radius(reach_px, longest), reach_px)
+    near = near.ravel()
+    touched = np.flatnonzero(near <= reach_px)
+    row, column = np.divmod(touched, width)
+    return (row + low[1]) * shape_hw[1] + column + low[0], near[touched]
+
+
+def _radius(reach_px: float, length_px: float) -> int:
+    """Of the square of pixels around the middle of a piece in which all within reach lie."""
+    return int(np.ceil(reach_px + length_px / 2 + 0.5))
+
+
+def _lower(near: np.ndarray, pieces: np.ndarray, middle: np.ndarray, radius: int, reach_px: float) -> None:
+    """Lower ``(H, W)`` distances to those to ``(N, 2, 2)`` pieces with ``(N, 2)`` middles, in squares around these."""
+    height, width = near.shape
     offset = np.arange(-radius, radius + 1)
     step = max(_BLOCK // len(offset) ** 2, 1)
     for begin in range(0, len(pieces), step):
@@ -63,17 +86,16 @@ def line_distance(segments: np.ndarray, shape_hw: tuple[int, int], reach_px: flo
         # (piece, row, column)
         right = offset.astype(np.float32) - ax[:, None]
         down = offset.astype(np.float32) - ay[:, None]
-        along = ((right * (dx / squared)[:, None])[:, None, :] + (down * (dy / squared)[:, None])[:, :, None]).clip(
-            0, 1
-        )
-        distance = np.hypot(right[:, None, :] - along * dx[:, None, None], down[:, :, None] - along * dy[:, None, None])
+        along = (right * (dx / squared)[:, None])[:, None, :] + (down * (dy / squared)[:, None])[:, :, None]
+        np.clip(along, 0, 1, out=along)
+        across = right[:, None, :] - along * dx[:, None, None]
+        along *= -dy[:, None, None]
+        along += down[:, :, None]
+        distance = np.sqrt(across * across + along * along)
         x, y = pixel[:, 0, None] + offset, pixel[:, 1, None] + offset
         inside = ((x >= 0) & (x < width))[:, None, :] & ((y >= 0) & (y < height))[:, :, None] & (distance <= reach_px)
         index = (y[:, :, None] * width + x[:, None, :])[inside]
-        np.minimum.at(near, index, distance[inside])
-    touched = np.flatnonzero(near <= reach_px)
-    row, column = np.divmod(touched, width)
-    return (row + low[1]) * shape_hw[1] + column + low[0], near[touched]
+        np.minimum.at(near.ravel(), index, distance[inside])
 
 
 def coverage(distance_px: np.ndarray, width_px: float) -> np.ndarray:

@@ -53,12 +53,13 @@ def visible_contours(
     pixels, inverse = pixels[:, near], 1 / depths[:, near]
     edge, along = pieces_of(np.hypot(*(pixels[1] - pixels[0]).T), PIECE_PX)
     start, direction = pixels[0][edge], (pixels[1] - pixels[0])[edge]
-    pieces = start[:, None] + along[:, :, None] * direction[:, None]
-    middle = along.mean(axis=1)
+    # not as means: numpy is slow at reductions along an axis of two
+    middle = 0.5 * (along[:, 0] + along[:, 1])
+    pixel = start + middle[:, None] * direction
+    inside = np.flatnonzero(camera.contains(pixel))
+    edge, along, middle = edge[inside], along[inside], middle[inside]
     depth = 1 / ((1 - middle) * inverse[0][edge] + middle * inverse[1][edge])
-    inside = camera.contains(pieces.mean(axis=1))
-    pieces, depth = pieces[inside], depth[inside]
-    x, y = np.rint(pieces.mean(axis=1)).astype(np.int64).T
+    x, y = np.rint(pixel[inside]).astype(np.int64).T
     rows, columns = (
         np.clip(part + np.arange(-1, 2)[:, None], 0, size - 1) for part, size in ((y, camera.height), (x, camera.width))
     )
@@ -69,4 +70,9 @@ def visible_contours(
     visible = depth <= farthest + HIDDEN_MM
     ending = visible & np.isinf(farthest)
     step = visible & ~ending & (farthest - depth > STEP_MM)
-    return pieces[ending], pieces[step]
+    start, direction = start[inside], direction[inside]
+    first, last = (
+        np.stack([start[kept] + along[kept, end, None] * direction[kept] for end in (0, 1)], axis=1)
+        for kept in (ending, step)
+    )
+    return first, last

@@ -15,47 +15,64 @@ from .z_buffer import inverse_depth_of, rasterise_depth
 
 
 @dataclass(frozen=True)
-class OverlayScene:
-    """A surface and structures, all in the model frame.
+class Solid:
+    """A mesh with its edges.
 
     Attributes
     ----------
     edges
-        Of the surface.
-    is_solid
-        Whether the surface is closed with its fronts outside, so that no back face is ever seen from outside.
-    structures
-        Meshes and their colours, sRGB 0..1.
+        Of the mesh.
+    is_closed
+        Whether it is closed with its fronts outside, so that no back face is ever seen from outside.
     """
 
     edges: SilhouetteEdges
-    is_solid: bool
-    structures: tuple[tuple[TriangleMesh, Colour], ...]
+    is_closed: bool
+
+    @classmethod
+    def of(cls, mesh: TriangleMesh) -> "Solid":
+        """Find the edges of a mesh (model frame)."""
+        edges = SilhouetteEdges.of(mesh)
+        return cls(edges, _is_closed(edges))
+
+    def seen_faces(self, cam_from_model: np.ndarray) -> np.ndarray | None:
+        """Indices of the faces that a camera outside may see; ``None`` for all."""
+        if not self.is_closed:
+            return None
+        return np.flatnonzero(self.edges.facing(camera_centre(cam_from_model)) > 0)
+
+
+@dataclass(frozen=True)
+class OverlayScene:
+    """A surface and structures, all in the model frame; the structures with their colours, sRGB 0..1."""
+
+    surface: Solid
+    structures: tuple[tuple[Solid, Colour], ...]
 
     @classmethod
     def of(cls, surface: TriangleMesh, structures: Sequence[tuple[TriangleMesh, Colour]]) -> "OverlayScene":
         """Prepare meshes."""
-        edges = SilhouetteEdges.of(surface)
-        return cls(edges, _is_solid(edges), tuple(structures))
+        return cls(Solid.of(surface), tuple((Solid.of(mesh), colour) for mesh, colour in structures))
 
     def surface_layer(
         self, camera: PinholeCamera, cam_from_model: np.ndarray, depth_mm: np.ndarray | None = None
     ) -> SurfaceLayer:
         """The surface at a pose (4x4, mm); its ``(H, W)`` depth is rasterised unless it is given."""
+        edges = self.surface.edges
         if depth_mm is None:
-            inverse = inverse_depth_of(self.edges.mesh, camera, cam_from_model, fronts_only=self.is_solid)
-            depth_mm = np.divide(
-                1, inverse, out=np.zeros(inverse.shape, np.float32), where=inverse > 0, casting="unsafe"
-            )
-        return SurfaceLayer(depth_mm, *visible_contours(self.edges, camera, cam_from_model, depth_mm))
+            inverse = inverse_depth_of(edges.mesh, camera, cam_from_model, self.surface.seen_faces(cam_from_model))
+            depth_mm = np.zeros(inverse.shape, np.float32)
+            np.divide(1, inverse, out=depth_mm, where=inverse > 0, casting="unsafe")
+        return SurfaceLayer(depth_mm, *visible_contours(edges, camera, cam_from_model, depth_mm))
 
     def layers(self, camera: PinholeCamera, cam_from_model: np.ndarray) -> list[Layer]:
         """The structures at a pose, in their order."""
-        return [structure_layer(mesh, colour, camera, cam_from_model) for mesh, colour in self.structures]
+        return [structure_layer(solid, colour, camera, cam_from_model) for solid, colour in self.structures]
 
 
-def structure_layer(mesh: TriangleMesh, colour: Colour, camera: PinholeCamera, cam_from_model: np.ndarray) -> Layer:
+def structure_layer(solid: Solid, colour: Colour, camera: PinholeCamera, cam_from_model: np.ndarray) -> Layer:
     """One structure (model frame) at a pose, in the part of the image that it may cover."""
+    mesh = solid.edges.mesh
     pixels = camera.project(transform_points(cam_from_model, mesh.vertices))
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     size = np.array(camera.size_wh)
@@ -66,7 +83,7 @@ def structure_layer(mesh: TriangleMesh, colour: Colour, camera: PinholeCamera, c
     x0, y0 = (int(value) for value in low)
     width, height = (int(value) for value in high - low)
     window = replace(camera, width=width, height=height, cx=camera.cx - x0, cy=camera.cy - y0)
-    raster = rasterise_depth(mesh, window, cam_from_model)
+    raster = rasterise_depth(mesh, window, cam_from_model, solid.seen_faces(cam_from_model))
     seen = raster.face >= 0
     depth, shade = np.zeros(seen.shape, np.float32), np.zeros(seen.shape, np.float32)
     depth[seen] = 1 / raster.inverse_depth[seen]
@@ -101,7 +118,7 @@ def _facing(
     return np.divide(cosine, lengths, out=np.zeros_like(cosine), where=lengths > 0)
 
 
-def _is_solid(edges: SilhouetteEdges) -> bool:
+def _is_closed(edges: SilhouetteEdges) -> bool:
     """Whether every edge joins two faces that run along it in opposite directions, around a positive volume."""
     faces = len(edges.mesh.faces)
     first, second = edges.half_edges

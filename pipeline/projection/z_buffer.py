@@ -10,7 +10,7 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..surface.mesh import TriangleMesh
-from ..transforms import camera_centre, transform_points
+from ..transforms import transform_points
 from .spans import Spans, filled, spans_of
 
 FARTHEST_PX = 1e5
@@ -36,10 +36,19 @@ class DepthRaster(NamedTuple):
     face: np.ndarray
 
 
-def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> DepthRaster:
+def rasterise_depth(
+    mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, faces: np.ndarray | None = None
+) -> DepthRaster:
     """Rasterise a mesh, both sides of its faces, and keep the nearest face at each pixel centre.
 
     Faces with a corner at or behind the plane of the camera centre are left out: there is no near-plane clipping.
+
+    Parameters
+    ----------
+    mesh, camera, cam_from_model
+        What is seen, and from where (4x4, mm).
+    faces
+        ``(N,)`` the faces that count, all if ``None``. Of a closed surface, seen from outside, its front faces do.
 
     Notes
     -----
@@ -47,25 +56,22 @@ def rasterise_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: n
     """
     height, width = camera.shape_hw
     inverse_depth, shown = np.zeros(height * width), np.full(height * width, -1)
-    for faces, nearness in _faces_in_rows(mesh, camera, cam_from_model, fronts_only=False):
+    for numbers, nearness in _faces_in_rows(mesh, camera, cam_from_model, faces):
         for span, offset, pixel in filled(nearness.spans, width):
             values = nearness.at(span, offset)
             np.maximum.at(inverse_depth, pixel, values)
             nearest = inverse_depth[pixel] == values
-            shown[pixel[nearest]] = faces[nearness.spans.triangle[span[nearest]]]
+            shown[pixel[nearest]] = numbers[nearness.spans.triangle[span[nearest]]]
     return DepthRaster(inverse_depth.reshape(height, width), shown.reshape(height, width))
 
 
 def inverse_depth_of(
-    mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, *, fronts_only: bool
+    mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, faces: np.ndarray | None = None
 ) -> np.ndarray:
-    """``(H, W)`` inverse depth as of :func:`rasterise_depth`, in less time.
-
-    With ``fronts_only``, back faces are left out: of a closed surface, seen from outside, they are never the nearest.
-    """
+    """``(H, W)`` inverse depth as of :func:`rasterise_depth`, in less time."""
     height, width = camera.shape_hw
     inverse_depth = np.zeros(height * width)
-    for _, nearness in _faces_in_rows(mesh, camera, cam_from_model, fronts_only=fronts_only):
+    for _, nearness in _faces_in_rows(mesh, camera, cam_from_model, faces):
         for span, offset, pixel in filled(nearness.spans, width):
             np.maximum.at(inverse_depth, pixel, nearness.at(span, offset))
     return inverse_depth.reshape(height, width)
@@ -88,7 +94,7 @@ class _Nearness(NamedTuple):
 
 
 def _faces_in_rows(
-    mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, *, fronts_only: bool
+    mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray, faces: np.ndarray | None
 ) -> Iterator[tuple[np.ndarray, _Nearness]]:
     """The faces that may cover a pixel centre, block by block, and their spans."""
     points = transform_points(cam_from_model, mesh.vertices)
@@ -99,7 +105,7 @@ def _faces_in_rows(
         for axis, focal, centre in ((0, camera.fx, camera.cx), (1, camera.fy, camera.cy))
     )
     # corner by corner: numpy is slow at reductions along an axis of three
-    a, b, c = mesh.faces.T
+    a, b, c = (mesh.faces if faces is None else mesh.faces[faces]).T
     kept = np.minimum(np.minimum(inverse[a], inverse[b]), inverse[c]) > 0
     for values, size in ((u, width), (v, height)):
         of_a, of_b, of_c = values[a], values[b], values[c]
@@ -112,13 +118,11 @@ def _faces_in_rows(
             & (low > -FARTHEST_PX)
             & (high < FARTHEST_PX)
         )
-    if fronts_only:
-        kept &= mesh.front_facing(camera_centre(cam_from_model))
-    kept = np.flatnonzero(kept)
+    kept = np.flatnonzero(kept) if faces is None else faces[kept]
     for begin in range(0, len(kept), BLOCK):
-        faces = kept[begin : begin + BLOCK]
-        corners = np.ascontiguousarray(mesh.faces[faces].T)
-        yield faces, _nearness(u[corners], v[corners], inverse[corners], camera.size_wh)
+        numbers = kept[begin : begin + BLOCK]
+        corners = np.ascontiguousarray(mesh.faces[numbers].T)
+        yield numbers, _nearness(u[corners], v[corners], inverse[corners], camera.size_wh)
 
 
 def _nearness(u: np.ndarray, v: np.ndarray, inverse: np.ndarray, size_wh: tuple[int, int]) -> _Nearness:

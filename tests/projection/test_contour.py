@@ -10,7 +10,7 @@ from pipeline.camera.whereabouts import whereabouts
 from pipeline.images.layer_stack import LayerStack
 from pipeline.images.overlay import SMOOTHING_PX, outline_segments
 from pipeline.projection.contour import visible_contours
-from pipeline.projection.overlay_scene import OverlayScene, structure_layer
+from pipeline.projection.overlay_scene import OverlayScene, Solid, structure_layer
 from pipeline.projection.silhouette import SilhouetteEdges, silhouette_mask
 from pipeline.projection.z_buffer import inverse_depth_of, rasterise_depth
 from pipeline.surface.mesh import TriangleMesh
@@ -80,17 +80,17 @@ def test_hidden_edges_are_no_contour():
 def test_the_depth_alone_is_that_of_the_raster(surface, oblique_pose, request):
     mesh = request.getfixturevalue(surface)
     expected = rasterise_depth(mesh, CAMERA, oblique_pose).inverse_depth
-    np.testing.assert_array_equal(inverse_depth_of(mesh, CAMERA, oblique_pose, fronts_only=False), expected)
-    assert not OverlayScene.of(mesh, []).is_solid
+    np.testing.assert_array_equal(inverse_depth_of(mesh, CAMERA, oblique_pose), expected)
+    assert not Solid.of(mesh).is_closed
 
 
 def test_a_solid_needs_its_fronts_only(oblique_pose):
     solid = joined(sphere((0, 0, 0), 20), tube(np.array([[-40.0, 0, 9], [0, 5, 24], [40, 0, 9]]), 3.0))
-    assert OverlayScene.of(solid, []).is_solid
-    assert not OverlayScene.of(replace(solid, faces=solid.faces[:-1]), []).is_solid
-    assert not OverlayScene.of(solid.flipped(), []).is_solid
+    assert Solid.of(solid).is_closed
+    assert not Solid.of(replace(solid, faces=solid.faces[:-1])).is_closed
+    assert not Solid.of(solid.flipped()).is_closed
     expected = rasterise_depth(solid, CAMERA, oblique_pose)
-    fronts = inverse_depth_of(solid, CAMERA, oblique_pose, fronts_only=True)
+    fronts = inverse_depth_of(solid, CAMERA, oblique_pose, Solid.of(solid).seen_faces(oblique_pose))
     # where a ray grazes the solid, faces seen edge-on may be either
     assert ((fronts > 0) == (expected.face >= 0)).mean() > 0.999
     seen = (fronts > 0) & (expected.face >= 0)
@@ -121,7 +121,7 @@ def test_the_outline_of_a_visible_structure_is_its_silhouette(frontal_pose):
 def test_a_tube_is_shaded_like_a_tube(frontal_pose):
     """Bright along its middle, darker towards both sides: the cosine of a cylinder."""
     nerve = tube(np.array([[-40.0, 0, 0], [-10, 0, 0], [10, 0, 0], [40, 0, 0]]), 6.0, sides=64)
-    layer = structure_layer(nerve, (1.0, 0.0, 1.0), CAMERA, frontal_pose)
+    layer = structure_layer(Solid.of(nerve), (1.0, 0.0, 1.0), CAMERA, frontal_pose)
     column = layer.shade[:, 200 - layer.corner[0]]
     rows = np.flatnonzero(layer.depth_mm[:, 200 - layer.corner[0]])
     across = (rows - rows.mean()) / (len(rows) / 2)
@@ -141,6 +141,6 @@ def test_structures_outside_have_no_layer_but_a_place(frontal_pose):
         ((190, 190, 0), "right of the frame and below it"), ((0, 0, -900), "behind the camera"), ((0, 0, 0), None),
     ):  # fmt: skip
         pose = rigid(translation=np.array(offset, float)) @ frontal_pose
-        layer = structure_layer(mesh, (1.0, 1.0, 1.0), CAMERA, pose)
+        layer = structure_layer(Solid.of(mesh), (1.0, 1.0, 1.0), CAMERA, pose)
         assert (layer.depth_mm.size == 0) == (place is not None)
         assert whereabouts(mesh.vertices, CAMERA, pose) == place

@@ -35,6 +35,7 @@ class ONEFRAME_PT_setup(bpy.types.Panel):
         row = column.row(align=True)
         row.operator("oneframe.load_frame", icon="IMAGE_DATA")
         row.operator("oneframe.open_video", text="", icon="FILE_MOVIE")
+        row.operator("oneframe.load_video_frame", text="", icon="LINENUMBERS_ON")
         if settings.frame_path:
             column.label(text=bpy.path.basename(settings.frame_path))
         column.operator("oneframe.load_camera", icon="CAMERA_DATA")

@@ -5,7 +5,7 @@ import re
 _COLOURS = {
     r"chorda": (0.0, 1.0, 0.0),
     r"ossic|malleus|incus|stapes": (0.0, 1.0, 1.0),
-    r"facial|nerve|\bfn\b|\bcn ?(7|vii)\b": (1.0, 0.0, 1.0),
+    r"facial|\bfn\b|\bcn ?(7|vii)\b|^nerve\b": (1.0, 0.0, 1.0),
 }
 """Pattern in the name, words separated by spaces -> sRGB 0..1; the first that matches counts."""
 

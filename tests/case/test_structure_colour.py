@@ -20,7 +20,10 @@ AQUA, MAGENTA, GREEN = (0, 1, 1), (1, 0, 1), (0, 1, 0)
         ("incus+stapes", AQUA),
         ("chorda_tympani", GREEN),
         ("Chorda tympani nerve", GREEN),
+        ("nerve", MAGENTA),
         ("cochlea", OTHER),
+        ("cochlear_nerve", OTHER),
+        ("Inferior vestibular nerve", OTHER),
         ("fnord", OTHER),
     ],
 )

@@ -10,6 +10,9 @@ from ..pipeline.errors import InputError, RunError
 from .background_work import NAVIGATION, POLL_SECONDS, BackgroundWork, show_status
 from .operator import Messages, OperatorResult, Reporting, redraw
 
+SHOWN_SECONDS = 0.5
+"""Between texts of the progress."""
+
 Work = Callable[[Callable[[float], None]], Any]
 """Called in a thread with a function that takes the finished share, 0..1; it must not use Blender."""
 
@@ -22,7 +25,7 @@ class InBackground(Reporting):
 
     _background: BackgroundWork
     _timer: bpy.types.Timer | None = None
-    _began = 0.0
+    _began = _next_shown = 0.0
 
     def work(self, context: bpy.types.Context) -> Work:
         """The function for the thread. Implementations raise InputError where it cannot begin."""
@@ -46,6 +49,7 @@ class InBackground(Reporting):
             self.report({"ERROR"}, self.worded(str(error)))
             return {"CANCELLED"}
         self._began = time.monotonic()
+        self._next_shown = self._began
         self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
         context.window_manager.modal_handler_add(self)
         self._show(context)
@@ -89,6 +93,11 @@ class InBackground(Reporting):
         self._end(context)
 
     def _show(self, context: bpy.types.Context) -> None:
+        now = time.monotonic()
+        if now < self._next_shown:
+            return
+        # every other text draws the whole window, for which the work waits
+        self._next_shown = now + SHOWN_SECONDS
         share = self._background.fraction
         done = f"{share:.0%}" if share else f"{time.monotonic() - self._began:.0f} s"
         show_status(context, f"{self.doing}: {done}      Esc: Stop")

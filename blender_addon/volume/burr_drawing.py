@@ -46,12 +46,14 @@ def draw_burr(pointer: tuple[int, int]) -> None:
     radius = float(np.linalg.norm(side - middle))
     strokes.circle(middle, radius / strokes.unit, colour)
     strokes.cross(middle, 0.0, 3.0, colour, width=1.0)
-    strokes.text(middle + np.array([0.8 * radius + 8 * strokes.unit, 0.7 * radius]), text_of(burr), colour)
+    text, aside = text_of(burr), 0.8 * radius + 8 * strokes.unit
+    left = aside if middle[0] + aside + strokes.width_of(text) < high[0] else -aside - strokes.width_of(text)
+    strokes.text(middle + np.array([left, 0.7 * radius]), text, colour)
     # Blender draws cursors in pixels of the window
-    left, below, *target = gpu.state.viewport_get()
+    from_left, below, *target = gpu.state.viewport_get()
     with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
         width, height = target
-        gpu.matrix.load_matrix(Matrix.Translation((region.x - left, region.y - below, 0.0)))
+        gpu.matrix.load_matrix(Matrix.Translation((region.x - from_left, region.y - below, 0.0)))
         clip_from_px = ((2 / width, 0, 0, -1), (0, 2 / height, 0, -1), (0, 0, -1, 0), (0, 0, 0, 1))
         gpu.matrix.load_projection_matrix(Matrix(clip_from_px))
         strokes.draw()

@@ -118,16 +118,18 @@ def draw_bone() -> None:
     gpu.state.depth_test_set("LESS_EQUAL")
     gpu.state.blend_set("NONE")
     _draw(shader, [key for key in _uploaded if not isinstance(key, str)], BONE_RGBA[:3], FRESH_RGB, 1.0)
-    for name in session.structures:
-        colour = structure_colour(name)
+    # white ones are context, such as the ear canal: they would cover the bone
+    coloured = {name: colour for name in session.structures if (colour := structure_colour(name)) != OTHER}
+    for name, colour in coloured.items():
         _draw(shader, [name], colour, colour, 1.0)
     gpu.state.depth_mask_set(False)
-    gpu.state.depth_test_set("GREATER")
     gpu.state.blend_set("ALPHA")
     for name in session.structures:
-        colour = structure_colour(name)
-        if colour != OTHER:
-            _draw(shader, [name], colour, colour, HIDDEN_ALPHA)
+        if name not in coloured and name in session.margins_mm:
+            _draw(shader, [name], OTHER, OTHER, HIDDEN_ALPHA)
+    gpu.state.depth_test_set("GREATER")
+    for name, colour in coloured.items():
+        _draw(shader, [name], colour, colour, HIDDEN_ALPHA)
     gpu.state.depth_test_set("NONE")
     gpu.state.blend_set("NONE")
 

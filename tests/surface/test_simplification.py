@@ -189,7 +189,7 @@ def test_blocks_and_threads_keep_the_laws_and_threads_change_nothing(monkeypatch
     assert found[0] == found[1]
     _check(mesh, reduced, 0.1)
     monkeypatch.undo()
-    assert len(reduced.faces) == pytest.approx(len(simplified(mesh, 0.1).faces), rel=0.05)
+    assert len(reduced.faces) < 1.05 * len(simplified(mesh, 0.1).faces)
 
 
 def test_tolerance_zero_takes_nothing_from_a_curved_surface() -> None:

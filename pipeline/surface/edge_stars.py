@@ -8,7 +8,7 @@ import numpy as np
 from .face_sides import smallest_cosine
 from .quadrics import dot
 from .triangle_distance import squared_triangle_distances
-from .triangle_shape import DEGENERATE, SMALLEST_QUALITY, shapes
+from .triangle_shape import SMALLEST_QUALITY, shapes
 
 _BLOCK = 1 << 11
 """Points at a time, whose numbers stay in the cache."""
@@ -122,9 +122,12 @@ class EdgeStars:
             ``(V,)`` and ``(S,)`` cosine of the sharpest crease of the original at vertices and at the new ones.
         """
         before, quality_before = np.take(normals, self.face, axis=1), quality[self.face]
-        flipped = (dot(self.normals, before) < _SMALLEST_COSINE) & (quality_before > DEGENERATE)
-        flipped &= ~was_folded[self.face]
-        sliver = (self.quality < SMALLEST_QUALITY) & (self.quality <= quality_before) | (self.quality < 1e-5)
+        flipped = (dot(self.normals, before) < _SMALLEST_COSINE) & ~was_folded[self.face]
+        worst = np.full(len(self.good), 1.0)
+        np.minimum.at(worst, self.removed_star, quality[self.removed_face])
+        np.minimum.at(worst, self.star, quality_before)
+        # a star with slivers may keep some: most go with the edge
+        sliver = self.quality < np.clip(worst, 1e-5, SMALLEST_QUALITY)[self.star]
         left, right = (crease[corners] for corners in self.ring)
         of_star = crease_of_star[self.star]
         next_row = self.row_of_face[self.neighbours[0]]

@@ -65,8 +65,8 @@ def creases(faces: np.ndarray, normals: np.ndarray, sides: Sides) -> np.ndarray:
     sharpest = np.ones(len(sides.border))
     for side, beyond in enumerate(sides.neighbours):
         cosine = np.where(beyond < 0, 1, dot(normals, np.take(normals, beyond, axis=1)))
-        np.minimum.at(sharpest, faces[side], cosine)
-        np.minimum.at(sharpest, faces[(side + 1) % 3], cosine)
+        np.fmin.at(sharpest, faces[side], cosine)
+        np.fmin.at(sharpest, faces[(side + 1) % 3], cosine)
     return sharpest
 
 

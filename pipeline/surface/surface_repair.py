@@ -135,19 +135,22 @@ class _Repair:
         for (_, face), (normal, quality) in zip(triangles, after, strict=True):
             if normal @ before[face][0] < self._smallest_cosine or quality < min(_SMALLEST_QUALITY, before[face][1]):
                 return False
-        sharpest = min((before[one][0] @ before[other][0] for one, other in combinations(old, 2)), default=1.0)
+        sharpest = 1.0
+        for one, other in combinations(old, 2):
+            sharpest = np.fmin(sharpest, before[one][0] @ before[other][0])
         outer = []
         for (triangle, face), (normal, _) in zip(triangles, after, strict=True):
             for other in self._beyond(triangle, old):
                 beside = self._shape(self.faces[other])[0]
                 outer.append(normal @ beside)
-                sharpest = min(sharpest, before[face][0] @ beside)
+                sharpest = np.fmin(sharpest, before[face][0] @ beside)
         inner = [
             one[0] @ other[0]
             for (first, one), (second, other) in combinations(list(zip(triangles, after, strict=True)), 2)
             if len(set(first[0]) & set(second[0])) == 2
         ]
-        return min(outer + inner, default=1.0) >= min(self._smallest_cosine, sharpest - _SHARPER)
+        # no triangle that the repair makes is degenerate, but its neighbours may be
+        return not any(cosine < min(self._smallest_cosine, sharpest - _SHARPER) for cosine in outer + inner)
 
     def _beyond(self, triangle: tuple[int, int, int], old: list[int]) -> list[int]:
         """The faces beside a triangle that stay."""

@@ -6,8 +6,8 @@ from .quadrics import cross, dot
 
 DEGENERATE = 1e-3
 """Quality below which a triangle has no normal to speak of."""
-SMALLEST_QUALITY = 0.15
-"""Of a face that a collapse makes. Worse ones may only get better."""
+SMALLEST_QUALITY = 0.2
+"""Of a face that a collapse makes, where there was no worse one around the edge."""
 
 
 def shapes(first_side: np.ndarray, second_side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -20,14 +20,16 @@ def shapes(first_side: np.ndarray, second_side: np.ndarray) -> tuple[np.ndarray,
 
     Returns
     -------
-    Unit normals ``(3, N)``, and ``(N,)`` quality: 1 equilateral, 0 without area.
+    Unit normals ``(3, N)``, and ``(N,)`` quality: 1 equilateral, 0 without area. The normals of triangles that are
+    :data:`DEGENERATE` are NaN, which no comparison finds too far from any other.
     """
     normal = cross(first_side, second_side)
     area = np.sqrt(dot(normal, normal))
     third_side = second_side - first_side
     sides = dot(first_side, first_side) + dot(second_side, second_side) + dot(third_side, third_side)
-    normal /= np.maximum(area, 1e-300)
-    return normal, np.sqrt(12.0) * area / np.maximum(sides, 1e-300)
+    quality = np.sqrt(12.0) * area / np.maximum(sides, 1e-300)
+    normal /= np.where(quality < DEGENERATE, np.nan, np.maximum(area, 1e-300))
+    return normal, quality
 
 
 def face_shapes(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

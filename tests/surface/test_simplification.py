@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from skimage.measure import marching_cubes
 
 from pipeline.errors import InputError
+from pipeline.surface import reduced_surface, surface_blocks, tolerance_guard
 from pipeline.surface.deviation import deviation
 from pipeline.surface.mesh import TriangleMesh
 from pipeline.surface.simplification import simplified, tolerance_near
@@ -113,6 +114,84 @@ def test_flat_sides_of_a_box_go_and_its_creases_stay(tolerance: float) -> None:
     assert _volume(reduced) == pytest.approx(64, abs=max(tolerance * 96, 1e-4))
 
 
+def _distances(shape: str, points: np.ndarray) -> np.ndarray:
+    """Distances of points ``(..., 3)`` from a ball of 10 mm, a torus, or a box."""
+    x, y, z = np.moveaxis(points, -1, 0)
+    if shape == "ball":
+        return np.sqrt(x**2 + y**2 + z**2) - 10
+    if shape == "torus":
+        return np.hypot(np.hypot(x, y) - 8, z) - 3.5
+    outside = np.abs(points) - (9, 7, 8)
+    return np.linalg.norm(np.maximum(outside, 0), axis=-1) + np.minimum(outside.max(axis=-1), 0)
+
+
+def _extracted(shape: str, noise: float) -> TriangleMesh:
+    """A shape as marching cubes give it, with voxels of 0.6 mm."""
+    step, count = 0.6, 42
+    axis = step * (np.arange(count) - (count - 1) / 2)
+    values = _distances(shape, np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1))
+    values += np.random.default_rng(0).normal(0, noise, values.shape)
+    vertices, faces, _, _ = marching_cubes(values, 0.0)
+    return _mesh(step * vertices + axis[0], faces)
+
+
+def _folds_deg(mesh: TriangleMesh) -> np.ndarray:
+    """Angles between the normals of neighbouring faces of a closed mesh."""
+    ends = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    face = np.repeat(np.arange(len(mesh.faces)), 3)[np.lexsort(ends.T)].reshape(-1, 2)
+    return np.degrees(np.arccos(np.clip((mesh.face_normals[face[:, 0]] * mesh.face_normals[face[:, 1]]).sum(1), -1, 1)))
+
+
+@pytest.mark.parametrize("tolerance", [0.06, 0.3])
+@pytest.mark.parametrize("shape", ["ball", "torus", "box"])
+def test_faces_do_not_turn_away_or_fold_over_their_neighbours(shape: str, tolerance: float) -> None:
+    mesh = _extracted(shape, 0.02)
+    reduced = simplified(mesh, tolerance)
+    assert len(reduced.faces) < len(mesh.faces) / 4
+    steps = np.eye(3) * 1e-4
+    gradient = np.stack(
+        [_distances(shape, reduced.face_centres + d) - _distances(shape, reduced.face_centres - d) for d in steps], 1
+    )
+    turned = np.degrees(np.arccos(np.clip((gradient / 2e-4 * reduced.face_normals).sum(axis=1), -1, 1)))
+    near_crease = np.zeros(len(turned), bool)
+    if shape == "box":
+        near_crease = (np.sort((9, 7, 8) - np.abs(reduced.face_centres), axis=1)[:, 1]) < 1
+    assert turned[~near_crease].max() < 40
+    sharpest = _folds_deg(mesh).max()
+    assert _folds_deg(reduced).max() < max(61, sharpest + 10)
+
+
+def test_a_sharp_rim_folds_no_more_than_before() -> None:
+    # a groove cut into a ball: slivers where the two surfaces meet
+    mesh = _extracted("ball", 0.02)
+    axis = 0.6 * (np.arange(42) - 20.5)
+    points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1)
+    x, y, z = np.moveaxis(points, -1, 0)
+    groove = 2.5 - np.sqrt(np.maximum(np.abs(x) - 3, 0) ** 2 + y**2 + (z - 9.5) ** 2)
+    vertices, faces, _, _ = marching_cubes(np.maximum(_distances("ball", points), groove), 0.0)
+    mesh = _mesh(0.6 * vertices + axis[0], faces)
+    tolerance = tolerance_near(mesh, np.array([0.0, 0.0, 9.0]), 5.5, 0.075, 0.3)
+    reduced = simplified(mesh, tolerance)
+    assert (_folds_deg(reduced) > 100).sum() <= (_folds_deg(mesh) > 100).sum()
+
+
+def test_blocks_and_threads_keep_the_laws_and_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = _random_field(5)
+    for module in (surface_blocks, tolerance_guard):
+        monkeypatch.setattr(module, "BLOCK_FACES", 1500)
+    assert len(surface_blocks.surface_blocks(mesh.vertices[mesh.faces[:, 0]])) > 5
+    found = []
+    for threads in (1, 4):
+        for module in (reduced_surface, tolerance_guard):
+            monkeypatch.setattr(module, "THREADS", threads)
+        reduced = simplified(mesh, 0.1)
+        found.append(reduced.vertices.tobytes() + reduced.faces.tobytes())
+    assert found[0] == found[1]
+    _check(mesh, reduced, 0.1)
+    monkeypatch.undo()
+    assert len(reduced.faces) < 1.05 * len(simplified(mesh, 0.1).faces)
+
+
 def test_tolerance_zero_takes_nothing_from_a_curved_surface() -> None:
     mesh = _bumpy_sphere(1)
     assert len(simplified(mesh, 0.0).faces) == len(mesh.faces)
@@ -179,7 +258,7 @@ def test_the_same_bytes_on_every_numpy() -> None:
     box = _box(30)
     reduced = simplified(TriangleMesh(box.vertices + np.resize(noise, box.vertices.shape), box.faces), 0.02)
     digest = hashlib.sha256(reduced.vertices.tobytes() + reduced.faces.tobytes()).hexdigest()
-    assert (len(reduced.faces), digest[:16]) == (2318, "1b947a626bcafd82")
+    assert (len(reduced.faces), digest[:16]) == (2462, "c38e1b1f7b27ab98")
 
 
 def test_progress_grows_to_one_and_can_cancel() -> None:

@@ -71,7 +71,7 @@ def draw_overlay(
     """
     result = np.array(image, dtype=np.uint8 if image.dtype == np.uint8 else np.float32, order="C")
     canvas = _Canvas(result, clear)
-    scale = line_scale(result.shape[:2])
+    scale = line_scale((result.shape[0], result.shape[1]))
     rim = max(RIM_PX * scale, 0.8)
     for segments, width, opacity in (
         (surface.edges, EDGE_PX, EDGE_OPACITY), (surface.contour, CONTOUR_PX, CONTOUR_OPACITY),

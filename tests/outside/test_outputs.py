@@ -100,7 +100,9 @@ def writing_commands(case: Path, target: Path) -> Iterator[CommandLine]:
         yield "colour", case, "--out", target.with_suffix(suffix)
     for option in ("--json", "--picture", "--out"):
         yield "align", case, "--landmarks", folder / "landmarks.csv", option, target
-    yield "overlay", case, "--out", target
+    if "photo" not in target.name:
+        # photographs are inputs of compare only, and a picture may replace a picture
+        yield "overlay", case, "--out", target
     yield "compare", case, folder / "held_out.json", "--out", target
     yield "sample", "--out", target
     yield new_case(case, target)

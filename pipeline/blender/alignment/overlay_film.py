@@ -119,7 +119,7 @@ class OverlayFilm:
         self.fps, self.count = output_rate(film.info)
 
     def write(self, out: Path, progress: Callable[[], None]) -> FilmReport:
-        """Encode the film; ``progress`` is called for each of :attr:`count` frames.
+        """Encode the film; ``progress`` is called for each frame that is written.
 
         Raises
         ------

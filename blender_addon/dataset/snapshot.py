@@ -11,6 +11,7 @@ from ..pipeline.files.content import write_bytes_atomically
 from ..pipeline.files.outputs import check_outputs, companion, made_folder, writing
 from ..state import from_scene
 from ..state.inputs import input_files
+from ..state.session_files import check_lasting
 
 SUFFIX = ".case.toml"
 COMMENT = (
@@ -29,13 +30,15 @@ def write_snapshot(scene: bpy.types.Scene, out: Path) -> Path:
     Raises
     ------
     InputError
-        The scene is no complete case, or the file exists and is not a snapshot, or it is the opened case.
+        The scene is no complete case, or holds what was made in this session and was not saved; or the file exists and
+        is not a snapshot, or it is the opened case.
     RunError
         The file cannot be written.
     """
     path = snapshot_path(out)
     # the record of the pose holds the date, and no view depends on it
     case = replace(from_scene.case(scene, path), alignment={})
+    check_lasting({name: file for name, file in case.input_files().items() if name != "case"})
     text = case_text(path, case, comment=COMMENT)
     case_from_text(text, path)
     data = encoded(path, text)

@@ -14,7 +14,8 @@ from ..pipeline.alignment.refinement.report import refinement_record
 from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.case.alignment_record import INITIAL_GUESS
 from ..pipeline.case.case_file import Case
-from ..state import from_scene, pose_evidence, to_scene
+from ..state import from_scene, pose_evidence
+from ..state.initial_pose import has_initial_pose
 
 
 def recorded_case(scene: bpy.types.Scene, path: Path) -> Case:
@@ -31,7 +32,7 @@ def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
         return {"tool": tool, "date": date, **record} if record.get("method") == "pins" else record
     solved = solve.solution(scene)
     if solved.alignment is None or solve.departure(scene, solved) is not None:
-        if to_scene.has_initial_pose(scene):
+        if has_initial_pose(scene):
             return {"method": INITIAL_GUESS}
         return {"method": "manual", "tool": tool, "date": date}
     return alignment_record(solved.alignment, tool, date)

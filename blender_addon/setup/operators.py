@@ -202,12 +202,15 @@ class ONEFRAME_OT_load_surface(ReportingFile, bpy.types.Operator, ImportHelper):
 
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
-        folder = read_surface_folder(path.parent) if path.name == RECORD else SurfaceFolder(path, (), None)
+        folder = read_surface_folder(path.parent) if path.name == RECORD else SurfaceFolder(path)
         units = "mm" if path.name == RECORD else self.units
         path = folder.mesh
         given, messages = read_mesh(path)
         mesh = given.scaled(MM_PER_UNIT[units])
-        to_scene.set_surface(context, path, mesh, units, folder.focus)
+        for structure in folder.structures:
+            # before the scene changes
+            read_mesh(structure.mesh)
+        to_scene.set_surface(context, path, mesh, units, folder.focus_of(mesh))
         files = {structure.name: (structure.mesh, structure.colour) for structure in folder.structures}
         messages += put_structures(from_scene.surface_of(context.scene), files)
         doubt = _size_doubt(context.scene, extents_of(mesh))

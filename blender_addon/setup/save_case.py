@@ -15,6 +15,7 @@ from ..pipeline.case.case_writer import case_output
 from ..pipeline.errors import InputError
 from ..registration import class_registration, prop
 from ..state import from_scene
+from ..state.session_files import is_temporary
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, ReportingFile
 from .alignment_record import recorded_case
 from .kept_files import keep_beside
@@ -51,9 +52,7 @@ class ONEFRAME_OT_save_case(NeedsAlignment, ReportingFile, bpy.types.Operator, E
         known = bpy.path.abspath(context.scene.oneframe.case_path)
         # a case begun from nothing becomes a folder with all of it
         self.collect = self.collect or not known
-        frame_path = context.scene.oneframe.frame_path
-        beside = from_scene.absolute_path(frame_path).parent if frame_path else Path()
-        self.filepath = known or str(beside / "case.toml")
+        self.filepath = known or str(_usual_folder(context.scene) / "case.toml")
         return self.execute(context) if known and not self.save_as else super().invoke(context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:
@@ -66,6 +65,16 @@ class ONEFRAME_OT_save_case(NeedsAlignment, ReportingFile, bpy.types.Operator, E
         update_case(path, _with_kept_record(recorded_case(context.scene, path)))
         settings.case_path, settings.case_dataset_text = str(path), json.dumps(read_case(path).dataset)
         return (f"saved {', '.join(map(str, (path, *kept)))}",)
+
+
+def _usual_folder(scene: bpy.types.Scene) -> Path:
+    """The folder of the frame, the surface or the CT: of the first that is no file of this session."""
+    surface = from_scene.present_surface(scene)
+    meshes = [] if surface is None else [surface.oneframe.mesh_path]
+    for text in (scene.oneframe.frame_path, *meshes, scene.oneframe_ct.path):
+        if text and not is_temporary(path := from_scene.absolute_path(text)):
+            return path.parent
+    return Path()
 
 
 def _with_kept_record(case: Case) -> Case:

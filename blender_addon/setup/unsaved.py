@@ -7,7 +7,8 @@ import bpy
 from ..pipeline.case.case_file import read_case
 from ..pipeline.case.case_update import differing_fields
 from ..pipeline.errors import InputError
-from ..state import from_scene, to_scene
+from ..state import from_scene
+from ..state.initial_pose import has_initial_pose
 
 QUESTION, ANSWER = "Open Another Case?", "Open Without Saving"
 
@@ -59,7 +60,7 @@ def unsaved_text(scene: bpy.types.Scene) -> str:
 def _aligned_parts(scene: bpy.types.Scene) -> tuple[str, ...]:
     parts = ["landmarks"] if len(scene.oneframe.landmarks) else []
     try:
-        is_initial = to_scene.has_initial_pose(scene)
+        is_initial = has_initial_pose(scene)
     except InputError:
         is_initial = False
     return tuple(parts if is_initial else ["pose", *parts])

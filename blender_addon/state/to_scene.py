@@ -7,7 +7,6 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ..pipeline.alignment.manual.initial_pose import initial_pose
 from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.blender.bridge.data_blocks import absolute_path
 from ..pipeline.blender.bridge.exact_values import exact, set_exact
@@ -24,12 +23,9 @@ from ..pipeline.surface.ball import Ball
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.transforms import inverse_rigid, rigid, transform_points
 from . import events, from_scene, pose_evidence, workbench
-from .camera_view import follow_surface, look_through_camera, show_shape
+from .camera_view import look_through_camera, show_shape
+from .initial_pose import FOCUS, INITIAL_POSE, is_initial, set_focus, set_initial_pose
 from .pivot import PIVOT
-
-INITIAL_POSE, FOCUS = "oneframe_first_pose", "oneframe_focus"
-"""Custom properties of the surface: its automatic initial pose, found again when K is set while it is still in use; and
-the ball that this pose looks at, its centre and radius in mm, in the frame of the mesh file."""
 
 HEAD_BYTES = 1 << 16
 """Of an image, to tell whether it may have alpha."""
@@ -163,30 +159,14 @@ def set_camera(context: bpy.types.Context, camera: PinholeCamera, distortion: Di
     camera_object = settings.camera_object = alignment_scene.put_camera(scene, existing, camera)
     _remember_camera(scene, camera, distortion)
     if surface is not None and pose is not None:
-        if _is_initial(surface, pose):
-            _set_initial_pose(scene, surface)
+        if is_initial(surface, pose):
+            set_initial_pose(scene, surface)
         else:
             surface_object.set_pose(camera_object, surface, pose)
             alignment_scene.fit_clip(camera_object, surface_object.radius_of(surface), pose)
     if settings.frame_path:
         show_frame(scene)
     look_through_camera(context)
-
-
-def has_initial_pose(scene: bpy.types.Scene) -> bool:
-    """Whether the surface still has the pose that was computed when it was loaded.
-
-    Raises
-    ------
-    InputError
-        There is no camera or surface, or the surface is scaled, sheared or mirrored.
-    """
-    return _is_initial(from_scene.surface_of(scene), from_scene.cam_from_model(scene))
-
-
-def _is_initial(surface: bpy.types.Object, pose: np.ndarray) -> bool:
-    initial = exact(surface, INITIAL_POSE)
-    return initial is not None and np.array_equal(initial, pose)
 
 
 def set_surface(
@@ -207,7 +187,7 @@ def set_surface(
     surface.oneframe.role, surface.oneframe.mesh_path = "SURFACE", str(path.resolve())
     settings.surface, settings.units = surface, units
     set_focus(surface, focus)
-    _set_initial_pose(scene, surface)
+    set_initial_pose(scene, surface)
     replace_landmarks(scene, ())
     show_shape(context)
     look_through_camera(context)
@@ -268,7 +248,7 @@ def exchange_surface(context: bpy.types.Context, path: Path, given: TriangleMesh
     scene = context.scene
     camera_object, surface = from_scene.present_camera(scene), from_scene.surface_of(scene)
     pose = surface_object.pose_of(camera_object, surface)
-    was_initial = _is_initial(surface, pose)
+    was_initial = is_initial(surface, pose)
     landmarks = from_scene.landmarks_mesh(scene)
     mesh_from_old = surface_object.mesh_from_model_of(surface)
     mesh_from_new = rigid(translation=given.vertices.mean(axis=0))
@@ -296,32 +276,6 @@ def _remember_camera(scene: bpy.types.Scene, camera: PinholeCamera, distortion: 
     scene.oneframe.distortion_text = json.dumps(values) if values else ""
 
 
-def set_focus(surface: bpy.types.Object, focus: Ball | None) -> None:
-    """Remember what an initial pose looks at: a ball in the frame of the mesh file, mm, or nothing."""
-    if focus is not None:
-        ball = focus.rounded()
-        set_exact(surface, FOCUS, [*ball.centre, ball.radius_mm])
-    elif FOCUS in surface:
-        del surface[FOCUS]
-
-
-def renew_initial_pose(context: bpy.types.Context, focus: Ball | None) -> None:
-    """Remember another focus (frame of the mesh file, mm); a pose that nobody has changed looks at it from now on.
-
-    Free views keep what they show: they move with the surface.
-    """
-    scene = context.scene
-    camera_object, surface = from_scene.present_camera(scene), from_scene.surface_of(scene)
-    set_focus(surface, focus)
-    pose = surface_object.pose_of(camera_object, surface)
-    # without K nothing looks through the camera; with it, the initial pose is found again
-    if camera_object is None or not _is_initial(surface, pose) or scene.oneframe.landmarks:
-        return
-    before = surface.matrix_world.copy()
-    _set_initial_pose(scene, surface)
-    follow_surface(context, before, surface.matrix_world)
-
-
 def relink_frame(scene: bpy.types.Scene, path: Path) -> None:
     """Use a file with the present frame's pixels as the frame: its copy beside the case."""
     scene.oneframe.frame_path = str(path.resolve())
@@ -347,30 +301,3 @@ def show_frame(scene: bpy.types.Scene) -> None:
 def _may_have_alpha(path: Path) -> bool:
     with reading(path, "an image file"), path.open("rb") as file:
         return may_have_alpha(file.read(HEAD_BYTES))
-
-
-def _set_initial_pose(scene: bpy.types.Scene, surface: bpy.types.Object) -> None:
-    camera_object = from_scene.present_camera(scene)
-    # without K any camera will do: the initial pose is found again when K is set
-    camera = PinholeCamera(1920, 1080, 12800, 12800, 959.5, 539.5)
-    if camera_object is not None:
-        camera = from_scene.camera(scene)
-    stored, focus = exact(surface, FOCUS), None
-    if stored is not None and stored.shape == (4,):
-        focus = Ball(stored[:3] - surface_object.mesh_from_model_of(surface)[:3, 3], float(stored[3]))
-    mesh = _mesh_as_read(scene, surface)
-    pose = initial_pose(mesh, camera, focus)
-    surface_object.set_pose(camera_object, surface, pose)
-    set_exact(surface, INITIAL_POSE, pose)
-    if camera_object is not None:
-        alignment_scene.fit_clip(camera_object, mesh.radius, pose)
-
-
-def _mesh_as_read(scene: bpy.types.Scene, surface: bpy.types.Object) -> TriangleMesh:
-    """The surface (model frame) in the digits of its file, as scripts read it; that of Blender if it was edited."""
-    try:
-        mesh = from_scene.surface_in_file(scene)
-        from_scene.check_mesh_unedited(scene)
-    except InputError:
-        return surface_object.edited_mesh(surface)
-    return mesh

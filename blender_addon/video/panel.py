@@ -3,6 +3,7 @@
 import bpy
 
 from ..registration import class_registration
+from ..state import from_scene
 from ..ui.wrapped_text import draw_text
 from . import session, shown_frame
 from .session import FilmSession
@@ -63,6 +64,8 @@ def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSes
     row.prop(scene.oneframe_video, "show_mask", text="", icon="HIDE_OFF")
     if shown_frame.is_shown(scene):
         draw_text(layout, "The view shows the video. Strip brings back the frame of the case.", icon="INFO")
+    elif from_scene.present_camera(scene) is None and from_scene.present_surface(scene) is not None:
+        draw_text(layout, "The video covers the view until K is loaded. Strip hides it.", icon="INFO")
 
 
 register, unregister = class_registration((ONEFRAME_PT_video,))

@@ -123,7 +123,11 @@ def _poll() -> float | None:
     waiting = False
     for scene in bpy.data.scenes:
         film = session.of(scene)
-        if film is None or film.is_full or film.fetcher.failure(film.shown) or not scene.oneframe_video.visible:
+        if film is None or film.is_full or not scene.oneframe_video.visible:
+            continue
+        if film.fetcher.failure(film.shown):
+            # the strip and the panel report it
+            redraw(bpy.context)
             continue
         if film.fetcher.frame(film.shown) is not None:
             film.show(film.shown)

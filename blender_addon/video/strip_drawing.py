@@ -34,7 +34,7 @@ def draw_strip() -> None:
     film, layout = film_in(context), StripLayout.of(context)
     if film is None:
         return
-    if from_scene.present_camera(context.scene) is None:
+    if from_scene.present_camera(context.scene) is None and not context.scene.oneframe_ct.drilling:
         _draw_alone(context, film)
     if layout is None:
         return

@@ -22,8 +22,8 @@ void main()
 {
   /* the target encodes linear values as sRGB */
   vec3 code = texture(picture, at).rgb;
-  vec3 linear = mix(pow((code + 0.055) / 1.055, vec3(2.4)), code / 12.92, vec3(lessThan(code, vec3(0.04045))));
-  colour = vec4(linear, 1.0);
+  vec3 decoded = mix(pow((code + 0.055) / 1.055, vec3(2.4)), code / 12.92, vec3(lessThan(code, vec3(0.04045))));
+  colour = vec4(decoded, 1.0);
 }
 """
 

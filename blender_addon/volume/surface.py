@@ -10,7 +10,7 @@ from ..pipeline.case.structure_colour import structure_colour
 from ..pipeline.case.surface_size import extents_of, size_text
 from ..pipeline.commands.surface_finish import finish_of, removed_of
 from ..pipeline.errors import InputError
-from ..pipeline.surface.ball import Ball
+from ..pipeline.surface.ball import Ball, ball_around
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.volume.bone import bone_voxels
@@ -19,6 +19,7 @@ from ..pipeline.volume.structures import structure_meshes, without_bone
 from ..pipeline.volume.threshold import check_threshold
 from ..registration import class_registration, prop
 from ..state import from_scene, to_scene
+from ..state.initial_pose import renew_initial_pose
 from ..state.structures import put_structures
 from ..ui.background_operator import InBackground, Work
 from ..ui.operator import Asking, Messages, OperatorResult, call
@@ -105,12 +106,13 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
         focus, structures, paths = result
         # as every other tool reads it: the file has single precision
         mesh, _ = read_mesh(paths[""])
+        focus = focus or ball_around(mesh)
         key = key_of(scene)
         if scene.oneframe_ct.drilling:
             drill_session.end(scene)
         if is_from_ct(scene) and scene.oneframe.units == "mm":
             to_scene.exchange_surface(context, paths[""], mesh)
-            to_scene.renew_initial_pose(context, focus)
+            renew_initial_pose(context, focus)
         else:
             to_scene.set_surface(context, paths[""], mesh, "mm", focus)
         surface = from_scene.surface_of(context.scene)

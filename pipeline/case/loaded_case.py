@@ -1,15 +1,19 @@
 """A case in memory, and a check that its pose is plausible: the surface in view, at a microscope's distance."""
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from ..camera.whereabouts import whereabouts
 from ..errors import InputError
+from ..files.keys import nearest_name
 from ..surface.mesh import TriangleMesh
 from ..surface.mesh_reader import read_mesh
 from ..transforms import rigid, transform_points
 from .case_file import Case, Structure
+from .structure_colour import OTHER
 
 NEAREST_MM, FARTHEST_MM = 2.0, 30_000.0
 """Working distances outside this range indicate wrong units; an error by a factor of 1000 is always outside."""
@@ -45,6 +49,29 @@ class LoadedCase:
     cam_from_model: np.ndarray
     structures: tuple[tuple[Structure, TriangleMesh], ...]
     messages: tuple[str, ...]
+
+    def with_shown_structures(self, only: Collection[str] = ()) -> "LoadedCase":
+        """The case with the structures that overlays show: those named in ``only``, else those that are not white.
+
+        White ones are context, such as the dura and the ear canal, and would hide the nerve; they are shown where no
+        structure has another colour.
+
+        Raises
+        ------
+        InputError
+            There is no structure of a name in ``only``.
+        """
+        names = [structure.name for structure, _ in self.structures]
+        for name in only:
+            if name not in names:
+                raise InputError(
+                    f"{self.case.path.name}: no structure is named {name!r}; {nearest_name(name, tuple(names))}"
+                )
+        if only:
+            shown = tuple(each for each in self.structures if each[0].name in only)
+        else:
+            shown = tuple(each for each in self.structures if each[0].colour != OTHER) or self.structures
+        return replace(self, structures=shown)
 
 
 def load_surface(path: Path, mm_per_unit: float) -> tuple[TriangleMesh, np.ndarray, list[str]]:
@@ -99,10 +126,10 @@ def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> No
             f"{name}: expected a surface about as large as the frame, it spans {extent_px:.3g} px of "
             f"{max(camera.size_wh)}: wrong units suspected; are mesh and translation in the same unit?"
         )
-    pixels = camera.project(points_cam[in_front])
-    u, v = pixels[:, 0], pixels[:, 1]
-    if u.max() < -0.5 or v.max() < -0.5 or u.min() > camera.width - 0.5 or v.min() > camera.height - 0.5:
+    place = whereabouts(points_cam, camera, np.eye(4))
+    if place is not None:
+        u, v = camera.project(points_cam[in_front]).T
         raise InputError(
-            f"{name}: expected the surface in the frame, it projects to u {u.min():.0f} to {u.max():.0f}, "
+            f"{name}: expected the surface in the frame, it lies {place}: u {u.min():.0f} to {u.max():.0f}, "
             f"v {v.min():.0f} to {v.max():.0f} px of {camera.width}x{camera.height}; align the pose first"
         )

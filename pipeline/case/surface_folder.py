@@ -13,7 +13,8 @@ from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
 from ..files.kinds import Kind, json_object
 from ..files.tables import parsed_json
-from ..surface.ball import Ball
+from ..surface.ball import Ball, ball_around
+from ..surface.mesh import TriangleMesh
 from ..surface.mesh_writer import SAFE_NAME
 from .case_file import Structure
 
@@ -28,7 +29,7 @@ _HEADER_BYTES = 64 * 1024
 
 @dataclass(frozen=True)
 class SurfaceFolder:
-    """A checked folder; all meshes are in LPS, mm.
+    """A checked folder, or a mesh alone.
 
     Attributes
     ----------
@@ -38,11 +39,18 @@ class SurfaceFolder:
         With their names and colours, in the order of the labels.
     focus
         The ball around what was drilled, or else around the known structures; ``None`` if there was neither.
+    is_lps
+        Whether all meshes are in LPS, mm: those of a folder are.
     """
 
     mesh: Path
-    structures: tuple[Structure, ...]
-    focus: Ball | None
+    structures: tuple[Structure, ...] = ()
+    focus: Ball | None = None
+    is_lps: bool = False
+
+    def focus_of(self, mesh: TriangleMesh) -> Ball | None:
+        """What an initial pose looks at: the focus or all of the surface (frame of its file), whose axes it needs."""
+        return ball_around(mesh) if self.is_lps and self.focus is None else self.focus
 
 
 def structure_file(name: str) -> str:
@@ -89,7 +97,7 @@ def read_surface_folder(folder: Path) -> SurfaceFolder:
         structure = Structure(name, _file(folder, entry, where), (colour[0], colour[1], colour[2]))
         _check_counts(structure.mesh, entry, ("faces",), path)
         structures.append(structure)
-    return SurfaceFolder(mesh, tuple(structures), _focus(record.get("focus"), f"{path}: focus"))
+    return SurfaceFolder(mesh, tuple(structures), _focus(record.get("focus"), f"{path}: focus"), is_lps=True)
 
 
 def _focus(value: object, where: str) -> Ball | None:

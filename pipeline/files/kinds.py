@@ -84,6 +84,7 @@ def csv_table(header: str) -> Callable[[bytes], bool]:
 
 PNG = Kind("a PNG image", beginning(b"\x89PNG\r\n\x1a\n"))
 SVG = Kind("an SVG image", lambda data: b"<svg" in data[:HEAD_BYTES])
+MP4 = Kind("an MP4 video", lambda data: data[4:8] == b"ftyp")
 GLB = Kind("a GLB model", beginning(b"glTF"))
 PLY = Kind("a PLY mesh", beginning(b"ply\n", b"ply\r"))
 OBJ = Kind("an OBJ mesh", statements("mtllib", "o", "g", "s", "v", "vn", "vt", "usemtl"))

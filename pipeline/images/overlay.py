@@ -1,55 +1,159 @@
-"""Overlays: structures and outlines drawn over an image, as in augmented reality."""
+"""Overlays: structures and outlines drawn over an image, as in augmented reality.
+
+What lies in front of the surface is solid and shaded. What the surface hides is fainter the deeper it lies below it,
+and its outline is dashed. Lines have a dark rim, so that they show on bright and on dark tissue alike.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-VISIBLE_OPACITY, HIDDEN_OPACITY = 0.75, 0.35
-OUTLINE_COLOUR = (1.0, 0.85, 0.1)
+from .layer_stack import Colour, Layer, LayerStack, SurfaceLayer
+from .mask_outline import Outline, outlines
+from .strokes import coverage, dashed, line_distance
+
+VISIBLE_OPACITY = 0.8
+HIDDEN_OPACITY, DEEPEST_OPACITY = 0.5, 0.1
+"""Of what lies just below the surface, and of what lies :data:`DEEPEST_MM` or more below it."""
+DEEPEST_MM = 10.0
+DARKEST = 0.35
+"""Brightness of what is seen edge-on, as a fraction of its colour."""
+
+CONTOUR_COLOUR = (1.0, 0.85, 0.1)
+CONTOUR_OPACITY, EDGE_OPACITY = 0.9, 0.55
+RIM_OPACITY = 0.45
+HIDDEN_LINE_OPACITY = 0.95
+
+REFERENCE_PX = 1920
+"""Width or height, whichever is greater, of an image in which the widths below hold."""
+OUTLINE_PX, CONTOUR_PX, EDGE_PX, RIM_PX = 3.2, 1.8, 1.2, 1.2
+THINNEST_PX = 1.6
+DASH_PX, GAP_PX = 14.0, 9.0
+SHORTEST_DASH_PX, SHORTEST_GAP_PX = 6.0, 4.0
+SMOOTHING_PX = 2.0
 
 
-@dataclass(frozen=True)
-class Layer:
-    """A structure as a camera sees it.
+def line_scale(shape_hw: tuple[int, int]) -> float:
+    """Factor of the widths of lines in an image of this size."""
+    return max(shape_hw) / REFERENCE_PX
 
-    Attributes
+
+def hidden_opacity(below_mm: np.ndarray) -> np.ndarray:
+    """Opacity of what lies so many mm below the surface: it falls with the depth, down to :data:`DEEPEST_MM`."""
+    fraction = np.clip(below_mm / DEEPEST_MM, 0, 1)
+    return HIDDEN_OPACITY + (DEEPEST_OPACITY - HIDDEN_OPACITY) * fraction
+
+
+def draw_overlay(
+    image: np.ndarray,
+    surface: SurfaceLayer,
+    layers: Sequence[Layer],
+    stack: LayerStack | None = None,
+    *,
+    clear: np.ndarray | None = None,
+) -> np.ndarray:
+    """Draw structures and the surface's contours over an image.
+
+    Parameters
     ----------
-    depth_mm
-        ``(H, W)``, 0 where there is no structure.
-    colour
-        sRGB code values 0..1.
+    image
+        ``(H, W, 3)``: uint8 codes, or float values 0..1.
+    surface, layers
+        What to draw; nearer structures cover farther ones.
+    stack
+        Of these, if the caller has it.
+    clear
+        ``(H, W)`` bool: where anything may be drawn; ``None`` for everywhere.
+
+    Returns
+    -------
+    A copy, ``(H, W, 3)`` uint8 or float32.
     """
-
-    depth_mm: np.ndarray
-    colour: tuple[float, float, float]
-
-
-def draw_overlay(image: np.ndarray, surface_depth_mm: np.ndarray, layers: Sequence[Layer]) -> np.ndarray:
-    """Draw structures and the surface's outline over an ``(H, W, 3)`` image (values 0..1).
-
-    A structure has :data:`VISIBLE_OPACITY`, and :data:`HIDDEN_OPACITY` where the surface hides it. Nearer structures
-    cover farther ones.
-    """
-    result = image.astype(np.float32, copy=True)
-    mask = surface_depth_mm > 0
-    result[_outline(mask)] = OUTLINE_COLOUR
-    if not layers:
-        return result
-    depths = np.stack([np.where(layer.depth_mm > 0, layer.depth_mm, np.inf) for layer in layers])
-    nearest = depths.argmin(axis=0)
+    result = np.array(image, dtype=np.uint8 if image.dtype == np.uint8 else np.float32, order="C")
+    canvas = _Canvas(result, clear)
+    scale = line_scale(result.shape[:2])
+    rim = max(RIM_PX * scale, 0.8)
+    for segments, width, opacity in (
+        (surface.edges, EDGE_PX, EDGE_OPACITY), (surface.contour, CONTOUR_PX, CONTOUR_OPACITY),
+    ):  # fmt: skip
+        canvas.line(segments, max(width * scale, 0.8), rim, CONTOUR_COLOUR, opacity)
+    stack = stack or LayerStack.of(surface, layers)
     for number, layer in enumerate(layers):
-        shown = (nearest == number) & (layer.depth_mm > 0)
-        hidden = mask & (layer.depth_mm > surface_depth_mm)
-        opacity = np.where(hidden, HIDDEN_OPACITY, VISIBLE_OPACITY)[..., None]
-        blended = (1 - opacity) * result + opacity * np.array(layer.colour, np.float32)
-        result = np.where(shown[..., None], blended, result)
-        result[_outline(shown)] = layer.colour
+        canvas.fill(stack, number, layer)
+    width = max(OUTLINE_PX * scale, THINNEST_PX)
+    dash = max(DASH_PX * scale, SHORTEST_DASH_PX), max(GAP_PX * scale, SHORTEST_GAP_PX)
+    # farther ones first
+    order = sorted(range(len(layers)), key=lambda number: -_nearest(layers[number].depth_mm))
+    for number in order:
+        visible, hidden = outline_segments(stack, number, on_px=dash[0], off_px=dash[1], sigma_px=SMOOTHING_PX)
+        canvas.line(hidden, width, rim, layers[number].colour, HIDDEN_LINE_OPACITY)
+        canvas.line(visible, width, rim, layers[number].colour, 1.0)
     return result
 
 
-def _outline(mask: np.ndarray) -> np.ndarray:
-    """The pixels of a mask with at least one of four neighbours outside it; the image border does not count."""
-    padded = np.pad(mask, 1, mode="edge")
-    inner = padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
-    return mask & ~inner
+class _Canvas:
+    """An image that is drawn on, pixel by pixel where something is stack."""
+
+    def __init__(self, image: np.ndarray, clear: np.ndarray | None) -> None:
+        self._image, self._shape = image, (image.shape[0], image.shape[1])
+        self._pixels = image.reshape(-1, 3)
+        self._clear = None if clear is None else clear.ravel()
+
+    def line(self, segments: np.ndarray, width_px: float, rim_px: float, colour: Colour, opacity: float) -> None:
+        """A line with a rim: one mark, however often its segments overlap."""
+        if len(segments) == 0:
+            return
+        at, distance = line_distance(segments, self._shape, width_px / 2 + rim_px + 0.5)
+        self._blend(at, np.zeros(3, np.float32), opacity * RIM_OPACITY * coverage(distance, width_px + 2 * rim_px))
+        self._blend(at, np.array(colour, np.float32), opacity * coverage(distance, width_px))
+
+    def fill(self, stack: LayerStack, number: int, layer: Layer) -> None:
+        if not layer.depth_mm.size:
+            return
+        (x0, y0), (h, w) = layer.corner, layer.depth_mm.shape
+        left, top = x0 - stack.corner[0], y0 - stack.corner[1]
+        y, x = np.nonzero(stack.number[top : top + h, left : left + w] == number)
+        below = stack.below_mm[y + top, x + left]
+        opacity = np.where(below > 0, hidden_opacity(below), VISIBLE_OPACITY)
+        light = DARKEST + (1 - DARKEST) * layer.shade[y, x]
+        self._blend((y + y0) * self._shape[1] + x + x0, light[:, None] * np.array(layer.colour, np.float32), opacity)
+
+    def _blend(self, at: np.ndarray, colour: np.ndarray, opacity: np.ndarray) -> None:
+        if self._clear is not None:
+            opacity = opacity * self._clear[at]
+        white = np.float32(255 if self._pixels.dtype == np.uint8 else 1)
+        under = self._pixels[at].astype(np.float32)
+        under += opacity[:, None].astype(np.float32) * (colour * white - under)
+        self._pixels[at] = under if white == 1 else np.rint(under)
+
+
+def outline_segments(
+    stack: LayerStack, number: int, *, on_px: float, off_px: float, sigma_px: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The lines of a structure's outline: ``(N, 2, 2)`` visible ones, and the dashes of the hidden ones.
+
+    A point is hidden if the structure is at the pixel inside it. The border of the image is no outline, and neither is
+    that of a nearer structure.
+    """
+    corner = np.array(stack.corner)
+    found: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
+    for each in outlines(stack.number == number, sigma_px=sigma_px):
+        curve = Outline(each.points + corner, each.inner + corner, each.outer + corner)
+        depth, below = stack.at(curve.inner)
+        beyond, _ = stack.at(curve.outer)
+        lengths = curve.lengths
+        position = np.cumsum(lengths) - lengths
+        end = np.roll(curve.points, -1, axis=0)
+        own = ((curve.outer >= 0) & (curve.outer < stack.shape_hw[::-1])).all(axis=1) & ~(beyond < depth)
+        hidden = below > 0
+        on = dashed(position + lengths / 2, float(lengths.sum()), on_px=on_px, off_px=off_px)
+        segments = np.stack([curve.points, end], axis=1)
+        found[0].append(segments[own & ~hidden])
+        found[1].append(segments[own & hidden & on])
+    empty = np.zeros((0, 2, 2))
+    return np.concatenate([empty, *found[0]]), np.concatenate([empty, *found[1]])
+
+
+def _nearest(depth_mm: np.ndarray) -> float:
+    seen = depth_mm[depth_mm > 0]
+    return float(seen.min()) if seen.size else np.inf

@@ -130,13 +130,12 @@ def read_poses(
     path = Path(path)
     if not (mm_per_unit > 0 and np.isfinite(mm_per_unit)):
         raise InputError(f"{path.name}: expected a positive number of mm per unit of the poses, found {mm_per_unit:g}")
-    listed: dict[str, Callable[[bytes, str], Sequence[object]]] = {".npy": _array_entries, ".json": _json_entries}
-    if path.suffix.lower() not in listed:
+    if path.suffix.lower() not in _LISTED:
         raise InputError(f"{path}: expected poses in a .npy or .json file, found extension {path.suffix!r}")
     content = read_content(
         path, "a list of poses", most=LARGEST_FILE if path.suffix.lower() == ".json" else LARGEST_LIST
     )
-    entries = listed[path.suffix.lower()](content, path.name)
+    entries = _LISTED[path.suffix.lower()](content, path.name)
     if not entries:
         raise InputError(f"{path.name}: expected poses, found an empty list")
     cams_from_model = np.empty((len(entries), 4, 4))
@@ -177,3 +176,95 @@ def _json_entry(entry: object, where: str) -> object:
 
 def _is_list(value: object) -> bool:
     return isinstance(value, list) and len(value) > 0
+
+
+_LISTED: dict[str, Callable[[bytes, str], Sequence[object]]] = {".npy": _array_entries, ".json": _json_entries}
+
+
+def read_frame_poses(
+    path: Path | str, frames: int, *, mesh_from_model: np.ndarray, mm_per_unit: float = 1.0
+) -> tuple[list[np.ndarray | None], list[str]]:
+    """Read a pose for each frame of a video from a ``.npy`` or ``.json`` file.
+
+    A ``.npy`` file holds ``(N, 4, 4)``, with NaN for frames without a pose; a ``.json`` file a list of poses, or of
+    objects with the key ``cam_from_mesh``, with ``null`` for frames without. If the objects have the key ``frame``, a
+    whole number from 0, frames that no object names have no pose.
+
+    Parameters
+    ----------
+    path
+        The file.
+    frames
+        How many the video has.
+    mesh_from_model, mm_per_unit
+        As for :func:`read_poses`.
+
+    Returns
+    -------
+    For each frame the rigid ``cam_from_model`` (4x4, mm) or ``None``; and messages for the user.
+
+    Raises
+    ------
+    InputError
+        As for :func:`read_poses`; or the number of poses is not that of the frames, a frame is named twice or does not
+        exist, or no frame has a pose.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in _LISTED:
+        raise InputError(f"{path}: expected poses in a .npy or .json file, found extension {path.suffix!r}")
+    is_json = path.suffix.lower() == ".json"
+    content = read_content(path, "a list of poses", most=LARGEST_FILE if is_json else LARGEST_LIST)
+    found = (
+        _frame_entries(content, path.name, frames) if is_json else dict(enumerate(_array_entries(content, path.name)))
+    )
+    if found.keys() - range(frames) or (len(found) != frames and not is_json):
+        raise _other_number(path.name, len(found), frames)
+    poses: list[np.ndarray | None] = [None] * frames
+    messages: list[str] = []
+    for number, matrix in found.items():
+        if matrix is None or (isinstance(matrix, np.ndarray) and np.isnan(matrix).all()):
+            continue
+        pose, message = checked_rigid(matrix, f"{path.name}: pose of frame {number} (counted from 0)")
+        pose[:3, 3] *= mm_per_unit
+        poses[number] = pose @ mesh_from_model
+        messages += [message] if message else []
+    if all(pose is None for pose in poses):
+        raise InputError(f"{path.name}: expected a pose for some of the {frames} frames, found none")
+    if len(messages) > 1:
+        others = f"{path.name}: the rotations of {len(messages) - 1} other poses were made orthonormal too"
+        messages = [messages[0], others]
+    return poses, messages
+
+
+def _frame_entries(data: bytes, name: str, frames: int) -> dict[int, object]:
+    """Frame -> its entry."""
+    found = parsed_json(data, name, parse_int=float)
+    if not isinstance(found, list):
+        raise InputError(f"{name}: expected a list of poses, one a frame, found {type(found).__name__}")
+    keyed = [isinstance(entry, dict) and "frame" in entry for entry in found]
+    if not any(keyed):
+        if len(found) != frames:
+            raise _other_number(name, len(found), frames)
+        return {
+            number: None if entry is None else _json_entry(entry, f"{name}: pose of frame {number} (counted from 0)")
+            for number, entry in enumerate(found)
+        }
+    entries: dict[int, object] = {}
+    for index, entry in enumerate(found):
+        where = f"{name}: entry {index} (counted from 0)"
+        if not isinstance(entry, dict) or "frame" not in entry:
+            raise InputError(f"{where}: expected the key frame, as other entries have it")
+        number = entry["frame"]
+        if not (isinstance(number, float) and number.is_integer() and 0 <= number < frames):
+            raise InputError(f"{where}: expected frame = 0 to {frames - 1}, found {number!r}")
+        if int(number) in entries:
+            raise InputError(f"{where}: expected one pose for each frame, found another one for frame {number:.0f}")
+        entries[int(number)] = _json_entry(entry, where)
+    return entries
+
+
+def _other_number(name: str, poses: int, frames: int) -> InputError:
+    return InputError(
+        f"{name}: expected a pose for each of the {frames} frames of the video, found {poses}; write null (JSON) or "
+        "NaN (npy) for frames without a pose"
+    )

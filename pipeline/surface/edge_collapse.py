@@ -64,23 +64,25 @@ class EdgeCollapse:
         ``(3, V)`` positions, ``(V,)`` which of the patch they were, and what they have.
     face_of_point
         ``(P,)`` for each vertex of the original a face that lies within its tolerance.
-    fresh
-        ``(F,)`` bool: the face has changed.
+    changed
+        ``(F,)`` bool: faces that have changed.
     """
 
-    def __init__(self, patch: Patch, sides: Sides, normals: np.ndarray, quality: np.ndarray) -> None:
-        """Start from ``patch``, and from unit normals ``(3, F)`` and quality ``(F,)`` of its faces."""
+    def __init__(
+        self, patch: Patch, sides: Sides, normals: np.ndarray, quality: np.ndarray, folded: np.ndarray
+    ) -> None:
+        """Start from ``patch``; unit normals ``(3, F)``, quality ``(F,)`` and folds ``(F,)`` bool are of its faces."""
         self._points, self._tolerance = patch.points, patch.tolerance
         self.vertices, self.faces = patch.vertices.copy(), patch.faces
         self.quadrics, self.limit, self.crease = patch.quadrics.copy(), patch.limit.copy(), patch.crease.copy()
         self.face_of_point = patch.face_of_point
         self.face, self.vertex = np.arange(self.faces.shape[1]), np.arange(self.vertices.shape[1])
-        self.fresh = np.zeros(self.faces.shape[1], bool)
+        self.changed = np.zeros(self.faces.shape[1], bool)
         self._heir = np.arange(self.vertices.shape[1])
         self._fixed = patch.fixed
         self._neighbours = sides.neighbours
         self._edges = sides.edges
-        self._normals, self._quality = normals, quality
+        self._normals, self._quality, self._folded = normals, quality, folded
         self._cost = self._costs(self._edges)
         self._vertex_count = len(self.vertex)
 
@@ -106,7 +108,7 @@ class EdgeCollapse:
         position = best_positions(self.vertices, self.quadrics, first, second)[0]
         stars = EdgeStars(self.vertices, self.faces, self._neighbours, first, second, position)
         crease = np.minimum(self.crease[first], self.crease[second])
-        stars.refuse_bad_shapes(self._normals, self._quality, self.crease, crease)
+        stars.refuse_bad_shapes(self._normals, self._quality, self._folded, self.crease, crease)
         good = stars.good
         tracked, face = self._tracked(stars, good)
         self._cost[chosen[~good]] = np.inf
@@ -202,8 +204,9 @@ class EdgeCollapse:
         self._vertex_count -= len(first)
         row = np.flatnonzero(stars.good[stars.star])
         changed = stars.face[row]
-        self.fresh[changed] = True
+        self.changed[changed] = True
         self._normals[:, changed], self._quality[changed] = stars.normals[:, row], stars.quality[row]
+        self._folded[changed] = False
         self._neighbours.ravel()[stars.sides[:, row]] = stars.neighbours[:, row]
         kept = np.ones(self.faces.shape[1], bool)
         kept[stars.removed_face[stars.good[stars.removed_star]]] = False
@@ -214,8 +217,9 @@ class EdgeCollapse:
         # np.compress keeps rows together, indexing by a mask does not
         self.faces = renamed[np.compress(kept, self.faces, axis=1)]
         self._neighbours = place[np.compress(kept, self._neighbours, axis=1)]
-        self.face, self.fresh = self.face[kept], self.fresh[kept]
-        self._normals, self._quality = np.compress(kept, self._normals, axis=1), self._quality[kept]
+        self.face, self.changed = self.face[kept], self.changed[kept]
+        self._normals = np.compress(kept, self._normals, axis=1)
+        self._quality, self._folded = self._quality[kept], self._folded[kept]
         moved = np.zeros(len(renamed), bool)
         moved[first] = True
         self._edges = renamed[self._edges]

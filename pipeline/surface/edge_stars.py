@@ -5,20 +5,15 @@ Source: the link condition of Dey et al., "Topology preserving edge contraction"
 
 import numpy as np
 
+from .face_sides import smallest_cosine
 from .quadrics import dot
 from .triangle_distance import squared_triangle_distances
-from .triangle_shape import DEGENERATE, shapes
+from .triangle_shape import DEGENERATE, SMALLEST_QUALITY, shapes
 
 _BLOCK = 1 << 11
 """Points at a time, whose numbers stay in the cache."""
 _SMALLEST_COSINE = 0.5
 """Between the normals of a face before and after a collapse."""
-_SMALLEST_QUALITY = 0.05
-"""Of a face: 1 equilateral, 0 without area. Worse ones may only get better."""
-_SHARPEST_COSINE = 0.5
-"""Between the normals of neighbouring faces where the original has no crease."""
-_SHARPER = 0.1
-"""How much smaller it may be than in a sharper crease of the original."""
 
 
 class EdgeStars:
@@ -110,26 +105,32 @@ class EdgeStars:
         return good
 
     def refuse_bad_shapes(
-        self, normals: np.ndarray, quality: np.ndarray, crease: np.ndarray, crease_of_star: np.ndarray
+        self,
+        normals: np.ndarray,
+        quality: np.ndarray,
+        was_folded: np.ndarray,
+        crease: np.ndarray,
+        crease_of_star: np.ndarray,
     ) -> None:
         """Take back :attr:`good` where a face flips, folds over its neighbour, or becomes a sliver.
 
         Parameters
         ----------
-        normals, quality
-            ``(3, F)`` and ``(F,)`` of the faces before.
+        normals, quality, was_folded
+            ``(3, F)``, ``(F,)`` and ``(F,)`` bool of the faces before; what was folded may turn over.
         crease, crease_of_star
             ``(V,)`` and ``(S,)`` cosine of the sharpest crease of the original at vertices and at the new ones.
         """
         before, quality_before = np.take(normals, self.face, axis=1), quality[self.face]
         flipped = (dot(self.normals, before) < _SMALLEST_COSINE) & (quality_before > DEGENERATE)
-        sliver = (self.quality < _SMALLEST_QUALITY) & (self.quality <= quality_before) | (self.quality < 1e-5)
+        flipped &= ~was_folded[self.face]
+        sliver = (self.quality < SMALLEST_QUALITY) & (self.quality <= quality_before) | (self.quality < 1e-5)
         left, right = (crease[corners] for corners in self.ring)
         of_star = crease_of_star[self.star]
         next_row = self.row_of_face[self.neighbours[0]]
-        folded = dot(self.normals, np.take(self.normals, next_row, axis=1)) < _allowed(np.minimum(of_star, left))
+        folded = dot(self.normals, np.take(self.normals, next_row, axis=1)) < smallest_cosine(np.minimum(of_star, left))
         beyond = self.neighbours[1]
-        limit = np.where(beyond < 0, -2, _allowed(np.minimum(np.minimum(left, right), of_star)))
+        limit = np.where(beyond < 0, -2, smallest_cosine(np.minimum(np.minimum(left, right), of_star)))
         folded |= dot(self.normals, np.take(normals, beyond, axis=1)) < limit
         # the face beyond may belong to another star, whose collapse may happen or not
         row = self.row_of_face[beyond]
@@ -157,8 +158,3 @@ class EdgeStars:
             best[point[hit]] = rows[hit]
             squared[block], row[block] = least, best
         return squared, row
-
-
-def _allowed(crease: np.ndarray) -> np.ndarray:
-    """Smallest cosine between neighbouring faces, where the original has one of ``crease``."""
-    return np.minimum(_SHARPEST_COSINE, crease - _SHARPER)

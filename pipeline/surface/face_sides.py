@@ -6,6 +6,11 @@ import numpy as np
 
 from .quadrics import dot
 
+SHARPEST_COSINE = 0.5
+"""Cosine between the normals of neighbouring faces, where the original has no crease."""
+_SHARPER = 0.1
+"""How much smaller it may be than in a crease of the original."""
+
 
 @dataclass(frozen=True)
 class Sides:
@@ -63,3 +68,23 @@ def creases(faces: np.ndarray, normals: np.ndarray, sides: Sides) -> np.ndarray:
         np.minimum.at(sharpest, faces[side], cosine)
         np.minimum.at(sharpest, faces[(side + 1) % 3], cosine)
     return sharpest
+
+
+def smallest_cosine(crease: np.ndarray) -> np.ndarray:
+    """The smallest cosine that is allowed between neighbouring faces, where the original has one of ``crease``."""
+    return np.minimum(SHARPEST_COSINE, crease - _SHARPER)
+
+
+def folded(faces: np.ndarray, normals: np.ndarray, sides: Sides, crease: np.ndarray) -> np.ndarray:
+    """``(F,)`` bool: the angle to a neighbour is sharper than allowed.
+
+    Parameters
+    ----------
+    faces, normals, crease
+        ``(3, F)`` vertices and unit normals, and ``(V,)`` cosine of the sharpest crease of the original.
+    """
+    found = np.zeros(faces.shape[1], bool)
+    for side, beyond in enumerate(sides.neighbours):
+        limit = smallest_cosine(np.minimum(crease[faces[side]], crease[faces[(side + 1) % 3]]))
+        found |= (beyond >= 0) & (dot(normals, np.take(normals, beyond, axis=1)) < limit)
+    return found

@@ -13,7 +13,7 @@ import numpy as np
 
 from .deviation import SurfaceTree
 from .edge_collapse import EdgeCollapse, Patch
-from .face_sides import creases, face_sides
+from .face_sides import creases, face_sides, folded
 from .mesh import TriangleMesh
 from .quadrics import QUADRIC_SIZE, vertex_quadrics
 from .surface_blocks import THREADS, grouped, surface_blocks
@@ -34,14 +34,6 @@ class ReducedSurface:
     A vertex that is left has the number of one of the original's that it stands for, and a face that of the one of the
     original that it was.
 
-    Attributes
-    ----------
-    alive
-        ``(F,)`` bool: the faces that are left.
-    fresh
-        ``(F,)`` bool: faces that have changed since the caller set it to ``False``.
-    face_of_point
-        ``(V,)`` for each vertex of the original a face that lies within its tolerance, -1 where no face uses it.
     """
 
     def __init__(self, mesh: TriangleMesh, tolerance_mm: np.ndarray) -> None:
@@ -57,26 +49,37 @@ class ReducedSurface:
         self._has_quadrics = False
         self._between, self._border = np.zeros((2, vertex_count), bool)
         self._vertex_of_point = np.arange(vertex_count, dtype=np.int32)
-        self.face_of_point = np.full(vertex_count, -1, np.int32)
+        self._face_of_point = np.full(vertex_count, -1, np.int32)
         for corner in mesh.faces.T:
-            self.face_of_point[corner] = np.arange(face_count, dtype=np.int32)
-        self.alive, self.fresh = np.ones(face_count, bool), np.zeros(face_count, bool)
+            self._face_of_point[corner] = np.arange(face_count, dtype=np.int32)
+        self._alive, self._changed = np.ones(face_count, bool), np.zeros(face_count, bool)
 
-    def mesh(self) -> TriangleMesh:
-        """The mesh as it is now; its faces are in the order of the original's."""
-        corners = self._faces[self.alive]
-        used = np.zeros(len(self._vertices), bool)
-        used[corners] = True
-        renamed = np.cumsum(used, dtype=np.int32) - 1
-        return TriangleMesh(self._vertices[used] + self._centre, renamed[corners].astype(np.int32))
+    def mesh(self) -> tuple[TriangleMesh, np.ndarray]:
+        """The mesh as it is now, and ``(V,)`` for each vertex of the original a face that lies within its tolerance.
 
-    def points_of(self, vertices: np.ndarray) -> np.ndarray:
-        """The vertices of the original that vertices ``(N,)`` of :meth:`mesh` stand for."""
-        used = np.zeros(len(self._vertices), bool)
-        used[self._faces[self.alive]] = True
-        chosen = np.zeros(len(used), bool)
-        chosen[np.flatnonzero(used)[vertices]] = True
-        return np.flatnonzero(chosen[self._vertex_of_point])
+        The latter is -1 for vertices that no face uses.
+        """
+        corners, used = self._faces[self._alive], self._used()
+        renamed = np.empty(len(self._vertices), np.int32)
+        renamed[used] = np.arange(len(used), dtype=np.int32)
+        place = np.append(np.cumsum(self._alive, dtype=np.int32) - 1, np.int32(-1))
+        mesh = TriangleMesh(self._vertices[used] + self._centre, renamed[corners])
+        return mesh, place[self._face_of_point]
+
+    @property
+    def vertex_count(self) -> int:
+        """Vertices of :meth:`mesh`."""
+        return len(self._used())
+
+    @property
+    def changed(self) -> np.ndarray:
+        """``(N,)`` the faces of :meth:`mesh` that have changed since the last :meth:`settle`."""
+        return np.flatnonzero(self._changed[self._alive])
+
+    def settle(self, but: np.ndarray) -> None:
+        """Count all faces as unchanged, ``but`` (N,) of them, by their numbers in :meth:`mesh`."""
+        self._changed[:] = False
+        self._changed[np.flatnonzero(self._alive)[but]] = True
 
     def reduce(self, active: np.ndarray, number: int, report: Callable[[float], None]) -> np.ndarray:
         """Do a pass of collapses among faces ``active`` (A,), in blocks.
@@ -96,12 +99,12 @@ class ReducedSurface:
         if number < PASSES - 1:
             blocks = surface_blocks(self._vertices[self._faces[active, 0]], number)
             blocks = [active[block] for block in blocks]
-        block_of_face = np.full(len(self.alive), -1, np.int32)
+        block_of_face = np.full(len(self._alive), -1, np.int32)
         for block, faces in enumerate(blocks):
             block_of_face[faces] = block
         fixed, between = self._seams(active, block_of_face)
-        block_of_point = block_of_face[self.face_of_point]
-        block_of_point[self.face_of_point < 0] = -1
+        block_of_point = block_of_face[self._face_of_point]
+        block_of_point[self._face_of_point < 0] = -1
         points = grouped(block_of_point, len(blocks))
         heirs = np.arange(len(self._vertices), dtype=np.int32)
         with ThreadPoolExecutor(THREADS) as threads:
@@ -121,8 +124,13 @@ class ReducedSurface:
         self._vertex_of_point = heirs[self._vertex_of_point]
         return self._around(between)
 
-    def restore(self, points: np.ndarray, factor: float) -> np.ndarray:
-        """Bring back the original where vertices ``points`` (N,) of it have gone, with ``factor`` of its tolerance.
+    def restore(self, points: np.ndarray, vertices: np.ndarray, factor: float) -> np.ndarray:
+        """Bring back the original around vertices of it and of :meth:`mesh`, with ``factor`` of its tolerance.
+
+        Parameters
+        ----------
+        points, vertices
+            ``(N,)`` and ``(M,)`` numbers of the vertices.
 
         Returns
         -------
@@ -136,6 +144,7 @@ class ReducedSurface:
         """
         again = np.zeros(len(self._vertices), bool)
         again[self._vertex_of_point[points]] = True
+        again[self._used()[vertices]] = True
         while True:
             zone = again[self._vertex_of_point]
             original = self._original.faces
@@ -149,7 +158,7 @@ class ReducedSurface:
             vertices = self._vertices.copy()
             vertices[zone] = self._original.vertices[zone] - self._centre
             # points of the zone belong to one of their own faces
-            face_of_point = self.face_of_point.copy()
+            face_of_point = self._face_of_point.copy()
             single = np.flatnonzero(zone)
             face_of_point[single] = -1
             for corner in range(3):
@@ -159,7 +168,7 @@ class ReducedSurface:
             beside = np.isin(original[around], lonely).any(axis=1)
             wrong = [self._vertex_of_point[original[around[beside]]].ravel()]
             wrong.append(self._torn(around, corners))
-            place = np.full(len(self.alive), -1, np.int32)
+            place = np.full(len(self._alive), -1, np.int32)
             place[faces] = np.arange(len(faces), dtype=np.int32)
             wrong.append(self._astray(vertices, corners, faces, place, face_of_point, ~zone))
             more = np.concatenate(wrong)
@@ -169,15 +178,21 @@ class ReducedSurface:
             again[more] = True
         self._tolerance[single] *= factor
         self._limit[single] = self._tolerance[single]
-        self._vertices, self.face_of_point = vertices, face_of_point
+        self._vertices, self._face_of_point = vertices, face_of_point
         self._vertex_of_point[single] = single
-        self.alive[around] = left
+        self._alive[around] = left
         self._faces[faces] = corners
-        self.fresh[faces] = True
+        self._changed[faces] = True
         self._measure_original(around, zone)
         changed = zone.copy()
         changed[corners] = True
         return self._around(changed)
+
+    def _used(self) -> np.ndarray:
+        """``(V,)`` the vertices that are left."""
+        used = np.zeros(len(self._vertices), bool)
+        used[self._faces[self._alive]] = True
+        return np.flatnonzero(used)
 
     def _seams(self, active: np.ndarray, block_of_face: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """``(V,)`` bool: vertices of faces of several blocks or of none; and those of several blocks."""
@@ -189,7 +204,7 @@ class ReducedSurface:
         for corner in range(3):
             vertex = self._faces[active, corner]
             between[vertex[block_of_vertex[vertex] != own]] = True
-        others = np.flatnonzero(self.alive & (block_of_face < 0))
+        others = np.flatnonzero(self._alive & (block_of_face < 0))
         fixed[self._faces[others]] = True
         return fixed | between, between
 
@@ -208,12 +223,12 @@ class ReducedSurface:
         else:
             quadrics = vertex_quadrics(vertices, corners)
         own_fixed = fixed[vertex]
-        place = np.searchsorted(faces, self.face_of_point[points])
+        place = np.searchsorted(faces, self._face_of_point[points])
         patch = Patch(
             vertices, corners, quadrics, self._limit[vertex], crease, own_fixed | sides.border,
             np.ascontiguousarray((self._original.vertices[points] - self._centre).T), self._tolerance[points], place,
         )  # fmt: skip
-        state = EdgeCollapse(patch, sides, normals, quality)
+        state = EdgeCollapse(patch, sides, normals, quality, folded(corners, normals, sides, crease))
         while _pays(state):
             pass
         state.compact()
@@ -223,12 +238,12 @@ class ReducedSurface:
         """Take over what became of a block."""
         state, left = block.state, block.faces[block.state.face]
         vertex, own = block.vertex[state.vertex], ~block.fixed[state.vertex]
-        self.alive[block.faces] = False
-        self.alive[left] = True
-        self.fresh[left[state.fresh]] = True
+        self._alive[block.faces] = False
+        self._alive[left] = True
+        self._changed[left[state.changed]] = True
         self._faces[left] = block.vertex[state.vertex[state.faces]].T
         heirs[block.vertex] = block.vertex[state.heirs]
-        self.face_of_point[block.points] = left[state.face_of_point]
+        self._face_of_point[block.points] = left[state.face_of_point]
         self._border[block.vertex[block.border]] = True
         if not self._has_quadrics:
             # each of the blocks around a vertex between them has a part
@@ -243,7 +258,7 @@ class ReducedSurface:
         """Faces left in a few rings around vertices ``(V,)`` bool."""
         if not vertices.any():
             return np.empty(0, np.intp)
-        alive = np.flatnonzero(self.alive)
+        alive = np.flatnonzero(self._alive)
         corners = self._faces[alive]
         near = vertices.copy()
         for ring in range(_RINGS):
@@ -256,7 +271,7 @@ class ReducedSurface:
         """Vertices of faces with ``corners`` (N, 3) in place of those ``around``, where the surface has a border."""
         ours = np.zeros(len(self._vertices), bool)
         ours[corners] = True
-        unchanged = self.alive.copy()
+        unchanged = self._alive.copy()
         unchanged[around] = False
         other = np.flatnonzero(unchanged)
         other = other[ours[self._faces[other]].any(axis=1)]

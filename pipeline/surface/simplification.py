@@ -15,13 +15,16 @@ from ..errors import InputError
 from .mesh import TriangleMesh
 from .quadrics import dot
 from .reduced_surface import PASSES, ReducedSurface
-from .tolerance_guard import ToleranceGuard
+from .surface_repair import repaired
+from .tolerance_guard import Excess, ToleranceGuard
 
 _OF_VERTICES = 0.9
 """Tolerance of the vertices of the original, relative to that of all samples: it spares most of what would come back,
 which costs more faces."""
 _TIGHTER = 0.5
 """Factor of the tolerance where the measured distance exceeds it."""
+_SMALLEST_COSINES = (0.5, 0.0)
+"""Between neighbouring faces that a repair makes: no fold of more than 60 degrees, or if need be 90."""
 _OTHER_PASSES = 0.2
 """Share of the time that is left after a pass."""
 
@@ -69,10 +72,13 @@ def simplified(
                 part = partial(_report_part, report, done, 1 - _OTHER_PASSES)
                 active = state.reduce(active, number, part)
                 done += (1 - _OTHER_PASSES) * (1 - done)
-        points = guard.exceeding(state)
-        active = state.restore(points, _TIGHTER) if len(points) else active
+        reduced, left = _measured(guard, state)
+        # whatever exceeds its tolerance becomes the original in the end; vertices of the repair have the last numbers
+        vertices = np.unique(left.corners)
+        vertices = vertices[vertices < state.vertex_count]
+        active = state.restore(np.unique(left.points), vertices, _TIGHTER) if len(left) else active[:0]
     report(1.0)
-    return state.mesh()
+    return reduced
 
 
 def tolerance_near(
@@ -106,6 +112,24 @@ def tolerance_near(
     offset = mesh.vertices.T - np.reshape(centre, (3, 1))
     outside = np.clip(np.sqrt(dot(offset, offset)) / radius_mm - 1, 0, 1)
     return near_mm + (far_mm - near_mm) * outside * outside * (3 - 2 * outside)
+
+
+def _measured(guard: ToleranceGuard, state: ReducedSurface) -> tuple[TriangleMesh, Excess]:
+    """The reduced surface, repaired where it exceeded its tolerance, and where it still does."""
+    reduced, face_of_point = state.mesh()
+    limit = guard.limits(reduced, face_of_point)
+    excess = guard.excess(reduced, face_of_point, limit, state.changed)
+    # what comes back to the state comes back without the repair
+    wrong = np.zeros(len(reduced.vertices), bool)
+    wrong[excess.corners] = True
+    state.settle(np.flatnonzero(wrong[reduced.faces].any(axis=1)))
+    for smallest_cosine in _SMALLEST_COSINES:
+        pays = True
+        while pays and len(excess):
+            reduced, limit, changed, count = repaired(reduced, limit, excess, smallest_cosine)
+            pays = 4 * count > len(excess)
+            excess = guard.excess(reduced, face_of_point, limit, changed)
+    return reduced, excess
 
 
 def _report_part(report: Callable[[float], None], done: float, part: float, share: float) -> None:

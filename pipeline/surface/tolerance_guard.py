@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -9,14 +10,41 @@ import numpy as np
 from .deviation import SurfaceTree
 from .mesh import TriangleMesh
 from .quadrics import dot
-from .reduced_surface import ReducedSurface
 from .surface_blocks import BLOCK_FACES, THREADS, grouped
-from .triangle_distance import squared_triangle_distances
+from .triangle_distance import nearest_weights, squared_triangle_distances
 
 _BLOCK = 1 << 14
 """Points at a time, whose numbers stay in the cache."""
 _CHUNK = 1 << 17
 """Faces at a time, for a thread."""
+_ON_SIDE = 0.15
+"""Barycentric coordinate below which a place counts as one on the opposite side."""
+
+
+@dataclass(frozen=True)
+class Excess:
+    """Samples at which the surfaces lie too far apart.
+
+    Attributes
+    ----------
+    corners
+        ``(N, 3)`` vertices of the reduced surface: a face, an edge as ``a, b, b``, or a vertex as ``a, a, a``.
+    base, target
+        ``(N, 3)`` a point in there, mm, and where the original is.
+    points
+        ``(N, 3)`` vertices of the original: of its nearest face.
+    """
+
+    corners: np.ndarray
+    base: np.ndarray
+    target: np.ndarray
+    points: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.corners)
+
+
+_NONE = (np.empty((0, 3), np.intp), np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3), np.intp))
 
 
 class ToleranceGuard:
@@ -32,57 +60,74 @@ class ToleranceGuard:
         self._step = np.maximum(np.ptp(mesh.bounds, axis=0), 1e-300) / count
         self._faces = grouped(self._box(self._first), count**3)
         self._longest = _longest_side(mesh)
-        # faces with samples that only a search found near enough
+        # vertices beside samples that only a search found near enough
         self._searched = np.empty(0, np.intp)
-        self._checked = False
 
-    def exceeding(self, state: ReducedSurface) -> np.ndarray:
-        """Vertices ``(N,)`` of the original where the two surfaces lie farther apart than their tolerance.
+    def limits(self, reduced: TriangleMesh, face_of_point: np.ndarray) -> np.ndarray:
+        """``(V,)`` tolerances of the reduced vertices: the least of what their faces stand for, mm.
 
-        Asked again, it measures what is :attr:`.ReducedSurface.fresh`, which it sets to ``False``.
+        Parameters
+        ----------
+        face_of_point
+            For each vertex of the original the reduced face that stands for it, -1 if none.
         """
-        reduced = state.mesh()
-        place = np.full(len(state.alive), -1, np.int32)
-        place[state.alive] = np.arange(len(reduced.faces), dtype=np.int32)
-        face_of_point = place[state.face_of_point]
-        fresh = state.fresh[state.alive]
-        limit_of_vertex = np.full(len(reduced.vertices), np.inf)
-        used = np.flatnonzero(state.face_of_point >= 0)
+        limit = np.full(len(reduced.vertices), np.inf)
+        used = np.flatnonzero(face_of_point >= 0)
         for corner in reduced.faces[face_of_point[used]].T:
-            np.minimum.at(limit_of_vertex, corner, self._tolerance[used])
-        far = self._reduced_far(reduced, np.flatnonzero(fresh), limit_of_vertex)
-        points = self._original_far(reduced, face_of_point, fresh)
-        state.fresh[:] = False
-        return np.concatenate([state.points_of(far), points])
+            np.minimum.at(limit, corner, self._tolerance[used])
+        return limit
 
-    def _reduced_far(self, reduced: TriangleMesh, fresh: np.ndarray, limit_of_vertex: np.ndarray) -> np.ndarray:
-        """Vertices of the reduced surface with samples on faces ``fresh`` that lie too far from the original."""
-        corners = reduced.faces[fresh]
+    def excess(
+        self, reduced: TriangleMesh, face_of_point: np.ndarray, limit: np.ndarray, changed: np.ndarray
+    ) -> Excess:
+        """Measure where the two surfaces lie farther apart than their tolerance.
+
+        Parameters
+        ----------
+        face_of_point, limit
+            Those of :meth:`limits`.
+        changed
+            ``(N,)`` faces of the reduced surface that have changed since it was last measured.
+        """
+        of_reduced = self._reduced_excess(reduced, changed, limit)
+        of_original = self._original_excess(reduced, face_of_point, changed)
+        return Excess(*(np.concatenate(parts) for parts in zip(of_reduced, of_original, strict=True)))
+
+    def _reduced_excess(self, reduced: TriangleMesh, faces: np.ndarray, limit: np.ndarray) -> tuple[np.ndarray, ...]:
+        """What :class:`Excess` holds, of samples on ``faces`` of the reduced surface."""
+        corners = reduced.faces[faces]
+        a, b, c = (reduced.vertices[corner] for corner in corners.T)
         vertices = np.unique(corners)
-        samples = [(np.repeat(vertices[:, None], 3, axis=1), reduced.vertices[vertices])]
-        centres = (
-            reduced.vertices[corners[:, 0]] + reduced.vertices[corners[:, 1]] + reduced.vertices[corners[:, 2]]
-        ) / 3
-        samples.append((corners, centres))
+        samples = [(np.repeat(vertices[:, None], 3, axis=1), reduced.vertices[vertices]), (corners, (a + b + c) / 3)]
         for start, end in ((0, 1), (1, 2), (2, 0)):
-            # an edge has a face on either side, which are fresh together or not
+            # once for the two faces beside it; both are here, or the edge is as it was
             once = corners[:, start] < corners[:, end]
-            a, b = corners[once, start], corners[once, end]
-            samples.append((np.stack([a, b, b], axis=1), (reduced.vertices[a] + reduced.vertices[b]) / 2))
+            one, other = corners[once, start], corners[once, end]
+            samples.append((np.stack([one, other, other], 1), (reduced.vertices[one] + reduced.vertices[other]) / 2))
         corner, point = (np.concatenate(each) for each in zip(*samples, strict=True))
-        limit = limit_of_vertex[corner].min(axis=1)
-        beyond = np.zeros(len(point), bool)
-        boxes = [block for block in grouped(self._box(point), self._boxes**3) if len(block)]
+        least = limit[corner].min(axis=1)
+        far: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
-        def measure(block: np.ndarray) -> None:
-            beyond[block] = self._beyond_original(point[block], limit[block])
+        def measure(samples: np.ndarray) -> None:
+            faces = self._faces_near(point[samples], least[samples])
+            tree = SurfaceTree(TriangleMesh(self._mesh.vertices, self._mesh.faces[faces]))
+            beyond = samples[tree.beyond(point[samples], least[samples])]
+            if len(beyond):
+                far[int(samples[0])] = beyond, faces[tree.nearest(point[beyond])[1]]
 
-        _each(partial(measure, box) for box in boxes)
-        return np.unique(corner[beyond])
+        # few samples lie in small groups, which need few faces of the original
+        finer = 8 if len(point) < len(self._mesh.faces) / 64 else 1
+        boxes, box = np.unique(self._box(point, finer), return_inverse=True)
+        _each(partial(measure, samples) for samples in grouped(box.reshape(-1), len(boxes)))
+        if not far:
+            return _NONE
+        sample, near = (np.concatenate(each) for each in zip(*(far[first] for first in sorted(far)), strict=True))
+        target = _nearest_points(point[sample], self._mesh, near)[0]
+        return corner[sample], point[sample], target, self._mesh.faces[near]
 
-    def _beyond_original(self, points: np.ndarray, limit: np.ndarray) -> np.ndarray:
-        """Whether points ``(N, 3)`` lie farther from the original than ``limit``."""
-        margin = float(limit.max()) + self._longest
+    def _faces_near(self, points: np.ndarray, limit: np.ndarray) -> np.ndarray:
+        """Faces of the original, all that lie within ``limit`` of points ``(N, 3)``; at least one."""
+        margin = float(np.where(np.isfinite(limit), limit, 0).max()) + self._longest
         lower, upper = points.min(axis=0) - margin, points.max(axis=0) + margin
         ends = np.clip((np.stack([lower, upper]) - self._lower) / self._step, 0, self._boxes - 1).astype(np.intp)
         near = [
@@ -92,53 +137,59 @@ class ToleranceGuard:
             for z in range(ends[0, 2], ends[1, 2] + 1)
         ]
         faces = np.concatenate([each[_within(self._first[each], lower, upper)] for each in near])
-        if len(faces) == 0:
-            return np.ones(len(points), bool)
-        return SurfaceTree(TriangleMesh(self._mesh.vertices, self._mesh.faces[faces])).beyond(points, limit)
+        return faces if len(faces) else np.zeros(1, np.intp)
 
-    def _original_far(self, reduced: TriangleMesh, face_of_point: np.ndarray, fresh: np.ndarray) -> np.ndarray:
-        """Vertices of faces of the original with samples that lie too far from the reduced surface."""
-        corners = [np.ascontiguousarray(reduced.vertices[reduced.faces[:, corner]].T) for corner in range(3)]
+    def _original_excess(
+        self, reduced: TriangleMesh, face_of_point: np.ndarray, changed: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        """What :class:`Excess` holds, of samples on the original."""
+        corners = [np.ascontiguousarray(reduced.vertices[corner].T) for corner in reduced.faces.T]
         faces = self._mesh.faces
-        if self._checked:
-            is_new = np.append(fresh, False)[face_of_point]
-            is_due = is_new[faces[:, 0]] | is_new[faces[:, 1]] | is_new[faces[:, 2]]
-            is_due[self._searched] = True
-            due = np.flatnonzero(is_due)
-        else:
-            due = np.arange(len(faces))
-        found: dict[int, list[np.ndarray]] = {}
+        is_changed = np.zeros(len(reduced.faces), bool)
+        is_changed[changed] = True
+        # vertices that no face uses have none
+        is_changed = np.append(is_changed, False)[face_of_point]
+        is_changed[self._searched] = True
+        is_due = is_changed[faces[:, 0]] | is_changed[faces[:, 1]] | is_changed[faces[:, 2]]
+        due = np.flatnonzero(is_due)
+        vertices = np.flatnonzero(is_changed)
+        found: dict[int, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}
 
         def measure(start: int) -> None:
-            found[start] = []
             face = due[start : start + _CHUNK]
             corner = faces[face]
-            vertices = [self._mesh.vertices[each] for each in corner.T]
-            samples = [(np.arange(len(face)), corner.T, (vertices[0] + vertices[1] + vertices[2]) / 3)]
-            for one, other in ((0, 1), (1, 2), (2, 0)):
+            a, b, c = (self._mesh.vertices[each] for each in corner.T)
+            samples = [(corner.T, corner, (a + b + c) / 3)]
+            for one, other, first, second in ((0, 1, a, b), (1, 2, b, c), (2, 0, c, a)):
                 # the border of a surface stays: its edges need no samples
                 once = np.flatnonzero(corner[:, one] < corner[:, other])
-                ends = corner[once, one], corner[once, other]
-                samples.append((once, np.stack(ends), (vertices[one][once] + vertices[other][once]) / 2))
-            for sample, corner_of, point in samples:
+                ends = np.stack([corner[once, one], corner[once, other]])
+                samples.append((ends, corner[once], (first[once] + second[once]) / 2))
+            own = vertices[start : start + _CHUNK]
+            samples.append((own[None], np.repeat(own[:, None], 3, axis=1), self._mesh.vertices[own]))
+            found[start] = []
+            for corner_of, around, point in samples:
                 limit = self._tolerance[corner_of].min(axis=0)
                 far = _beyond_faces(point, corners, face_of_point[corner_of], limit)
                 if len(far):
-                    found[start] += [face[sample[far]], point[far], limit[far]]
+                    found[start].append((around[far], point[far], limit[far]))
 
-        _each(partial(measure, start) for start in range(0, len(due), _CHUNK))
-        lists = [found[start] for start in sorted(found)]
-        if not any(lists):
-            self._searched, self._checked = np.empty(0, np.intp), True
-            return np.empty(0, np.intp)
-        face, point, limit = (np.concatenate([part for each in lists for part in each[turn::3]]) for turn in range(3))
-        self._searched, self._checked = face, True
-        beyond = SurfaceTree(reduced).beyond(point, limit)
-        return np.unique(faces[face[beyond]])
+        _each(partial(measure, start) for start in range(0, max(len(due), len(vertices)), _CHUNK))
+        far = [part for start in sorted(found) for part in found[start]]
+        if not far:
+            self._searched = np.empty(0, np.intp)
+            return _NONE
+        around, point, limit = (np.concatenate(parts) for parts in zip(*far, strict=True))
+        self._searched = np.unique(around)
+        distance, near = SurfaceTree(reduced).nearest(point)
+        exceeds = distance > limit
+        base, weight = _nearest_points(point[exceeds], reduced, near[exceeds])
+        return _on(reduced.faces[near[exceeds]], weight), base, point[exceeds], around[exceeds]
 
-    def _box(self, points: np.ndarray) -> np.ndarray:
-        cell = np.clip((points - self._lower) / self._step, 0, self._boxes - 1).astype(np.int32)
-        return (cell[:, 0] * self._boxes + cell[:, 1]) * self._boxes + cell[:, 2]
+    def _box(self, points: np.ndarray, finer: int = 1) -> np.ndarray:
+        count = finer * self._boxes
+        cell = np.clip((points - self._lower) * (finer / self._step), 0, count - 1).astype(np.int32)
+        return (cell[:, 0] * count + cell[:, 1]) * count + cell[:, 2]
 
 
 def _each(measurements: Iterable[Callable[[], None]]) -> None:
@@ -177,3 +228,21 @@ def _beyond_faces(points: np.ndarray, corners: list[np.ndarray], faces: np.ndarr
             still.append(block[squared > limit[block] ** 2])
         left = np.concatenate(still) if still else left
     return left
+
+
+def _nearest_points(points: np.ndarray, mesh: TriangleMesh, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nearest points ``(N, 3)`` on ``faces`` (N,) to points ``(N, 3)``, and their weights ``(3, N)`` of the corners."""
+    a, b, c = (mesh.vertices[corner].T for corner in mesh.faces[faces].T)
+    weight = nearest_weights(b - a, c - a, points.T - a)
+    return (weight[0] * a + weight[1] * b + weight[2] * c).T, weight
+
+
+def _on(corners: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """``(N, 3)`` the vertex, edge or face, as in :class:`Excess`, near the places ``weight`` (3, N) in faces."""
+    rank = np.argsort(-weight, axis=0, kind="stable")
+    ordered = np.take_along_axis(weight, rank, axis=0)
+    index = np.arange(len(corners))
+    first, second, third = (corners[index, each] for each in rank)
+    on_edge, on_vertex = ordered[2] < _ON_SIDE, ordered[1] < _ON_SIDE
+    second, third = np.where(on_vertex, first, second), np.where(on_vertex, first, np.where(on_edge, second, third))
+    return np.stack([first, second, third], axis=1)

@@ -40,3 +40,29 @@ def _from_side(length: np.ndarray, along: np.ndarray, squared: np.ndarray) -> np
     """Squared distances from segments of squared ``length``, ``along`` = side . offset, ``squared`` from its start."""
     part = np.clip(along / length, 0, 1)
     return squared - part * (2 * along - part * length)
+
+
+def nearest_weights(first_side: np.ndarray, second_side: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """``(3, N)`` barycentric coordinates of the nearest points of N triangles to N points, one each.
+
+    Parameters
+    ----------
+    first_side, second_side, offset
+        As for :func:`squared_triangle_distances`.
+    """
+    aa, cc, ac = _dot(first_side, first_side), _dot(second_side, second_side), _dot(first_side, second_side)
+    pa, pc = _dot(first_side, offset), _dot(second_side, offset)
+    determinant = np.maximum(aa * cc - ac * ac, 1e-300)
+    s, t = (cc * pa - ac * pc) / determinant, (aa * pc - ac * pa) / determinant
+    inside = (s >= 0) & (t >= 0) & (s + t <= 1) & (determinant > 1e-12 * aa * cc)
+    along_first = np.clip(pa / np.maximum(aa, 1e-300), 0, 1)
+    along_second = np.clip(pc / np.maximum(cc, 1e-300), 0, 1)
+    along_third = np.clip((pc - pa - ac + aa) / np.maximum(aa + cc - 2 * ac, 1e-300), 0, 1)
+    none = np.zeros_like(s)
+    best, least = np.stack([s, t]), np.where(inside, -1.0, np.inf)
+    for candidate in ((along_first, none), (none, along_second), (1 - along_third, along_third)):
+        apart = offset - candidate[0] * first_side - candidate[1] * second_side
+        squared = _dot(apart, apart)
+        nearer = squared < least
+        best[:, nearer], least[nearer] = np.stack(candidate)[:, nearer], squared[nearer]
+    return np.stack([1 - best[0] - best[1], best[0], best[1]])

@@ -6,6 +6,8 @@ from .quadrics import cross, dot
 
 DEGENERATE = 1e-3
 """Quality below which a triangle has no normal to speak of."""
+SMALLEST_QUALITY = 0.15
+"""Of a face that a collapse makes. Worse ones may only get better."""
 
 
 def shapes(first_side: np.ndarray, second_side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

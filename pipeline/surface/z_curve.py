@@ -36,7 +36,7 @@ class ZCurve:
         """``(N,)`` int64 places of points ``(N, 3)``, mm: the bits of the three cell numbers interleaved."""
         place = np.zeros(len(points), np.int64)
         for axis in range(3):
-            cell = (points[:, axis] - self.origin[axis]) * (self.cells / max(self.size_mm, 1e-300))
+            cell = (points[:, axis] - self.origin[axis]) / (max(self.size_mm, 1e-150) / self.cells)
             bits = np.clip(cell, 0, self.cells - 1).astype(np.int64)
             for shift, mask in _SPREAD:
                 bits = (bits | (bits << shift)) & mask

@@ -11,7 +11,6 @@ a few code values.
 
 import io
 import json
-import os
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,9 +18,7 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
-
-FORMATS = "mov,matroska,webm,avi,mpeg,mpegts,mpegvideo,ogg,asf,flv,mxf,dv,h264,hevc,m4v,mjpeg"
-"""FFmpeg's names of the containers that are opened: others, such as playlists, may name other files."""
+from .container import check_container, unopened
 
 _LEADS_S = (0.0, 2.0, 10.0, 60.0, float("inf"))
 """How long before the frame a seek aims, tried in turn; the last starts at the beginning without a seek."""
@@ -81,14 +78,11 @@ def open_video(path: Path) -> cv2.VideoCapture:
     InputError
         It cannot be opened.
     """
-    os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = f"format_whitelist;{FORMATS}"
+    check_container(path)
     # every thread holds frames of its own
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
     if not capture.isOpened():
-        raise InputError(
-            f"{path.name}: expected a video, cannot open it; it is cut off, without pictures, or in an unknown format: "
-            "copy it again, or convert it to MP4 (H.264)"
-        )
+        raise unopened(path)
     # OpenCV 4.11 does not turn frames as the header says unless told to
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 1)
     return capture

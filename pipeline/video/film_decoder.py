@@ -25,6 +25,9 @@ FRAME_HEAD = struct.Struct("<Qdd")
 _LEAD_MS = 2000.0
 """How long before the first frame a seek aims."""
 
+_LONGEST_S = 172_800.0
+"""No film lasts two days: a header that says so was never completed."""
+
 _COMB_COLUMNS = 4
 """Every so many columns are looked at for combs."""
 
@@ -90,7 +93,8 @@ def film_in_parts(name: str, width: int, every: int, from_s: float, to_s: float 
         small_wh = _small_size(width_px, height_px, width)
         if not sent_wh:
             info = {"frames": last - first, "fps": fps, "size_wh": [width_px, height_px], "small_wh": small_wh}
-            yield json.dumps({**info, "unique_times": unique, "missing_s": missing_s}).encode()
+            span_s = (times_ms[last - 1] - times_ms[first]) / 1000
+            yield json.dumps({**info, "unique_times": unique, "missing_s": missing_s, "span_s": span_s}).encode()
             sent_wh = small_wh
         if small_wh != sent_wh:
             raise InputError(
@@ -148,13 +152,13 @@ def _started(path: Path, capture: cv2.VideoCapture, times_ms: list[float], first
 
 
 def _missing_s(capture: cv2.VideoCapture, times_ms: list[float]) -> float:
-    """How much shorter the film is than its header promises; 0 where that may be rounding."""
+    """How much shorter the film is than its header promises; 0 where that may be rounding, or where it lies."""
     fps, frames = float(capture.get(cv2.CAP_PROP_FPS)), float(capture.get(cv2.CAP_PROP_FRAME_COUNT))
     if not (fps > 0 and frames > 0):
         return 0.0
     found_s = (times_ms[-1] - times_ms[0]) / 1000
     promised_s = frames / fps
-    return promised_s - found_s if promised_s > 1.1 * found_s + 0.25 else 0.0
+    return promised_s - found_s if 1.1 * found_s + 0.25 < promised_s < _LONGEST_S else 0.0
 
 
 def _check_size(capture: cv2.VideoCapture, path: Path) -> None:

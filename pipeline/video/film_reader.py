@@ -12,9 +12,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.child_process import ChildError, streamed_apart
-from ..files.content import read_beginning
 from ..images.image_check import LARGEST_FRAME
-from ..images.image_header import SIGNATURES
+from .container import check_container
 from .film_decoder import FRAME_HEAD, film_in_parts, frames_in_parts
 
 SMALL_WIDTH = 480
@@ -42,6 +41,8 @@ class FilmInfo:
         Whether a frame can be found by its time.
     missing_s
         How much shorter the film is than its header promises; above 0 the file is cut off.
+    span_s
+        Time from the first of the chosen frames to the last.
     """
 
     frames: int
@@ -50,6 +51,7 @@ class FilmInfo:
     small_wh: tuple[int, int]
     unique_times: bool
     missing_s: float
+    span_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ class Film:
             No file, not a video, no frames between these times, or frames too large.
         """
         self.path = Path(path)
-        _check_video(self.path)
+        check_container(self.path)
         self._parts = streamed_apart(
             film_in_parts,
             (str(self.path), width, every, from_s, to_s),
@@ -115,6 +117,7 @@ class Film:
             tuple(found["small_wh"]),
             found["unique_times"],
             found["missing_s"],
+            found["span_s"],
         )
         self.broken = False
         """Whether decoding ended before the end."""
@@ -161,14 +164,6 @@ def read_film_frames(path: Path, numbers: Sequence[int]) -> Iterator[tuple[int, 
         raise _undecodable(path, error) from None
     finally:
         parts.close()  # type: ignore[attr-defined]
-
-
-def _check_video(path: Path) -> None:
-    start = read_beginning(path, "a video", 16)
-    if not start:
-        raise InputError(f"{path.name}: expected a video, cannot open it, it is empty; copy it again")
-    if start.startswith((*SIGNATURES, b"GIF8")):
-        raise InputError(f"{path.name}: expected a video, found an image; name it as the frame of the case")
 
 
 def _undecodable(path: Path, error: ChildError) -> InputError:

@@ -193,11 +193,19 @@ def _tiles(picture: np.ndarray, mask: np.ndarray, score: FrameScore, rank: int) 
     text = f"{rank}: frame {score.index}, {score.time_s:.2f} s, score {score.total:.2f}"
     size = small.shape[1] / 1000
     labelled = np.ascontiguousarray(small)
-    for colour, thickness in (((0.0, 0.0, 0.0), 7), ((1.0, 1.0, 1.0), 2)):
-        cv2.putText(
-            labelled, text, (round(20 * size), round(45 * size)), cv2.FONT_HERSHEY_SIMPLEX, 1.4 * size, colour,
-            max(1, round(thickness * size)), cv2.LINE_AA,
-        )  # fmt: skip
+    scale, thickness, margin = 1.3 * size, max(1, round(2 * size)), round(12 * size)
+    (wide, high), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, thickness)
+    labelled[: high + below + 2 * margin, : wide + 2 * margin] *= 0.25
+    cv2.putText(
+        labelled,
+        text,
+        (margin, margin + high),
+        cv2.FONT_HERSHEY_SIMPLEX,
+        scale,
+        (1.0, 1.0, 1.0),
+        thickness,
+        cv2.LINE_AA,
+    )
     return [labelled, masked]
 
 

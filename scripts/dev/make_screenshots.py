@@ -116,7 +116,8 @@ def main(argv: Sequence[str]) -> int:
             pictures = window_pictures(blender, case, folder)
             pictures["first_page"] = first_page(case, dataset)
             pictures["contact_sheet"] = Image.open(dataset / "contact_sheet.png").convert("RGB")
-            pictures["overlay"] = Image.open(dataset / "overlay.png").convert("RGB")
+            script(ROOT / "scripts" / "overlay.py", case, "--out", folder / "overlay.png")
+            pictures["overlay"] = Image.open(folder / "overlay.png").convert("RGB")
             save(pictures, arguments.out)
     except (InputError, RunError) as error:
         print(f"error: {error}", file=sys.stderr)

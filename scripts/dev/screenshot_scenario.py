@@ -4,6 +4,7 @@ Runs inside Blender's window: see ``tests/window/user.py``. Each picture shows t
 holds the part that the documentation shows: left, top, width, height in px.
 """
 
+from importlib import import_module
 from typing import Any
 
 import bpy
@@ -19,6 +20,7 @@ from bl_ext.user_default.oneframe.pipeline.blender.alignment import surface_obje
 from bl_ext.user_default.oneframe.pipeline.transforms import rigid, rotation_from_vector
 from bl_ext.user_default.oneframe.state import from_scene
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView, surface_point_at
+from bl_ext.user_default.oneframe.video import session
 
 operators: Any = bpy.ops
 """With the add-on's own, which Blender's type stubs do not know."""
@@ -32,6 +34,7 @@ WRONG = 6, (20.0, -14.0)
 DISTURBED = rigid(rotation_from_vector(np.radians([0.3, 0.2, 3.0])), [-0.5, -0.6, 6.0])
 """Error of the rough pose that the comparisons show."""
 VIEWS = 100
+FILM = ("clear", "tool", "clear", "hand", "blur", "clear", "glare", "clear", "blood", "clear")
 TOOLBAR_PX, SIDEBAR_PX = 60, 270
 
 
@@ -48,6 +51,7 @@ def scenario(user: User) -> Action:
     yield from comparisons(user)
     yield from colour_and_poses(user)
     yield from dataset(user)
+    yield from video(user)
 
 
 def landmarks(user: User) -> Action:
@@ -146,6 +150,29 @@ def dataset(user: User) -> Action:
     with user.context():
         operators.oneframe.cancel_dataset()
     yield from user.until(lambda: not job.running, "the run to end", timeout_s=60)
+
+
+def video(user: User) -> Action:
+    """The strip of a film of the sample's own frame, with faults put in."""
+    cv2, films = import_module("cv2"), import_module("video.surgical_film")
+    frame = np.ascontiguousarray(cv2.imread(str(user.case.parent / "frame.png"))[..., ::-1])
+    events = [films.Event(kind, 12 * number, 12 * (number + 1)) for number, kind in enumerate(FILM)]
+    path, size = user.folder / "surgery.avi", (frame.shape[1], frame.shape[0])
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*"MJPG"), 25.0, size)
+    for picture_of_film in films.surgical_film([frame], events, np.random.default_rng(1)):
+        writer.write(np.ascontiguousarray(picture_of_film[..., ::-1]))
+    writer.release()
+    scene, space = bpy.context.scene, user.area.spaces.active
+    space.show_region_ui = space.show_region_toolbar = space.show_region_tool_header = True
+    scene.oneframe_view.contour = False
+    with user.context("UI"):
+        bpy.ops.view2d.pan(deltax=0, deltay=100_000)
+    with user.context():
+        operators.oneframe.open_video(filepath=str(path))
+        operators.oneframe.video_step(step=18 - session.scored(scene).shown)
+    yield from user.until(lambda: session.scored(scene).is_full, "the full frame")
+    yield 0.5
+    yield from window_picture(user, "video")
 
 
 def look_at_frame(user: User, beside_panels: bool) -> Action:

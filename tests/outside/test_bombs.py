@@ -99,6 +99,11 @@ COMMANDS: dict[str, tuple[str, str | bytes, tuple[str, ...]]] = {
         "[" * 40_000,
         ("align.py", "CASE", "--landmarks", "FOLDER/landmarks.json", "--out", "OUT.toml"),
     ),
+    "deep poses of a film": (
+        "poses.json",
+        "[" * 40_000,
+        ("overlay.py", "CASE", "--video", "FOLDER/frame.png", "--poses", "FOLDER/poses.json", "--out", "OUT.mp4"),
+    ),
     "photographs that are no names": (
         "photographs.json",
         '[{"image": 3, "cam_from_mesh": []}]',

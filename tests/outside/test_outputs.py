@@ -100,6 +100,7 @@ def writing_commands(case: Path, target: Path) -> Iterator[CommandLine]:
         yield "colour", case, "--out", target.with_suffix(suffix)
     for option in ("--json", "--picture", "--out"):
         yield "align", case, "--landmarks", folder / "landmarks.csv", option, target
+    yield "overlay", case, "--out", target
     yield "compare", case, folder / "held_out.json", "--out", target
     yield "sample", "--out", target
     yield new_case(case, target)
@@ -187,6 +188,8 @@ def test_no_command_replaces_a_file_of_another_kind(case, tmp_path, run_all):
         elif path.suffix in (".png", ".mtl"):
             # a texture or a material beside the named file
             lines.append(("colour", case, "--out", path.with_suffix(".obj")))
+        if path.name in ("b.png", "p.png", "a.glb"):
+            lines.append(("overlay", case, "--out", path))
         options = {".json": "--json", ".toml": "--out", ".png": "--picture"}
         if path.suffix in options and path.name != "e.png":
             lines.append(("align", case, "--landmarks", case.parent / "landmarks.csv", options[path.suffix], path))
@@ -334,7 +337,7 @@ def test_what_cannot_be_written_is_one_sentence(case, run_all):
         device = kind == "a full device"
         for command, option, suffix in (
             ("colour", "--out", ".obj"), ("colour", "--out", ".glb"), ("align", "--json", ".json"),
-            ("align", "--picture", ".png"), ("align", "--out", ".toml"),
+            ("align", "--picture", ".png"), ("align", "--out", ".toml"), ("overlay", "--out", ".png"),
         ):  # fmt: skip
             name = path if device else path.with_name(path.name + suffix)
             if kind == "a folder":
@@ -372,6 +375,7 @@ FAILING = {
     "frames": "frames /no/video.mp4 --out /no/out",
     "case": "case --surface /no/surface --frame /no/frame.png --camera /no/k.json --out /no/out",
     "align": "align /no/case.toml",
+    "overlay": "overlay /no/case.toml --out /no/overlay.png",
     "render": "render /no/case.toml --out /no/out", "check": "check /no/dataset",
     "compare": "compare /no/case.toml /no/list.json --out /no/out",
     "colour": "colour /no/case.toml --out /no/surface.ply",

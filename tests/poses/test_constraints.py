@@ -12,7 +12,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.poses.constraints import Constraints, Rejections, ViewStatistics, plan_given_poses, plan_pose
 from pipeline.poses.distributions import ReferencePose, Shell
-from pipeline.poses.pose_file import read_poses
+from pipeline.poses.pose_file import read_frame_poses, read_poses
 from pipeline.transforms import camera_centre, inverse_rigid, rigid, rotation_from_vector
 
 COUNT = 1500
@@ -366,3 +366,53 @@ def test_a_header_that_claims_more_than_the_file_holds_takes_no_memory(tmp_path)
     (tmp_path / "huge.npy").write_bytes(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode())
     with pytest.raises(InputError, match="buffer is smaller than requested"):
         read_poses(tmp_path / "huge.npy", mesh_from_model=np.eye(4))
+
+
+def test_frames_without_a_pose_are_told_in_three_ways(tmp_path):
+    poses = some_poses()
+    shown = [0, 2, 3]
+    array = np.full((len(poses), 4, 4), np.nan)
+    array[shown] = poses[shown]
+    np.save(tmp_path / "poses.npy", array)
+    listed = [pose.tolist() if number in shown else None for number, pose in enumerate(poses)]
+    (tmp_path / "list.json").write_text(json.dumps(listed))
+    keyed = [{"frame": number, "cam_from_mesh": poses[number].tolist()} for number in reversed(shown)]
+    (tmp_path / "keyed.json").write_text(json.dumps(keyed))
+    for name in ("poses.npy", "list.json", "keyed.json"):
+        found, messages = read_frame_poses(
+            tmp_path / name, len(poses), mesh_from_model=rigid(translation=np.array([1.0, 2, 3])), mm_per_unit=1000.0
+        )
+        assert messages == []
+        assert [number for number, pose in enumerate(found) if pose is not None] == shown
+        for number in shown:
+            expected = poses[number].copy()
+            expected[:3, 3] *= 1000
+            np.testing.assert_allclose(found[number], expected @ rigid(translation=np.array([1.0, 2, 3])), atol=1e-9)
+
+
+ONE = np.eye(4).tolist()
+
+
+@pytest.mark.parametrize(
+    ("listed", "message"),
+    [
+        ([ONE] * 3, "expected a pose for each of the 4 frames of the video, found 3; write null"),
+        ([ONE] * 5, "expected a pose for each of the 4 frames of the video, found 5"),
+        ([None] * 4, "expected a pose for some of the 4 frames, found none"),
+        ([], "expected a pose for each of the 4 frames of the video, found 0"),
+        ([ONE, ONE, np.diag([1, 1, 2, 1]).tolist(), ONE], "pose of frame 2 .*deviates from orthonormal"),
+        ([{"frame": 4, "cam_from_mesh": ONE}], "entry 0 .*: expected frame = 0 to 3, found 4"),
+        ([{"frame": "1", "cam_from_mesh": ONE}], "expected frame = 0 to 3, found '1'"),
+        ([{"frame": 1, "cam_from_mesh": ONE}] * 2, "expected one pose for each frame, found another one for frame 1"),
+        ([{"frame": 1, "cam_from_mesh": ONE}, ONE], "entry 1 .*: expected the key frame"),
+        ({"cam_from_mesh": ONE}, "expected a list of poses, one a frame"),
+    ],
+)
+def test_poses_that_do_not_fit_the_frames_are_refused(tmp_path, listed, message):
+    (tmp_path / "poses.json").write_text(json.dumps(listed))
+    with pytest.raises(InputError, match=message):
+        read_frame_poses(tmp_path / "poses.json", 4, mesh_from_model=np.eye(4))
+    if isinstance(listed, list) and listed and isinstance(listed[0], list) and len(listed) != 4:
+        np.save(tmp_path / "poses.npy", np.array(listed))
+        with pytest.raises(InputError, match=message):
+            read_frame_poses(tmp_path / "poses.npy", 4, mesh_from_model=np.eye(4))

@@ -186,7 +186,10 @@ MISFITS = {
         (POSE, "[[-1, 0, 0, 12], [0, -1, 0, -7], [0, 0, 1, -380], [0, 0, 0, 1]]"),
         "all of it is behind .*negate its 2nd and 3rd row if its axes are OpenGL's",
     ),
-    "beside": (("-12]", "150]"), r"expected the surface in the frame, it projects to u .* of 64x48; align the pose"),
+    "beside": (
+        ("-12]", "150]"),
+        r"expected the surface in the frame, it lies (left|right) of the frame.*: u .* of 64x48; align the pose",
+    ),
     "a thousand times too far": (("340]", "300000]"), "working distance of 2 mm to 30 m, .*: wrong units suspected"),
     "a thousand times too near": (
         ("[[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340]", "[[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 40.3]"),

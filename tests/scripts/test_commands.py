@@ -27,6 +27,7 @@ SCRIPTS = {
     "frames": "select_frame.py",
     "case": "new_case.py",
     "align": "align.py",
+    "overlay": "overlay.py",
     "render": "render_dataset.py",
     "check": "check_dataset.py",
     "compare": "compare_views.py",

@@ -149,14 +149,25 @@ def test_what_is_no_film_is_refused(tmp_path, write_film):
     with wave.open(str(tmp_path / "sound.wav"), "wb") as sound:
         sound.setparams((1, 2, 8000, 0, "NONE", ""))
         sound.writeframes(bytes(8000))
+    (tmp_path / "playlist.mp4").write_text("#EXTM3U\n#EXTINF:8,\nlarge.mkv\n#EXT-X-ENDLIST\n")
+    (tmp_path / "list.avi").write_text("ffconcat version 1.0\nfile large.mkv\n")
+    for suffix in (".webp", ".jp2", ".ppm", ".bmp"):
+        cv2.imwrite(str(tmp_path / f"image{suffix}"), numbered(1))
+    (tmp_path / "phone.mp4").write_bytes(b"\0\0\0\x18ftypheic" + bytes(99))
     write_film(tmp_path / "large.mkv", [np.zeros((5008, 5008, 3), np.uint8)])
     for name, message in {
         "text.mp4": "expected a video, cannot open it; it is cut off, without pictures, or in an unknown format",
         "empty.mp4": "expected a video, cannot open it, it is empty",
         "image.png": "expected a video, found an image; name it as the frame of the case",
+        "playlist.mp4": "expected a video, cannot open it; it is cut off",
+        "list.avi": "expected a video, cannot open it; it is cut off",
+        **{f"image.{kind}": "expected a video, found an image" for kind in ("webp", "jp2", "ppm", "bmp")},
+        "phone.mp4": "expected a video, found an image",
         "sound.wav": "expected a video, cannot open it; it is cut off, without pictures",
         "large.mkv": "expected frames of at most 25.0 million pixels, found 5008x5008; scale the video down",
         "none.mp4": "none.mp4 does not exist; correct the path|it does not exist; correct the path",
     }.items():
         with pytest.raises(InputError, match=message):
             score_frames(tmp_path / name)
+        with pytest.raises(InputError, match=r"expected|does not exist"):
+            read_video_frame(tmp_path / name, 1 if name == "large.mkv" else 0)

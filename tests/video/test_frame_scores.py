@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from pipeline.video import frame_scores
-from pipeline.video.frame_scores import score_images
+from pipeline.video.film_reader import FilmInfo
+from pipeline.video.frame_scores import FilmScores, score_images
+from pipeline.video.score_report import report_lines
 from pipeline.video.selection import best_frames
 from tests.video.surgical_film import Event, clear_frames, random_events, surgical_film
 
@@ -104,6 +106,16 @@ def test_a_film_of_a_few_frames_has_scores(short_film, count):
     scores = score_images(short_film[:count])
     assert len(scores) == count
     assert best_frames(scores, 5)[0].total > 0.1
+
+
+def test_of_a_film_that_shows_nothing_well_the_report_says_so(short_film, rng):
+    noise = [rng.integers(0, 256, (120, 160, 3), dtype=np.uint8) for _ in range(40)]
+    for film, doubtful in ((noise, True), (short_film[:1], False)):
+        frames = score_images(film)
+        info = FilmInfo(len(frames), 25.0, (160, 120), (160, 120), True, 0.0)
+        lines = report_lines(Path("film.mp4"), FilmScores(info, frames, (), None, None, False), 1, 1)
+        assert any("look at it before you use it" in line for line in lines) == doubtful
+    assert "160x120 px, 1 frame from 0.00 s to 0.00 s, 1 scene" in lines[0]
 
 
 def test_memory_does_not_grow_with_the_film(short_film, monkeypatch):

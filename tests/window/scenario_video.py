@@ -50,9 +50,14 @@ def written_film(path, picture):
 def alone(user, path):
     """Before there is a case: the best frame fills the view over the strip."""
     session = part("video.session")
-    with user.context():
-        bpy.ops.oneframe.open_video("INVOKE_DEFAULT", filepath=str(path))
-    assert session.of(user.window.scene) is None, "it is scored in the background"
+    for stopped in (True, False):
+        with user.context():
+            bpy.ops.oneframe.open_video("INVOKE_DEFAULT", filepath=str(path))
+        assert len(user.window.modal_operators) == 1, "it is scored in the background"
+        if stopped:
+            yield from user.key("ESC")
+            assert not user.window.modal_operators
+            assert not user.window.scene.oneframe_video.path
     yield from user.until(lambda: session.of(user.window.scene) is not None, "the scores", 90)
     yield from user.at_workbench()
     film = session.of(user.window.scene)

@@ -3,9 +3,8 @@
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
-from ...images.overlay import Layer, draw_overlay
-from ..render.engines import render_view
-from ..render.surface_scene import SurfaceScene
+from ...images.overlay import draw_overlay
+from ...projection.overlay_scene import OverlayScene
 
 
 def frame_overlay(loaded: LoadedCase, surface_depth_mm: np.ndarray | None = None) -> np.ndarray:
@@ -14,16 +13,15 @@ def frame_overlay(loaded: LoadedCase, surface_depth_mm: np.ndarray | None = None
     Parameters
     ----------
     loaded
-        The case, at its pose.
+        The case, at its pose; of its structures, those of :meth:`.LoadedCase.with_shown_structures`.
     surface_depth_mm
-        ``(H, W)`` depth of the surface in the frame, 0 where there is none; rendered if left out.
+        ``(H, W)`` depth of the surface in the frame, 0 where there is none; rasterised if left out.
     """
-    camera = loaded.case.camera
-    if surface_depth_mm is None:
-        with SurfaceScene(loaded.mesh, camera, None) as scene:
-            surface_depth_mm = render_view(scene, loaded.cam_from_model).depth_mm
-    layers = []
-    for structure, mesh in loaded.structures:
-        with SurfaceScene(mesh, camera, None) as scene:
-            layers.append(Layer(render_view(scene, loaded.cam_from_model).depth_mm, structure.colour))
-    return draw_overlay(loaded.image, surface_depth_mm, layers)
+    camera, pose = loaded.case.camera, loaded.cam_from_model
+    scene = overlay_scene(loaded.with_shown_structures())
+    return draw_overlay(loaded.image, scene.surface_layer(camera, pose, surface_depth_mm), scene.layers(camera, pose))
+
+
+def overlay_scene(loaded: LoadedCase) -> OverlayScene:
+    """The surface and the structures of a case."""
+    return OverlayScene.of(loaded.mesh, [(mesh, structure.colour) for structure, mesh in loaded.structures])

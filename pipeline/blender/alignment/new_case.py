@@ -26,7 +26,6 @@ from ...case.case_folder import (
     without_kept,
 )
 from ...case.loaded_case import LoadedCase, check_pose
-from ...case.structure_colour import OTHER
 from ...case.structure_place import place_doubt
 from ...case.surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_folder, structure_file
 from ...case.surface_size import extents_of, size_doubt, size_text
@@ -37,17 +36,16 @@ from ...files.numbers import MM_PER_UNIT
 from ...files.outputs import check_outputs
 from ...files.signature import signed
 from ...images.masked_frame import with_mask_tinted
-from ...images.overlay import Layer, draw_overlay
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...poses.pose_file import read_pose
-from ...projection.z_buffer import rasterise_depth
 from ...surface.mesh import TriangleMesh
 from ...surface.mesh_reader import read_mesh
 from ...transforms import inverse_rigid, rigid
 from ..case.frame_file import Frame, read_frame
 from ..case.load_case import load_case
 from ..colour.surface_colour import UNSEEN
+from .frame_overlay import frame_overlay
 
 
 @dataclass(frozen=True)
@@ -164,7 +162,7 @@ def _surface(given: CaseInputs) -> SurfaceFolder:
             raise InputError(f"{given.surface}: expected mm, the unit of the meshes in it, found {given.units!r}")
         found = read_surface_folder(given.surface)
     else:
-        found = SurfaceFolder(given.surface, (), None)
+        found = SurfaceFolder(given.surface)
     known = {structure.name: structure for structure in found.structures}
     for name in given.only or ():
         if name not in known:
@@ -239,7 +237,9 @@ def _with_pose(case: Case, file: Path | None, surface: SurfaceFolder, mesh: Tria
         found = replace(case, cam_from_mesh=cam_from_mesh)
         check_pose(replace(found, path=file), model, cam_from_mesh @ mesh_from_model)
         return found, [f"pose: {file}", *([f"note: {message}"] if message else [])]
-    focus = None if surface.focus is None else replace(surface.focus, centre=surface.focus.centre - centre)
+    focus = surface.focus_of(mesh)
+    if focus is not None:
+        focus = replace(focus, centre=focus.centre - centre)
     cam_from_model = initial_pose(model, case.camera, focus)
     found = replace(
         case, cam_from_mesh=cam_from_model @ inverse_rigid(mesh_from_model), alignment={"method": INITIAL_GUESS}
@@ -249,12 +249,4 @@ def _with_pose(case: Case, file: Path | None, surface: SurfaceFolder, mesh: Tria
 
 def _overlay(loaded: LoadedCase) -> np.ndarray:
     """``(H, W, 3)`` float32 values 0..1: the frame with outline and structures, and its mask in blue."""
-
-    def depth_mm(mesh: TriangleMesh) -> np.ndarray:
-        inverse = rasterise_depth(mesh, loaded.case.camera, loaded.cam_from_model).inverse_depth
-        return np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0)
-
-    # the ear canal and the dura would hide the nerve
-    known = [each for each in loaded.structures if each[0].colour != OTHER] or loaded.structures
-    layers = [Layer(depth_mm(mesh), structure.colour) for structure, mesh in known]
-    return draw_overlay(with_mask_tinted(loaded.image, loaded.valid, UNSEEN), depth_mm(loaded.mesh), layers)
+    return frame_overlay(replace(loaded, image=with_mask_tinted(loaded.image, loaded.valid, UNSEEN)))

@@ -1,0 +1,200 @@
+"""A video with the overlay of a case over each frame that has a pose; one frame is in memory at a time."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...camera.distortion import Distortion, distorted_pixels
+from ...camera.pinhole import PinholeCamera
+from ...case.case_file import Case
+from ...case.loaded_case import LoadedCase
+from ...errors import InputError
+from ...poses.pose_file import read_frame_poses
+from ...video.film_reader import Film, FilmFrame, FilmInfo
+from ..render.video import stream_video
+from .overlay_picture import OverlayPainter
+
+WIDEST = 1 << 16
+"""Frames are decoded at their own size."""
+PLAUSIBLE_FPS = 1.0, 240.0
+DEFAULT_FPS = 25.0
+LARGEST_RATIO_ERROR = 0.01
+"""By which the sides of the video may be longer or shorter, relative to each other, than those of the case's camera."""
+
+
+@dataclass(frozen=True)
+class FilmReport:
+    """What a film shows.
+
+    Attributes
+    ----------
+    frames
+        Of the film that was written.
+    drawn
+        With an overlay.
+    without_pose, out_of_view
+        Without one: no pose, or one that does not show the surface.
+    repeated, left_out
+        Pictures that stand in for frames that cannot be decoded or come late, and frames that come too soon after
+        another one.
+    """
+
+    frames: int
+    drawn: int
+    without_pose: int
+    out_of_view: int
+    repeated: int
+    left_out: int
+
+
+def camera_of_film(camera: PinholeCamera, size_wh: tuple[int, int], video: str) -> PinholeCamera:
+    """The camera of a case for a video of another size.
+
+    Raises
+    ------
+    InputError
+        The video has other proportions.
+    """
+    across, down = size_wh[0] / camera.width, size_wh[1] / camera.height
+    if abs(across / down - 1) > LARGEST_RATIO_ERROR:
+        raise InputError(
+            f"{video}: expected frames of the proportions of the case's camera, {camera.width}x{camera.height} px, "
+            f"found {size_wh[0]}x{size_wh[1]}; crop the video, or write a case with the K of this video"
+        )
+    return camera if size_wh == camera.size_wh else camera.resized(*size_wh)
+
+
+def output_rate(info: FilmInfo) -> tuple[float, int]:
+    """Frames per second and number of the frames that are written: those of the film if they come at a steady rate."""
+    fps = info.fps if PLAUSIBLE_FPS[0] <= info.fps <= PLAUSIBLE_FPS[1] else DEFAULT_FPS
+    count = round(info.span_s * fps) + 1 if info.unique_times else info.frames
+    # headers round the rate
+    return fps, info.frames if abs(count - info.frames) <= 1 else count
+
+
+@contextmanager
+def opened_film(
+    video: Path, poses: Path, loaded: LoadedCase
+) -> Iterator[tuple[Film, list[np.ndarray | None], list[str]]]:
+    """Start decoding a video and read a pose for each of its frames: ``cam_from_model`` (4x4, mm) or ``None``.
+
+    Yields
+    ------
+    The film, the poses, and messages about both.
+
+    Raises
+    ------
+    InputError
+        See :class:`pipeline.video.film_reader.Film` and :func:`pipeline.poses.pose_file.read_frame_poses`.
+    """
+    with Film(video, width=WIDEST) as film:
+        found, messages = read_frame_poses(
+            poses,
+            film.info.frames,
+            mesh_from_model=loaded.mesh_from_model,
+            mm_per_unit=loaded.case.mm_per_unit,
+        )
+        size_wh, camera = film.info.size_wh, camera_of_film(loaded.case.camera, film.info.size_wh, video.name)
+        if camera.size_wh != loaded.case.camera.size_wh:
+            width, height = loaded.case.camera.size_wh
+            messages.append(f"{video.name}: {size_wh[0]}x{size_wh[1]} px, the K of {width}x{height} is scaled to it")
+        if film.info.missing_s > 0:
+            messages.append(f"{video.name}: the file is cut off, {film.info.missing_s:.1f} s are missing at its end")
+        yield film, found, messages
+
+
+class OverlayFilm:
+    """Draws a film; counts what it shows."""
+
+    def __init__(self, loaded: LoadedCase, film: Film, poses: Sequence[np.ndarray | None], *, explained: bool) -> None:
+        """Prepare the film of a case, with legend and scale bar if it is ``explained``; see :func:`opened_film`."""
+        self._film, self._poses = film, poses
+        camera = camera_of_film(loaded.case.camera, film.info.size_wh, film.path.name)
+        self._painter = OverlayPainter(loaded, camera, explained=explained)
+        self._straight = _resampler(camera, loaded.case.distortion)
+        self._counts = dict.fromkeys(("drawn", "without_pose", "out_of_view", "repeated", "left_out"), 0)
+        self.fps, self.count = output_rate(film.info)
+
+    def write(self, out: Path, progress: Callable[[], None]) -> FilmReport:
+        """Encode the film; ``progress`` is called for each of :attr:`count` frames.
+
+        Raises
+        ------
+        InputError
+            None of its frames can be decoded.
+        OSError, RunError
+            As for :func:`pipeline.blender.render.video.stream_video`.
+        """
+
+        def pictures() -> Iterator[np.ndarray]:
+            for picture in self._pictures():
+                progress()
+                yield picture
+
+        stream_video(out, pictures(), self.count, fps=self.fps)
+        return FilmReport(frames=self.count, **self._counts)
+
+    def _pictures(self) -> Iterator[np.ndarray]:
+        """The pictures of the film that is written, at a steady rate."""
+        picture, sent, first_s = None, 0, 0.0
+        for frame in self._film:
+            if picture is None:
+                first_s = frame.time_s if frame.index == 0 else frame.time_s - frame.index / self.fps
+            due = min(self._due(frame, first_s), self.count - 1)
+            if picture is not None and due < sent:
+                self._counts["left_out"] += 1
+                continue
+            before, picture = picture, self._drawn(frame)
+            for _ in range(due - sent):
+                self._counts["repeated"] += 1
+                yield picture if before is None else before
+            yield picture
+            sent = due + 1
+        if picture is None:
+            raise InputError(f"{self._film.path.name}: expected a video, cannot decode any frame of it; copy it again")
+        for _ in range(self.count - sent):
+            self._counts["repeated"] += 1
+            yield picture
+
+    def _due(self, frame: FilmFrame, first_s: float) -> int:
+        """Number of the picture that shows a frame."""
+        if not self._film.info.unique_times or self.count == self._film.info.frames:
+            return frame.index
+        return max(round((frame.time_s - first_s) * self.fps), 0)
+
+    def _drawn(self, frame: FilmFrame) -> np.ndarray:
+        image = self._straight(frame.image)
+        pose = self._poses[frame.index]
+        if pose is None:
+            self._counts["without_pose"] += 1
+            return image
+        painted = self._painter.paint(image, pose)
+        self._counts["drawn" if painted.shows_surface else "out_of_view"] += 1
+        return painted.image
+
+
+def report_lines(report: FilmReport, case: Case) -> list[str]:
+    """What a film shows, in lines."""
+    lines = [f"{report.frames} frames, {report.drawn} with overlay"]
+    if report.without_pose:
+        lines[0] += f", {report.without_pose} without pose"
+    if report.out_of_view:
+        lines[0] += f", {report.out_of_view} whose pose does not show the surface"
+    if report.repeated:
+        lines.append(f"{report.repeated} pictures are repeated: frames that cannot be decoded or come late")
+    if report.left_out:
+        lines.append(f"{report.left_out} frames are left out: they come too soon after another one")
+    if case.distortion:
+        lines.append("the frames are undistorted")
+    return lines
+
+
+def _resampler(camera: PinholeCamera, distortion: Distortion | None) -> Callable[[np.ndarray], np.ndarray]:
+    if distortion is None:
+        return lambda image: image
+    from ...video.resampling import Resampler
+
+    return Resampler(distorted_pixels(camera, distortion, 0, camera.height))

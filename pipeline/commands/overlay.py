@@ -1,0 +1,102 @@
+"""The command ``oneframe overlay``."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..blender.process import own_output
+from .parser import command_parser, explained_imports
+
+ABOUT = "Draw surface and structures over the frame, or over each frame of a video, as augmented reality shows them."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
+EPILOG = """examples:
+  %(prog)s case.toml --out overlay.png
+  %(prog)s case.toml --out overlay.png --under-instruments
+  %(prog)s case.toml --video surgery.mp4 --poses poses.json --out overlay.mp4
+
+What the bone hides is dashed, and fainter the deeper it lies below the surface; what is in front of it is solid. The
+legend says how deep each structure lies, along the line of sight; the scale bar holds at the depth that it names. If
+the lens has a distortion, the picture is the undistorted frame.
+
+POSES has cam_from_mesh for each frame of the video: a .npy array N x 4 x 4, NaN for frames without a pose, or a JSON
+list of 4x4 matrices, null for frames without. A JSON list of {"frame": 12, "cam_from_mesh": ...}, counted from 0, may
+leave frames out. The video is written as MP4 (H.264) without sound.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this command."""
+    parser.add_argument(
+        "case", metavar="CASE.toml", type=Path, help="frame, camera, surface and pose; structures if it has any"
+    )
+    parser.add_argument(
+        "--only", metavar="NAME", action="append", default=[],
+        help="draw this structure; may be repeated (default: those that are not white, or else all)",
+    )  # fmt: skip
+    film = parser.add_argument_group("video")
+    film.add_argument("--video", metavar="FILE", type=Path, help="draw over the frames of this video instead")
+    film.add_argument("--poses", metavar="FILE", type=Path, help="a pose for each frame of the video (.npy or .json)")
+    output = parser.add_argument_group("output")
+    output.add_argument("--out", metavar="FILE", type=Path, required=True, help="PNG to write; MP4 with --video")
+    output.add_argument(
+        "--under-instruments", action="store_true",
+        help="draw nothing where the frame's alpha is 0: what is there is in front of the bone",
+    )  # fmt: skip
+    output.add_argument("--plain", action="store_true", help="draw no legend and no scale bar")
+
+
+def main(argv: Sequence[str], prog: str = "oneframe overlay") -> int:
+    """Parse the arguments and run."""
+    parser = command_parser(prog, ABOUT, EPILOG, add_arguments)
+    arguments = parser.parse(argv)
+    if (arguments.video is None) != (arguments.poses is None):
+        given, missing = ("--video", "--poses") if arguments.video else ("--poses", "--video")
+        parser.error(f"{given}: expected {missing} with it")
+    if arguments.video and arguments.under_instruments:
+        parser.error("--under-instruments: expected no --video, whose frames have no alpha")
+    return run(arguments)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Draw the picture or the video and report what it shows."""
+    with explained_imports():
+        from ..case.case_file import read_case
+        from ..files.kinds import MP4, PNG
+        from ..files.outputs import Output, check_outputs, made_folder, writing
+        from ..progress import Progress
+    output = own_output()
+    case = read_case(arguments.case)
+    inputs = case.input_files()
+    if arguments.video:
+        inputs |= {"video": arguments.video, "file of the poses": arguments.poses}
+    check_outputs([Output(arguments.out, MP4 if arguments.video else PNG)], inputs)
+    if arguments.video:
+        with explained_imports():
+            from ..blender.alignment.overlay_film import OverlayFilm, opened_film, report_lines
+            from ..blender.case.load_case import load_case
+        loaded = load_case(case, aligned=False).with_shown_structures(arguments.only)
+        with opened_film(arguments.video, arguments.poses, loaded) as (film, poses, messages):
+            for message in (*loaded.messages, *messages):
+                output.write(f"note: {message}\n")
+            drawing = OverlayFilm(loaded, film, poses, explained=not arguments.plain)
+            with Progress(drawing.count, "frames", stream=output) as shown, writing(made_folder(arguments.out)):
+                report = drawing.write(arguments.out, shown.advance)
+        lines = report_lines(report, case)
+    else:
+        with explained_imports():
+            from ..blender.alignment.overlay_picture import case_picture, picture_lines
+            from ..blender.case.load_case import load_case
+            from ..files.content import write_bytes_atomically
+            from ..images.png import encode_png
+        loaded = load_case(case).with_shown_structures(arguments.only)
+        picture = case_picture(loaded, under_instruments=arguments.under_instruments, explained=not arguments.plain)
+        with writing(made_folder(arguments.out)):
+            write_bytes_atomically(arguments.out, encode_png(picture.image))
+        lines = [*(f"note: {message}" for message in loaded.messages), *picture_lines(loaded, picture)]
+    drawn = {structure.name for structure, _ in loaded.structures}
+    if left := [structure.name for structure in case.structures if structure.name not in drawn]:
+        lines.append(f"not drawn: {', '.join(left)}; --only NAME draws what it names")
+    for line in lines:
+        output.write(line + "\n")
+    output.write(f"overlay: {arguments.out}\n")
+    return 0

@@ -1,0 +1,195 @@
+"""What explains an overlay: names and depths of the structures, how fading means depth, and a scale bar."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .layer_stack import Colour
+from .overlay import DEEPEST_MM, VISIBLE_OPACITY, hidden_opacity
+
+INK = (0.96, 0.96, 0.96)
+PANEL_OPACITY = 0.6
+LETTER_FRACTION = 0.0155
+"""Size of the letters, as a fraction of the geometric mean of the image's sides."""
+SMALLEST_LETTER_PX = 9.0
+LINE_SPACING = 1.2
+WIDEST_NOTE = "100 % visible, to 00.0 mm deep"
+"""Room is left for it, so that the legend of a film keeps its size."""
+WIDEST_FRACTION = 0.62
+"""Of the image's width that a panel may take; letters get smaller instead."""
+TALLEST_FRACTION = 0.6
+"""The same of its height."""
+LEAST_LETTER_PX = 5.0
+"""Smaller letters cannot be read."""
+BAR_FRACTION = 0.2
+"""Greatest length of the scale bar, of the image's shorter side."""
+
+Write = Callable[[str, float], np.ndarray]
+"""Text and size in px -> ``(h, w)`` mask 0..1 of a line of text, of one height for one size."""
+
+Place = tuple[bool, bool]
+"""Corner of the image: at the right, at the bottom."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of the legend.
+
+    Attributes
+    ----------
+    colour
+        sRGB 0..1.
+    name, note
+        The structure, and what is to say about it.
+    is_dashed
+        Whether most of it is hidden.
+    """
+
+    colour: Colour
+    name: str
+    note: str
+    is_dashed: bool
+
+
+@dataclass(frozen=True)
+class ScaleBar:
+    """A length at a depth.
+
+    Attributes
+    ----------
+    length_mm, length_px
+        The bar.
+    label
+        What is written above it.
+    """
+
+    length_mm: float
+    length_px: float
+    label: str
+
+
+def scale_bar(px_per_mm: float, shape_hw: tuple[int, int], where: str) -> ScaleBar:
+    """A bar of 1, 2 or 5 times a power of ten millimetres; ``where`` it holds follows its length in the label."""
+    longest = BAR_FRACTION * min(shape_hw) / px_per_mm
+    decade = 10.0 ** np.floor(np.log10(longest))
+    length = float(decade * max(step for step in (1, 2, 5) if step * decade <= longest))
+    return ScaleBar(length, length * px_per_mm, f"{length:g} mm {where}")
+
+
+def letter_size(shape_hw: tuple[int, int]) -> float:
+    """Size of the letters in px, in an image of this size."""
+    return max(LETTER_FRACTION * float(np.sqrt(shape_hw[0] * shape_hw[1])), SMALLEST_LETTER_PX)
+
+
+def legend_panel(entries: Sequence[Entry], write: Write, shape_hw: tuple[int, int]) -> np.ndarray | None:
+    """Draw the legend for an image of this size -> ``(h, w, 4)`` float32 RGBA 0..1, straight alpha.
+
+    ``None`` if the image has no room for letters that can be read.
+    """
+    size = letter_size(shape_hw)
+    panel = _legend(entries, write, size)
+    # a long name must not cover the image
+    room = min(WIDEST_FRACTION * shape_hw[1] / panel.shape[1], TALLEST_FRACTION * shape_hw[0] / panel.shape[0])
+    if room >= 1:
+        return panel
+    return _legend(entries, write, size * room) if size * room >= LEAST_LETTER_PX else None
+
+
+def bar_panel(bar: ScaleBar, write: Write, shape_hw: tuple[int, int]) -> np.ndarray | None:
+    """Draw a scale bar for an image of this size, as :func:`legend_panel`; its end covers a part of a pixel."""
+    size = letter_size(shape_hw)
+    text = write(bar.label, size)
+    if text.shape[1] > WIDEST_FRACTION * shape_hw[1]:
+        size *= WIDEST_FRACTION * shape_hw[1] / text.shape[1]
+        text = write(bar.label, size)
+    if size < LEAST_LETTER_PX:
+        return None
+    pad, thick = max(round(0.5 * size), 3), max(round(0.22 * size), 2)
+    width = max(text.shape[1], int(np.ceil(bar.length_px)) + 1) + 2 * pad
+    panel = _panel(text.shape[0] + 2 * pad + 2 * thick, width)
+    _ink(panel, text, pad, pad // 2, INK)
+    edges = np.arange(width + 1) - pad
+    along = np.clip(np.minimum(edges[1:], bar.length_px) - np.maximum(edges[:-1], 0), 0, 1)
+    top = pad // 2 + text.shape[0] + thick
+    _ink(panel, np.repeat(along[None], thick, axis=0), 0, top, INK)
+    return panel
+
+
+def freest_corner(busy: np.ndarray, panel_hw: tuple[int, int], places: Sequence[Place]) -> Place:
+    """The first of several corners under which a panel hides least of ``(H, W)`` bool ``busy``."""
+    return min(places, key=lambda place: int(busy[_part(busy.shape[:2], panel_hw, place)].sum()))
+
+
+def put(image: np.ndarray, panel: np.ndarray, place: Place) -> None:
+    """Blend a panel into a corner of an ``(H, W, 3)`` image, of uint8 codes or float values 0..1."""
+    rows, columns = _part((image.shape[0], image.shape[1]), panel.shape[:2], place)
+    under = image[rows, columns]
+    white = 255 if image.dtype == np.uint8 else 1
+    panel = panel[: under.shape[0], : under.shape[1]]
+    blended = under + panel[..., 3:] * (panel[..., :3] * white - under)
+    image[rows, columns] = np.rint(blended) if white == 255 else blended
+
+
+def _part(shape_hw: tuple[int, ...], panel_hw: tuple[int, ...], place: Place) -> tuple[slice, slice]:
+    margin = max(round(0.012 * max(shape_hw)), 2)
+    parts = []
+    for side, length, at_end in ((shape_hw[0], panel_hw[0], place[1]), (shape_hw[1], panel_hw[1], place[0])):
+        start = max(side - margin - length if at_end else margin, 0)
+        parts.append(slice(start, min(start + length, side)))
+    return parts[0], parts[1]
+
+
+def _legend(entries: Sequence[Entry], write: Write, size: float) -> np.ndarray:
+    names = [write(entry.name, size) for entry in entries]
+    notes = [write(entry.note, size) for entry in entries]
+    zero, deepest = write("depth below the surface: 0", size), write(f"{DEEPEST_MM:g} mm and more", size)
+    line, gap, swatch = round(LINE_SPACING * zero.shape[0]), max(round(0.6 * size), 3), max(round(2.4 * size), 10)
+    first = max((name.shape[1] for name in names), default=0)
+    second = max(note.shape[1] for note in [*notes, write(WIDEST_NOTE, size)])
+    ramp = max(round(5 * size), 20)
+    width = max(swatch + first + second + 2 * gap, zero.shape[1] + ramp + deepest.shape[1] + 2 * gap) + 2 * gap
+    panel = _panel((len(entries) + 1) * line + 2 * gap, width)
+    top = gap
+    for entry, name, note in zip(entries, names, notes, strict=True):
+        _swatch(panel[top : top + line, gap : gap + swatch], entry, size)
+        text_top = top + (line - name.shape[0]) // 2
+        _ink(panel, name, 2 * gap + swatch, text_top, INK)
+        _ink(panel, note, 3 * gap + swatch + first, text_top, INK)
+        top += line
+    text_top = top + (line - zero.shape[0]) // 2
+    _ink(panel, zero, gap, text_top, INK)
+    opacity = hidden_opacity(np.linspace(0, DEEPEST_MM, ramp))
+    height = max(round(0.6 * line), 3)
+    middle = top + (line - height) // 2
+    _ink(panel, np.repeat(opacity[None], height, axis=0) / opacity.max(), 2 * gap + zero.shape[1], middle, INK)
+    _ink(panel, deepest, 3 * gap + zero.shape[1] + ramp, text_top, INK)
+    return panel
+
+
+def _swatch(panel: np.ndarray, entry: Entry, size: float) -> None:
+    """A sample of the structure: a fill between two lines, dashed if the structure is hidden."""
+    height, width = panel.shape[:2]
+    thick, margin = max(round(0.12 * size), 1), max(round(0.22 * height), 1)
+    fill = VISIBLE_OPACITY if not entry.is_dashed else float(hidden_opacity(np.array(DEEPEST_MM / 2)))
+    _ink(panel, np.full((height - 2 * margin, width), fill), 0, margin, entry.colour)
+    line = np.ones(width)
+    if entry.is_dashed:
+        line = (np.arange(width) % (width / 3) < width / 5).astype(float)
+    for row in (margin, height - margin - thick):
+        _ink(panel, np.repeat(line[None], thick, axis=0), 0, row, entry.colour)
+
+
+def _panel(height: int, width: int) -> np.ndarray:
+    panel = np.zeros((height, width, 4), np.float32)
+    panel[..., 3] = PANEL_OPACITY
+    return panel
+
+
+def _ink(panel: np.ndarray, mask: np.ndarray, left: int, top: int, colour: Colour) -> None:
+    """Draw a mask 0..1 over a panel, straight alpha."""
+    part = panel[top : top + mask.shape[0], left : left + mask.shape[1]]
+    over = mask[: part.shape[0], : part.shape[1], None].astype(np.float32)
+    alpha = over + part[..., 3:] * (1 - over)
+    part[..., :3] = (np.array(colour, np.float32) * over + part[..., :3] * part[..., 3:] * (1 - over)) / alpha
+    part[..., 3:] = alpha

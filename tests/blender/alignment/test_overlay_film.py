@@ -1,0 +1,204 @@
+"""Films with overlays: each frame as the picture of its pose, at its time, whatever the film is like."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.blender.alignment.overlay_film import OverlayFilm, camera_of_film, opened_film, report_lines
+from pipeline.blender.alignment.overlay_picture import OverlayPainter
+from pipeline.blender.render.lettering import text_mask
+from pipeline.blender.render.video import stream_video
+from pipeline.camera.distortion import Distortion, undistort
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.case.case_file import Structure
+from pipeline.errors import InputError
+from pipeline.surface.tube import tube
+from pipeline.transforms import rigid
+from pipeline.video.film_reader import Film
+from tests.blender.dataset.test_job import as_tagged
+from tests.video.test_frame_reader import SIZE, with_uneven_times
+
+pytestmark = pytest.mark.render
+
+CAMERA = PinholeCamera(320, 240, fx=1600.0, fy=1590.0, cx=161.2, cy=118.4)
+FRAMES = 14
+
+
+@pytest.fixture
+def loaded(loaded_case, bumpy_mesh, frontal_pose, tmp_path):
+    """A nerve that runs out of the hills and into them."""
+    nerve = tube(np.array([[-20.0, -6, 1], [-5, 8, 4], [8, -4, 1], [22, 6, -5]]), 1.5)
+    case = loaded_case(bumpy_mesh, np.zeros((*CAMERA.shape_hw, 3), np.float32), frontal_pose, CAMERA)
+    return replace(case, structures=((Structure("facial_nerve", tmp_path / "n.ply", (1.0, 0.0, 1.0)), nerve),))
+
+
+def write_film(path: Path, images: list[np.ndarray], fourcc: str = "FFV1", fps: float = 25.0) -> Path:
+    size = (images[0].shape[1], images[0].shape[0])
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*fourcc), fps, size)
+    if not writer.isOpened():
+        pytest.skip(f"this OpenCV writes no {fourcc}")
+    for image in images:
+        writer.write(np.ascontiguousarray(image[..., ::-1]))
+    writer.release()
+    return path
+
+
+def film_frames() -> list[np.ndarray]:
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+    wave = np.stack([40 + u / 3, 120 + 60 * np.sin(v / 9), 0 * u + 90], axis=-1)
+    # a bright bar that moves
+    frames = [np.where((np.abs(u - 20 * k - 25) < 10)[..., None], 225, wave) for k in range(FRAMES)]
+    return [frame.astype(np.uint8) for frame in frames]
+
+
+def film_poses(frontal_pose: np.ndarray) -> list[np.ndarray | None]:
+    poses: list[np.ndarray | None] = [
+        rigid(translation=np.array([k - 7.0, 0.3 * k, 0])) @ frontal_pose for k in range(FRAMES)
+    ]
+    poses[3] = None
+    poses[9] = rigid(translation=np.array([900.0, 0, 0])) @ frontal_pose
+    return poses
+
+
+def written(path, loaded, poses, out, **options):
+    """The report, and all frames as RGB."""
+    np.save(out.with_suffix(".npy"), np.array([np.full((4, 4), np.nan) if pose is None else pose for pose in poses]))
+    shown = []
+    with opened_film(path, out.with_suffix(".npy"), loaded) as (film, found, messages):
+        drawing = OverlayFilm(loaded, film, found, explained=True)
+        report = drawing.write(out, lambda: shown.append(1))
+    assert len(shown) == report.frames == drawing.count
+    return report, messages, decoded(out)
+
+
+def decoded(path) -> tuple[float, list[np.ndarray]]:
+    capture = cv2.VideoCapture(str(path))
+    fps, images = capture.get(cv2.CAP_PROP_FPS), []
+    while (read := capture.read())[0]:
+        images.append(as_tagged(read[1]))
+    return fps, images
+
+
+def error_of(image: np.ndarray, expected: np.ndarray) -> float:
+    """Mean difference of luminance, in codes: H.264 halves the resolution of colours."""
+    weights = [0.2126, 0.7152, 0.0722]
+    return float(np.abs(image @ weights - expected @ weights).mean())
+
+
+def test_every_frame_is_the_picture_of_its_pose(loaded, frontal_pose, tmp_path):
+    images, poses = film_frames(), film_poses(frontal_pose)
+    path = write_film(tmp_path / "film.mkv", images, fps=30000 / 1001)
+    report, messages, (fps, found) = written(path, loaded, poses, tmp_path / "out.mp4")
+    assert messages == []
+    assert (report.drawn, report.without_pose, report.out_of_view) == (FRAMES - 2, 1, 1)
+    assert (report.repeated, report.left_out, len(found)) == (0, 0, FRAMES)
+    assert report_lines(report, loaded.case)[0].startswith(
+        f"{FRAMES} frames, {FRAMES - 2} with overlay, 1 without pose"
+    )
+    assert fps == pytest.approx(30000 / 1001, rel=1e-4)
+    painter = OverlayPainter(loaded, CAMERA, explained=True)
+    with Film(path) as film:
+        images = [frame.image for frame in film]
+    expected = [
+        image if pose is None else painter.paint(image, pose).image for image, pose in zip(images, poses, strict=True)
+    ]
+    for number, (image, picture) in enumerate(zip(found, expected, strict=True)):
+        assert error_of(image, picture) < 3
+        others = [error_of(image, other) for other in expected]
+        assert int(np.argmin(others)) == number
+    # H.264 in MP4, as browsers play it, and nothing else beside it
+    data = (tmp_path / "out.mp4").read_bytes()
+    assert b"avc1" in data
+    assert {file.name for file in tmp_path.iterdir()} == {"film.mkv", "out.mp4", "out.npy"}
+
+
+def test_a_film_of_another_size_scales_k_and_other_proportions_are_refused(loaded, frontal_pose, tmp_path):
+    poses = [frontal_pose] * 3
+    small = [image[::2, ::2] for image in film_frames()[:3]]
+    report, messages, (_, found) = written(
+        write_film(tmp_path / "small.mkv", small), loaded, poses, tmp_path / "out.mp4"
+    )
+    assert messages == ["small.mkv: 160x120 px, the K of 320x240 is scaled to it"]
+    assert report.drawn == 3
+    painter = OverlayPainter(loaded, CAMERA.resized(160, 120), explained=True)
+    assert error_of(found[1], painter.paint(small[1], frontal_pose).image) < 4
+    for size in ((160, 90), (240, 320)):
+        with pytest.raises(InputError, match=r"film.mp4: expected frames of the proportions .* 320x240 px, found \d+x"):
+            camera_of_film(CAMERA, size, "film.mp4")
+
+
+def test_uneven_times_keep_their_pace(loaded, frontal_pose, tmp_path):
+    images = [cv2.resize(image, SIZE, interpolation=cv2.INTER_AREA) for image in film_frames()]
+    even = write_film(tmp_path / "even.webm", images, fourcc="VP80")
+    try:
+        path = with_uneven_times(even, tmp_path / "uneven.mkv")
+    except cv2.error:
+        pytest.skip("this OpenCV writes no raw packets")
+    poses: list[np.ndarray | None] = [None] * FRAMES
+    poses[FRAMES - 1] = frontal_pose
+    report, _, (fps, found) = written(path, loaded, poses, tmp_path / "out.mp4")
+    with opened_film(path, tmp_path / "out.npy", loaded) as (film, _, _):
+        times = [frame.time_s for frame in film]
+    assert len(found) == round((times[-1] - times[0]) * fps) + 1
+    assert report.repeated + FRAMES - report.left_out == len(found)
+    # each frame is shown at its time
+    for number in (0, FRAMES // 2, FRAMES - 2):
+        shown = found[round((times[number] - times[0]) * fps)]
+        assert int(np.argmin([error_of(shown, image) for image in images[:-1]])) == number
+
+
+def test_a_damaged_frame_leaves_the_others_in_place(loaded, frontal_pose, tmp_path):
+    images = film_frames()
+    path = write_film(tmp_path / "film.avi", images, fourcc="MJPG")
+    data = bytearray(path.read_bytes())
+    start = data.index(b"00dc", data.index(b"movi") + len(data) // 2)
+    data[start + 700 : start + 900] = bytes(200)
+    path.write_bytes(data)
+    _, _, (_, found) = written(path, loaded, [frontal_pose, *[None] * (FRAMES - 1)], tmp_path / "out.mp4")
+    assert len(found) == FRAMES
+    assert int(np.argmin([error_of(found[-1], image) for image in images])) == FRAMES - 1
+
+
+def test_frames_of_a_distorted_lens_are_undistorted(loaded, frontal_pose, tmp_path):
+    distortion = Distortion(-8.0, 30.0, 0.02, -0.03, 0.0)
+    bent = replace(loaded, case=replace(loaded.case, distortion=distortion))
+    images = film_frames()[:2]
+    poses = [None, frontal_pose]
+    report, _, (_, found) = written(write_film(tmp_path / "f.mkv", images), bent, poses, tmp_path / "out.mp4")
+    straight, _ = undistort(images[0] / np.float32(255), CAMERA, distortion)
+    assert error_of(found[0], 255 * straight) < 2
+    assert error_of(found[0], images[0]) > 2 * error_of(found[0], 255 * straight)
+    assert "the frames are undistorted" in report_lines(report, bent.case)
+
+
+def test_a_stream_that_fails_leaves_no_file_and_tells_why(tmp_path):
+    def images():
+        yield np.zeros((48, 64, 3), np.uint8)
+        raise InputError("no more")
+
+    with pytest.raises(InputError, match="no more"):
+        stream_video(tmp_path / "v.mp4", images(), 5, fps=25.0)
+    assert list(tmp_path.iterdir()) == []
+    # one that ends early keeps its last image
+    grey = [np.full((48, 64, 3), 40 * k, np.uint8) for k in (1, 2)]
+    stream_video(tmp_path / "v.mp4", iter(grey), 5, fps=25.0)
+    levels = [image.mean() for image in decoded(tmp_path / "v.mp4")[1]]
+    assert levels == pytest.approx([40, 80, 80, 80, 80], abs=2)
+
+
+@pytest.mark.parametrize("text", ["facial nerve", "chorda tympani, 1.2 mm", "Nervus facialis äöü ß", "顔面神経"])
+def test_letters_fill_their_line(text):
+    small, large = text_mask(text, 12.0), text_mask(text, 36.0)
+    assert large.sum() == pytest.approx(9 * small.sum(), rel=0.05)
+    assert large.shape[1] == pytest.approx(3 * small.shape[1], abs=6)
+    assert 0.05 < large.mean() < 0.5
+    for mask in (small, large):
+        assert mask.max() > 0.6
+        assert mask[0].max() < 0.5
+        # the last letter is whole
+        assert mask[:, -1].max() < 0.05
+    blank = text_mask(f"{text} {text}", 36.0)
+    assert blank.shape[1] > 2 * large.shape[1]

@@ -1,0 +1,146 @@
+"""Contours and structures of a scene, against analytic outlines, the exact silhouette and the z-buffer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.camera.whereabouts import whereabouts
+from pipeline.images.layer_stack import LayerStack
+from pipeline.images.overlay import SMOOTHING_PX, outline_segments
+from pipeline.projection.contour import visible_contours
+from pipeline.projection.overlay_scene import OverlayScene, Solid, structure_layer
+from pipeline.projection.silhouette import SilhouetteEdges, silhouette_mask
+from pipeline.projection.z_buffer import inverse_depth_of, rasterise_depth
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.surface.tube import tube
+from pipeline.transforms import rigid
+
+CAMERA = PinholeCamera(401, 301, fx=1210.0, fy=1190.0, cx=195.3, cy=148.8)
+
+
+def sphere(centre: tuple[float, float, float], radius: float) -> TriangleMesh:
+    """40,000 faces, fronts outside."""
+    rows, columns = 101, 200
+    polar, around = np.meshgrid(np.linspace(0, np.pi, rows), np.arange(columns) * 2 * np.pi / columns, indexing="ij")
+    points = np.stack([np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], -1)
+    index = np.arange(rows * columns).reshape(rows, columns)
+    index[0], index[-1] = index[0, 0], index[-1, 0]
+    a, b = index[:-1], index[1:]
+    c, d = np.roll(b, -1, axis=1), np.roll(a, -1, axis=1)
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 0] != faces[:, 2])]
+    return TriangleMesh(np.array(centre) + radius * points.reshape(-1, 3), faces.astype(np.int32))
+
+
+def joined(*meshes: TriangleMesh) -> TriangleMesh:
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    return TriangleMesh(
+        np.concatenate([mesh.vertices for mesh in meshes]),
+        np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]).astype(np.int32),
+    )
+
+
+def depth_of(mesh: TriangleMesh, pose: np.ndarray) -> np.ndarray:
+    inverse = rasterise_depth(mesh, CAMERA, pose).inverse_depth
+    return np.divide(1, inverse, out=np.zeros_like(inverse), where=inverse > 0)
+
+
+def test_the_contour_of_a_sphere_is_its_outline():
+    """Of two spheres, the nearer one's outline is a step before the farther one, which hides nothing of it."""
+    near, far = sphere((0, 0, 250), 10), sphere((12, 3, 400), 30)
+    mesh, pose = joined(near, far), np.eye(4)
+    ending, steps = visible_contours(SilhouetteEdges.of(mesh), CAMERA, pose, depth_of(mesh, pose))
+    for segments, centre, radius in ((steps, (0, 0, 250), 10.0), (ending, (12, 3, 400), 30.0)):
+        # rays that touch a sphere make this angle with the ray to its centre
+        expected = np.arcsin(radius / np.linalg.norm(centre))
+        rays = CAMERA.rays_cam(segments.mean(axis=1))
+        cosine = rays @ np.array(centre, float) / np.linalg.norm(rays, axis=1) / np.linalg.norm(centre)
+        off_px = (np.arccos(cosine) - expected) * CAMERA.fx
+        on_it = np.abs(off_px) < 1
+        if radius == 10:
+            assert on_it.all()
+        else:
+            # what is left is the nearer sphere's where it stands out
+            assert on_it.mean() > 0.9
+        length = np.hypot(*(segments[on_it, 1] - segments[on_it, 0]).T).sum()
+        assert length > 0.9 * 2 * np.pi * np.tan(expected) * CAMERA.fx * (1 if radius == 30 else 0.8)
+
+
+def test_hidden_edges_are_no_contour():
+    near, far = sphere((0, 0, 250), 30), sphere((0, 0, 400), 10)
+    mesh = joined(near, far)
+    ending, steps = visible_contours(SilhouetteEdges.of(mesh), CAMERA, np.eye(4), depth_of(mesh, np.eye(4)))
+    assert len(ending) > 0
+    assert len(steps) == 0
+
+
+@pytest.mark.parametrize("surface", ["bumpy_mesh", "stepped_mesh"])
+def test_the_depth_alone_is_that_of_the_raster(surface, oblique_pose, request):
+    mesh = request.getfixturevalue(surface)
+    expected = rasterise_depth(mesh, CAMERA, oblique_pose).inverse_depth
+    np.testing.assert_array_equal(inverse_depth_of(mesh, CAMERA, oblique_pose), expected)
+    assert not Solid.of(mesh).is_closed
+
+
+def test_a_solid_needs_its_fronts_only(oblique_pose):
+    solid = joined(sphere((0, 0, 0), 20), tube(np.array([[-40.0, 0, 9], [0, 5, 24], [40, 0, 9]]), 3.0))
+    assert Solid.of(solid).is_closed
+    assert not Solid.of(replace(solid, faces=solid.faces[:-1])).is_closed
+    assert not Solid.of(solid.flipped()).is_closed
+    expected = rasterise_depth(solid, CAMERA, oblique_pose)
+    fronts = inverse_depth_of(solid, CAMERA, oblique_pose, Solid.of(solid).seen_faces(oblique_pose))
+    # where a ray grazes the solid, faces seen edge-on may be either
+    assert ((fronts > 0) == (expected.face >= 0)).mean() > 0.999
+    seen = (fronts > 0) & (expected.face >= 0)
+    apart = np.abs(1 / fronts[seen] - 1 / expected.inverse_depth[seen])
+    assert (apart > 1e-6).mean() < 1e-3
+
+
+def test_the_outline_of_a_visible_structure_is_its_silhouette(frontal_pose):
+    """Within a pixel, both ways, of the silhouette that is found without rasterising."""
+    nerve = tube(np.array([[-20.0, -6, 4], [-5, 8, 6], [8, -4, 5], [22, 6, 4]]), 1.5)
+    scene = OverlayScene.of(sphere((0, 0, -60), 40), [(nerve, (1.0, 0.0, 1.0))])
+    surface, layers = scene.surface_layer(CAMERA, frontal_pose), scene.layers(CAMERA, frontal_pose)
+    visible, dashes = outline_segments(LayerStack.of(surface, layers), 0, on_px=9, off_px=6, sigma_px=SMOOTHING_PX)
+    assert len(dashes) == 0
+    mask = silhouette_mask(SilhouetteEdges.of(nerve), CAMERA, frontal_pose, window=(0, 0, *CAMERA.size_wh))
+    padded = np.pad(mask, 1)
+    sides = [
+        np.argwhere(mask & ~padded[1 + down : 302 + down, 1 + right : 402 + right])[:, ::-1]
+        + 0.5 * np.array([right, down])
+        for right, down in ((1, 0), (-1, 0), (0, 1), (0, -1))
+    ]
+    border, points = np.concatenate(sides), visible.mean(axis=1)
+    distance = np.sqrt(((points[:, None] - border[None]) ** 2).sum(axis=2))
+    assert distance.min(axis=1).max() < 1
+    assert distance.min(axis=0).max() < 1.5
+
+
+def test_a_tube_is_shaded_like_a_tube(frontal_pose):
+    """Bright along its middle, darker towards both sides: the cosine of a cylinder."""
+    nerve = tube(np.array([[-40.0, 0, 0], [-10, 0, 0], [10, 0, 0], [40, 0, 0]]), 6.0, sides=64)
+    layer = structure_layer(Solid.of(nerve), (1.0, 0.0, 1.0), CAMERA, frontal_pose)
+    column = layer.shade[:, 200 - layer.corner[0]]
+    rows = np.flatnonzero(layer.depth_mm[:, 200 - layer.corner[0]])
+    across = (rows - rows.mean()) / (len(rows) / 2)
+    np.testing.assert_allclose(column[rows], np.sqrt(np.clip(1 - across**2, 0, 1)), atol=0.12)
+    # the window holds the whole structure
+    whole = depth_of(nerve, frontal_pose)
+    placed = np.zeros_like(whole)
+    (x, y), (h, w) = layer.corner, layer.depth_mm.shape
+    placed[y : y + h, x : x + w] = layer.depth_mm
+    np.testing.assert_allclose(placed, whole, rtol=1e-5)
+
+
+def test_structures_outside_have_no_layer_but_a_place(frontal_pose):
+    mesh = sphere((0, 0, 0), 5)
+    for offset, place in (
+        ((-200, 0, 0), "left of the frame"), ((200, 0, 0), "right of the frame"), ((0, -200, 0), "above the frame"),
+        ((190, 190, 0), "right of the frame and below it"), ((0, 0, -900), "behind the camera"), ((0, 0, 0), None),
+    ):  # fmt: skip
+        pose = rigid(translation=np.array(offset, float)) @ frontal_pose
+        layer = structure_layer(Solid.of(mesh), (1.0, 1.0, 1.0), CAMERA, pose)
+        assert (layer.depth_mm.size == 0) == (place is not None)
+        assert whereabouts(mesh.vertices, CAMERA, pose) == place

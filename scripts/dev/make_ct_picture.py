@@ -41,6 +41,7 @@ SIDE_PX, GAP_PX = 480, 6
 SAMPLES = 64
 BONE = (0.92, 0.87, 0.77)
 DISTANCE_MM = 400.0
+SHARP = np.radians(35)
 
 
 def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
@@ -110,7 +111,7 @@ def rendered(
 ) -> Image.Image:
     """A view from the direction ``eye`` (3,), head up, ``width_mm`` wide at ``target`` (3,), by Cycles."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    add_mesh(bone, target, BONE, 0.6)
+    bone_object = add_mesh(bone, target, BONE, 0.6)
     for name, mesh in structures.items():
         add_mesh(mesh, target, structure_colour(name), 0.4)
     scene = bpy.context.scene
@@ -144,23 +145,42 @@ def rendered(
     scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.max_bounces = SAMPLES, True, 3
     scene.view_settings.view_transform = "Standard"
     scene.render.resolution_x = scene.render.resolution_y = SIDE_PX
+    picture = render()
+    if structures:
+        # what the bone hides shines through
+        bone_object.hide_render = scene.render.film_transparent = True
+        alone = render()
+        picture.paste(alone, mask=alone.getchannel("A").point(lambda alpha: alpha // 2))
+    return picture.convert("RGB")
+
+
+def render() -> Image.Image:
+    """The scene, RGBA."""
+    scene = bpy.context.scene
     with tempfile.TemporaryDirectory() as folder:
         scene.render.filepath = str(Path(folder) / "view.png")
         bpy.ops.render.render(write_still=True)
-        return Image.open(scene.render.filepath).convert("RGB")
+        with Image.open(scene.render.filepath) as image:
+            return image.convert("RGBA")
 
 
-def add_mesh(mesh: TriangleMesh, origin: np.ndarray, colour: tuple[float, float, float], roughness: float) -> None:
+def add_mesh(
+    mesh: TriangleMesh, origin: np.ndarray, colour: tuple[float, float, float], roughness: float
+) -> bpy.types.Object:
     """Add a mesh of one colour, sRGB 0..1, to the scene, with ``origin`` in its middle."""
     data = bpy.data.meshes.new("")
     data.from_pydata(mesh.vertices - origin, [], mesh.faces)
+    data.shade_smooth()
+    data.set_sharp_from_angle(angle=SHARP)
     material = bpy.data.materials.new("")
     material.use_nodes = True
     shader = material.node_tree.nodes["Principled BSDF"]
     shader.inputs["Base Color"].default_value = (*(value**2.2 for value in colour), 1.0)
     shader.inputs["Roughness"].default_value = roughness
     data.materials.append(material)
-    bpy.context.scene.collection.objects.link(bpy.data.objects.new("", data))
+    thing = bpy.data.objects.new("", data)
+    bpy.context.scene.collection.objects.link(thing)
+    return thing
 
 
 if __name__ == "__main__":

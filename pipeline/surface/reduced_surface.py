@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 
@@ -22,6 +23,8 @@ from .triangle_shape import face_shapes
 
 PASSES = 3
 """After which all is done: the last one has a single block."""
+_UNFOLDINGS = 20
+"""How often more comes back where the original would fold over what stays; in noise there may be no end."""
 _RINGS = 3
 """Faces around vertices between blocks that the next pass works on."""
 _LEAST_PROGRESS = 0.002
@@ -145,7 +148,7 @@ class ReducedSurface:
         again = np.zeros(len(self._vertices), bool)
         again[self._vertex_of_point[points]] = True
         again[self._used()[vertices]] = True
-        while True:
+        for turn in count():
             zone = again[self._vertex_of_point]
             original = self._original.faces
             around = np.flatnonzero(zone[original[:, 0]] | zone[original[:, 1]] | zone[original[:, 2]])
@@ -167,7 +170,7 @@ class ReducedSurface:
             lonely = single[face_of_point[single] < 0]
             beside = np.isin(original[around], lonely).any(axis=1)
             wrong = [self._vertex_of_point[original[around[beside]]].ravel()]
-            wrong.append(self._torn(around, corners))
+            wrong.append(self._unfit(vertices, zone, around, corners, turn < _UNFOLDINGS))
             place = np.full(len(self._alive), -1, np.int32)
             place[faces] = np.arange(len(faces), dtype=np.int32)
             wrong.append(self._astray(vertices, corners, faces, place, face_of_point, ~zone))
@@ -267,8 +270,10 @@ class ReducedSurface:
                 near[corners[touched]] = True
         return alive[touched]
 
-    def _torn(self, around: np.ndarray, corners: np.ndarray) -> np.ndarray:
-        """Vertices of faces with ``corners`` (N, 3) in place of those ``around``, where the surface has a border."""
+    def _unfit(
+        self, vertices: np.ndarray, zone: np.ndarray, around: np.ndarray, corners: np.ndarray, unfold: bool
+    ) -> np.ndarray:
+        """Vertices of faces with ``corners`` (N, 3), in place of those ``around``, that tear or fold the surface."""
         ours = np.zeros(len(self._vertices), bool)
         ours[corners] = True
         unchanged = self._alive.copy()
@@ -277,12 +282,19 @@ class ReducedSurface:
         other = other[ours[self._faces[other]].any(axis=1)]
         together = np.concatenate([corners, self._faces[other]])
         vertex, local = np.unique(together.T, return_inverse=True)
-        border = face_sides(local.reshape(3, -1), len(vertex)).border
+        local = local.reshape(3, -1)
+        sides = face_sides(local, len(vertex))
         # all faces at our vertices are here; the others' are not
         torn = np.zeros(len(self._vertices), bool)
-        torn[vertex[border]] = True
+        torn[vertex[sides.border]] = True
         torn &= ours & ~self._border
-        return together[torn[together].any(axis=1)].ravel()
+        unfit = torn[together].any(axis=1)
+        if unfold:
+            normals, _ = face_shapes(np.ascontiguousarray(vertices[vertex].T), local)
+            bad = folded(local, normals, sides, self._crease[self._vertex_of_point[vertex]])
+            # those between the two parts
+            unfit[: len(corners)] |= bad[: len(corners)] & ~zone[corners].all(axis=1)
+        return together[unfit].ravel()
 
     def _astray(
         self,

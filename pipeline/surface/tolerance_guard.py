@@ -181,10 +181,14 @@ class ToleranceGuard:
             return _NONE
         around, point, limit = (np.concatenate(parts) for parts in zip(*far, strict=True))
         self._searched = np.unique(around)
-        distance, near = SurfaceTree(reduced).nearest(point)
-        exceeds = distance > limit
-        base, weight = _nearest_points(point[exceeds], reduced, near[exceeds])
-        return _on(reduced.faces[near[exceeds]], weight), base, point[exceeds], around[exceeds]
+        tree = SurfaceTree(reduced)
+        exceeds = tree.beyond(point, limit)
+        if not exceeds.any():
+            return _NONE
+        point, around = point[exceeds], around[exceeds]
+        near = tree.nearest(point)[1]
+        base, weight = _nearest_points(point, reduced, near)
+        return _on(reduced.faces[near], weight), base, point, around
 
     def _box(self, points: np.ndarray, finer: int = 1) -> np.ndarray:
         count = finer * self._boxes

@@ -23,6 +23,10 @@ _FARTHEST = 2.0
 _STEPS = 4
 """Of spacing the vertices evenly along the crease."""
 
+_ON_DRILLED = 0.1
+"""Distances of voxels within which a vertex lies on what was drilled. Where no crease could be found, it may lie on
+bone that the drill did not reach, nearer to a structure than its margin."""
+
 _TRIALS = 6
 """Of going half as far, where a face would turn over."""
 
@@ -61,7 +65,7 @@ def with_sharp_rim(surface: Isosurface, removed: RemovedField, grid: VoxelGrid) 
 
     Returns
     -------
-    Closed; the vertices on the crease stand behind all others, and count as drilled.
+    Closed; the vertices on the crease stand behind all others, and count as drilled where they lie on what was.
     """
     strip = _strip(surface)
     if not len(strip.faces):
@@ -86,7 +90,8 @@ def with_sharp_rim(surface: Isosurface, removed: RemovedField, grid: VoxelGrid) 
         back = strip.split[turned.reshape(3, -1).any(axis=0)].ravel()
         share[back] = share[back] / 2 if trial < _TRIALS - 2 else 0
     faces = np.concatenate([np.delete(mesh.faces, strip.faces, axis=0), cut.astype(mesh.faces.dtype)])
-    drilled = np.concatenate([made, np.ones(len(middle), np.bool_)])
+    rest = _rest(vertices[len(made) :], removed, grid)
+    drilled = np.concatenate([made, np.abs(rest) < _ON_DRILLED * float(grid.spacing_mm.min())])
     return Isosurface(replace(mesh, vertices=vertices, faces=faces), drilled)
 
 
@@ -113,8 +118,6 @@ def _crease(
     sharp = (np.abs(cosine) < _FLAT) & (n != 0).any(axis=1) & (m != 0).any(axis=1)
     determinant = np.where(sharp, 1 - cosine * cosine, 1.0)
     spacing = float(grid.spacing_mm.max())
-    depth, height, width = removed.distance_mm.shape
-    box = grid.shifted(removed.first, (width, height, depth))
 
     def onto_both(points: np.ndarray, above_drilled: np.ndarray) -> np.ndarray:
         """The nearest points on the bone's plane, and on the drilled one, from ``above_drilled`` (N,) mm above it."""
@@ -136,10 +139,17 @@ def _crease(
         total = np.stack([np.bincount(pair[:, 0], each[pair[:, 1]], len(middle)) for each in points.T], axis=1)
         points = (points + total / count[:, None]) / 2
         # the field is that of the drill itself, and no plane
-        rest = Sampler(box, points).values(removed.distance_mm, outside=0.0)
-        met = onto_both(points, -np.clip(rest, -spacing, spacing).astype(np.float64))
+        rest = _rest(points, removed, grid)
+        met = onto_both(points, -np.clip(rest, -spacing, spacing))
         points = within_reach(np.where(sharp[:, None], met, points))
     return points
+
+
+def _rest(points: np.ndarray, removed: RemovedField, grid: VoxelGrid) -> np.ndarray:
+    """``(N,)`` mm from what was drilled, as far as the field tells; 0 outside its box."""
+    depth, height, width = removed.distance_mm.shape
+    box = grid.shifted(removed.first, (width, height, depth))
+    return Sampler(box, points).values(removed.distance_mm, outside=0.0).astype(np.float64)
 
 
 def _one_sided_normals(surface: Isosurface) -> np.ndarray:

@@ -12,6 +12,7 @@ from ..pipeline.transforms import inverse_rigid, transform_points
 from ..state import from_scene, pose_evidence
 from ..ui.frame_view import FrameView
 from ..ui.strokes import Colour, Strokes
+from ..view.fit import free_rectangle
 from . import solve
 from .marks import LandmarkView
 from .solve import Solution
@@ -46,8 +47,12 @@ def add_uncertainty(strokes: Strokes, scene: bpy.types.Scene, view: LandmarkView
         _add_ellipses(strokes, scene, view, view.frame, uncertainty, samples, width=1.0)
         _add_ellipses(strokes, scene, view, view.frame, uncertainty, points, width=1.5)
         legend.append("Ellipses: 95 % confidence regions of surface points")
+    corner = np.array(LEGEND) * strokes.unit
+    if bpy.context.area is not None:
+        # above what else is drawn at the bottom
+        corner[1] = max(corner[1], free_rectangle(bpy.context.area)[0][1] + LINE / 2 * strokes.unit)
     for number, text in enumerate(legend):
-        strokes.text((np.array(LEGEND) + np.array([0, LINE * number])) * strokes.unit, text, COLOUR)
+        strokes.text(corner + np.array([0, LINE * number]) * strokes.unit, text, COLOUR)
 
 
 def current_uncertainty(scene: bpy.types.Scene, solved: Solution) -> tuple[PoseUncertainty, np.ndarray] | None:

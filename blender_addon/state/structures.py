@@ -33,4 +33,5 @@ def put_structures(surface: bpy.types.Object, files: Mapping[str, tuple[Path, Co
         mesh = read[name][0].scaled(MM_PER_UNIT[units]).moved(-offset)
         structure = alignment_scene.put_structure(surface, mesh, name, colour)
         structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path.resolve())
+    alignment_scene.hide_context(surface)
     return [message for _, messages in read.values() for message in messages]

@@ -12,9 +12,11 @@ sitk = pytest.importorskip("SimpleITK")
 from blender_addon.state import from_scene
 from blender_addon.ui.background_work import BackgroundWork
 from blender_addon.volume import drill_session, drill_strokes, loaded
+from pipeline.blender.alignment import alignment_scene
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.commands import surface as surface_command
 from pipeline.images.png import encode_png
+from pipeline.surface.mesh import TriangleMesh
 from pipeline.transforms import transform_points
 from pipeline.volume.drill_plan import Stroke, read_drill_plan
 
@@ -310,3 +312,18 @@ def test_strokes_in_the_scene_keep_every_digit(scene):
     drill_strokes.set_strokes(scene, strokes)
     (found,) = drill_strokes.strokes_of(scene)
     assert np.array_equal(found.points, strokes[0].points)
+
+
+def test_white_structures_are_context_that_is_hidden_beside_coloured_ones(scene, files):
+    with_labels(files)
+    bpy.ops.oneframe.make_surface()
+    surface = scene.oneframe.surface
+    (nerve,) = surface.children
+    canal = alignment_scene.put_structure(
+        surface, TriangleMesh(np.eye(3), np.array([[0, 1, 2]], np.int32)), "eac", (1.0, 1.0, 1.0)
+    )
+    alignment_scene.hide_context(surface)
+    assert (nerve.hide_viewport, canal.hide_viewport) == (False, True)
+    bpy.data.objects.remove(nerve)
+    alignment_scene.hide_context(surface)
+    assert not canal.hide_viewport

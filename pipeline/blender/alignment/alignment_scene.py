@@ -15,6 +15,7 @@ from mathutils import Matrix
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
+from ...case.structure_colour import OTHER
 from ...errors import InputError
 from ...images.masked_frame import with_mask_tinted
 from ...images.pixel_values import to_uint8
@@ -57,6 +58,7 @@ def set_up(scene: bpy.types.Scene, loaded: LoadedCase) -> AlignmentObjects:
     show_frame(camera_object, frame_image(loaded.case.image, changed))
     surface = put_surface(scene, loaded.mesh, loaded.mesh_from_model, loaded.cam_from_model)
     structures = [put_structure(surface, mesh, entry.name, entry.colour) for entry, mesh in loaded.structures]
+    hide_context(surface)
     fit_clip(camera_object, loaded.mesh.radius, loaded.cam_from_model)
     return AlignmentObjects(camera_object, surface, tuple(structures))
 
@@ -209,6 +211,18 @@ def put_structure(
             structure.hide_set(True, view_layer=layer)
     structure.hide_select = True
     return structure
+
+
+def hide_context(surface: bpy.types.Object) -> None:
+    """Hide white structures where others have a colour, as overlays do: the ear canal would cover the frame."""
+    structures = [child for child in surface.children if child.type == "MESH"]
+    coloured = [child for child in structures if not _is_white(child)]
+    for child in structures:
+        child.hide_viewport = bool(coloured) and _is_white(child)
+
+
+def _is_white(structure: bpy.types.Object) -> bool:
+    return tuple(structure.color[:3]) == OTHER
 
 
 def _plain_material(name: str, rgba: tuple[float, float, float, float]) -> bpy.types.Material:

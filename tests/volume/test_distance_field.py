@@ -28,7 +28,8 @@ def is_closed(mesh) -> bool:
 def test_smooth_minimum_is_below_minimum_and_equal_beyond_blend(a, b, blend):
     smooth = float(smooth_minimum(np.float64(a), np.float64(b), blend))
     assert min(a, b) - blend / 4 - 1e-6 <= smooth <= min(a, b)
-    if abs(a - b) > blend:
+    # rounding decides at the very end of the blend
+    if abs(a - b) > blend * (1 + 1e-9):
         assert smooth == min(a, b)
 
 

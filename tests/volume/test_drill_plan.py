@@ -125,9 +125,11 @@ def test_strokes_outside_the_volume_are_refused_and_those_partly_outside_counted
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("drill_*.toml")), ids=lambda path: path.stem)
 def test_examples_are_plans(path):
     plan = read_drill_plan(path)
-    assert plan.margins_mm["facial_nerve"] >= 1
+    assert len(plan.strokes) > 5
     assert plan_text(plan)
+    # that of the head has no labels
+    assert path.stem == "drill_head" or plan.margins_mm["facial_nerve"] >= 1
 
 
 def test_there_are_examples():
-    assert len(list(EXAMPLES.glob("drill_*.toml"))) == 2
+    assert len(list(EXAMPLES.glob("drill_*.toml"))) == 3

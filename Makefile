@@ -8,7 +8,7 @@ PYTHON ?= $(shell scripts/dev/find_python.sh 3.13 3.11)
 PLATFORM ?= all
 RUN = $(VENV)/bin/python
 
-.PHONY: setup demo extension dist addon-dev test test-outside lint bench bench-alignment docs screenshots clean
+.PHONY: setup demo extension dist addon-dev test test-outside lint bench bench-alignment bench-surface docs screenshots clean
 .DEFAULT_GOAL := demo
 
 # the environment: Blender as a module, the commands, what tests and checks need; again when pyproject.toml has changed
@@ -68,6 +68,10 @@ bench-alignment: setup
 	@test -f demo/case/case.toml || $(RUN) scripts/make_sample.py --out demo/case
 	$(RUN) scripts/benchmark_alignment.py --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.json
 	$(RUN) scripts/benchmark_refinement.py demo/case/case.toml --out demo/bench --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
+
+# errors of the surface from CT beside scikit-image's, and what a 512³ CT takes, in demo/bench
+bench-surface: setup
+	$(RUN) scripts/benchmark_surface.py --out demo/bench/surface.json
 
 # the site in build/docs, from docs/ and the docstrings; every warning is an error
 docs: setup

@@ -28,6 +28,24 @@ class Registered(Protocol):
         """Called before the classes are unregistered."""
 
 
+class Handlers:
+    """Functions that Blender calls at its events: :meth:`register` adds them, :meth:`unregister` removes them."""
+
+    def __init__(self, *pairs: tuple[list[Any], Callable[..., None]]) -> None:
+        """Take lists of ``bpy.app.handlers``, each with a function for it."""
+        self._pairs = pairs
+
+    def register(self) -> None:
+        """Add the functions."""
+        for handlers, handler in self._pairs:
+            handlers.append(handler)
+
+    def unregister(self) -> None:
+        """Remove the functions."""
+        for handlers, handler in self._pairs:
+            handlers.remove(handler)
+
+
 def class_registration(
     classes: Sequence[type], keys: Registered | None = None
 ) -> tuple[Callable[[], None], Callable[[], None]]:

@@ -269,8 +269,9 @@ def is_alignment_view(context: bpy.types.Context) -> bool:
     return context.area is not None and context.area.type == "VIEW_3D" and from_scene.is_set_up(context.scene)
 
 
-def _gesture(kind: str, tool: str, **modifiers: bool) -> Key:
-    return Key("oneframe.landmark_gesture", "LEFTMOUSE", properties=(("kind", kind),), tools=(tool,), **modifiers)
+def _gesture(kind: str, tool: str, *, shift: bool = False, ctrl: bool = False, alt: bool = False) -> Key:
+    settings = (("kind", kind),)
+    return Key("oneframe.landmark_gesture", "LEFTMOUSE", "PRESS", shift, ctrl, alt, properties=settings, tools=(tool,))
 
 
 KEYS = Keys(

@@ -5,10 +5,13 @@ from collections.abc import Callable
 from typing import Any
 
 import bpy
+from bpy.props import StringProperty
+from bpy_extras.io_utils import ImportHelper
 
 from ..pipeline.errors import InputError, RunError
+from ..registration import prop
 from .background_work import NAVIGATION, POLL_SECONDS, BackgroundWork, show_status
-from .operator import Messages, OperatorResult, Reporting, redraw
+from .operator import Messages, OperatorResult, Reporting
 
 SHOWN_SECONDS = 0.5
 """Between texts of the progress."""
@@ -72,20 +75,12 @@ class InBackground(Reporting):
                 self._show(context)
             return {"PASS_THROUGH"} if event.type in NAVIGATION | {"TIMER"} else {"RUNNING_MODAL"}
         self._end(context)
-        try:
-            if background.error is not None:
-                raise background.error
-            messages = self.finish(context, background.result)
-        except (InputError, RunError) as error:
-            self.report({"ERROR"}, self.worded(str(error)))
-            return {"CANCELLED"}
-        except OSError as error:
-            self.report({"ERROR"}, f"{error.filename or self.bl_label}: {error.strerror or error}")
-            return {"CANCELLED"}
-        for message in messages or ():
-            self.report({"INFO"}, message)
-        redraw(context)
-        return {"FINISHED"}
+        return self.reported(context, lambda: self._finished(context))
+
+    def _finished(self, context: bpy.types.Context) -> Messages:
+        if self._background.error is not None:
+            raise self._background.error
+        return self.finish(context, self._background.result)
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Called by Blender when it ends the operator: a file was opened, or the window closed."""
@@ -107,3 +102,19 @@ class InBackground(Reporting):
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None
         show_status(context, None)
+
+
+class OpensInBackground(InBackground, ImportHelper):
+    """Mixin for operators with a file dialog: the thread begins when a file is chosen or given."""
+
+    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        """Called by Blender."""
+        return self.start(context) if self.filepath else ImportHelper.invoke(self, context, event)
+
+    def execute(self, context: bpy.types.Context) -> OperatorResult:
+        """Called by Blender, also by the file dialog."""
+        if self.options.is_invoke and not bpy.app.background and self._timer is None:
+            return self.start(context)
+        return super().execute(context)

@@ -16,9 +16,37 @@ TOOLS = {PIN_TOOL: "Pins", LANDMARK_TOOL: "Landmarks", MOVE_TOOL: "Move Surface"
 """Tools of the toolbar and their labels."""
 
 
-def keymap_of(tool: str) -> str:
+def _keymap_of(tool: str) -> str:
     """As Blender names the keymaps of tools."""
     return f"3D View Tool: Object, {TOOLS[tool]}"
+
+
+@dataclass(frozen=True)
+class Place:
+    """A keymap: of a tool, or of an editor, whose other keys stay what they are.
+
+    Attributes
+    ----------
+    name, space_type
+        As in Blender.
+    is_tool
+        Whether it is that of a tool.
+    """
+
+    name: str
+    space_type: Any  # one of Blender's names
+    is_tool: bool = False
+
+    def keymap(self, configuration: bpy.types.KeyConfig) -> bpy.types.KeyMap:
+        """The keymap, made if there is none."""
+        # editors' own are not bound to a region
+        region: Any = {"region_type": "WINDOW", "tool": True} if self.is_tool else {}
+        return configuration.keymaps.new(name=self.name, space_type=self.space_type, **region)
+
+
+def place_of(tool: str) -> Place:
+    """The keymap of a tool."""
+    return Place(_keymap_of(tool), "VIEW_3D", is_tool=True)
 
 
 def active_tool(context: bpy.types.Context) -> str:
@@ -43,6 +71,8 @@ class Key:
         The operator's settings: names and values.
     tools
         The tools that have the key.
+    places
+        Other keymaps that have it; its operator passes the key on where there is nothing for it to do.
     """
 
     operator: str
@@ -54,6 +84,7 @@ class Key:
     repeat: bool = False
     properties: tuple[tuple[str, object], ...] = ()
     tools: tuple[str, ...] = ALIGNMENT_TOOLS
+    places: tuple[Place, ...] = ()
 
 
 class Keys:
@@ -69,10 +100,8 @@ class Keys:
         if configuration is None:
             return
         for key in self.keys:
-            for tool in key.tools:
-                keymap = configuration.keymaps.new(
-                    name=keymap_of(tool), space_type="VIEW_3D", region_type="WINDOW", tool=True
-                )
+            for place in (*map(place_of, key.tools), *key.places):
+                keymap = place.keymap(configuration)
                 item = keymap.keymap_items.new(
                     key.operator, key.type, key.value, shift=key.shift, ctrl=key.ctrl, alt=key.alt, repeat=key.repeat
                 )
@@ -93,7 +122,7 @@ def binding(operator: str, **properties: object) -> str:
     for configuration in (manager.keyconfigs.user, manager.keyconfigs.addon):
         if configuration is None:
             continue
-        for name in map(keymap_of, TOOLS):
+        for name in map(_keymap_of, TOOLS):
             for item in _items(configuration, name):
                 if item.idname != operator or not item.active or item.type == "NONE":
                     continue

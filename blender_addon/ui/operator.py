@@ -1,7 +1,7 @@
 """Base classes of the add-on's operators: an error becomes one message in the status bar and changes nothing."""
 
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -34,8 +34,12 @@ class Reporting(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
         """Called by Blender."""
+        return self.reported(context, lambda: self.run(context))
+
+    def reported(self, context: bpy.types.Context, call: Callable[[], Messages]) -> OperatorResult:
+        """Report the messages of ``call``, or its error."""
         try:
-            messages = self.run(context)
+            messages = call()
         except (InputError, RunError) as error:
             self.report({"ERROR"}, self.worded(str(error)))
             return {"CANCELLED"}

@@ -3,13 +3,11 @@
 The keys work where the pointer is over the strip; elsewhere they are those of the tool.
 """
 
-from typing import Any
-
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
 from ..registration import class_registration, prop
-from ..ui.keymap import TOOLS, keymap_of
+from ..ui.keymap import TOOLS, Key, Keys, Place
 from ..ui.operator import OperatorResult, redraw
 from . import session, shown_frame, strip_layout
 from .operators import NeedsFilm
@@ -111,50 +109,29 @@ class ONEFRAME_OT_video_take_key(OverStrip, bpy.types.Operator):
         return {"FINISHED"}
 
 
-_KEYS: tuple[tuple[str, Any, bool, dict[str, object]], ...] = (
-    ("oneframe.video_zoom", "WHEELINMOUSE", False, {"factor": 1.5}),
-    ("oneframe.video_zoom", "WHEELOUTMOUSE", False, {"factor": 1 / 1.5}),
-    ("oneframe.video_zoom", "HOME", False, {"factor": 0.0}),
-    ("oneframe.video_step", "LEFT_ARROW", False, {"step": -1}),
-    ("oneframe.video_step", "RIGHT_ARROW", False, {"step": 1}),
-    ("oneframe.video_best", "LEFT_ARROW", True, {"step": -1}),
-    ("oneframe.video_best", "RIGHT_ARROW", True, {"step": 1}),
-    ("oneframe.video_take_key", "RET", False, {}),
-    ("oneframe.video_take_key", "NUMPAD_ENTER", False, {}),
+_VIEW = Place("3D View", "VIEW_3D")
+
+
+def _key(operator: str, kind: str, *, ctrl: bool = False, repeat: bool = False, **settings: object) -> Key:
+    # in the add-on's tools and in all others
+    given = (*settings.items(), ("key", True))
+    return Key(operator, kind, ctrl=ctrl, repeat=repeat, properties=given, tools=tuple(TOOLS), places=(_VIEW,))
+
+
+_KEYS = Keys(
+    (
+        _key("oneframe.video_zoom", "WHEELINMOUSE", factor=1.5),
+        _key("oneframe.video_zoom", "WHEELOUTMOUSE", factor=1 / 1.5),
+        _key("oneframe.video_zoom", "HOME", factor=0.0),
+        _key("oneframe.video_step", "LEFT_ARROW", repeat=True, step=-1),
+        _key("oneframe.video_step", "RIGHT_ARROW", repeat=True, step=1),
+        _key("oneframe.video_best", "LEFT_ARROW", ctrl=True, repeat=True, step=-1),
+        _key("oneframe.video_best", "RIGHT_ARROW", ctrl=True, repeat=True, step=1),
+        _key("oneframe.video_take_key", "RET"),
+        _key("oneframe.video_take_key", "NUMPAD_ENTER"),
+    )
 )
-"""Operator, event, Ctrl, settings."""
-
-_added: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
-_register, _unregister = class_registration(
-    (ONEFRAME_OT_video_step, ONEFRAME_OT_video_best, ONEFRAME_OT_video_zoom, ONEFRAME_OT_video_take_key)
+# of the bindings of a key, Blender tries the one that was added last first: this module comes after the tools
+register, unregister = class_registration(
+    (ONEFRAME_OT_video_step, ONEFRAME_OT_video_best, ONEFRAME_OT_video_zoom, ONEFRAME_OT_video_take_key), _KEYS
 )
-
-
-def register() -> None:
-    """Register the operators and their keys, for the add-on's tools and for all others.
-
-    Of the bindings of a key, Blender tries the one that was added last first. So this module comes after the tools.
-    """
-    _register()
-    configuration = bpy.context.window_manager.keyconfigs.addon
-    if configuration is None:
-        return
-    tools = [
-        configuration.keymaps.new(name=keymap_of(tool), space_type="VIEW_3D", region_type="WINDOW", tool=True)
-        for tool in TOOLS
-    ]
-    for keymap in (*tools, configuration.keymaps.new(name="3D View", space_type="VIEW_3D")):
-        for operator, kind, ctrl, given in _KEYS:
-            item = keymap.keymap_items.new(operator, kind, "PRESS", ctrl=ctrl, repeat="ARROW" in kind)
-            settings = {**given, "key": True}
-            for name, value in settings.items():
-                setattr(item.properties, name, value)
-            _added.append((keymap, item))
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    for keymap, item in _added:
-        keymap.keymap_items.remove(item)
-    _added.clear()
-    _unregister()

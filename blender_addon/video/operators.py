@@ -6,7 +6,6 @@ from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty, StringProperty
-from bpy_extras.io_utils import ImportHelper
 
 from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.errors import InputError
@@ -14,8 +13,8 @@ from ..pipeline.video.frame_folder import write_frame
 from ..registration import class_registration, prop
 from ..state import camera_view, from_scene, to_scene, workbench
 from ..state.session_files import session_folder
-from ..ui.background_operator import InBackground, Work
-from ..ui.operator import Messages, OperatorResult, Reporting
+from ..ui.background_operator import InBackground, OpensInBackground, Work
+from ..ui.operator import Messages, Reporting
 from ..view.fit import fit_soon
 from . import session, shown_frame
 from .session import FilmSession
@@ -35,7 +34,7 @@ class NeedsFilm(bpy.types.Operator):
         return False
 
 
-class ONEFRAME_OT_open_video(InBackground, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_open_video(OpensInBackground, bpy.types.Operator):
     """Open a video of the microscope: its frames are scored, and shown as a strip to choose one from"""
 
     bl_idname = "oneframe.open_video"
@@ -45,7 +44,6 @@ class ONEFRAME_OT_open_video(InBackground, bpy.types.Operator, ImportHelper):
     doing = "Scoring the video"
 
     filter_glob: str = prop(StringProperty(default=VIDEOS, options={"HIDDEN"}))
-    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
     every: int = prop(
         IntProperty(
             name="Every", description="Only every so many frames: quicker for long films", default=1, min=1, max=1000
@@ -53,16 +51,6 @@ class ONEFRAME_OT_open_video(InBackground, bpy.types.Operator, ImportHelper):
     )
     from_s: float = prop(FloatProperty(name="From (s)", description="Begin here", min=0, precision=2))
     to_s: float = prop(FloatProperty(name="To (s)", description="End here; 0 for the end", min=0, precision=2))
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
-        return self.start(context) if self.filepath else ImportHelper.invoke(self, context, event)
-
-    def execute(self, context: bpy.types.Context) -> OperatorResult:
-        """Called by Blender, also by the file dialog: the thread begins there."""
-        if self.options.is_invoke and not bpy.app.background and self._timer is None:
-            return self.start(context)
-        return super().execute(context)
 
     def work(self, context: bpy.types.Context) -> Work:
         path = Path(bpy.path.abspath(self.filepath)) if self.filepath else Path()

@@ -15,6 +15,7 @@ from ..pipeline.images.pixel_values import to_uint8
 from ..pipeline.video.frame_folder import MASKED_COLOUR
 from ..pipeline.video.frame_mask import tissue_mask, without_combs
 from ..pipeline.video.frame_scores import COMBED
+from ..registration import Handlers
 from ..state import from_scene, to_scene
 from ..ui.operator import redraw
 from . import properties, session
@@ -156,7 +157,7 @@ def _after_saving(*_: object) -> None:
     _restored.clear()
 
 
-_HANDLERS = (
+_HANDLERS = Handlers(
     (bpy.app.handlers.save_pre, _before_saving),
     (bpy.app.handlers.save_post, _after_saving),
     (bpy.app.handlers.save_post_fail, _after_saving),
@@ -166,15 +167,13 @@ _HANDLERS = (
 def register() -> None:
     """Keep the film's frames out of saved files."""
     properties.on_look(_look_again)
-    for handlers, handler in _HANDLERS:
-        handlers.append(handler)
+    _HANDLERS.register()
 
 
 def unregister() -> None:
     """Undo :func:`register`, and show the cases' own frames."""
     properties.remove_listener(_look_again)
-    for handlers, handler in _HANDLERS:
-        handlers.remove(handler)
+    _HANDLERS.unregister()
     if bpy.app.timers.is_registered(_poll):
         bpy.app.timers.unregister(_poll)
     for scene in bpy.data.scenes:

@@ -5,27 +5,21 @@ from functools import cache
 import cv2
 import gpu
 import numpy as np
-from gpu_extras.batch import batch_for_shader
+
+from ..ui.rectangle import DECODE, bound_rectangle, rectangle_shader
 
 MOST_TEXTURES = 64
 
-_VERTEX = """
-void main()
-{
-  at = texture_at;
-  gl_Position = ModelViewProjectionMatrix * vec4(position, 0.0, 1.0);
-}
-"""
-
-_FRAGMENT = """
+_FRAGMENT = (
+    DECODE
+    + """
 void main()
 {
   /* the target encodes linear values as sRGB */
-  vec3 code = texture(picture, at).rgb;
-  vec3 decoded = mix(pow((code + 0.055) / 1.055, vec3(2.4)), code / 12.92, vec3(lessThan(code, vec3(0.04045))));
-  colour = vec4(decoded, 1.0);
+  colour = vec4(decoded(texture(picture, at).rgb), 1.0);
 }
 """
+)
 
 _textures: dict[object, gpu.types.GPUTexture] = {}
 
@@ -33,18 +27,7 @@ _textures: dict[object, gpu.types.GPUTexture] = {}
 @cache
 def _shader() -> gpu.types.GPUShader:
     """Code values as they are, in a 3D view."""
-    between = gpu.types.GPUStageInterfaceInfo("oneframe_film")
-    between.smooth("VEC2", "at")
-    info = gpu.types.GPUShaderCreateInfo()
-    info.vertex_in(0, "VEC2", "position")
-    info.vertex_in(1, "VEC2", "texture_at")
-    info.vertex_out(between)
-    info.push_constant("MAT4", "ModelViewProjectionMatrix")
-    info.sampler(0, "FLOAT_2D", "picture")
-    info.fragment_out(0, "VEC4", "colour")
-    info.vertex_source(_VERTEX)
-    info.fragment_source(_FRAGMENT)
-    return gpu.shader.create_from_info(info)
+    return rectangle_shader("film", _FRAGMENT, samplers=("picture",))
 
 
 def draw_picture(key: object, picture: np.ndarray, low: tuple[float, float], high: tuple[float, float]) -> None:
@@ -54,19 +37,9 @@ def draw_picture(key: object, picture: np.ndarray, low: tuple[float, float], hig
     size_wh = max(right - left, 1), max(above - below, 1)
     texture = _texture((key, size_wh), picture, size_wh)
     shader = _shader()
-    corners = np.array([[left, below], [right, below], [right, above], [left, above]], np.float32)
-    batch = batch_for_shader(
-        shader,
-        "TRIS",
-        {"position": corners, "texture_at": np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)},
-        indices=((0, 1, 2), (2, 3, 0)),
-    )
-    shader.bind()
-    shader.uniform_float(
-        "ModelViewProjectionMatrix", gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix()
-    )
+    corners = np.array([[left, below], [right, below], [right, above], [left, above]])
+    batch = bound_rectangle(shader, corners, np.array([[0, 1], [1, 1], [1, 0], [0, 0]]))
     shader.uniform_sampler("picture", texture)
-    gpu.state.blend_set("NONE")
     batch.draw(shader)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 from mathutils import Matrix
 
+from ..registration import Handlers
 from .overlay_shaders import surface_shader
 
 SHARP = np.cos(np.radians(40.0))
@@ -254,7 +255,7 @@ def _after_undo(*_: object) -> None:
         del _drawn[key]
 
 
-_HANDLERS = (
+_HANDLERS = Handlers(
     (bpy.app.handlers.depsgraph_update_post, _after_update),
     (bpy.app.handlers.undo_post, _after_undo),
     (bpy.app.handlers.redo_post, _after_undo),
@@ -264,13 +265,11 @@ _HANDLERS = (
 
 def register() -> None:
     """Start watching for changes of meshes."""
-    for handlers, handler in _HANDLERS:
-        handlers.append(handler)
+    _HANDLERS.register()
 
 
 def unregister() -> None:
     """Stop watching, and free the GPU's memory."""
-    for handlers, handler in _HANDLERS:
-        handlers.remove(handler)
+    _HANDLERS.unregister()
     _drawn.clear()
     _maybe_changed.clear()

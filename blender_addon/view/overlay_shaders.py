@@ -8,6 +8,8 @@ from functools import cache
 
 import gpu
 
+from ..ui.rectangle import DECODE
+
 SURFACE_KINDS = ("PLAIN", "COLOURS", "TEXTURE", "STRUCTURE")
 MODES = ("NONE", "FRAME", "SURFACE", "SWIPE", "DIFFERENCE", "PICTURE", "FADE")
 """What the composite shows under its lines; the shader knows them by their index."""
@@ -18,15 +20,6 @@ vec3 encoded(vec3 light)
   vec3 low = light * 12.92;
   vec3 high = 1.055 * pow(max(light, vec3(0.0)), vec3(1.0 / 2.4)) - 0.055;
   return mix(high, low, lessThan(light, vec3(0.0031308)));
-}
-"""
-
-_DECODE = """
-vec3 decoded(vec3 code)
-{
-  vec3 low = code / 12.92;
-  vec3 high = pow((code + 0.055) / 1.055, vec3(2.4));
-  return mix(high, low, lessThan(code, vec3(0.04045)));
 }
 """
 
@@ -185,7 +178,7 @@ void main()
 
 _COMPOSITE_FRAGMENT = (
     _ENCODE
-    + _DECODE
+    + DECODE
     + """
 const vec3 luminance = vec3(0.2126, 0.7152, 0.0722);
 const int NONE = 0, FRAME = 1, SURFACE = 2, SWIPE = 3, DIFFERENCE = 4, PICTURE = 5, FADE = 6;

@@ -9,7 +9,7 @@ Blender switches workspaces between two events, so this happens in steps of a ti
 import bpy
 from bpy.app.handlers import persistent
 
-from ..registration import class_registration
+from ..registration import Handlers, class_registration
 from ..state import camera_view, workbench
 from ..state.camera_view import WORKSPACE
 from ..ui.frame_view import window_region
@@ -217,7 +217,7 @@ class ONEFRAME_OT_enter_workbench(bpy.types.Operator):
 
 
 _register_classes, _unregister_classes = class_registration((ONEFRAME_OT_enter_workbench,))
-_HANDLERS = (
+_HANDLERS = Handlers(
     (bpy.app.handlers.undo_post, _after_change),
     (bpy.app.handlers.redo_post, _after_change),
     (bpy.app.handlers.load_post, _after_load),
@@ -229,14 +229,12 @@ def register() -> None:
     _register_classes()
     workbench.on_entered(_entered)
     camera_view.on_look(fit.fit_soon)
-    for handlers, handler in _HANDLERS:
-        handlers.append(handler)
+    _HANDLERS.register()
 
 
 def unregister() -> None:
     """Undo :func:`register`, and leave the windows as they were found."""
-    for handlers, handler in _HANDLERS:
-        handlers.remove(handler)
+    _HANDLERS.unregister()
     camera_view.remove_listener(fit.fit_soon)
     workbench.remove_listener(_entered)
     for timer in (_settle, fit.fit_waiting):

@@ -10,6 +10,7 @@ from mathutils import Matrix
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.blender.alignment.alignment_scene import BONE_RGBA
 from ..pipeline.case.structure_colour import OTHER, structure_colour
+from ..pipeline.images.pixel_values import linear_from_codes
 from ..state import from_scene
 from . import drill_session
 from .drill_session import BlockKey, DrillSession
@@ -142,15 +143,11 @@ def _draw(
     alpha: float,
 ) -> None:
     # the overlays of a 3D view take linear values; kept in a variable: the buffer must live until all is drawn
-    values = [*_linear(bone), alpha, *_linear(fresh), alpha]
+    values = [*linear_from_codes(np.array(bone)), alpha, *linear_from_codes(np.array(fresh)), alpha]
     buffer = gpu.types.GPUUniformBuf(gpu.types.Buffer("FLOAT", 8, values))
     shader.uniform_block("tones", buffer)
     for key in keys:
         _uploaded[key].draw(shader)
-
-
-def _linear(code: tuple[float, ...]) -> list[float]:
-    return [value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4 for value in code[:3]]
 
 
 def register() -> None:

@@ -19,6 +19,7 @@ from ..pipeline.volume.burr_room import BurrRoom
 from ..pipeline.volume.drill_plan import DrillPlan, Stroke
 from ..pipeline.volume.drilled_volume import DrilledVolume, VoxelBox
 from ..pipeline.volume.isosurface import RemovedField, block_surface
+from ..registration import Handlers
 from ..state import from_scene
 from . import drill_strokes
 from .loaded import Key, LoadedCT, ct_of, key_of
@@ -176,7 +177,7 @@ def of(scene: bpy.types.Scene) -> DrillSession | None:
         return None
     if _session[0] != _what(scene):
         return None
-    _session[1].spare(drill_strokes.plan_of(scene).margins_mm)
+    _session[1].spare(drill_strokes.margins_in(scene))
     return _session[1]
 
 
@@ -220,7 +221,7 @@ def _after_load(*_: object) -> None:
             end(scene)
 
 
-_HANDLERS = (
+_HANDLERS = Handlers(
     (bpy.app.handlers.undo_post, _after_undo),
     (bpy.app.handlers.redo_post, _after_undo),
     (bpy.app.handlers.load_post, _after_load),
@@ -229,12 +230,10 @@ _HANDLERS = (
 
 def register() -> None:
     """Follow undo and redo."""
-    for handlers, handler in _HANDLERS:
-        handlers.append(handler)
+    _HANDLERS.register()
 
 
 def unregister() -> None:
     """Show the surface, and free the memory."""
-    for handlers, handler in _HANDLERS:
-        handlers.remove(handler)
+    _HANDLERS.unregister()
     _after_load()

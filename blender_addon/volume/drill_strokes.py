@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
 
 import bpy
 import numpy as np
@@ -30,7 +31,12 @@ MARGINS_MM = {
 
 def strokes_of(scene: bpy.types.Scene) -> tuple[Stroke, ...]:
     """The strokes, in the order of drilling."""
-    text = scene.oneframe_ct.strokes_text
+    return _parsed(scene.oneframe_ct.strokes_text)
+
+
+@lru_cache(maxsize=2)
+def _parsed(text: str) -> tuple[Stroke, ...]:
+    """The strokes of a text: panels and views ask for them whenever they are drawn."""
     return tuple(Stroke(radius, np.array(points, np.float64)) for radius, points in json.loads(text or "[]"))
 
 
@@ -42,7 +48,12 @@ def set_strokes(scene: bpy.types.Scene, strokes: Sequence[Stroke]) -> None:
 
 def plan_of(scene: bpy.types.Scene) -> DrillPlan:
     """Strokes, and the margins that they keep."""
-    return DrillPlan(strokes_of(scene), json.loads(scene.oneframe_ct.margins_text or "{}"))
+    return DrillPlan(strokes_of(scene), margins_in(scene))
+
+
+def margins_in(scene: bpy.types.Scene) -> dict[str, float]:
+    """The margins that the scene stores."""
+    return json.loads(scene.oneframe_ct.margins_text or "{}")
 
 
 def set_margins(scene: bpy.types.Scene, margins_mm: Mapping[str, float]) -> None:

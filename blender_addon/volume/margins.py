@@ -84,7 +84,7 @@ def structures_of(ct: LoadedCT) -> tuple[str, ...]:
 def margins_of(scene: bpy.types.Scene, ct: LoadedCT) -> dict[str, float]:
     """The margins that were chosen or come with a plan; else the usual ones."""
     if scene.oneframe_ct.margins_text:
-        return dict(drill_strokes.plan_of(scene).margins_mm)
+        return drill_strokes.margins_in(scene)
     return drill_strokes.usual_margins(structures_of(ct))
 
 

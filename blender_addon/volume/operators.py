@@ -5,17 +5,16 @@ from typing import Any
 
 import bpy
 from bpy.props import IntProperty, StringProperty
-from bpy_extras.io_utils import ImportHelper
 
 from ..pipeline.errors import InputError
 from ..pipeline.volume.dicom_series import SeriesInfo
 from ..pipeline.volume.threshold import DEFAULT_HU, otsu_threshold
 from ..pipeline.volume.volume_header import volume_suffix
-from ..pipeline.volume.volume_reader import list_series, read_volume
+from ..pipeline.volume.volume_reader import is_dicom, list_series, read_volume
 from ..registration import class_registration, prop
 from ..state import workbench
-from ..ui.background_operator import InBackground, Work
-from ..ui.operator import Messages, OperatorResult, Reporting
+from ..ui.background_operator import InBackground, OpensInBackground, Work
+from ..ui.operator import Messages, Reporting
 from . import loaded
 from .loaded import LoadedCT, ct_of, key_of, loaded_ct
 from .slice_areas import show_slices_soon
@@ -35,7 +34,7 @@ class NeedsCT(bpy.types.Operator):
         return False
 
 
-class ONEFRAME_OT_open_ct(InBackground, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_open_ct(OpensInBackground, bpy.types.Operator):
     """Open a CT in Hounsfield units: NIfTI, NRRD, MetaImage, or a folder of DICOM slices"""
 
     bl_idname = "oneframe.open_ct"
@@ -44,7 +43,6 @@ class ONEFRAME_OT_open_ct(InBackground, bpy.types.Operator, ImportHelper):
     doing = "Reading the CT"
 
     filter_glob: str = prop(StringProperty(default=VOLUMES, options={"HIDDEN"}))
-    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
     series: int = prop(
         IntProperty(
             name="Series",
@@ -53,16 +51,6 @@ class ONEFRAME_OT_open_ct(InBackground, bpy.types.Operator, ImportHelper):
             options={"SKIP_SAVE", "HIDDEN"},
         )
     )
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
-        return self.start(context) if self.filepath else ImportHelper.invoke(self, context, event)
-
-    def execute(self, context: bpy.types.Context) -> OperatorResult:
-        """Called by Blender, also by the file dialog: the thread begins there."""
-        if self.options.is_invoke and not bpy.app.background and self._timer is None:
-            return self.start(context)
-        return super().execute(context)
 
     def work(self, context: bpy.types.Context) -> Work:
         path, series = _file_or_folder(self.filepath), self.series
@@ -114,14 +102,11 @@ def _file_or_folder(filepath: str) -> Path:
     path = Path(bpy.path.abspath(filepath))
     if path.is_dir() or volume_suffix(path) is not None:
         return path
-    is_slice = False
     try:
-        with path.open("rb") as file:
-            is_slice = file.read(132)[128:] == b"DICM"
-    except OSError:
+        return path.parent if is_dicom(path) else path
+    except InputError:
         # a name that does not exist was typed, or left over in the dialog: reading says so
         return path.parent if filepath.endswith(("/", "\\")) else path
-    return path.parent if is_slice else path
 
 
 def _ask_for_series(context: bpy.types.Context, path: Path, found: tuple[SeriesInfo, ...]) -> None:
@@ -160,7 +145,7 @@ class ONEFRAME_OT_read_ct(InBackground, bpy.types.Operator):
         return (ct_text(result),)
 
 
-class ONEFRAME_OT_open_labels(InBackground, NeedsCT, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_open_labels(OpensInBackground, NeedsCT, bpy.types.Operator):
     """Open a label map of this CT (nnU-Net, 3D Slicer, ITK-SNAP): its structures are shown, meshed and spared"""
 
     bl_idname = "oneframe.open_labels"
@@ -169,17 +154,6 @@ class ONEFRAME_OT_open_labels(InBackground, NeedsCT, bpy.types.Operator, ImportH
     doing = "Reading the labels"
 
     filter_glob: str = prop(StringProperty(default="*.nii;*.nii.gz;*.nrrd;*.nhdr;*.mha;*.mhd", options={"HIDDEN"}))
-    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
-        return self.start(context) if self.filepath else ImportHelper.invoke(self, context, event)
-
-    def execute(self, context: bpy.types.Context) -> OperatorResult:
-        """Called by Blender, also by the file dialog: the thread begins there."""
-        if self.options.is_invoke and not bpy.app.background and self._timer is None:
-            return self.start(context)
-        return super().execute(context)
 
     def work(self, context: bpy.types.Context) -> Work:
         path, volume = Path(bpy.path.abspath(self.filepath)), loaded_ct(context.scene).volume

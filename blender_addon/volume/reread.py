@@ -3,6 +3,7 @@
 import bpy
 from bpy.app.handlers import persistent
 
+from ..registration import Handlers
 from ..ui.frame_view import window_region
 from .loaded import ct_of, key_of
 
@@ -42,7 +43,7 @@ def _read() -> None:
         return
 
 
-_HANDLERS = (
+_HANDLERS = Handlers(
     (bpy.app.handlers.undo_post, _after_change),
     (bpy.app.handlers.redo_post, _after_change),
     (bpy.app.handlers.load_post, _after_load),
@@ -51,14 +52,12 @@ _HANDLERS = (
 
 def register() -> None:
     """Watch for undo, redo and files."""
-    for handlers, handler in _HANDLERS:
-        handlers.append(handler)
+    _HANDLERS.register()
 
 
 def unregister() -> None:
     """Stop watching."""
-    for handlers, handler in _HANDLERS:
-        handlers.remove(handler)
+    _HANDLERS.unregister()
     if bpy.app.timers.is_registered(_read):
         bpy.app.timers.unregister(_read)
     _failed.clear()

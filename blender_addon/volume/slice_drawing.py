@@ -3,13 +3,13 @@
 import bpy
 import gpu
 import numpy as np
-from gpu_extras.batch import batch_for_shader
 
 from ..pipeline.case.structure_colour import structure_colour
 from ..pipeline.volume.isosurface import RemovedField
 from ..pipeline.volume.slice_planes import SlicePlane
 from ..pipeline.volume.slice_views import BONE_COLOUR, DRILL_COLOUR
 from ..pipeline.volume.structures import structure_name, without_bone
+from ..ui.rectangle import bound_rectangle
 from ..ui.strokes import TEXT_SIZE, Colour, Strokes
 from . import drill_session
 from .loaded import LoadedCT
@@ -44,23 +44,13 @@ def _draw_picture(scene: bpy.types.Scene, view: SliceView) -> None:
     width, height = view.plane.size_wh
     corners_px = np.array([[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]])
     shader = slice_shader()
-    batch = batch_for_shader(
-        shader,
-        "TRIS",
-        {"position": (corners_px * view.scale + view.offset).astype(np.float32), "px": corners_px.astype(np.float32)},
-        indices=((0, 1, 2), (2, 3, 0)),
-    )
-    shader.bind()
-    shader.uniform_float(
-        "ModelViewProjectionMatrix", gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix()
-    )
+    batch = bound_rectangle(shader, corners_px * view.scale + view.offset, corners_px)
     shader.uniform_float("window", (settings.level_hu, settings.width_hu))
     shader.uniform_float("threshold", settings.threshold_hu)
     shader.uniform_float("line_colour", (*BONE_COLOUR, 1.0))
     shader.uniform_float("line_px", LINE_PX * bpy.context.preferences.system.ui_scale)
     shader.uniform_sampler("slice", hu)
     shader.uniform_sampler("tints", tints)
-    gpu.state.blend_set("NONE")
     batch.draw(shader)
 
 

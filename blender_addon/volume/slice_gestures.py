@@ -8,6 +8,7 @@ import numpy as np
 from bpy.props import EnumProperty, IntProperty
 
 from ..registration import class_registration, prop
+from ..ui.keymap import Key, Keys, Place
 from ..ui.operator import OperatorResult
 from .slice_view import SliceView, inside
 
@@ -107,44 +108,26 @@ class ONEFRAME_OT_slice_window(_InSlice):
         return {"RUNNING_MODAL"}
 
 
-_KEYS: tuple[tuple[str, str, dict[str, bool], dict[str, object]], ...] = (
-    ("oneframe.slice_step", "WHEELUPMOUSE", {}, {"step": 1}),
-    ("oneframe.slice_step", "WHEELDOWNMOUSE", {}, {"step": -1}),
-    ("oneframe.slice_step", "PAGE_UP", {}, {"step": 1}),
-    ("oneframe.slice_step", "PAGE_DOWN", {}, {"step": -1}),
-    ("oneframe.slice_step", "WHEELUPMOUSE", {"ctrl": True}, {"zoom": "IN"}),
-    ("oneframe.slice_step", "WHEELDOWNMOUSE", {"ctrl": True}, {"zoom": "OUT"}),
-    ("oneframe.slice_point", "LEFTMOUSE", {}, {}),
-    ("oneframe.slice_window", "RIGHTMOUSE", {}, {}),
-)
-"""Operator, event, modifiers, settings; where the area shows no slice, Blender uses its own binding."""
-
-_added: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
-_register, _unregister = class_registration((ONEFRAME_OT_slice_step, ONEFRAME_OT_slice_point, ONEFRAME_OT_slice_window))
+# tools come before the editor's own keys: a click would pick a colour
+_PLACES = (Place("Image", "IMAGE_EDITOR"), Place("Image Editor Tool: Sample", "IMAGE_EDITOR", is_tool=True))
 
 
-def register() -> None:
-    """Register the operators and their keys."""
-    _register()
-    configuration = bpy.context.window_manager.keyconfigs.addon
-    if configuration is None:
-        return
-    # tools come before the editor's own keys: a click would pick a colour
-    editor = configuration.keymaps.new(name="Image", space_type="IMAGE_EDITOR")
-    tool = configuration.keymaps.new(
-        name="Image Editor Tool: Sample", space_type="IMAGE_EDITOR", region_type="WINDOW", tool=True
+def _key(operator: str, kind: str, *, ctrl: bool = False, **settings: object) -> Key:
+    return Key(operator, kind, ctrl=ctrl, properties=tuple(settings.items()), tools=(), places=_PLACES)
+
+
+_KEYS = Keys(
+    (
+        _key("oneframe.slice_step", "WHEELUPMOUSE", step=1),
+        _key("oneframe.slice_step", "WHEELDOWNMOUSE", step=-1),
+        _key("oneframe.slice_step", "PAGE_UP", step=1),
+        _key("oneframe.slice_step", "PAGE_DOWN", step=-1),
+        _key("oneframe.slice_step", "WHEELUPMOUSE", ctrl=True, zoom="IN"),
+        _key("oneframe.slice_step", "WHEELDOWNMOUSE", ctrl=True, zoom="OUT"),
+        _key("oneframe.slice_point", "LEFTMOUSE"),
+        _key("oneframe.slice_window", "RIGHTMOUSE"),
     )
-    for keymap in (editor, tool):
-        for operator, kind, modifiers, settings in _KEYS:
-            item = keymap.keymap_items.new(operator, kind, "PRESS", **modifiers)  # type: ignore[arg-type]
-            for name, value in settings.items():
-                setattr(item.properties, name, value)
-            _added.append((keymap, item))
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    for keymap, item in _added:
-        keymap.keymap_items.remove(item)
-    _added.clear()
-    _unregister()
+)
+register, unregister = class_registration(
+    (ONEFRAME_OT_slice_step, ONEFRAME_OT_slice_point, ONEFRAME_OT_slice_window), _KEYS
+)

@@ -5,13 +5,7 @@ from functools import cache
 import gpu
 import numpy as np
 
-_VERTEX = """
-void main()
-{
-  at = px;
-  gl_Position = ModelViewProjectionMatrix * vec4(position, 0.0, 1.0);
-}
-"""
+from ..ui.rectangle import rectangle_shader
 
 _FRAGMENT = """
 /* linear between the centres of the voxels; (0, 0) is the centre of the top left one */
@@ -50,24 +44,9 @@ void main()
 
 @cache
 def slice_shader() -> gpu.types.GPUShader:
-    """``slice`` in HU -> its picture; corners have the position in the region and the pixel of the slice."""
-    between = gpu.types.GPUStageInterfaceInfo("oneframe_slice")
-    between.smooth("VEC2", "at")
-    info = gpu.types.GPUShaderCreateInfo()
-    info.vertex_in(0, "VEC2", "position")
-    info.vertex_in(1, "VEC2", "px")
-    info.vertex_out(between)
-    info.push_constant("MAT4", "ModelViewProjectionMatrix")
-    info.push_constant("VEC2", "window")
-    info.push_constant("VEC4", "line_colour")
-    info.push_constant("FLOAT", "threshold")
-    info.push_constant("FLOAT", "line_px")
-    info.sampler(0, "FLOAT_2D", "slice")
-    info.sampler(1, "FLOAT_2D", "tints")
-    info.fragment_out(0, "VEC4", "colour")
-    info.vertex_source(_VERTEX)
-    info.fragment_source(_FRAGMENT)
-    return gpu.shader.create_from_info(info)
+    """``slice`` in HU -> its picture; ``at`` is the pixel of the slice."""
+    constants = (("VEC2", "window"), ("VEC4", "line_colour"), ("FLOAT", "threshold"), ("FLOAT", "line_px"))
+    return rectangle_shader("slice", _FRAGMENT, samplers=("slice", "tints"), constants=constants)
 
 
 def hu_texture(hu: np.ndarray) -> gpu.types.GPUTexture:

@@ -8,6 +8,7 @@ import numpy as np
 from ..errors import InputError
 from ..surface.deviation import SurfaceTree
 from ..surface.mesh import TriangleMesh
+from ..transforms import transform_points
 from .filled import filled
 from .volume import VoxelGrid
 
@@ -137,8 +138,7 @@ class DrillGuard:
 
     def _placed(self, index: np.ndarray) -> np.ndarray:
         """``(N, 3)`` points of index space in the frame of the mesh."""
-        matrix = self._grid.mesh_from_index
-        return index @ matrix[:3, :3].T + matrix[:3, 3]
+        return transform_points(self._grid.mesh_from_index, index)
 
 
 def box_slices(first: np.ndarray, stop: np.ndarray) -> tuple[slice, ...]:

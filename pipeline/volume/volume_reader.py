@@ -99,6 +99,17 @@ def list_series(folder: Path) -> tuple[SeriesInfo, ...]:
     )
 
 
+def is_dicom(path: Path) -> bool:
+    """Whether a file begins as one of DICOM does.
+
+    Raises
+    ------
+    InputError
+        It cannot be read.
+    """
+    return read_beginning(path, "a volume", 132)[128:] == b"DICM"
+
+
 def file_voxels(
     path: Path, header: VolumeHeader, wanted: str, box: list[list[float]] | None = None
 ) -> tuple[np.ndarray, VoxelGrid]:
@@ -196,7 +207,7 @@ def _is_folder(path: Path) -> bool:
 
 def _volume_file(path: Path) -> Path:
     """The path of a file, unless it is a single DICOM file."""
-    if volume_suffix(path) is None and read_beginning(path, "a volume", 132)[128:] == b"DICM":
+    if volume_suffix(path) is None and is_dicom(path):
         raise InputError(f"{path}: expected a folder of DICOM files, found one of them; give the folder of the series")
     return path
 

@@ -19,6 +19,7 @@ from pipeline.case.case_file import read_case
 from pipeline.commands.__main__ import dispatch
 from pipeline.images.png import encode_png
 from pipeline.volume.drill_plan import read_drill_plan
+from tests.volume.ball_ct import write_ball_ct
 
 K = {"fx": 900.0, "fy": 905.0, "cx": 47.0, "cy": 36.5, "width": 96, "height": 72, "distortion": [0.1, -0.05, 0, 0, 0]}
 PLAN = """
@@ -33,18 +34,8 @@ points_mm = [[-9.0, 51.5, 911.0], [-14.0, 51.5, 911.0]]
 @pytest.fixture(scope="module")
 def files(tmp_path_factory) -> Path:
     """A CT of a ball of bone with a nerve, the plan of a drill, a frame, a mask, K."""
-    sitk = pytest.importorskip("SimpleITK")
     folder = tmp_path_factory.mktemp("given")
-    z, y, x = np.mgrid[:44, :46, :48] * 0.5
-    depth = 8 - np.sqrt((x - 12) ** 2 + (y - 11.5) ** 2 + (z - 11) ** 2)
-    nerve = (np.hypot(x - 9, y - 11.5) < 1) & (depth > 1)
-    volumes = {"ct": np.clip(300 + 900 * depth, -1000, 1500).astype(np.int16), "labels": nerve.astype(np.uint8)}
-    for name, values in volumes.items():
-        image = sitk.GetImageFromArray(values)
-        image.SetSpacing((0.5, 0.5, 0.5))
-        image.SetOrigin((-30.0, 40.0, 900.0))
-        sitk.WriteImage(image, str(folder / f"{name}.nii.gz"))
-    (folder / "labels.json").write_text('{"labels": {"facial nerve": 1}}')
+    write_ball_ct(folder)
     (folder / "plan.toml").write_text(PLAN)
     v, u = np.mgrid[:72, :96]
     codes = np.stack([(u * 37 + v * 11) % 256, (u * v) % 256, 255 - (u + v)], -1).astype(np.uint8)

@@ -18,6 +18,7 @@ from pipeline.errors import InputError
 from pipeline.images.png import encode_png
 from pipeline.surface.mesh_reader import read_mesh
 from pipeline.surface.mesh_writer import write_obj, write_ply
+from tests.volume.ball_ct import write_ball_ct
 
 ROOT = Path(__file__).resolve().parents[2]
 SECRET = "ZQXDOE"
@@ -38,18 +39,8 @@ def frame_codes(largest: int) -> np.ndarray:
 @pytest.fixture(scope="module")
 def surface(tmp_path_factory) -> Path:
     """What ``oneframe surface`` leaves of a ball of bone with a drilled bowl, 9 mm deep, and a nerve behind it."""
-    sitk = pytest.importorskip("SimpleITK")
     folder = tmp_path_factory.mktemp("ct")
-    z, y, x = np.mgrid[:44, :46, :48] * 0.5
-    depth = 8 - np.sqrt((x - 12) ** 2 + (y - 11.5) ** 2 + (z - 11) ** 2)
-    nerve = (np.hypot(x - 9, y - 11.5) < 1) & (depth > 1)
-    volumes = {"ct": np.clip(300 + 900 * depth, -1000, 1500).astype(np.int16), "labels": nerve.astype(np.uint8)}
-    for name, values in volumes.items():
-        image = sitk.GetImageFromArray(values)
-        image.SetSpacing((0.5, 0.5, 0.5))
-        image.SetOrigin((-30.0, 40.0, 900.0))
-        sitk.WriteImage(image, str(folder / f"{name}.nii.gz"))
-    (folder / "labels.json").write_text('{"labels": {"facial nerve": 1}}')
+    write_ball_ct(folder)
     # the bowl opens to the left, +x
     (folder / "plan.toml").write_text(
         "[[strokes]]\nradius_mm = 4.0\npoints_mm = [[-9.0, 51.5, 911.0], [-14.0, 51.5, 911.0]]\n"

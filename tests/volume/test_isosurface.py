@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from skimage.measure import marching_cubes
 
+from pipeline.evaluation.surface_accuracy import scanned
 from pipeline.surface.mesh import TriangleMesh
 from pipeline.transforms import rigid, transform_points
 from pipeline.volume.cell_table import EDGES, cell_table
@@ -42,15 +43,6 @@ def noise(seed: int, *, largest: int = 9) -> np.ndarray:
 def equal(a: Isosurface, b: Isosurface) -> bool:
     pairs = (a.mesh.vertices, b.mesh.vertices), (a.mesh.faces, b.mesh.faces), (a.drilled, b.drilled)
     return all(np.array_equal(*pair) for pair in pairs)
-
-
-def scanned(distance, grid: VoxelGrid) -> np.ndarray:
-    """A CT of a solid given by its signed distance, negative inside, mm: HU that rise over two voxels."""
-    width, height, depth = grid.size
-    index = np.stack(np.meshgrid(range(width), range(height), range(depth), indexing="ij"), axis=-1)
-    points = transform_points(grid.mesh_from_index, index.reshape(-1, 3).astype(np.float64))
-    values = np.clip(300 - distance(points) / grid.spacing_mm.max() * 800, -1000, 1600)
-    return values.astype(np.int16).reshape(width, height, depth).transpose(2, 1, 0)
 
 
 def sphere(points: np.ndarray) -> np.ndarray:

@@ -1,0 +1,65 @@
+"""Rectangles with a texture, drawn by a shader of one's own into the region that Blender is drawing."""
+
+from collections.abc import Iterable
+
+import gpu
+import numpy as np
+from gpu_extras.batch import batch_for_shader
+
+DECODE = """
+vec3 decoded(vec3 code)
+{
+  vec3 low = code / 12.92;
+  vec3 high = pow((code + 0.055) / 1.055, vec3(2.4));
+  return mix(high, low, lessThan(code, vec3(0.04045)));
+}
+"""
+"""GLSL: code values -> linear ones, for targets that encode what they are given."""
+
+_VERTEX = """
+void main()
+{
+  at = corner_at;
+  gl_Position = ModelViewProjectionMatrix * vec4(position, 0.0, 1.0);
+}
+"""
+
+
+def rectangle_shader(
+    name: str, fragment: str, *, samplers: Iterable[str], constants: Iterable[tuple[str, str]] = ()
+) -> gpu.types.GPUShader:
+    """A shader whose ``fragment`` sets ``colour`` (vec4) from ``at`` (vec2), samplers and constants (type, name)."""
+    between = gpu.types.GPUStageInterfaceInfo(f"oneframe_{name}")
+    between.smooth("VEC2", "at")
+    info = gpu.types.GPUShaderCreateInfo()
+    info.vertex_in(0, "VEC2", "position")
+    info.vertex_in(1, "VEC2", "corner_at")
+    info.vertex_out(between)
+    info.push_constant("MAT4", "ModelViewProjectionMatrix")
+    for kind, constant in constants:
+        info.push_constant(kind, constant)  # type: ignore[arg-type]  # one of Blender's names
+    for number, sampler in enumerate(samplers):
+        info.sampler(number, "FLOAT_2D", sampler)
+    info.fragment_out(0, "VEC4", "colour")
+    info.vertex_source(_VERTEX)
+    info.fragment_source(fragment)
+    return gpu.shader.create_from_info(info)
+
+
+def bound_rectangle(shader: gpu.types.GPUShader, corners_px: np.ndarray, corners_at: np.ndarray) -> gpu.types.GPUBatch:
+    """Bind the shader for a rectangle: its corners ``(4, 2)`` in order, px of the region, and ``at`` there.
+
+    The caller sets samplers and constants, and draws the batch.
+    """
+    batch = batch_for_shader(
+        shader,
+        "TRIS",
+        {"position": corners_px.astype(np.float32), "corner_at": corners_at.astype(np.float32)},
+        indices=((0, 1, 2), (2, 3, 0)),
+    )
+    shader.bind()
+    shader.uniform_float(
+        "ModelViewProjectionMatrix", gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix()
+    )
+    gpu.state.blend_set("NONE")
+    return batch

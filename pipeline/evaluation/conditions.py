@@ -1,0 +1,89 @@
+"""Under which conditions figures were measured: machine, versions and configuration, kept with every figure."""
+
+import importlib.metadata
+import os
+import platform
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+from .. import __version__
+
+PACKAGES = ("numpy", "opencv-contrib-python-headless", "scikit-image", "pyvista", "vtk", "torch", "pytorch3d")
+"""Those whose versions are kept, where they are installed."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Machine, versions and configuration of a measurement.
+
+    Attributes
+    ----------
+    machine
+        Processor, number of cores, memory and system, as one line.
+    versions
+        Version by name: OneFrame, Python, Blender and packages.
+    configuration
+        What the measurement was asked for: seed, counts, options; values with a plain ``str``.
+    measured
+        Day of the measurement (UTC), ISO 8601.
+    """
+
+    machine: str
+    versions: Mapping[str, str]
+    configuration: Mapping[str, object] = field(default_factory=dict)
+    measured: str = ""
+
+    def lines(self) -> list[str]:
+        """One line each for machine, versions, configuration and day, for the head of a table."""
+        parts = {
+            "machine": self.machine,
+            "versions": ", ".join(f"{name} {version}" for name, version in self.versions.items()),
+            "configuration": ", ".join(f"{name} {value}" for name, value in self.configuration.items()),
+            "measured": self.measured,
+        }
+        return [f"{name}: {' '.join(text.split())}" for name, text in parts.items() if text]
+
+    def short(self) -> str:
+        """Machine and the versions of OneFrame and Blender, for the small print of a chart."""
+        main = [f"{name} {self.versions[name]}" for name in ("OneFrame", "Blender") if name in self.versions]
+        return "; ".join([self.machine, ", ".join(main)])
+
+
+def current_conditions(configuration: Mapping[str, object], *, blender: str | None = None) -> Conditions:
+    """The conditions here and now.
+
+    Parameters
+    ----------
+    configuration
+        What is measured, see :class:`Conditions`.
+    blender
+        Blender's version if it takes part: this package does not import it.
+    """
+    versions = {"OneFrame": __version__, "Python": platform.python_version()}
+    if blender is not None:
+        versions["Blender"] = blender
+    for name in PACKAGES:
+        with suppress(importlib.metadata.PackageNotFoundError):
+            versions[name] = importlib.metadata.version(name)
+    return Conditions(_machine(), versions, dict(configuration), datetime.now(UTC).date().isoformat())
+
+
+def _machine() -> str:
+    cores = os.cpu_count() or 1
+    parts = [f"{cores} core{'s' * (cores > 1)} of {_processor()}"]
+    with suppress(OSError, ValueError, IndexError):
+        total_kb = int(Path("/proc/meminfo").read_text().split("MemTotal:")[1].split()[0])
+        parts.append(f"{total_kb / 2**20:.0f} GB")
+    parts.append(f"{platform.system()} {platform.machine()}")
+    return ", ".join(parts)
+
+
+def _processor() -> str:
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or "an unknown processor"

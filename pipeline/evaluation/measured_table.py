@@ -52,7 +52,8 @@ def read_table(path: Path, columns: Sequence[str]) -> tuple[list[dict[str, str]]
     reader = csv.DictReader(lines[len(comments) :])
     if reader.fieldnames is None or list(reader.fieldnames) != list(columns):
         raise InputError(
-            f"{path.name}: expected a table with the columns {','.join(columns)}, found something else; measure it again"
+            f"{path.name}: expected a table with the columns {','.join(columns)}, found something else; "
+            "measure it again"
         )
     rows = list(reader)
     if any(None in row or None in row.values() for row in rows):

@@ -7,7 +7,7 @@ depends on the depth only through the question whether the frame saw its point, 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -114,7 +114,7 @@ def _view_of(
     if part < 0.5:
         mesh = mesh.flipped()
         messages.append(f"{name}: the frame sees the back of {1 - part:.0%} of the surface; flipped its faces")
-    view = SourceView(camera, cam_from_model, loaded.image, inverse_depth_map(depth_mm, loaded.valid))
+    view = SourceView(camera, cam_from_model, loaded.image, inverse_depth_map(depth_mm, loaded.valid), loaded.valid)
     v, u = np.nonzero(shown & loaded.valid)
     central = most_central(np.stack([u, v], axis=1))
     pixel = np.array([[u[central], v[central]]], float)
@@ -124,8 +124,14 @@ def _view_of(
 
 
 def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str]]:
-    """The surface's colour in a mode (``projective``, ``texture``, ``vertex``), and messages for the user."""
-    return (source.view, []) if mode == "projective" else baked_colour_of(source, mode)
+    """The surface's colour in a mode (``projective``, ``texture``, ``vertex``), and messages for the user.
+
+    In all modes the reference view tells which points it saw.
+    """
+    if mode == "projective":
+        return source.view, []
+    colour, messages = baked_colour_of(source, mode)
+    return replace(colour, source=source.view), messages
 
 
 def baked_colour_of(
@@ -149,7 +155,7 @@ def baked_colour_of(
 
     faces_seen = classify_faces(mesh, view.camera, view.cam_from_model, observed)
     stage = _Stage(report, 1.0, CLASSIFIED)
-    atlas = bake_atlas(mesh, view.camera, view.cam_from_model, view.image, observed, faces_seen)
+    atlas = bake_atlas(mesh, view.camera, view.cam_from_model, view.continued[0], observed, faces_seen)
     return atlas, atlas.messages()
 
 

@@ -124,7 +124,7 @@ class SourceView:
         along = (normals_cam * transform_points(self.cam_from_model, points_model)).sum(axis=1)
         total, weight = np.zeros((len(pixels), 3)), np.zeros(len(pixels))
         for right, down in ((0, 0), (1, 0), (0, 1), (1, 1)):
-            tap = corner + [right, down]
+            tap = corner + np.array([right, down])
             u, v = tap.T
             with np.errstate(divide="ignore", invalid="ignore"):
                 on_plane = z * (self.camera.rays_cam(tap.astype(float)) * normals_cam).sum(axis=1) / along

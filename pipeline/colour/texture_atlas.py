@@ -5,9 +5,9 @@ Texel centres are pixel centres there, so baking copies pixels and adds no blur.
 Faces that would read texels of another surface (across a depth step, or behind it), and faces on which the projection
 is not nearly affine, get separate rectangles below it. Faces that the frame did not see share a neutral patch.
 
-Every texel has a flag: whether the frame saw its point of the surface. A lookup is the mean over its observed texels. To
-programs that cannot tell more, it counts as observed if all texels of non-zero weight are, i.e. if the interpolated
-flag is at least 1 - 1e-4; renders ask the reference view about the point itself.
+Every texel has a flag: whether the frame saw its point of the surface. A lookup is the mean over its observed texels.
+Renders ask the reference view whether the point itself was seen. Without that, a lookup counts as observed if all
+texels of non-zero weight are, i.e. if the interpolated flag is at least 1 - 1e-4.
 """
 
 from collections.abc import Callable, Iterator

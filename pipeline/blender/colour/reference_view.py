@@ -13,6 +13,7 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
+from ...colour.fill import filled_colours
 from ...colour.source_view import SourceView
 from ...colour.texture_atlas import TextureAtlas, bake_atlas, classify_faces
 from ...colour.vertex_colours import VertexColours, colour_vertices
@@ -172,6 +173,18 @@ class _Stage:
 
 def _unreported(_fraction: float) -> None:
     pass
+
+
+def unseen_colours_of(source: ReferenceView, unseen: str) -> np.ndarray | None:
+    """``(V, 3)`` colours of the vertices for what the frame did not see; ``None``, neutral grey, unless ``"fill"``."""
+    if unseen != "fill":
+        return None
+    vertices = colour_vertices(source.mesh, source.view)
+    if vertices.covered.any():
+        return filled_colours(source.mesh.vertices, source.mesh.faces, vertices.rgb, vertices.covered)
+    # no vertex of large triangles is in the frame
+    mean = source.view.image[source.view.inverse_depth > 0].mean(axis=0)
+    return np.broadcast_to(mean, source.mesh.vertices.shape)
 
 
 def vertex_colours_of(source: ReferenceView) -> tuple[VertexColours, list[str]]:

@@ -24,6 +24,7 @@ from ..bridge.versions import new_node_material
 OBSERVED_PASS = "observed"
 COLOUR_ATTRIBUTE = "frame_colour"
 OBSERVED_COLOUR_ATTRIBUTE = "frame_observed_colour"
+UNSEEN_ATTRIBUTE = "frame_unseen_colour"
 UV_MAP = "frame_uv"
 PROJECTION_ATTRIBUTE = "frame_projection"
 FRAME_IMAGE, ATLAS_IMAGE, FILTERED_IMAGE = "frame image", "atlas image", "filtered image"
@@ -39,7 +40,12 @@ SurfaceColour = VertexColours | TextureAtlas | SourceView
 
 
 def assign_colour(
-    mesh_object: bpy.types.Object, mesh: TriangleMesh, colour: SurfaceColour | None, *, filtered: bool = False
+    mesh_object: bpy.types.Object,
+    mesh: TriangleMesh,
+    colour: SurfaceColour | None,
+    *,
+    unseen: np.ndarray | None = None,
+    filtered: bool = False,
 ) -> None:
     """Give the object the material of a colour mode.
 
@@ -49,6 +55,8 @@ def assign_colour(
         The surface as a Blender object and as a mesh (model frame).
     colour
         ``None`` makes it plain neutral, for geometry alone; the observed flag is then 1 on front sides.
+    unseen
+        ``(V, 3)`` code values 0..1 of the vertices, shown where the frame saw nothing; ``None``: :data:`NEUTRAL_RGBA`.
     filtered
         Interpolate colours (not the observed flag) by cubic B-splines from the image of the node
         :data:`FILTERED_IMAGE`, which the caller replaces, see :mod:`pipeline.colour.footprint_filter`; its alpha is
@@ -72,7 +80,11 @@ def assign_colour(
     nodes.link(passed, observed_pass.inputs["Value"])
     emission = nodes.add("ShaderNodeEmission", Color=NEUTRAL_RGBA)
     if rgb is not None:
-        nodes.link(nodes.mixed(flag, NEUTRAL_RGBA, rgb), emission.inputs["Color"])
+        other: tuple | bpy.types.NodeSocket = NEUTRAL_RGBA
+        if unseen is not None:
+            set_vertex_colors(mesh_object, UNSEEN_ATTRIBUTE, np.pad(unseen, ((0, 0), (0, 1)), constant_values=1))
+            other = nodes.add("ShaderNodeAttribute", attribute_name=UNSEEN_ATTRIBUTE).outputs["Color"]
+        nodes.link(nodes.mixed(flag, other, rgb), emission.inputs["Color"])
     output = nodes.add("ShaderNodeOutputMaterial")
     nodes.link(emission.outputs["Emission"], output.inputs["Surface"])
     # else Cycles builds a light distribution over all triangles and samples it

@@ -20,6 +20,7 @@ from .material import (
     FRAME_IMAGE,
     NEUTRAL_RGBA,
     PROJECTION_ATTRIBUTE,
+    UNSEEN_ATTRIBUTE,
     UV_MAP,
     SurfaceColour,
     least_cover,
@@ -87,7 +88,9 @@ def _ray_nodes(surface: bpy.types.Object, colour: SurfaceColour) -> tuple[bpy.ty
         _, seen = _shade(nodes, place, colour.source, surface)
         observed = nodes.math("MULTIPLY", observed, seen)
     front = nodes.math("LESS_THAN", nodes.dot(hit.outputs["Hit Normal"], direction.outputs["Position"]), 0.0)
-    rgb = nodes.mixed(nodes.math("MULTIPLY", observed, front), NEUTRAL_RGBA, rgb)
+    filled = UNSEEN_ATTRIBUTE in surface.data.attributes
+    other = cast("FLOAT_COLOR", UNSEEN_ATTRIBUTE).outputs["Attribute"] if filled else NEUTRAL_RGBA
+    rgb = nodes.mixed(nodes.math("MULTIPLY", observed, front), other, rgb)
     moved, end = nodes.add("GeometryNodeSetPosition"), nodes.add("NodeGroupOutput")
     nodes.link(rays.outputs[0], moved.inputs["Geometry"])
     nodes.link(nodes.scaled(rgb, hit.outputs["Is Hit"]), moved.inputs["Position"])

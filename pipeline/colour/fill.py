@@ -6,8 +6,8 @@ known colour start from the value of the coarser node that holds them and are th
 its neighbours: nearly the harmonic function with the observed colours as boundary values. Far from them, where only
 coarse nodes know a colour, it approaches means over ever larger parts of the observed surface.
 
-All values are weighted means of observed colours, so none exceeds their range. Nothing travels through space, only along
-the surface; parts that touch no observed surface get the mean of all observed colours.
+All values are weighted means of observed colours, so none exceeds their range. Colours travel along the surface, never
+through space; parts that touch no observed surface get the mean of all observed colours.
 
 References: Gortler et al., "The lumigraph", SIGGRAPH 1996 (pull-push); Bornemann & Deuflhard, "The cascadic multigrid
 method for elliptic problems", Numerische Mathematik 75, 1996 (smoothing from coarse to fine, more on coarse levels).
@@ -57,8 +57,8 @@ class _Graph:
         best = priority.copy()
         np.minimum.at(best, self.first, priority[self.second])
         # as each priority belongs to one node
-        _, holder = np.unique(best, return_inverse=True)
-        return holder, _graph(int(holder.max()) + 1, holder[self.first], holder[self.second], self.weight)
+        held, holder = np.unique(best, return_inverse=True)
+        return holder, _graph(len(held), holder[self.first], holder[self.second], self.weight)
 
 
 def _graph(size: int, first: np.ndarray, second: np.ndarray, weight: np.ndarray) -> _Graph:
@@ -98,8 +98,8 @@ def filled_colours(vertices: np.ndarray, faces: np.ndarray, rgb: np.ndarray, kno
     """
     if not known.any():
         raise ValueError("expected vertices with known colours, found none")
-    _, place = np.unique(np.ascontiguousarray(vertices).view("V24").ravel(), return_inverse=True)
-    size = int(place.max()) + 1
+    places, place = np.unique(np.ascontiguousarray(vertices, np.float64).view("V24").ravel(), return_inverse=True)
+    size = len(places)
     a, b, c = place[faces].T
     first, second = np.concatenate([a, b, c, b, c, a]), np.concatenate([b, c, a, a, b, c])
     graphs, holders = [_graph(size, first, second, np.ones(len(first)))], []

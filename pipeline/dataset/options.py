@@ -47,6 +47,10 @@ class DatasetOptions:
         "neutral", "surface that the frame did not see: neutral (grey), or fill (the observed colours, continued "
         "smoothly over the surface). The mask of the observed surface is the same", choices=UNSEEN,
     )  # fmt: skip
+    max_incidence_deg: float = _option(
+        87.0, "largest angle between the frame's ray and the surface's normal at which surface counts as "
+        "seen; what the frame sees at a grazing angle is stretched to streaks in other views", least=0, most=90,
+    )  # fmt: skip
     float_depth: bool = _option(False, "also write depth as float32 millimetres (.npy)")
     video: bool = _option(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _option(120, "length of the video in frames (24 per second)", least=2)

@@ -69,6 +69,11 @@ def reference_view_of(loaded: LoadedCase) -> ReferenceView:
     return _view_of(loaded, seen.depth_mm, seen.observed)
 
 
+def limited_to_incidence(source: ReferenceView, max_incidence_deg: float) -> ReferenceView:
+    """The same view, which counts surface as seen up to this angle between ray and normal."""
+    return replace(source, view=replace(source.view, max_incidence_deg=max_incidence_deg))
+
+
 def can_rasterise(loaded: LoadedCase) -> bool:
     """Whether :func:`rasterised_view_of` knows the whole surface: none of it is behind the frame's camera."""
     return is_within_limits(loaded.mesh, loaded.case.camera, loaded.cam_from_model)

@@ -50,7 +50,7 @@ def edge_measures(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> 
     box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
     real, synthetic, mask = real[box], synthetic[box], mask[box]
     kernel = np.ones((2 * BORDER_PX + 1,) * 2, np.uint8)
-    inside = cv2.erode(mask.astype(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
+    inside = cv2.erode(mask.astype(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(0,)) > 0
     if not inside.any():
         return nothing
     gradients = [_gradients(image) for image in (real, synthetic)]

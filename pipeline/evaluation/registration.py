@@ -75,7 +75,7 @@ def _smooth_flow(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> n
     factor = max(1.0, SMALLEST_PX / min(mask.shape))
     size = (round(mask.shape[1] * factor), round(mask.shape[0] * factor))
     codes = [np.clip(np.rint(cv2.resize(image, size) * 255), 0, 255).astype(np.uint8) for image in (real, synthetic)]
-    search = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+    search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     search.setFinestScale(0)
     flow = cv2.resize(search.calc(*codes, None), mask.shape[::-1]) / np.float32(factor)
     weight = np.where(mask, _texture(synthetic) + 1e-6, 0).astype(np.float32)

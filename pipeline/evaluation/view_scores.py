@@ -47,9 +47,7 @@ FEWEST_PIXELS = 64
 """A part of the image below this size is not scored: a window of SSIM has 49 pixels."""
 
 
-def scores_of(
-    real: np.ndarray, synthetic: np.ndarray, surface: np.ndarray, observed: np.ndarray
-) -> dict[str, float]:
+def scores_of(real: np.ndarray, synthetic: np.ndarray, surface: np.ndarray, observed: np.ndarray) -> dict[str, float]:
     """Score a view.
 
     Parameters

@@ -16,6 +16,12 @@ MARGIN_PX = 24
 FILL_PX = 8.0
 """Width of the blur that continues both images beyond the compared part: an edge at its border would be a false cue."""
 TEXTURE_PX = 3.0
+CLOSING_PX = 0.5
+"""Displacement there and back that halves the trust in both."""
+LEAST_WIDTH_PX = 0.25
+"""Least scale of what the smooth displacement leaves: that of the search itself."""
+PRIOR = 1e-2
+ROUNDS = 4
 SMALLEST_PX = 96
 """Smaller parts are enlarged for the flow, whose patches have 8 px at half the resolution."""
 
@@ -75,14 +81,37 @@ def _smooth_flow(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> n
     factor = max(1.0, SMALLEST_PX / min(mask.shape))
     size = (round(mask.shape[1] * factor), round(mask.shape[0] * factor))
     codes = [np.clip(np.rint(cv2.resize(image, size) * 255), 0, 255).astype(np.uint8) for image in (real, synthetic)]
+    there, back = _dense_flow(codes[0], codes[1]), _dense_flow(codes[1], codes[0])
+    flow = cv2.resize(there, mask.shape[::-1]) / np.float32(factor)
+    error = cv2.resize(_closing_error(there, back), mask.shape[::-1]) / np.float32(factor)
+    weight = np.where(mask, _texture(synthetic) + 1e-6, 0) / (1 + (error / CLOSING_PX) ** 2) ** 2
+    sigma = max(SMOOTHING * max(mask.shape), LEAST_SMOOTHING_PX)
+    # from the typical displacement to local ones, without what they do not explain
+    smooth = np.broadcast_to(np.median(flow[mask], axis=0), flow.shape)
+    for _ in range(ROUNDS):
+        left = np.linalg.norm(flow - smooth, axis=2)
+        width = max(float(np.median(left[mask])), LEAST_WIDTH_PX)
+        kept = (weight / (1 + (left / width) ** 2) ** 2).astype(np.float32)
+        total = _blurred(kept, sigma)
+        # where nothing is known nearby, the typical displacement
+        prior = np.float32(PRIOR * float(total[mask].max()))
+        typical = (flow * kept[..., None]).sum(axis=(0, 1)) / max(float(kept.sum()), 1e-20)
+        smooth = (_blurred(flow * kept[..., None], sigma) + prior * typical) / (total + prior + 1e-20)[..., None]
+    return smooth.astype(np.float32)
+
+
+def _dense_flow(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """``(H, W, 2)`` float32: the pixel at x of the first image is at x + flow in the second."""
     search = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     search.setFinestScale(0)
-    flow = cv2.resize(search.calc(*codes, None), mask.shape[::-1]) / np.float32(factor)
-    weight = np.where(mask, _texture(synthetic) + 1e-6, 0).astype(np.float32)
-    sigma = max(SMOOTHING * max(mask.shape), LEAST_SMOOTHING_PX)
-    total = _blurred(weight, sigma)
-    smooth = _blurred(flow * weight[..., None], sigma) / np.maximum(total, 1e-20)[..., None]
-    return np.where(total[..., None] > 0, smooth, 0).astype(np.float32)
+    return np.asarray(search.calc(first, second, np.zeros((*first.shape, 2), np.float32)), np.float32)
+
+
+def _closing_error(there: np.ndarray, back: np.ndarray) -> np.ndarray:
+    """``(H, W)`` how far a pixel comes back from where it started, px."""
+    v, u = np.mgrid[: there.shape[0], : there.shape[1]].astype(np.float32)
+    returned = cv2.remap(back, u + there[..., 0], v + there[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.linalg.norm(there + returned, axis=2)
 
 
 def _texture(image: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from ...images.exr import ExrError, read_exr
 from ..bridge.image import render_path
 from ..bridge.versions import ENGINE_IDS, set_multilayer_exr
 from ..process import delayed_interrupts
-from .material import COLOUR_ATTRIBUTE, OBSERVED_COLOUR_ATTRIBUTE, OBSERVED_PASS
+from .material import COLOUR_ATTRIBUTE, OBSERVED_COLOUR_ATTRIBUTE, OBSERVED_PASS, UNSEEN_ATTRIBUTE
 from .surface_scene import SurfaceScene
 
 _TRIAL_ENDED = "trial render ended"
@@ -105,7 +105,11 @@ def _render_workbench(surface_scene: SurfaceScene) -> dict[str, np.ndarray]:
     if coloured:
         # half-float buffers: 1 may become the next smaller value
         observed &= flags["Combined"][..., :1] > 0.999
-        unseen = np.float32(NEUTRAL) * passes["Combined"][..., 3:]
+        unseen = passes["Combined"][..., 3:] * np.float32(NEUTRAL)
+        if UNSEEN_ATTRIBUTE in attributes:
+            attributes.active_color_name = UNSEEN_ATTRIBUTE
+            unseen = _render_to_file(scene)["Combined"][..., :3]
+            attributes.active_color_name = COLOUR_ATTRIBUTE
         passes["Combined"][..., :3] = np.where(observed, passes["Combined"][..., :3], unseen)
     return passes | {OBSERVED_PASS: observed.astype(np.float32)}
 

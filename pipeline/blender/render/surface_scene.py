@@ -37,6 +37,7 @@ class SurfaceScene:
         camera: PinholeCamera,
         colour: SurfaceColour | None,
         *,
+        unseen: np.ndarray | None = None,
         engine: str = "cycles",
         samples: int = 1,
         filtered: bool = False,
@@ -52,6 +53,8 @@ class SurfaceScene:
             Intrinsics of the views.
         colour
             Source of the surface's colour; ``None`` for geometry alone.
+        unseen
+            ``(V, 3)`` colours of the vertices for what the frame did not see; ``None``: neutral grey.
         engine
             ``"cycles"`` is exact; the others are rasterisers that need OpenGL.
         samples
@@ -77,7 +80,7 @@ class SurfaceScene:
             self.scene = bpy.data.scenes.new("oneframe")
             self.surface_object = new_mesh_object("surface", mesh)
             self.scene.collection.objects.link(self.surface_object)
-            assign_colour(self.surface_object, mesh, colour, filtered=filtered)
+            assign_colour(self.surface_object, mesh, colour, unseen=unseen, filtered=filtered)
             self.camera_object = new_camera(self.scene, camera, clip_mm=(1.0, 1000.0))
             self.engine = engine
             _set_exact_colour(self.scene)

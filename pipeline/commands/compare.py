@@ -55,9 +55,12 @@ def run(arguments: argparse.Namespace) -> int:
     photographs = read_photographs(arguments.photographs, loaded)
     check_comparisons(arguments.out, photographs, {**case.input_files(), "list of photographs": arguments.photographs})
     for comparison in write_comparisons(loaded, photographs, arguments.out, colour=arguments.colour):
-        found = comparison.similarity
+        found, name = comparison.similarity, shown_path(comparison.photograph.path)
+        if found is None:
+            output.write(f"{name}: shows nothing that the frame saw; not compared\n")
+            continue
         output.write(
-            f"{shown_path(comparison.photograph.path)}: SSIM {found.ssim:.3f}, mean error {found.mean_error:.1f}/255, "
+            f"{name}: SSIM {found.ssim:.3f}, mean error {found.mean_error:.1f}/255, "
             f"correlation {found.correlation:.3f} over {found.pixels} px\n"
         )
     output.write(f"photograph, view, difference: {arguments.out / SHEET}\n")

@@ -20,7 +20,7 @@ def pyvista_renderer(
     lit: bool,
     depth_range_mm: tuple[float, float],
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Prepare a scene that PyVista renders with K, except that its pixels are square: fx is set to fy.
+    """Prepare a scene that PyVista renders with K.
 
     Parameters
     ----------
@@ -59,7 +59,12 @@ def pyvista_renderer(
     else:
         plotter.disable_anti_aliasing()
     plotter.camera.view_angle = np.degrees(2 * np.arctan(camera.height / 2 / camera.fy))
-    centre_x = -2 * (camera.cx - (camera.width - 1) / 2) / camera.width
+    # VTK has one focal length: a transform after its projection widens the image, and with it the shift of the centre
+    widening = camera.fx / camera.fy
+    transform = import_module("vtkmodules.vtkCommonTransforms").vtkTransform()
+    transform.Scale(widening, 1, 1)
+    plotter.camera.SetUserTransform(transform)
+    centre_x = -2 * (camera.cx - (camera.width - 1) / 2) / camera.width / widening
     plotter.camera.SetWindowCenter(centre_x, 2 * (camera.cy - (camera.height - 1) / 2) / camera.height)
 
     def render(cam_from_model: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Similarity of two views over the surface that both show. Needs scikit-image."""
+"""Similarity of two views over a part of the image. Needs scikit-image."""
 
 from dataclasses import dataclass
 
@@ -17,15 +17,19 @@ class Similarity:
     ----------
     ssim
         Mean structural similarity over the mask, windows that leave the mask included.
+    psnr
+        Peak signal-to-noise ratio, dB; infinite for equal images.
     mean_error
         Mean absolute difference of code values, 0..255.
     correlation
-        Pearson correlation of grey values: unlike the others, invariant to brightness and contrast.
+        Pearson correlation of grey values: unlike the others, invariant to brightness and contrast; NaN where an image
+        is uniform.
     pixels
         Pixels of the mask.
     """
 
     ssim: float
+    psnr: float
     mean_error: float
     correlation: float
     pixels: int
@@ -41,16 +45,69 @@ def similarity(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> Sim
     ValueError
         Shapes that differ, or an empty mask.
     """
+    _check(real, synthetic, mask)
+    box = _box(mask)
+    real, synthetic, mask = real[box], synthetic[box], mask[box]
+    shown = np.where(mask[..., None], synthetic, real)
+    difference = real[mask].astype(float) - synthetic[mask]
+    return Similarity(
+        ssim=float(_ssim_map(real, shown)[mask].mean()),
+        psnr=peak_ratio_db(float(np.mean(difference**2))),
+        mean_error=float(np.abs(difference).mean() * 255),
+        correlation=_correlation(real[mask].mean(axis=1), synthetic[mask].mean(axis=1)),
+        pixels=int(np.count_nonzero(mask)),
+    )
+
+
+def segmented_similarity(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> tuple[float, float]:
+    """SSIM and PSNR (dB) of the whole image, both black outside the mask, as in Zhang & Noble (2024).
+
+    The black background counts as equal, so the less of the image the surface fills, the higher are both.
+
+    Raises
+    ------
+    ValueError
+        As :func:`similarity`.
+    """
+    _check(real, synthetic, mask)
+    box, everything = _box(mask), mask.size
+    inside = mask[box][..., None]
+    real, synthetic = np.where(inside, real[box], 0), np.where(inside, synthetic[box], 0)
+    found = _ssim_map(real, synthetic)
+    # farther from the mask than a window both are black, hence equal
+    ssim = 1 - float((1 - found.astype(float)).sum()) / everything
+    squares = float(((real.astype(float) - synthetic) ** 2).sum())
+    return ssim, peak_ratio_db(squares / (3 * everything))
+
+
+def peak_ratio_db(mean_square: float) -> float:
+    """PSNR in dB from the mean squared difference of code values 0..1."""
+    return float("inf") if mean_square == 0 else float(-10 * np.log10(mean_square))
+
+
+def _ssim_map(real: np.ndarray, synthetic: np.ndarray) -> np.ndarray:
+    """``(H, W)`` local SSIM, mean over the channels."""
+    _, found = structural_similarity(real, synthetic, win_size=WINDOW_PX, channel_axis=2, data_range=1.0, full=True)
+    return found.mean(axis=2)
+
+
+def _correlation(a: np.ndarray, b: np.ndarray) -> float:
+    if a.std() == 0 or b.std() == 0:
+        return float("nan")
+    return float(np.corrcoef(a, b)[0, 1])
+
+
+def _check(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> None:
     if real.shape != synthetic.shape or mask.shape != real.shape[:2]:
         raise ValueError(f"expected images and mask of one size, found {real.shape}, {synthetic.shape}, {mask.shape}")
     if not mask.any():
         raise ValueError("expected a mask with pixels in it, found an empty one")
-    shown = np.where(mask[..., None], synthetic, real)
-    _, ssim = structural_similarity(real, shown, win_size=WINDOW_PX, channel_axis=2, data_range=1.0, full=True)
-    grey_real, grey_synthetic = real[mask].mean(axis=1), synthetic[mask].mean(axis=1)
-    return Similarity(
-        ssim=float(ssim[mask].mean()),
-        mean_error=float(np.abs(real - synthetic)[mask].mean() * 255),
-        correlation=float(np.corrcoef(grey_real, grey_synthetic)[0, 1]),
-        pixels=int(np.count_nonzero(mask)),
-    )
+
+
+def _box(mask: np.ndarray) -> tuple[slice, slice]:
+    """The rows and columns of a mask with a margin of a window: outside them SSIM is 1."""
+    slices = []
+    for axis, size in ((1, mask.shape[0]), (0, mask.shape[1])):
+        found = np.flatnonzero(mask.any(axis=axis))
+        slices.append(slice(max(int(found[0]) - WINDOW_PX, 0), min(int(found[-1]) + WINDOW_PX + 1, size)))
+    return slices[0], slices[1]

@@ -101,9 +101,10 @@ def writing_commands(case: Path, target: Path) -> Iterator[CommandLine]:
     for option in ("--json", "--picture", "--out"):
         yield "align", case, "--landmarks", folder / "landmarks.csv", option, target
     if "photo" not in target.name:
-        # photographs are inputs of compare only, and a picture may replace a picture
+        # photographs are inputs of compare and evaluate only, and a picture may replace a picture
         yield "overlay", case, "--out", target
     yield "compare", case, folder / "held_out.json", "--out", target
+    yield "evaluate", case, folder / "held_out.json", "--out", target, "--methods", "paper-cycles"
     yield "sample", "--out", target
     yield new_case(case, target)
     yield "render", case, "--out", target, "--count", "1"
@@ -380,6 +381,7 @@ FAILING = {
     "overlay": "overlay /no/case.toml --out /no/overlay.png",
     "render": "render /no/case.toml --out /no/out", "check": "check /no/dataset",
     "compare": "compare /no/case.toml /no/list.json --out /no/out",
+    "evaluate": "evaluate /no/case.toml /no/list.json --out /no/out",
     "colour": "colour /no/case.toml --out /no/surface.ply",
 }  # fmt: skip
 """Command lines that fail soon."""

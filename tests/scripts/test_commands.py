@@ -2,6 +2,7 @@
 
 import argparse
 import csv
+import json
 import os
 import re
 import shlex
@@ -11,6 +12,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pipeline import __version__
@@ -31,6 +33,7 @@ SCRIPTS = {
     "render": "render_dataset.py",
     "check": "check_dataset.py",
     "compare": "compare_views.py",
+    "evaluate": "evaluate.py",
     "colour": "colour_mesh.py",
 }
 
@@ -128,6 +131,8 @@ def test_the_program_lists_its_commands_in_the_order_of_the_data(oneframe):
         (["check", "dataset", "--view", "3"], "did you mean '--views'?"),
         (["sample", "--output", "x"], "did you mean '--out'?"),
         (["compare", "case.toml"], "the following arguments are required: PHOTOGRAPHS.json, --out"),
+        (["evaluate", "case.toml", "--out", "x"], "expected CASE.toml and PHOTOGRAPHS.json, found one of them"),
+        (["evaluate", "--out", "x"], "expected either cases with photographs or --redraw"),
     ],
     ids=str,
 )
@@ -232,6 +237,29 @@ def test_the_frame_compared_with_itself_is_the_same(write_tiny_case, tmp_path, o
     assert (row["image"], row["ssim"]) == ("frame.png", "1.0000")
     assert float(row["mean_error_of_255"]) < 0.5
     assert {path.name for path in out.iterdir()} == {"frame.png", "likeness.csv", "sheet.png"}
+
+
+@pytest.mark.render
+def test_a_photograph_without_overlap_is_reported_and_the_others_compared(write_tiny_case, tmp_path, oneframe):
+    case = write_tiny_case(tmp_path / "case")
+    pose = np.array([[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]], float)
+    away = pose + np.eye(4, k=3) * 500
+    listed = tmp_path / "case" / "held_out.json"
+
+    def listing(*poses: np.ndarray) -> None:
+        listed.write_text(json.dumps([{"image": "frame.png", "cam_from_mesh": each.tolist()} for each in poses]))
+
+    listing(away, pose)
+    ended = oneframe("compare", case, listed, "--out", tmp_path / "out")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout.splitlines()[0] == "frame.png: shows nothing that the frame saw; not compared"
+    first, second = csv.DictReader((tmp_path / "out" / "likeness.csv").read_text().splitlines())
+    assert (first["ssim"], first["mean_error_of_255"], first["correlation"], first["pixels"]) == ("", "", "", "0")
+    assert second["ssim"] == "1.0000"
+    listing(away, away)
+    ended = oneframe("compare", case, listed, "--out", tmp_path / "nothing")
+    assert (ended.returncode, ended.stderr.count("\n")) == (2, 1)
+    assert "neither it nor another photograph of the list shows any" in ended.stderr
 
 
 @pytest.fixture

@@ -10,26 +10,37 @@ from ...dataset.view import RenderedView
 from ...errors import InputError
 from ...evaluation.photographs import PosedPhotograph
 from ...evaluation.similarity import Similarity, similarity
-from ..bridge.image import read_image
 from ..colour.reference_view import colour_of, reference_view_of
 from ..render.engines import render_view
 from ..render.surface_scene import SurfaceScene
+from .evaluation_case import read_photograph
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A photograph, the synthetic view at its pose, and their similarity over the observed surface."""
+    """A photograph and the synthetic view at its pose.
+
+    Attributes
+    ----------
+    photograph, real, synthetic
+        The photograph, its ``(H, W, 3)`` code values, and the view.
+    compared
+        ``(H, W)`` bool: surface that the frame saw, where the photograph's alpha is not 0.
+    similarity
+        Over these pixels; ``None`` if there are none.
+    """
 
     photograph: PosedPhotograph
     real: np.ndarray
     synthetic: RenderedView
-    similarity: Similarity
+    compared: np.ndarray
+    similarity: Similarity | None
 
     def picture(self) -> np.ndarray:
         """``(H, 3 W, 3)``: the photograph, the view over the dimmed photograph, and their absolute difference."""
-        observed = self.synthetic.observed[..., None]
-        over = np.where(observed, self.synthetic.rgb, 0.35 * self.real)
-        difference = np.where(observed, np.abs(self.synthetic.rgb - self.real), 0)
+        compared = self.compared[..., None]
+        over = np.where(compared, self.synthetic.rgb, 0.35 * self.real)
+        difference = np.where(compared, np.abs(self.synthetic.rgb - self.real), 0)
         return np.concatenate([self.real, over, difference], axis=1)
 
 
@@ -41,20 +52,22 @@ def compare(
     Raises
     ------
     InputError
-        A photograph cannot be used, differs from the frame in size, or shows nothing that the frame saw.
+        A photograph cannot be used or differs from the frame in size; or, after the last one, none of them shows
+        anything that the frame saw.
     """
     source = reference_view_of(loaded)
     surface_colour, _ = colour_of(source, colour)
-    camera = loaded.case.camera
-    with SurfaceScene(source.mesh, camera, surface_colour) as scene:
+    overlapping = False
+    with SurfaceScene(source.mesh, loaded.case.camera, surface_colour) as scene:
         for photograph in photographs:
-            real, _ = read_image(photograph.path)
-            if real.shape[:2] != camera.shape_hw:
-                raise InputError(
-                    f"{photograph.path}: expected {camera.width}x{camera.height} px as the frame has, "
-                    f"found {real.shape[1]}x{real.shape[0]}"
-                )
+            real, valid = read_photograph(photograph, loaded)
             view = render_view(scene, photograph.cam_from_model)
-            if not view.observed.any():
-                raise InputError(f"{photograph.path}: expected a view of surface that the frame saw, it shows none")
-            yield Comparison(photograph, real, view, similarity(real, view.rgb, view.observed))
+            compared = view.observed & valid
+            found = similarity(real, view.rgb, compared) if compared.any() else None
+            overlapping |= found is not None
+            yield Comparison(photograph, real, view, compared, found)
+    if photographs and not overlapping:
+        raise InputError(
+            f"{photographs[0].path}: expected a view of surface that the frame saw, neither it nor another photograph "
+            "of the list shows any; check the poses"
+        )

@@ -65,7 +65,8 @@ def write_comparisons(
 
     Yields
     ------
-    Each comparison once its picture is on disk; the table and the sheet follow the last one.
+    Each comparison once its picture is on disk; the table and the sheet follow the last one. A photograph that shows
+    nothing that the frame saw has empty similarities in the table.
 
     Raises
     ------
@@ -98,10 +99,11 @@ def _write_picture(path: Path, picture: np.ndarray) -> None:
 
 
 def _row(picture: str, comparison: Comparison) -> tuple[object, ...]:
-    found, image = comparison.similarity, shown_path(comparison.photograph.path)
+    found, names = comparison.similarity, (shown_path(comparison.photograph.path), shown_path(Path(picture)))
+    if found is None:
+        return (*names, "", "", "", 0)
     return (
-        image,
-        shown_path(Path(picture)),
+        *names,
         f"{found.ssim:.4f}",
         f"{found.mean_error:.2f}",
         f"{found.correlation:.4f}",

@@ -31,7 +31,8 @@ def loaded_case(folder: Path, *, image: Path, size: tuple, k: list, mesh: Path, 
 
 def correlation(loaded: LoadedCase, image: Path, cam_from_mesh: np.ndarray) -> float:
     photograph = PosedPhotograph(image, cam_from_mesh @ loaded.mesh_from_model)
-    return next(compare(loaded, [photograph])).similarity.correlation
+    found = next(compare(loaded, [photograph])).similarity
+    return -1.0 if found is None else found.correlation
 
 
 def assert_pose_matters(loaded: LoadedCase, image: Path, cam_from_mesh: np.ndarray, shift_mm: float) -> float:

@@ -1,0 +1,83 @@
+"""The cases of an evaluation: each with its photographs, and what these show of its surface."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...case.loaded_case import LoadedCase
+from ...errors import InputError
+from ...evaluation.photographs import PosedPhotograph
+from ...evaluation.picture_names import picture_names
+from ..bridge.image import read_image
+from ..colour.reference_view import ReferenceView
+from ..render.engines import render_view
+from ..render.surface_scene import SurfaceScene
+
+PLAIN_NAMES = ("case", "aligned", "refined")
+"""Names of case files that say nothing; the folder's name is used instead."""
+
+
+@dataclass(frozen=True)
+class EvaluationCase:
+    """A case in memory and its photographs; ``images`` are their names, which differ."""
+
+    name: str
+    loaded: LoadedCase
+    photographs: tuple[PosedPhotograph, ...]
+    images: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ShownSurface:
+    """What a photograph shows: ``(H, W)`` bool surface, and surface that the frame saw; ``(H, W)`` depth in mm."""
+
+    surface: np.ndarray
+    observed: np.ndarray
+    depth_mm: np.ndarray
+
+
+def named_cases(
+    given: Sequence[tuple[LoadedCase, Sequence[PosedPhotograph]]],
+) -> tuple[EvaluationCase, ...]:
+    """Give each case and each photograph a name of its own."""
+    paths = [loaded.case.path for loaded, _ in given]
+    plain = [Path(path.resolve().parent.name if path.stem in PLAIN_NAMES else path.stem) for path in paths]
+    # as for pictures: printable, and different from each other
+    names = [name.removesuffix(".png") for name in picture_names([Path(f"{name}.x") for name in plain], ())]
+    cases = []
+    for name, (loaded, photographs) in zip(names, given, strict=True):
+        images = picture_names([photograph.path for photograph in photographs], ())
+        cases.append(
+            EvaluationCase(name, loaded, tuple(photographs), tuple(image.removesuffix(".png") for image in images))
+        )
+    return tuple(cases)
+
+
+def read_photograph(photograph: PosedPhotograph, loaded: LoadedCase) -> tuple[np.ndarray, np.ndarray]:
+    """``(H, W, 3)`` float32 code values 0..1, and ``(H, W)`` bool: False where its alpha is 0.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or differs from the frame in size.
+    """
+    real, valid = read_image(photograph.path)
+    camera = loaded.case.camera
+    if real.shape[:2] != camera.shape_hw:
+        raise InputError(
+            f"{photograph.path}: expected {camera.width}x{camera.height} px as the frame has, "
+            f"found {real.shape[1]}x{real.shape[0]}; give photographs of the case's camera"
+        )
+    return real, valid
+
+
+def shown_surfaces(case: EvaluationCase, source: ReferenceView) -> Iterator[ShownSurface]:
+    """What each photograph shows of the surface, where its alpha is not 0."""
+    with SurfaceScene(source.mesh, case.loaded.case.camera, source.view) as scene:
+        for photograph in case.photographs:
+            _, valid = read_photograph(photograph, case.loaded)
+            view = render_view(scene, photograph.cam_from_model)
+            depth_mm = np.where(valid, view.depth_mm, np.float32(0))
+            yield ShownSurface(view.mask & valid, view.observed & valid, depth_mm)

@@ -1,0 +1,100 @@
+"""A whole evaluation from the files that the user names, for ``evaluate.py``."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TextIO
+
+from ...case.case_file import read_case
+from ...errors import RunError
+from ...evaluation.evaluation_record import ALL
+from ...evaluation.inception import Inception
+from ...evaluation.photographs import read_photographs
+from ...progress import Progress
+from ..case.load_case import load_case
+from .evaluate import Settings, steps
+from .evaluation_case import named_cases
+from .evaluation_files import FIGURE, MARKDOWN_FILE, EvaluationRun, check_evaluation, write_evaluation
+from .methods import Method, skipped_because
+
+NO_INCEPTION = "FID and KID are missing: they need InceptionV3 as an ONNX file (--inception)."
+
+
+def evaluation_run(
+    pairs: Sequence[tuple[Path, Path]],
+    out: Path,
+    methods: Sequence[Method],
+    *,
+    seed: int = 0,
+    pose_error_px: float | None = None,
+    inception: Path | None = None,
+    pictures: int = 0,
+) -> tuple[EvaluationRun, dict[str, Path]]:
+    """Read cases, lists of photographs and the network.
+
+    Returns
+    -------
+    What to evaluate, and all files that it reads but the photographs, by what they are.
+
+    Raises
+    ------
+    InputError
+        A file cannot be used.
+    RunError
+        None of the methods can run here.
+    """
+    inputs: dict[str, Path] = {}
+    given = []
+    for number, (case_path, list_path) in enumerate(pairs, start=1):
+        loaded = load_case(read_case(case_path))
+        given.append((loaded, read_photographs(list_path, loaded)))
+        files = {**loaded.case.input_files(), "list of photographs": list_path}
+        inputs |= {f"{name} of case {number}": path for name, path in files.items()}
+    network = None
+    if inception is not None:
+        inputs["network"] = inception
+        network = Inception(inception)
+    reasons = skipped_because(methods)
+    running = [method for method in methods if method.key not in reasons]
+    if not running:
+        raise RunError("; ".join(f"{method.key}: {reasons[method.key]}" for method in methods))
+    settings = Settings(running, seed, pose_error_px, network)
+    configuration = {
+        "methods": " ".join(method.key for method in running),
+        "seed": seed,
+        "pose error": "measured" if pose_error_px is None else f"{pose_error_px:g} px",
+        "inception": "none" if inception is None else inception.name,
+    }
+    skipped = {method: reasons[method.key] for method in methods if method.key in reasons}
+    run = EvaluationRun(
+        out, named_cases(given), settings, skipped, pictures, NO_INCEPTION if network is None else "", configuration
+    )
+    return run, inputs
+
+
+def run_evaluation(run: EvaluationRun, inputs: Mapping[str, Path], *, stream: TextIO) -> Iterator[str]:
+    """Evaluate, with progress on a stream.
+
+    Yields
+    ------
+    Lines for the user.
+
+    Raises
+    ------
+    InputError, RunError
+        As :func:`.check_evaluation` and :func:`.write_evaluation`.
+    """
+    check_evaluation(run, inputs)
+    for method, reason in run.skipped.items():
+        yield f"{method.name}: skipped, {reason}"
+    with Progress(steps(run.cases, len(run.settings.methods)), "views", stream=stream) as progress:
+        evaluation, notes = write_evaluation(run, progress.advance)
+    case = ALL if len(run.cases) > 1 else run.cases[0].name
+    for ran in evaluation.ran:
+        means = [evaluation.mean(case, ran.name, f"ssim_{part}") for part in ("whole", "surface", "observed")]
+        values = " / ".join("-" if each is None else f"{each.mean:.3f}" for each in means)
+        yield f"{ran.name}: SSIM {values} (whole / surface / observed)"
+    limits = [evaluation.bound_of(case, f"ssim_{part}") for part in ("whole", "surface", "observed")]
+    yield "limit: SSIM " + " / ".join("-" if each is None else f"{each.mean:.3f}" for each in limits)
+    already = {f"{method.name}: skipped, {reason}." for method, reason in run.skipped.items()}
+    yield from (text for text in notes if text not in already)
+    yield f"summary: {run.out / MARKDOWN_FILE}, figure: {run.out / FIGURE}"

@@ -1,0 +1,172 @@
+"""The methods that an evaluation compares: this program's colour modes and engines, and the paper's own method."""
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+import numpy as np
+
+from ...camera.pinhole import PinholeCamera
+from ...colour.vertex_colours import VertexColours
+from ...errors import InputError
+from ...evaluation.projected_colours import projected_colours
+from ...evaluation.pyvista_baseline import pyvista_renderer
+from ...files.keys import nearest_name
+from ...images.pixel_values import to_uint8
+from ...transforms import transform_points
+from ..colour.reference_view import ReferenceView, colour_of
+from ..render.engines import check_engine, render_view
+from ..render.material import SurfaceColour
+from ..render.surface_scene import SurfaceScene
+
+Render = Callable[[np.ndarray], np.ndarray]
+"""From ``cam_from_model`` (4x4, mm) to ``(H, W, 3)`` float32 code values 0..1."""
+
+PAPER = "paper"
+"""The colour of the paper's method: per vertex, without a test of visibility."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way to make a view.
+
+    Attributes
+    ----------
+    key, name
+        On the command line; in tables and charts.
+    colour
+        One of :data:`.COLOURS`, or :data:`PAPER`.
+    renderer
+        One of :data:`.ENGINES`, or ``"pyvista"`` or ``"pytorch3d"``.
+    """
+
+    key: str
+    name: str
+    colour: str
+    renderer: str
+
+    @property
+    def peer(self) -> bool:
+        """Whether the method is the paper's, not this program's."""
+        return self.colour == PAPER
+
+
+def _ours(colour: str, engine: str) -> Method:
+    return Method(f"{colour}-{engine}", f"ours, {colour}, {engine}", colour, engine)
+
+
+METHODS = {
+    method.key: method
+    for method in (
+        *(_ours(colour, "cycles") for colour in ("projective", "texture", "vertex")),
+        *(_ours(colour, "eevee") for colour in ("projective", "texture", "vertex")),
+        _ours("vertex", "workbench"),
+        Method("paper-pyvista", "paper (PyVista)", PAPER, "pyvista"),
+        Method("paper-cycles", "paper's colours (Cycles)", PAPER, "cycles"),
+        Method("paper-pytorch3d", "paper (PyTorch3D)", PAPER, "pytorch3d"),
+    )
+}
+DEFAULT = (
+    "projective-cycles",
+    "texture-cycles",
+    "vertex-cycles",
+    "projective-eevee",
+    "paper-pyvista",
+    "paper-pytorch3d",
+)
+EVERY = "all"
+
+
+def chosen_methods(keys: Sequence[str]) -> tuple[Method, ...]:
+    """The methods of some keys, or all of them for :data:`EVERY`.
+
+    Raises
+    ------
+    InputError
+        An unknown key.
+    """
+    for key in keys:
+        if key not in METHODS and key != EVERY:
+            raise InputError(f"--methods: unknown method {key!r}; {nearest_name(key, (*METHODS, EVERY))}")
+    return tuple(METHODS[key] for key in (METHODS if EVERY in keys else dict.fromkeys(keys)))
+
+
+def skipped_because(methods: Sequence[Method]) -> dict[str, str]:
+    """Why methods cannot run on this computer, by key; those that can are left out."""
+    reasons, failed = {}, {}
+    for renderer in {method.renderer for method in methods}:
+        failed[renderer] = _failure(renderer)
+    for method in methods:
+        if failed[method.renderer]:
+            reasons[method.key] = failed[method.renderer]
+    return reasons
+
+
+def _failure(renderer: str) -> str:
+    if renderer == "pytorch3d":
+        installed = find_spec("pytorch3d") is not None
+        return "this version has no adapter for it" if installed else "PyTorch3D is not installed"
+    if renderer == "pyvista":
+        if find_spec("pyvista") is None:
+            return "PyVista is not installed (pip install 'oneframe[bench]')"
+        # without OpenGL, VTK ends the process
+        trial = (
+            "import pyvista; p = pyvista.Plotter(off_screen=True, window_size=(8, 8)); p.add_mesh(pyvista.Sphere()); "
+            "p.show(auto_close=False); p.screenshot(None, return_img=True)"
+        )
+        path = f"import sys; sys.path[:] = {sys.path!r}; "
+        ended = subprocess.run([sys.executable, "-c", path + trial], capture_output=True, check=False)
+        return "" if ended.returncode == 0 else "PyVista gets no OpenGL context on this machine"
+    try:
+        check_engine(renderer)
+    except InputError:
+        return "Blender gets no OpenGL context on this machine"
+    return ""
+
+
+@contextmanager
+def opened(
+    method: Method, source: ReferenceView, camera: PinholeCamera, poses: Sequence[np.ndarray]
+) -> Iterator[Render]:
+    """Prepare a method for a reference view; inside the block it renders.
+
+    Parameters
+    ----------
+    method
+        One that can run, see :func:`skipped_because`.
+    source
+        The frame's view of the surface.
+    camera
+        Intrinsics of the views.
+    poses
+        All poses that will be rendered, for the clipping planes of renderers that have fixed ones.
+    """
+    if method.renderer == "pyvista":
+        view = source.view
+        codes = to_uint8(projected_colours(source.mesh, view.image, view.camera, view.cam_from_model))
+        render = pyvista_renderer(
+            source.mesh, codes, camera, samples=1, lit=False, depth_range_mm=_depth_range(source, poses)
+        )
+        yield lambda pose: render(pose).astype(np.float32) / 255
+        return
+    with SurfaceScene(source.mesh, camera, _colour(method, source), engine=method.renderer) as scene:
+        yield lambda pose: render_view(scene, pose).rgb
+
+
+def _colour(method: Method, source: ReferenceView) -> SurfaceColour:
+    if method.colour == PAPER:
+        view = source.view
+        rgb = projected_colours(source.mesh, view.image, view.camera, view.cam_from_model)
+        return VertexColours(rgb, np.ones(len(rgb), bool))
+    return colour_of(source, method.colour)[0]
+
+
+def _depth_range(source: ReferenceView, poses: Sequence[np.ndarray]) -> tuple[float, float]:
+    """Clipping planes in mm around the surface, from all of the poses."""
+    radius = source.mesh.radius
+    depths = [float(transform_points(pose, np.zeros((1, 3)))[0, 2]) for pose in poses]
+    far = 1.01 * (max(depths) + radius)
+    return max(0.99 * (min(depths) - radius), 1e-3 * far), far

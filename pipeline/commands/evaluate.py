@@ -1,0 +1,121 @@
+"""The command ``oneframe evaluate``."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..blender.process import own_output
+from ..errors import InputError
+from .parser import command_parser, explained_imports
+
+ABOUT = "Evaluate as in the paper: score views against real photographs, with the paper's own method beside them."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
+EPILOG = """examples:
+  %(prog)s case.toml held_out.json --out evaluation
+  %(prog)s case.toml held_out.json --case second.toml second.json --out evaluation --inception inception.onnx
+  %(prog)s case.toml held_out.json --out evaluation --methods projective-cycles paper-cycles
+  %(prog)s --redraw --out evaluation
+
+PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}; pixels whose alpha is 0 are left out. Methods are
+projective, texture or vertex with -cycles or -eevee, vertex-workbench, paper-pyvista, paper-cycles, paper-pytorch3d,
+and all. The command writes evaluation.json, frames.csv, summary.md, summary.tex, figure.png, pairs.png, pictures/ and
+charts. FID and KID need --inception: the documentation says how to export that file.
+"""
+DEFAULT_PICTURES = 6
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this command."""
+    parser.add_argument("case", metavar="CASE.toml", type=Path, nargs="?", help="frame, camera, surface and pose")
+    parser.add_argument(
+        "photographs", metavar="PHOTOGRAPHS.json", type=Path, nargs="?",
+        help="photographs taken with the same camera, and their poses",
+    )  # fmt: skip
+    parser.add_argument(
+        "--case", dest="more", metavar=("CASE.toml", "PHOTOGRAPHS.json"), type=Path, nargs=2, action="append",
+        default=[], help="another case and its photographs; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--methods", metavar="METHOD", nargs="+", help="what to compare (default: ours in three colour modes, Eevee, "
+        "and the paper's method where its renderer is installed)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--inception", metavar="FILE.onnx", type=Path, help="InceptionV3 up to its 2048 features, for FID and KID"
+    )
+    parser.add_argument(
+        "--pose-error-px", metavar="X", type=float, help="error of the poses for the limit of a perfect view (default: "
+        "the displacement that is measured)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--seed", metavar="N", type=int, default=0, help="of resampling and poses (default %(default)s)"
+    )
+    output = parser.add_argument_group("output")
+    output.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
+    output.add_argument(
+        "--pictures", metavar="N", type=int, default=DEFAULT_PICTURES,
+        help="photographs of each case of which pictures are written (default %(default)s)",
+    )  # fmt: skip
+    output.add_argument("--redraw", action="store_true", help="measure nothing; draw the charts again from --out")
+
+
+def main(argv: Sequence[str], prog: str = "oneframe evaluate") -> int:
+    """Parse the arguments and run."""
+    return run(command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv))
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the evaluation and report its summary."""
+    pairs = _checked_pairs(arguments)
+    if arguments.redraw:
+        return _redraw(arguments.out)
+    with explained_imports():
+        from ..blender.evaluation.evaluation_run import evaluation_run, run_evaluation
+        from ..blender.evaluation.methods import DEFAULT, chosen_methods
+    methods = chosen_methods(arguments.methods or DEFAULT)
+    output = own_output()
+    prepared, inputs = evaluation_run(
+        pairs,
+        arguments.out,
+        methods,
+        seed=arguments.seed,
+        pose_error_px=arguments.pose_error_px,
+        inception=arguments.inception,
+        pictures=arguments.pictures,
+    )
+    for line in run_evaluation(prepared, inputs, stream=sys.stderr):
+        output.write(line + "\n")
+    return 0
+
+
+def _checked_pairs(arguments: argparse.Namespace) -> list[tuple[Path, Path]]:
+    pairs = [tuple(pair) for pair in arguments.more]
+    if arguments.case is not None:
+        if arguments.photographs is None:
+            raise InputError("command line: expected CASE.toml and PHOTOGRAPHS.json, found one of them; give both")
+        pairs.insert(0, (arguments.case, arguments.photographs))
+    if bool(pairs) == arguments.redraw:
+        raise InputError("command line: expected either cases with photographs or --redraw; --help shows all options")
+    if arguments.seed < 0:
+        raise InputError(f"--seed: expected 0 or more, found {arguments.seed}")
+    if arguments.pictures < 0:
+        raise InputError(f"--pictures: expected 0 or more, found {arguments.pictures}")
+    if arguments.pose_error_px is not None and not 0 <= arguments.pose_error_px <= 1000:
+        raise InputError(f"--pose-error-px: expected 0 to 1000, found {arguments.pose_error_px}")
+    return pairs
+
+
+def _redraw(out: Path) -> int:
+    with explained_imports():
+        from ..evaluation.charts.evaluation_chart import evaluation_charts
+        from ..evaluation.charts.page import chart_outputs, require_matplotlib
+        from ..evaluation.evaluation_record import read_evaluation
+        from ..files.outputs import check_outputs
+    require_matplotlib()
+    record = out / "evaluation.json"
+    evaluation = read_evaluation(record)
+    data = out / "scores.svg"
+    check_outputs(chart_outputs(data) + chart_outputs(data.with_stem("scores_cases")), {"evaluation": record})
+    for path in evaluation_charts(evaluation, data):
+        sys.stdout.write(f"{path}\n")
+    return 0

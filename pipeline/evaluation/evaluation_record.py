@@ -1,0 +1,224 @@
+"""What an evaluation found: its JSON file, from which tables and charts are made."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..files.content import read_content
+from ..files.kinds import Kind, json_object
+from ..files.tables import parsed_json
+from .conditions import Conditions
+from .confidence import mean_interval
+from .view_scores import SCORES
+
+FORMAT = "oneframe evaluation 1"
+EVALUATION = Kind("an evaluation", json_object("format", "rows", "summary", "bound"))
+ALL = "all"
+"""The name of all cases together."""
+
+
+@dataclass(frozen=True)
+class EvaluatedCase:
+    """A case: its name in all tables, its path as given, and the names of its photographs."""
+
+    name: str
+    case: str
+    frames: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class EvaluatedMethod:
+    """A method: its name, whether others made it, and why it was skipped (empty if it ran)."""
+
+    name: str
+    peer: bool
+    skipped: str = ""
+
+
+@dataclass(frozen=True)
+class Row:
+    """The scores of one view: see :data:`.SCORES`; NaN for those that it does not have."""
+
+    case: str
+    image: str
+    method: str
+    scores: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """The mean of one score over the photographs of a case, with its 95 % confidence interval."""
+
+    case: str
+    method: str
+    score: str
+    mean: float
+    low: float
+    high: float
+    n: int
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """FID and KID between the photographs and a method's views of a case."""
+
+    case: str
+    method: str
+    fid: float
+    fid_biased: bool
+    kid: float
+    kid_standard_error: float
+    n: int
+
+
+@dataclass(frozen=True)
+class Bound:
+    """What a perfect view would score, with the same noise and an error of the pose of ``jitter_px``."""
+
+    case: str
+    score: str
+    mean: float
+    low: float
+    high: float
+    jitter_px: float
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """The pictures of one view, relative to the folder of the evaluation."""
+
+    case: str
+    image: str
+    method: str
+    real: str
+    segmented: str
+    rendered: str
+    difference: str
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """All results; ``missing`` says why there is no distribution."""
+
+    conditions: Conditions
+    cases: tuple[EvaluatedCase, ...]
+    methods: tuple[EvaluatedMethod, ...]
+    rows: tuple[Row, ...]
+    summary: tuple[Summary, ...]
+    distribution: tuple[Distribution, ...]
+    bound: tuple[Bound, ...]
+    missing: str = ""
+    pictures: tuple[Pictures, ...] = ()
+    charts: tuple[str, ...] = field(default=())
+
+    @property
+    def ran(self) -> tuple[EvaluatedMethod, ...]:
+        """The methods that were not skipped."""
+        return tuple(method for method in self.methods if not method.skipped)
+
+    def mean(self, case: str, method: str, score: str) -> Summary | None:
+        """The summary of a score."""
+        for entry in self.summary:
+            if (entry.case, entry.method, entry.score) == (case, method, score):
+                return entry
+        return None
+
+    def bound_of(self, case: str, score: str) -> Bound | None:
+        """The bound of a score."""
+        return next((entry for entry in self.bound if (entry.case, entry.score) == (case, score)), None)
+
+
+def summarised(rows: Sequence[Row], rng: np.random.Generator) -> tuple[Summary, ...]:
+    """Means and confidence intervals for every case and :data:`ALL`, method and score, in the order of the rows."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row.case, row.method), []).append(row)
+    for row in rows:
+        groups.setdefault((ALL, row.method), []).append(row)
+    entries = []
+    for (case, method), members in groups.items():
+        for score in SCORES:
+            found = mean_interval(np.array([member.scores[score] for member in members]), rng)
+            entries.append(Summary(case, method, score, found.mean, found.low, found.high, found.n))
+    return tuple(entries)
+
+
+def evaluation_bytes(evaluation: Evaluation) -> bytes:
+    """The JSON file; values that are missing or not finite are null."""
+    conditions = evaluation.conditions
+    table = {
+        "format": FORMAT,
+        "conditions": {
+            "machine": conditions.machine,
+            "versions": dict(conditions.versions),
+            "configuration": {name: str(value) for name, value in conditions.configuration.items()},
+            "measured": conditions.measured,
+        },
+        "cases": [asdict(case) for case in evaluation.cases],
+        "methods": [
+            {"name": each.name, "peer": each.peer, **({"skipped": each.skipped} if each.skipped else {})}
+            for each in evaluation.methods
+        ],
+        "rows": [{"case": r.case, "image": r.image, "method": r.method, **r.scores} for r in evaluation.rows],
+        "summary": [asdict(entry) for entry in evaluation.summary],
+        "distribution": [asdict(entry) for entry in evaluation.distribution],
+        **({"missing": evaluation.missing} if evaluation.missing else {}),
+        "bound": [asdict(entry) for entry in evaluation.bound],
+        "pictures": [asdict(entry) for entry in evaluation.pictures],
+        "charts": list(evaluation.charts),
+    }
+    return (json.dumps(_finite(table), indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+def read_evaluation(path: Path) -> Evaluation:
+    """Read the file of an evaluation.
+
+    Raises
+    ------
+    InputError
+        It is missing, or holds something else.
+    """
+    table = parsed_json(read_content(path, "an evaluation"), path.name)
+    try:
+        if table["format"] != FORMAT:
+            raise ValueError(f"format {table['format']!r}")
+        return Evaluation(
+            conditions=Conditions(**table["conditions"]),
+            cases=tuple(EvaluatedCase(e["name"], e["case"], tuple(e["frames"])) for e in table["cases"]),
+            methods=tuple(EvaluatedMethod(**entry) for entry in table["methods"]),
+            rows=tuple(
+                Row(e["case"], e["image"], e["method"], {score: _number(e[score]) for score in SCORES})
+                for e in table["rows"]
+            ),
+            summary=tuple(Summary(**_numbers(entry)) for entry in table["summary"]),
+            distribution=tuple(Distribution(**_numbers(entry)) for entry in table["distribution"]),
+            bound=tuple(Bound(**_numbers(entry)) for entry in table["bound"]),
+            missing=table.get("missing", ""),
+            pictures=tuple(Pictures(**entry) for entry in table["pictures"]),
+            charts=tuple(table["charts"]),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"{path.name}: expected {FORMAT!r}, found something else ({error!r}); evaluate again"
+        ) from None
+
+
+def _finite(value: object) -> object:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    return [_finite(entry) for entry in value] if isinstance(value, list | tuple) else value
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def _numbers(entry: Mapping[str, object]) -> dict:
+    return {key: float("nan") if value is None else value for key, value in entry.items()}

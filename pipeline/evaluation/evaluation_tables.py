@@ -1,0 +1,184 @@
+"""Tables of an evaluation: every frame as CSV, the means as Markdown and as LaTeX."""
+
+import math
+from collections.abc import Sequence
+
+from ..files.kinds import Kind, beginning
+from .evaluation_record import ALL, Evaluation
+from .measured_table import measured_table
+from .view_scores import SCORES, is_better
+
+FRAME_COLUMNS = ("case", "image", "method", *SCORES)
+FRAMES = measured_table("the scores of an evaluation", FRAME_COLUMNS)
+MARKDOWN_HEAD, LATEX_HEAD = "# Evaluation", "% Evaluation by OneFrame"
+MARKDOWN = Kind("the summary of an evaluation", beginning(MARKDOWN_HEAD.encode()))
+LATEX = Kind("the summary of an evaluation in LaTeX", beginning(LATEX_HEAD.encode()))
+
+TABLES: dict[str, dict[str, tuple[str, int]]] = {
+    "As in the paper": {
+        "ssim_whole": ("SSIM, whole image", 3),
+        "ssim_surface": ("SSIM, surface", 3),
+        "ssim_observed": ("SSIM, observed", 3),
+        "psnr_whole": ("PSNR, whole (dB)", 1),
+        "psnr_observed": ("PSNR, observed (dB)", 1),
+        "error_observed": ("error, observed (/255)", 1),
+    },
+    "After correction of exposure and colour": {
+        "ssim_whole_corrected": ("SSIM, whole image", 3),
+        "ssim_surface_corrected": ("SSIM, surface", 3),
+        "ssim_observed_corrected": ("SSIM, observed", 3),
+        "psnr_observed_corrected": ("PSNR, observed (dB)", 1),
+        "error_observed_corrected": ("error, observed (/255)", 1),
+        "ssim_aligned": ("SSIM, observed, aligned", 3),
+    },
+    "Registration and edges": {
+        "flow_px": ("displacement (px)", 2),
+        "correlation_observed": ("correlation", 3),
+        "gradient_correlation": ("gradients' cosine", 3),
+        "edge_f": ("F-score of edges", 3),
+        "edge_px": ("edge distance (px)", 2),
+        "sharpness": ("sharpness", 2),
+    },
+}
+"""Tables of the summary -> their scores -> heading and decimals."""
+LATEX_SCORES = {
+    "ssim_whole": ("SSIM whole", 3),
+    "ssim_surface": ("SSIM surface", 3),
+    "ssim_observed": ("SSIM observed", 3),
+    "psnr_whole": ("PSNR whole", 1),
+    "ssim_aligned": ("SSIM aligned", 3),
+    "edge_f": ("edge F", 3),
+}
+SPECIAL = {letter: f"\\{letter}" for letter in "&%_#${}"}
+SPECIAL |= {"~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "\\": r"\textbackslash{}"}
+
+
+def frame_rows(evaluation: Evaluation) -> list[tuple[object, ...]]:
+    """The rows of frames.csv; scores that a view does not have are empty."""
+    return [
+        (row.case, row.image, row.method, *("" if math.isnan(row.scores[s]) else row.scores[s] for s in SCORES))
+        for row in evaluation.rows
+    ]
+
+
+def markdown_summary(evaluation: Evaluation, notes: Sequence[str]) -> bytes:
+    """The summary as Markdown: what was skipped and found, then a block of tables for each case."""
+    lines = [f"{MARKDOWN_HEAD}", ""]
+    lines += [f"{line}  " for line in evaluation.conditions.lines()]
+    lines += ["", "Means over the photographs, with 95 % confidence intervals (bootstrap over photographs)."]
+    lines += ["The limit is what a perfect view would score with the same noise, exposure and error of the pose.", ""]
+    lines += [f"- {note}" for note in notes]
+    for case in _cases(evaluation):
+        bound = evaluation.bound_of(case, "ssim_whole")
+        title = "All cases" if case == ALL else case
+        lines += ["", f"## {title}", ""]
+        if bound is not None:
+            lines += [f"Limit: poses off by {bound.jitter_px:.2f} px.", ""]
+        for name, scores in TABLES.items():
+            lines += [f"**{name}**", ""]
+            lines += [
+                "| | " + " | ".join(heading for heading, _ in scores.values()) + " |",
+                "|---" * (len(scores) + 1) + "|",
+            ]
+            for method in evaluation.ran:
+                cells = [_interval(evaluation, case, method.name, score, scores[score][1]) for score in scores]
+                lines.append(f"| {method.name} | " + " | ".join(cells) + " |")
+            limits = [evaluation.bound_of(case, score) for score in scores]
+            cells = [
+                "" if each is None else _number(each.mean, scores[score][1])
+                for each, score in zip(limits, scores, strict=True)
+            ]
+            lines += ["| *limit* | " + " | ".join(cells) + " |", ""]
+        lines += _distribution_lines(evaluation, case)
+    return ("\n".join(lines).rstrip() + "\n").encode()
+
+
+def latex_summary(evaluation: Evaluation) -> bytes:
+    """The summary as LaTeX with booktabs: a table for each case, the best of each score in bold."""
+    lines = [LATEX_HEAD, "% \\usepackage{booktabs}"]
+    lines += [f"% {_escaped(line)}" for line in evaluation.conditions.lines()]
+    for case in _cases(evaluation):
+        with_distribution = any(entry.case == case for entry in evaluation.distribution)
+        headings = [heading for heading, _ in LATEX_SCORES.values()] + ["FID", "KID"] * with_distribution
+        name = "All cases" if case == ALL else _escaped(case)
+        n = max((entry.n for entry in evaluation.summary if entry.case == case), default=0)
+        lines += [
+            "", r"\begin{table}", r"\centering",
+            rf"\caption{{{name}: mean $\pm$ half of the 95\,\% confidence interval, {n} photographs.}}",
+            rf"\begin{{tabular}}{{l{'c' * len(headings)}}}", r"\toprule",
+            " & ".join(["", *headings]) + r" \\", r"\midrule",
+        ]  # fmt: skip
+        for method in evaluation.ran:
+            cells = [_escaped(method.name)]
+            for score, (_, decimals) in LATEX_SCORES.items():
+                cells.append(_latex_cell(evaluation, case, method.name, score, decimals))
+            if with_distribution:
+                cells += _latex_distribution(evaluation, case, method.name)
+            lines.append(" & ".join(cells) + r" \\")
+        limits = [evaluation.bound_of(case, score) for score in LATEX_SCORES]
+        if any(limits):
+            cells = [
+                "" if each is None else _number(each.mean, d)
+                for each, (_, d) in zip(limits, LATEX_SCORES.values(), strict=True)
+            ]
+            lines += [r"\midrule", " & ".join(["limit", *cells, *[""] * (2 * with_distribution)]) + r" \\"]
+        lines += [r"\bottomrule", r"\end{tabular}", r"\end{table}"]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _cases(evaluation: Evaluation) -> list[str]:
+    names = [case.name for case in evaluation.cases]
+    return [*names, ALL] if len(names) > 1 else names
+
+
+def _distribution_lines(evaluation: Evaluation, case: str) -> list[str]:
+    entries = [entry for entry in evaluation.distribution if entry.case == case]
+    if not entries:
+        return []
+    few = any(entry.fid_biased for entry in entries)
+    lines = [
+        "**Distributions**",
+        "",
+        f"| | FID{' (biased: few images)' * few} | KID | photographs |",
+        "|---|---|---|---|",
+    ]
+    for entry in entries:
+        lines.append(
+            f"| {entry.method} | {entry.fid:.1f} | {entry.kid:.4f} ± {entry.kid_standard_error:.4f} | {entry.n} |"
+        )
+    return [*lines, ""]
+
+
+def _interval(evaluation: Evaluation, case: str, method: str, score: str, decimals: int) -> str:
+    found = evaluation.mean(case, method, score)
+    if found is None or math.isnan(found.mean):
+        return ""
+    if math.isnan(found.low):
+        return _number(found.mean, decimals)
+    return f"{found.mean:.{decimals}f} [{found.low:.{decimals}f}, {found.high:.{decimals}f}]"
+
+
+def _latex_cell(evaluation: Evaluation, case: str, method: str, score: str, decimals: int) -> str:
+    found = evaluation.mean(case, method, score)
+    if found is None or not math.isfinite(found.mean):
+        return "--"
+    others = [evaluation.mean(case, other.name, score) for other in evaluation.ran]
+    best = not any(o is not None and is_better(score, o.mean, found.mean) for o in others)
+    text = f"{found.mean:.{decimals}f}"
+    text = rf"\mathbf{{{text}}}" if best and len(evaluation.ran) > 1 else text
+    return f"${text}$" if math.isnan(found.low) else rf"${text} \pm {(found.high - found.low) / 2:.{decimals}f}$"
+
+
+def _latex_distribution(evaluation: Evaluation, case: str, method: str) -> list[str]:
+    for entry in evaluation.distribution:
+        if (entry.case, entry.method) == (case, method):
+            return [f"${entry.fid:.1f}$", rf"${entry.kid:.4f} \pm {entry.kid_standard_error:.4f}$"]
+    return ["--", "--"]
+
+
+def _number(value: float, decimals: int) -> str:
+    return "" if math.isnan(value) else f"{value:.{decimals}f}"
+
+
+def _escaped(text: str) -> str:
+    return "".join(SPECIAL.get(letter, letter) for letter in text)

@@ -1,0 +1,102 @@
+"""All scores of one view against the photograph of its pose. Needs scikit-image and ``cv2``."""
+
+import numpy as np
+
+from .edge_measures import edge_measures
+from .exposure import colour_gain, corrected
+from .registration import registered
+from .similarity import segmented_similarity, similarity
+
+SCORES = {
+    "surface_px": "pixels that show the surface",
+    "observed_px": "pixels that show surface that the frame saw",
+    "gain_red": "factor from the view to the photograph, red",
+    "gain_green": "the same, green",
+    "gain_blue": "the same, blue",
+    "ssim_whole": "SSIM of the whole image, black outside the surface (the paper's protocol)",
+    "ssim_surface": "SSIM inside the surface",
+    "ssim_observed": "SSIM inside the surface that the frame saw",
+    "psnr_whole": "PSNR of the whole image, dB",
+    "psnr_surface": "PSNR inside the surface, dB",
+    "psnr_observed": "PSNR inside the observed surface, dB",
+    "error_surface": "mean absolute error inside the surface, /255",
+    "error_observed": "mean absolute error inside the observed surface, /255",
+    "correlation_surface": "correlation of grey values inside the surface",
+    "correlation_observed": "correlation of grey values inside the observed surface",
+    "ssim_whole_corrected": "SSIM of the whole image after correction of exposure and colour",
+    "ssim_surface_corrected": "SSIM inside the surface after the same correction",
+    "ssim_observed_corrected": "SSIM inside the observed surface after the same correction",
+    "psnr_whole_corrected": "PSNR of the whole image after the correction, dB",
+    "psnr_surface_corrected": "PSNR inside the surface after the correction, dB",
+    "psnr_observed_corrected": "PSNR inside the observed surface after the correction, dB",
+    "error_surface_corrected": "mean absolute error inside the surface after the correction, /255",
+    "error_observed_corrected": "mean absolute error inside the observed surface after the correction, /255",
+    "flow_px": "residual displacement, median over the observed surface, px",
+    "flow_high_px": "the same, 95th percentile, px",
+    "ssim_aligned": "SSIM inside the observed surface after correction and alignment by the residual flow",
+    "gradient_correlation": "cosine of the gradients inside the observed surface, aligned",
+    "edge_f": "F-score of edges within 2 px, inside the observed surface, aligned",
+    "edge_px": "mean distance between edges, aligned, px",
+    "sharpness": "gradients of the view over those of the photograph, inside the observed surface",
+}
+"""The scores of a view, in the order of the table -> what they mean."""
+
+HIGHER_IS_BETTER = ("ssim", "psnr", "correlation", "gradient_correlation", "edge_f")
+"""Beginnings of names of scores of which more is better."""
+FEWEST_PIXELS = 64
+"""A part of the image below this size is not scored: a window of SSIM has 49 pixels."""
+
+
+def scores_of(real: np.ndarray, synthetic: np.ndarray, surface: np.ndarray, observed: np.ndarray) -> dict[str, float]:
+    """Score a view.
+
+    Parameters
+    ----------
+    real, synthetic
+        The photograph and the view: ``(H, W, 3)`` float32 code values 0..1.
+    surface, observed
+        ``(H, W)`` bool: pixels that show surface, and surface that the source frame saw; the same for all methods.
+
+    Returns
+    -------
+    A value for each of :data:`SCORES`; NaN where it has none, since the part of the image is missing or uniform.
+    """
+    values = dict.fromkeys(SCORES, float("nan"))
+    values["surface_px"], values["observed_px"] = map(float, (np.count_nonzero(surface), np.count_nonzero(observed)))
+    if values["surface_px"] < FEWEST_PIXELS:
+        return values
+    seen = values["observed_px"] >= FEWEST_PIXELS
+    gain = colour_gain(real, synthetic, observed if seen else surface)
+    values["gain_red"], values["gain_green"], values["gain_blue"] = map(float, gain)
+    matched = corrected(synthetic, gain)
+    for image, suffix in ((synthetic, ""), (matched, "_corrected")):
+        values["ssim_whole" + suffix], values["psnr_whole" + suffix] = segmented_similarity(real, image, surface)
+        for part, mask in (("surface", surface), ("observed", observed)):
+            if part == "observed" and not seen:
+                continue
+            found = similarity(real, image, mask)
+            values[f"ssim_{part}{suffix}"], values[f"psnr_{part}{suffix}"] = found.ssim, found.psnr
+            values[f"error_{part}{suffix}"] = found.mean_error
+            if not suffix:
+                values[f"correlation_{part}"] = found.correlation
+    if seen:
+        values |= _registered_scores(real, matched, observed)
+    return values
+
+
+def _registered_scores(real: np.ndarray, synthetic: np.ndarray, observed: np.ndarray) -> dict[str, float]:
+    moved = registered(real, synthetic, observed)
+    values = {"flow_px": moved.median_px, "flow_high_px": moved.high_px}
+    # measured before the alignment, whose interpolation blurs a little
+    values["sharpness"] = edge_measures(real, synthetic, observed).sharpness
+    if np.count_nonzero(moved.mask) >= FEWEST_PIXELS:
+        values["ssim_aligned"] = similarity(real, moved.aligned, moved.mask).ssim
+        edges = edge_measures(real, moved.aligned, moved.mask)
+        values["gradient_correlation"], values["edge_f"] = edges.gradient_correlation, edges.edge_f
+        values["edge_px"] = edges.edge_px
+    return values
+
+
+def is_better(score: str, value: float, other: float) -> bool:
+    """Whether one value of a score is better than another."""
+    return value > other if score.startswith(HIGHER_IS_BETTER) else value < other

@@ -9,7 +9,7 @@ from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
 from ...dataset.view import RenderedSample, RenderedView, depth_scale_for, encode_view
 from ...dataset.view_record import ViewRecord
-from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose
+from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose, sampling_doubt
 from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
 from ...projection.silhouette import SilhouetteEdges
 from ..colour.reference_view import ReferenceView, colour_of
@@ -17,6 +17,9 @@ from ..render.anti_aliasing import EdgeSampler
 from ..render.engines import render_view
 from ..render.surface_scene import SurfaceScene
 from .view_probe import ViewProbe
+
+SAMPLED_VIEWS = 4
+"""Views whose poses are planned before a run, to see whether the constraints leave enough of them."""
 
 
 class ViewRenderer:
@@ -109,6 +112,18 @@ class ViewRenderer:
             pose = self._trajectory.pose_at(index / self._options.count)
             return plan_given_poses(pose[None], self._constraints, self._probe)[0][0]
         return plan_pose(self._distribution, self._constraints, self._probe, seed=self._options.seed, index=index)
+
+    def sampling_doubt(self) -> str:
+        """A message if hardly any pose meets the constraints, see :func:`.sampling_doubt`; empty otherwise.
+
+        Raises
+        ------
+        InputError
+            One of the first views finds no pose.
+        """
+        if self._given is not None or self._distribution is None:
+            return ""
+        return sampling_doubt([self.plan(index).attempts for index in range(min(SAMPLED_VIEWS, self._options.count))])
 
     def make(self, index: int) -> RenderedSample:
         """Plan and render view ``index``."""

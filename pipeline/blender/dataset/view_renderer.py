@@ -4,6 +4,7 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
+from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
 from ...dataset.description import farthest_listed_mm, view_camera
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
@@ -54,7 +55,15 @@ class ViewRenderer:
         self.camera = view_camera(loaded, options)
         self.source = source
         colour, messages = colour_of(source, options.colour)
-        self.messages = (*loaded.messages, *source.messages, *messages)
+        orbits = given_poses is None and options.sampler != "gaussian"
+        nearest, farthest = (options.distance_min, options.distance_max) if orbits else (1.0, 1.0)
+        view_px, frame_px = self.camera.fx, loaded.case.camera.fx
+        doubts = (
+            pose_doubt(loaded.case.alignment),
+            magnification_doubt(view_px, frame_px, nearest),
+            reduction_doubt(view_px, frame_px, farthest, options.samples),
+        )
+        self.messages = (*loaded.messages, *source.messages, *messages, *filter(None, doubts))
         # rasterisers average many samples at little cost
         at_edges = options.samples > 1 and options.engine == "cycles"
         self._scene = SurfaceScene(

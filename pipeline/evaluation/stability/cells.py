@@ -191,7 +191,9 @@ def read_cells(path: Path) -> tuple[list[Cell], list[str]]:
             for row in rows
         ]
     except ValueError as error:
-        raise InputError(f"{path.name}: expected numbers in every row, found others ({error}); measure it again") from None
+        raise InputError(
+            f"{path.name}: expected numbers in every row, found others ({error}); measure it again"
+        ) from None
     if not cells:
         raise InputError(f"{path.name}: expected cells of sweeps, found none; measure it again")
     return cells, conditions

@@ -24,8 +24,10 @@ ANGLES_DEG, SHIFTS_MM = (0.0, 5.0, 10.0, 15.0, 25.0), (0.0, 6.0, 15.0, 30.0)
 BASIN_TRIALS, FRAME_TRIALS = 3, 3
 START = 3.0, 4.0
 """Degrees and mm that the pose is off at the start of the trials with bad frames."""
+STATED_RATIO = 2.0
+"""Ratio of the true to the stated error up to which the software has said how far off the pose is."""
 CONTRASTS = (1.0, 0.3, 0.1, 0.03, 0.01, 0.003, 0.0)
-OCCLUDED = (0.0, 0.15, 0.3, 0.45, 0.6, 0.8)
+OCCLUDED = (0.0, 0.05, 0.1, 0.2, 0.4, 0.6)
 SPECULAR = (0.0, 0.05, 0.1, 0.2, 0.4, 0.7)
 NOISES = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8)
 BLURS_PX = (0.0, 4.0, 8.0, 16.0, 32.0, 64.0)
@@ -52,12 +54,17 @@ def occluded(image: np.ndarray, part: float, rng: np.random.Generator) -> np.nda
     return np.where(covered[..., None] > 0, metal, image).astype(np.float32)
 
 
+def kept(image: np.ndarray, spoilt: np.ndarray) -> np.ndarray:
+    """``(H, W)`` bool: pixels that are as they were."""
+    return (image == spoilt).all(axis=2)
+
+
 def specular(image: np.ndarray, part: float, rng: np.random.Generator) -> np.ndarray:
     """The frame with glare: white blots over this part of it, as of a wet surface."""
     height, width = image.shape[:2]
     field = cv2.GaussianBlur(rng.normal(size=(height, width)).astype(np.float32), (0, 0), width / 100)
     # glare is where the surface is bright, and where it happens to be wet
-    field = field / field.std() + 2 * (image.mean(axis=2) - image.mean()) / image.std()
+    field = field / field.std() + 0.5 * (image.mean(axis=2) - image.mean()) / image.std()
     return np.where((field > np.quantile(field, 1 - part))[..., None], np.float32(1), image) if part else image
 
 
@@ -93,9 +100,9 @@ def disturbed(scene: RefinementScene, angle_deg: float, shift_mm: float, rng: np
 
 
 def outcome(scene: RefinementScene, start: np.ndarray) -> Outcome:
-    """Refine a pose: the error is the displacement of the surface, px, the value the rotation error in degrees.
+    """Refine a pose: the error is the displacement of the surface, px, the value its ratio to the stated error.
 
-    A refusal leaves the pose as it was; where it was right already, that counts as right.
+    An accepted pose counts as wrong if it is beyond the scene's limits, and further off than twice what was stated.
     """
     result = refine_pose(scene.image, scene.valid, scene.camera, scene.mesh, start)
     if not result.accepted:
@@ -103,7 +110,8 @@ def outcome(scene: RefinementScene, start: np.ndarray) -> Outcome:
     error_px = displacement_px(scene, result.cam_from_model)
     error_deg = rotation_angle_deg(result.cam_from_model[:3, :3] @ scene.cam_from_model[:3, :3].T)
     wrong = not error_px < scene.largest_px or (scene.largest_deg is not None and not error_deg < scene.largest_deg)
-    return Outcome("works", error_px, wrong, result.message, error_deg)
+    ratio = error_px / result.after.error_px
+    return Outcome("works", error_px, wrong and not ratio < STATED_RATIO, result.message, ratio)
 
 
 def measure_basin(
@@ -117,16 +125,24 @@ def measure_basin(
 
 
 def measure_frame(
-    scene: RefinementScene, name: str, value: float, key: tuple[int, int], seed: int, *, trials: int
+    scene: RefinementScene,
+    name: str,
+    value: float,
+    key: tuple[int, int],
+    seed: int,
+    *,
+    trials: int,
+    masked: bool = False,
 ) -> list[Cell]:
-    """A cell of one of :data:`FRAMES`, from :data:`START`."""
+    """A cell of one of :data:`FRAMES`, from :data:`START`; ``masked`` leaves out the pixels that are spoilt."""
     spoil, _, limit = FRAMES[name]
     rng = np.random.default_rng([seed, 1, *key])
-    outcomes = [
-        outcome(replace(scene, image=spoil(scene.image, value, rng)), disturbed(scene, *START, rng))
-        for _ in range(trials)
-    ]
-    return [Cell.of(name, scene.name, value, outcomes, limit=limit)]
+    outcomes = []
+    for _ in range(trials):
+        image = spoil(scene.image, value, rng)
+        valid = scene.valid & kept(scene.image, image) if masked else scene.valid
+        outcomes.append(outcome(replace(scene, image=image, valid=valid), disturbed(scene, *START, rng)))
+    return [Cell.of(name, "masked" if masked else "as it is", value, outcomes, limit=limit)]
 
 
 def tasks(scene: RefinementScene, seed: int, *, quick: bool) -> Iterator[Task]:
@@ -140,6 +156,8 @@ def tasks(scene: RefinementScene, seed: int, *, quick: bool) -> Iterator[Task]:
             if value in _ends(values, quick):
                 trials = 1 if quick else FRAME_TRIALS
                 yield partial(measure_frame, scene, name, value, (number, index), seed, trials=trials)
+                if name == "occluded" and value > 0:
+                    yield partial(measure_frame, scene, name, value, (number, index), seed, trials=trials, masked=True)
 
 
 def _ends(values: tuple[float, ...], quick: bool) -> tuple[float, ...]:

@@ -29,7 +29,7 @@ GRID = 16, 12
 VIEWS = 24
 CONES_DEG = (20.0, 60.0, 120.0)
 SHARES = (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)
-CLEARANCES_MM = (0.0, 100.0, 200.0, 250.0, 270.0, 280.0, 290.0, 300.0, 400.0)
+CLEARANCES_MM = (0.0, 100.0, 200.0, 250.0, 280.0, 300.0, 310.0, 320.0, 400.0)
 ACCEPTANCES = (1.0, 0.1, 0.03, 0.01, 0.004, 0.002, 0.001, 0.0003, 0.0)
 LONG_RUN = 100_000
 """Views of a run whose failure is computed from the rate of acceptance."""
@@ -128,9 +128,7 @@ def measure_acceptance(probability: float, seed: int) -> list[Cell]:
     """A cell with a known rate of acceptance: ``error`` is the chance that a run of :data:`LONG_RUN` views fails."""
     constraints = Constraints(min_surface=0.5)
     outcomes = outcomes_of(Chance(probability), constraints, lambda pose: ViewStatistics(pose[0, 3], 1, 1e3), seed)
-    cell = Cell.of(
-        "acceptance", "known rate", probability, outcomes, limit=Limit("LEAST_ACCEPTANCE", LEAST_ACCEPTANCE)
-    )
+    cell = Cell.of("acceptance", "known rate", probability, outcomes, limit=Limit("LEAST_ACCEPTANCE", LEAST_ACCEPTANCE))
     return [cell, _long_run(probability, MAX_ATTEMPTS)]
 
 

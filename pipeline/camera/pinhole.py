@@ -11,6 +11,9 @@ from ..transforms import checked_matrix
 SHORTEST_FOCAL_PX, LONGEST_FOCAL_PX = 1e-3, 1e9
 """Beyond these no image is meant, and squares may overflow."""
 
+FARTHEST_PRINCIPAL_POINT = 5.0
+"""Distance from the middle of the image, in image sizes: a crop of a larger image has one outside, none this far."""
+
 PixelOrigin = Literal["center", "corner"]
 
 
@@ -79,7 +82,7 @@ class PinholeCamera:
         width, height = _checked_size(size, where)
         shift = 0.5 if pixel_origin == "corner" else 0.0
         cx, cy = float(matrix[0, 2]) - shift, float(matrix[1, 2]) - shift
-        if abs(cx - width / 2) > 5 * width or abs(cy - height / 2) > 5 * height:
+        if max(abs(cx / width - 0.5), abs(cy / height - 0.5)) > FARTHEST_PRINCIPAL_POINT:
             raise InputError(
                 f"{where}: expected the principal point near the {width}x{height} image, found ({cx:g}, {cy:g})"
             )

@@ -18,6 +18,10 @@ from .structure_colour import OTHER
 NEAREST_MM, FARTHEST_MM = 2.0, 30_000.0
 """Working distances outside this range indicate wrong units; an error by a factor of 1000 is always outside."""
 
+MAX_EXTENT_RATIO = 200.0
+"""Largest ratio of the surface's extent to the frame's at the pose, or of the frame's to the surface's: wrong units make
+it 1000 times as large or small."""
+
 
 @dataclass(frozen=True)
 class LoadedCase:
@@ -121,7 +125,7 @@ def check_pose(case: Case, mesh: TriangleMesh, cam_from_model: np.ndarray) -> No
     camera = case.camera
     extent_px = 2 * mesh.radius / distance * min(camera.fx, camera.fy)
     ratio = extent_px / max(camera.size_wh)
-    if not 1 / 200 <= ratio <= 200:
+    if not 1 / MAX_EXTENT_RATIO <= ratio <= MAX_EXTENT_RATIO:
         raise InputError(
             f"{name}: expected a surface about as large as the frame, it spans {extent_px:.3g} px of "
             f"{max(camera.size_wh)}: wrong units suspected; are mesh and translation in the same unit?"

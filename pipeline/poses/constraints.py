@@ -5,13 +5,20 @@ distribution conditioned on the constraints (rejection sampling, von Neumann, 19
 own choice, so they are never rejected; those that break constraints are counted and reported.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 
 from ..errors import InputError
 from .distributions import PoseDistribution
+
+MAX_ATTEMPTS = 5000
+"""Poses tried for one view."""
+
+LEAST_ACCEPTANCE = 16 / MAX_ATTEMPTS
+"""Fraction of the poses that must meet the constraints: then a view finds none with a probability of exp(-16) = 1e-7, so
+all views of a run of 100 000 find one with a probability of 99 %."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +82,7 @@ class Constraints:
     min_observed: float = 0.0
     min_clearance_mm: float = 0.0
     reference_surface: float = 1.0
-    max_attempts: int = 1000
+    max_attempts: int = MAX_ATTEMPTS
 
     def __post_init__(self) -> None:
         for name in ("min_surface", "min_observed", "reference_surface"):
@@ -144,6 +151,24 @@ def plan_pose(
         rejections += broken
         rejected.append(statistics)
     raise InputError(_found_none(constraints, rejections, rejected, index))
+
+
+def sampling_doubt(attempts: Sequence[int]) -> str:
+    """A message if so few poses meet the constraints that a long run may fail; empty otherwise.
+
+    Parameters
+    ----------
+    attempts
+        Poses tried for each of some views that found one.
+    """
+    tried = sum(attempts)
+    if not tried or len(attempts) >= LEAST_ACCEPTANCE * tried:
+        return ""
+    return (
+        f"poses: about 1 of {tried / len(attempts):.0f} meets the constraints, so every view takes long, and a run ends "
+        f"at the first view that finds none in {MAX_ATTEMPTS} (expected: 1 of {1 / LEAST_ACCEPTANCE:.0f} or more); loosen "
+        "the constraints, or draw poses nearer to the reference pose"
+    )
 
 
 def plan_given_poses(

@@ -24,6 +24,12 @@ Kind = Literal[
     "no fit",
 ]
 
+FEWEST_CORRESPONDENCES = 4
+"""Three leave up to four poses (Grunert 1841, see Haralick et al. 1994)."""
+
+COLLINEAR_RATIO = 1e-4
+"""Extent of the points across a line, relative to that along it, below which they count as exactly on it."""
+
 MAX_ROTATION_DEG, MAX_RELATIVE_DEPTH = 5.0, 0.1
 """Standard deviations beyond which a pose is refused: of any rotation, and of the depth relative to the depth."""
 
@@ -74,30 +80,30 @@ def check_correspondences(points_model: np.ndarray, pixels: np.ndarray, names: S
         Fewer than 4 correspondences, fewer than 4 distinct points or 3 distinct pixels, all points on one line.
     """
     count = len(points_model)
-    if count < 4:
+    if count < FEWEST_CORRESPONDENCES:
         raise UndeterminedPose(
             "few",
-            f"landmarks: expected at least 4 enabled correspondences, found {count}; add {4 - count} more, "
-            "6 are better",
+            f"landmarks: expected at least {FEWEST_CORRESPONDENCES} enabled correspondences, found {count}; "
+            f"add {FEWEST_CORRESPONDENCES - count} more, 6 are better",
         )
     extent = float(np.ptp(points_model, axis=0).max())
     same_point = _first_equal_rows(points_model, 1e-6 * extent)
     distinct = len(set(same_point))
-    if distinct < 4 or len(set(_first_equal_rows(pixels, 1e-3))) < 3:
+    if distinct < FEWEST_CORRESPONDENCES or len(set(_first_equal_rows(pixels, 1e-3))) < 3:
         repeated = next(
             f"{names[first]!r} and {names[second]!r} have the same "
             for group in (same_point, _first_equal_rows(pixels, 1e-3))
             for second, first in enumerate(group)
             if first != second
         )
-        which = "surface point" if distinct < 4 else "pixel"
+        which = "surface point" if distinct < FEWEST_CORRESPONDENCES else "pixel"
         raise UndeterminedPose(
             "identical",
             f"landmarks: expected at least 4 distinct correspondences, found {min(distinct, count)}: "
             f"{repeated}{which}; pick other features for the repeated ones",
         )
     spread = np.linalg.svd(points_model - points_model.mean(axis=0), compute_uv=False)
-    if spread[1] < 1e-4 * spread[0]:
+    if spread[1] < COLLINEAR_RATIO * spread[0]:
         raise UndeterminedPose("collinear", _collinear_message(count))
 
 

@@ -22,6 +22,9 @@ from ...transforms import CAM_FROM_OPENGL_CAM, inverse_rigid
 SENSOR_MM = 36.0
 MIN_LENS_MM = 1.0
 MAX_PIXEL_ASPECT = 200.0
+"""Blender keeps a scene's pixel aspects within 1 to 200."""
+SMALLEST_VIEW_PX = 4
+"""Blender keeps a scene's width and height from 4 px on, and renders that size instead of a smaller one."""
 
 
 def new_camera(
@@ -52,8 +55,14 @@ def set_intrinsics(scene: bpy.types.Scene, camera_object: bpy.types.Object, came
     Raises
     ------
     InputError
-        fx and fy differ by more than :data:`MAX_PIXEL_ASPECT`, which Blender's camera cannot represent.
+        Width or height below :data:`SMALLEST_VIEW_PX`, or fx and fy that differ by more than
+        :data:`MAX_PIXEL_ASPECT`, which Blender's camera cannot represent.
     """
+    if min(camera.size_wh) < SMALLEST_VIEW_PX:
+        raise InputError(
+            f"view: expected at least {SMALLEST_VIEW_PX} px along each side, found {camera.width}x{camera.height}; "
+            "use a larger frame or --scale"
+        )
     aspect_x, aspect_y = max(1.0, camera.fy / camera.fx), max(1.0, camera.fx / camera.fy)
     if max(aspect_x, aspect_y) > MAX_PIXEL_ASPECT:
         raise InputError(

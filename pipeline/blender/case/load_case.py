@@ -9,6 +9,7 @@ from ...camera.pinhole import PinholeCamera
 from ...case.case_file import Case
 from ...case.case_writer import UNIT_OF
 from ...case.loaded_case import LoadedCase, check_pose, load_surface
+from ...case.precision import precision_doubts
 from ...case.surface_size import extents_of, size_doubt
 from ...errors import InputError
 from ...surface.mesh_reader import read_mesh
@@ -38,6 +39,7 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
     messages = messages if doubt is None else [*messages, doubt.message]
     if aligned:
         check_pose(case, mesh, cam_from_model)
+        messages = [*messages, *precision_doubts(case.mesh.name, case.camera, mesh, mesh_from_model, cam_from_model)]
     structures = []
     for structure in case.structures:
         structure_mesh, structure_messages = read_mesh(structure.mesh)

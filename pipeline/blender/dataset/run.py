@@ -154,6 +154,8 @@ def _render_missing(
                     progress.note(message)
                 tally: Tally | None = found.views.tally
                 written: list[str] = []
+                if found.missing and (doubt := renderer.sampling_doubt()):
+                    progress.note(doubt)
                 if found.missing or not found.has_tables:
                     finish.write_model_files(opened, renderer)
                     render_views(renderer, out, pool.views(), lambda _index: progress.advance())

@@ -4,12 +4,13 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
+from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
 from ...dataset.description import farthest_listed_mm, view_camera
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
 from ...dataset.view import RenderedSample, RenderedView, depth_scale_for, encode_view
 from ...dataset.view_record import ViewRecord
-from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose
+from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose, sampling_doubt
 from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
 from ...projection.silhouette import SilhouetteEdges
 from ..colour.reference_view import ReferenceView, colour_of, limited_to_incidence, unseen_colours_of
@@ -17,6 +18,9 @@ from ..render.anti_aliasing import EdgeSampler
 from ..render.engines import render_view
 from ..render.surface_scene import SurfaceScene
 from .view_probe import ViewProbe
+
+SAMPLED_VIEWS = 4
+"""Views whose poses are planned before a run, to see whether the constraints leave enough of them."""
 
 
 class ViewRenderer:
@@ -52,7 +56,15 @@ class ViewRenderer:
         source = limited_to_incidence(source, options.max_incidence_deg)
         self.source = source
         colour, messages = colour_of(source, options.colour)
-        self.messages = (*loaded.messages, *source.messages, *messages)
+        orbits = given_poses is None and options.sampler != "gaussian"
+        nearest, farthest = (options.distance_min, options.distance_max) if orbits else (1.0, 1.0)
+        view_px, frame_px = self.camera.fx, loaded.case.camera.fx
+        doubts = (
+            pose_doubt(loaded.case.alignment),
+            magnification_doubt(view_px, frame_px, nearest),
+            reduction_doubt(view_px, frame_px, farthest, options.samples),
+        )
+        self.messages = (*loaded.messages, *source.messages, *messages, *filter(None, doubts))
         # rasterisers average many samples at little cost
         at_edges = options.samples > 1 and options.engine == "cycles"
         self._scene = SurfaceScene(
@@ -111,6 +123,18 @@ class ViewRenderer:
             pose = self._trajectory.pose_at(index / self._options.count)
             return plan_given_poses(pose[None], self._constraints, self._probe)[0][0]
         return plan_pose(self._distribution, self._constraints, self._probe, seed=self._options.seed, index=index)
+
+    def sampling_doubt(self) -> str:
+        """A message if hardly any pose meets the constraints, see :func:`.sampling_doubt`; empty otherwise.
+
+        Raises
+        ------
+        InputError
+            One of the first views finds no pose.
+        """
+        if self._given is not None or self._distribution is None:
+            return ""
+        return sampling_doubt([self.plan(index).attempts for index in range(min(SAMPLED_VIEWS, self._options.count))])
 
     def make(self, index: int) -> RenderedSample:
         """Plan and render view ``index``."""

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..files.keys import nearest_name
 from .parser import explained_imports, fill_parser
 
-COMMANDS = ("surface", "sample", "frames", "case", "align", "overlay", "render", "check", "compare", "colour")
+COMMANDS = ("surface", "sample", "frames", "case", "align", "overlay", "render", "check", "report", "compare", "colour")
 """The modules of this package that are commands, in the order of the data flow."""
 
 SHELLS = ("bash", "zsh", "tcsh")

@@ -15,18 +15,9 @@ from ..files.keys import nearest_name
 from .parser import explained_imports, fill_parser
 
 COMMANDS = (
-    "surface",
-    "sample",
-    "frames",
-    "case",
-    "align",
-    "overlay",
-    "render",
-    "check",
-    "compare",
-    "evaluate",
+    "surface", "sample", "frames", "case", "align", "overlay", "render", "check", "compare", "evaluate", "report",
     "colour",
-)
+)  # fmt: skip
 """The modules of this package that are commands, in the order of the data flow."""
 
 SHELLS = ("bash", "zsh", "tcsh")

@@ -1,0 +1,86 @@
+"""The command ``oneframe report``."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..errors import InputError
+from .parser import command_parser, explained_imports
+
+ABOUT = "Make one HTML page of a dataset or an evaluation, to look at in any browser, without a network."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
+EPILOG = """examples:
+  %(prog)s dataset --out report.html
+  %(prog)s dataset --out report.html --case aligned.toml
+  %(prog)s dataset --out report.html --views 200 --no-check
+  %(prog)s evaluation --out evaluation.html
+
+DIR is a folder of oneframe render or of an evaluation. The page of a dataset shows its views with masks and depth,
+their poses in 3D, distributions, what oneframe check finds, and provenance. It stays below 20 MB up to 1000 views.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this command."""
+    with explained_imports():
+        from ..report.dataset_page import DEFAULT_VIEWS
+    parser.add_argument("folder", metavar="DIR", type=Path, help="folder of the dataset or the evaluation")
+    dataset = parser.add_argument_group("dataset")
+    dataset.add_argument(
+        "--views", metavar="N", type=int, default=DEFAULT_VIEWS,
+        help="show N evenly spaced views, 0 for all (default %(default)s)",
+    )  # fmt: skip
+    dataset.add_argument(
+        "--no-check", action="store_true", help="skip the check, which reads every file of the dataset"
+    )
+    dataset.add_argument(
+        "--case", metavar="CASE.toml", type=Path, help="also show the frame of the case that was rendered"
+    )
+    output = parser.add_argument_group("output")
+    output.add_argument("--out", metavar="FILE", type=Path, required=True, help="HTML page to write")
+
+
+def main(argv: Sequence[str], prog: str = "oneframe report") -> int:
+    """Parse the arguments and run."""
+    arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
+    if arguments.views < 0:
+        raise InputError(f"command line: --views: expected a number of views or 0 for all, found {arguments.views}")
+    return run(arguments)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the page and report its size."""
+    with explained_imports():
+        from ..case.case_file import read_case
+        from ..dataset.layout import RECORD
+        from ..files.content import write_bytes_atomically
+        from ..files.outputs import Output, check_outputs, made_folder, writing
+        from ..report.evaluation_folder import EVALUATION
+        from ..report.page import PAGE
+    root, out = arguments.folder, arguments.out
+    is_evaluation = (root / EVALUATION).is_file()
+    case = None if arguments.case is None or is_evaluation else read_case(arguments.case)
+    inputs = {"description": root / (EVALUATION if is_evaluation else RECORD)}
+    check_outputs([Output(out, PAGE)], inputs if case is None else inputs | case.input_files())
+    if is_evaluation:
+        with explained_imports():
+            from ..report.evaluation_page import evaluation_page
+        content = evaluation_page(root)
+    else:
+        with explained_imports():
+            from ..dataset.check.check_dataset import check_dataset
+            from ..report.dataset_page import dataset_page
+            from ..report.dataset_views import open_dataset
+        open_dataset(root)
+        if root.resolve() in out.resolve().parents:
+            raise InputError(
+                f"{out}: expected a file outside the folder of the dataset, whose check reports files that no dataset "
+                "has; choose another place"
+            )
+        check = None if arguments.no_check else check_dataset(root, stream=sys.stdout)
+        content = dataset_page(root, views=arguments.views, check=check, case=case, stream=sys.stdout)
+    with writing(made_folder(out)):
+        write_bytes_atomically(out, content)
+    sys.stdout.write(f"page of {len(content) / 1e6:.1f} MB: {out}\n")
+    return 0

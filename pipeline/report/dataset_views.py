@@ -1,0 +1,208 @@
+"""The views of a dataset for a page, read tolerantly: what is missing or damaged is named, and the rest is shown."""
+
+import json
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ..camera.pinhole import PinholeCamera
+from ..dataset.check.findings import printable
+from ..dataset.layout import FORMAT, RECORD, SPLIT, ViewPaths, occupied_views
+from ..dataset.view_record import ViewRecord, read_record
+from ..errors import InputError, RunError
+from ..files.content import read_content
+from ..files.tables import parsed_json
+from ..images.image_check import check_image
+from ..transforms import checked_rigid
+from .thumbnails import Quality, shrunk, webp
+from .view_layers import ViewLayers
+
+MOST_VIEWS = 10_000_000
+THREADS = 4
+"""OpenCV decodes and encodes without Python's lock; each thread holds one view."""
+
+
+@dataclass(frozen=True)
+class DatasetFolder:
+    """A dataset on disk.
+
+    Attributes
+    ----------
+    root
+        Its folder.
+    description
+        ``dataset.json``; empty if it cannot be read.
+    count
+        Number of views.
+    problems
+        What cannot be read of the folder itself.
+    """
+
+    root: Path
+    description: Mapping[str, Any]
+    count: int
+    problems: tuple[str, ...] = ()
+
+    def part(self, name: str) -> Mapping[str, Any]:
+        """A table of the description, empty if it is no table."""
+        value = self.description.get(name)
+        return value if isinstance(value, dict) else {}
+
+    @property
+    def camera(self) -> PinholeCamera | None:
+        """The views' intrinsics; ``None`` if the description has none."""
+        return _camera(self.part("camera"), "camera")
+
+    @property
+    def source(self) -> tuple[PinholeCamera, np.ndarray] | None:
+        """The source frame's intrinsics and ``cam_from_model``."""
+        given = self.part("frame")
+        camera = _camera(given, "frame")
+        try:
+            pose, _ = checked_rigid(given.get("cam_from_model"), f"{RECORD}: frame")
+        except InputError:
+            return None
+        return None if camera is None else (camera, pose)
+
+    def sample(self, views: int) -> list[int]:
+        """Numbers of evenly spaced views, all if ``views`` is 0 or too large."""
+        if not views or views >= self.count:
+            return list(range(self.count))
+        return sorted(set(np.linspace(0, self.count - 1, views).round().astype(int).tolist()))
+
+
+def _camera(given: Mapping[str, Any], name: str) -> PinholeCamera | None:
+    try:
+        k = [[given["fx"], 0, given["cx"]], [0, given["fy"], given["cy"]], [0, 0, 1]]
+        return PinholeCamera.from_matrix(k, size=(given["width"], given["height"]), where=f"{RECORD}: {name}")
+    except (InputError, KeyError):
+        return None
+
+
+def open_dataset(root: Path) -> DatasetFolder:
+    """Read the description of a dataset, and how many views it has.
+
+    Raises
+    ------
+    InputError
+        No dataset, or one of another format.
+    """
+    if not (root / RECORD).is_file() and not (root / SPLIT).is_dir():
+        raise InputError(
+            f"{root}: expected the folder of a dataset or of an evaluation, found neither {RECORD} nor evaluation.json "
+            "in it; give the folder that --out named"
+        )
+    problems, description = [], {}
+    try:
+        content = parsed_json(read_content(root / RECORD, "the description of a dataset", RECORD), RECORD)
+        if not isinstance(content, dict):
+            raise InputError(f"{RECORD}: expected the description of a dataset, found no table")
+        description = content
+    except InputError as error:
+        problems.append(shown_message(error, root))
+    if description and description.get("format") != FORMAT:
+        raise InputError(
+            f"{root / RECORD}: expected the format {FORMAT!r}, found {json.dumps(description.get('format'))[:60]}; "
+            "use the version of OneFrame that made it"
+        )
+    count = description.get("count")
+    if not isinstance(count, int) or isinstance(count, bool) or not 0 < count <= MOST_VIEWS:
+        count = occupied_views(root)
+        problems.append(f"{RECORD}: the number of views is unknown: the page shows those that the folder holds")
+    return DatasetFolder(root, description, count, tuple(problems))
+
+
+def shown_message(error: object, root: Path) -> str:
+    """A message with paths relative to the folder: a page that is passed on tells nothing of this computer."""
+    return printable(str(error).replace(f"{root}/", "").replace(str(root), root.name))
+
+
+@dataclass(frozen=True)
+class ShownView:
+    """A view for the page.
+
+    Attributes
+    ----------
+    index
+        Its number.
+    record
+        ``None`` if it is missing or damaged.
+    picture, layers
+        Encoded: colours, and depth with masks (:mod:`pipeline.report.view_layers`).
+    range_mm
+        Nearest and farthest depth.
+    problems
+        What is missing or damaged.
+    """
+
+    index: int
+    record: ViewRecord | None = None
+    picture: bytes | None = None
+    layers: bytes | None = None
+    range_mm: tuple[float, float] | None = None
+    problems: list[str] = field(default_factory=list)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the pictures."""
+        return len(self.picture or b"") + len(self.layers or b"")
+
+
+def shown_view(root: Path, index: int, quality: Quality) -> ShownView:
+    """Read a view and encode its pictures."""
+    paths, problems = ViewPaths(root, index), []
+    record = None
+    try:
+        record = read_record(paths, with_mask=False)
+    except RunError as error:
+        if not paths.file("frame").exists() and not paths.file("rgb").exists():
+            return ShownView(index, problems=[f"{paths.relative('frame')}: there is no such view (yet)"])
+        problems.append(shown_message(error, root).removesuffix("; or remove the file and run the same command again"))
+    picture = _image(paths, "rgb", problems)
+    depth, mask, observed = (_image(paths, kind, problems) for kind in ("depth", "mask_visib", "mask_observed"))
+    shapes = {image.shape[:2] for image in (picture, depth, mask, observed) if image is not None}
+    if len(shapes) > 1:
+        problems.append(f"{paths.relative('rgb')}: the view's images differ in size")
+        depth = mask = observed = None
+    layers = ViewLayers(
+        None if depth is None else depth.astype(np.float32) * (1.0 if record is None else record.depth_scale),
+        None if mask is None else mask > 0,
+        None if observed is None else observed > 0,
+    )
+    return ShownView(
+        index,
+        record,
+        None if picture is None else webp(shrunk(picture, quality.width_px), quality.webp),
+        layers.encoded(quality.layer_width_px),
+        None if record is None else layers.range_mm(),
+        problems,
+    )
+
+
+def _image(paths: ViewPaths, kind: str, problems: list[str]) -> np.ndarray | None:
+    """An image as OpenCV decodes it: BGR, or one channel; ``None`` with an entry in ``problems`` if that fails."""
+    name = paths.relative(kind)
+    try:
+        data = read_content(paths.file(kind), "an image of the view", name)
+        check_image(data, name)
+    except InputError as error:
+        problems.append(shown_message(error, paths.root))
+        return None
+    flags = cv2.IMREAD_COLOR if kind == "rgb" else cv2.IMREAD_UNCHANGED
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    if image is None or (kind != "rgb" and image.ndim != 2):
+        problems.append(f"{name}: expected an image of the view, found a damaged one")
+        return None
+    return image
+
+
+def shown_views(root: Path, indices: list[int], quality: Quality) -> Iterator[ShownView]:
+    """The views in their order, by a few threads; no more views wait than there are threads."""
+    with ThreadPoolExecutor(THREADS) as pool:
+        for start in range(0, len(indices), 2 * THREADS):
+            yield from pool.map(lambda index: shown_view(root, index, quality), indices[start : start + 2 * THREADS])

@@ -1,0 +1,138 @@
+"""One HTML file with everything in it: style, scripts, data and pictures.
+
+The page asks for nothing from anywhere. Its content security policy forbids all requests, and allows only the very
+scripts and styles that it was written with, by their hashes: text from a dataset cannot become code.
+"""
+
+import base64
+import hashlib
+import html
+import json
+from collections.abc import Mapping, Sequence
+from importlib import resources
+
+from .. import __version__
+from ..evaluation.charts.page import THEMES, Theme
+from ..files.kinds import Kind, beginning
+
+MARK = "<!DOCTYPE html>\n<!-- OneFrame report -->\n"
+PAGE = Kind("a report page", beginning(MARK.encode()))
+"""The first lines tell it from other pages."""
+THREE = "three.min.js"
+
+
+def asset(name: str) -> str:
+    """The text of a file of the folder ``assets``."""
+    return resources.files(__package__).joinpath("assets", name).read_text("utf-8")
+
+
+def escaped(text: object) -> str:
+    """Text of a file for use in HTML, also within quotes."""
+    return html.escape(str(text), quote=True)
+
+
+def html_page(
+    *, title: str, body: str, data: Mapping[str, object], scripts: Sequence[str], libraries: Sequence[str] = ()
+) -> bytes:
+    """The content of the file.
+
+    Parameters
+    ----------
+    title
+        Plain text.
+    body
+        HTML in which :func:`escaped` was applied to everything that comes from files.
+    data
+        What the scripts show: JSON types, finite numbers only.
+    scripts
+        Names of assets that share one scope, in their order.
+    libraries
+        Names of assets with a scope of their own, before the others.
+    """
+    style = theme_rules() + asset("report.css")
+    code = "(() => {\n'use strict';\n" + "\n".join(asset(name) for name in scripts) + "\n})();\n"
+    blocks = [*(asset(name) for name in libraries), code]
+    hashes = " ".join(_source_hash(block) for block in blocks)
+    policy = (
+        f"default-src 'none'; script-src {hashes}; style-src {_source_hash(style)}; img-src data: blob:; "
+        "base-uri 'none'; form-action 'none'"
+    )
+    inline = "".join(f"<script>{block}</script>\n" for block in blocks)
+    text = (
+        f'{MARK}<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{escaped(policy)}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        '<meta name="color-scheme" content="light dark">\n'
+        '<meta name="referrer" content="no-referrer">\n'
+        f'<meta name="generator" content="OneFrame {escaped(__version__)}">\n'
+        f"<title>{escaped(title)}</title>\n<style>{style}</style>\n</head>\n<body>\n{body}\n"
+        f'<script type="application/json" id="data">{embedded_json(data)}</script>\n{inline}</body>\n</html>\n'
+    )
+    return text.encode("utf-8", "replace")
+
+
+def embedded_json(data: object) -> str:
+    """JSON that cannot end the element that it stands in."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def theme_rules() -> str:
+    """The colours of the project's charts as CSS variables: the system's theme, or the one that the user chose."""
+    light, dark = map(_variables, THEMES)
+    return (
+        f":root{{{light}}}\n@media (prefers-color-scheme: dark){{:root:not([data-theme=light]){{{dark}}}}}\n"
+        f":root[data-theme=dark]{{{dark}}}\n"
+    )
+
+
+def _variables(theme: Theme) -> str:
+    dark = theme.suffix != ""
+    values = {
+        "background": theme.background,
+        "text": theme.text,
+        "muted": theme.muted,
+        "grid": theme.grid,
+        "ours": theme.series[0],
+        "warning": theme.series[1],
+        "peer": theme.series[2],
+        "ramp-low": theme.ramp[0],
+        "raised": "#151b23" if dark else "#f6f8fa",
+        "sunken": "#0a0e14" if dark else "#eaeef2",
+    }
+    return f"color-scheme:{'dark' if dark else 'light'};" + "".join(
+        f"--{key}:{value};" for key, value in values.items()
+    )
+
+
+def _source_hash(block: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(block.encode()).digest()).decode()}'"
+
+
+def page_header(*, kind: str, name: str, facts: Sequence[str], status: str = "") -> str:
+    """The head of a page: what it shows, its name, facts in one line, and a badge (HTML)."""
+    line = "".join(f"<li>{escaped(fact)}</li>" for fact in facts)
+    return (
+        '<a class="skip" href="#main">Skip to the content</a>\n<header class="top"><div class="bar">'
+        f'<p class="brand">OneFrame <span>{escaped(kind)}</span></p>'
+        '<button id="theme" class="quiet" type="button" aria-label="Switch between light and dark" '
+        'title="Switch between light and dark"><span aria-hidden="true">◐</span></button></div>'
+        f'<div class="title"><h1>{escaped(name)}</h1>{status}</div><ul class="facts">{line}</ul></header>\n'
+        "<noscript><p class='note warning'>This page shows its pictures with JavaScript, which is switched off here."
+        "</p></noscript>"
+    )
+
+
+def property_table(rows: Sequence[tuple[str, str]], *, caption: str) -> str:
+    """A table of names and values; the values are HTML."""
+    body = "".join(f'<tr><th scope="row">{escaped(name)}</th><td>{value}</td></tr>' for name, value in rows)
+    return f'<div class="scroll"><table class="properties"><caption>{escaped(caption)}</caption>{body}</table></div>'
+
+
+def page_footer(*, three: bool = True) -> str:
+    """Where the page comes from; ``three`` names the bundled library and its licence."""
+    bundled = " 3D view: three.js, © three.js authors, MIT licence (in this file)." if three else ""
+    return (
+        f"<footer><p>Made by OneFrame {escaped(__version__)}. This file needs no network and sends nothing.{bundled}"
+        "</p></footer>"
+    )

@@ -8,7 +8,7 @@ PYTHON ?= $(shell scripts/dev/find_python.sh 3.13 3.11)
 PLATFORM ?= all
 RUN = $(VENV)/bin/python
 
-.PHONY: setup demo extension dist addon-dev test test-outside lint bench bench-alignment bench-surface docs screenshots clean
+.PHONY: setup demo extension dist addon-dev test test-outside lint bench bench-alignment bench-surface evaluate docs screenshots clean
 .DEFAULT_GOAL := demo
 
 # the environment: Blender as a module, the commands, what tests and checks need; again when pyproject.toml has changed
@@ -72,6 +72,11 @@ bench-alignment: setup
 # errors of the surface from CT beside scikit-image's, and what a 512³ CT takes, in demo/bench
 bench-surface: setup
 	$(RUN) scripts/benchmark_surface.py --out demo/bench/surface.json
+
+# views against real photographs, beside the paper's method, in demo/evaluation: EVALUATE_FLAGS="--bloster FOLDER --quick"
+evaluate: setup
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
+	$(RUN) scripts/benchmark_evaluation.py --out demo/evaluation $(EVALUATE_FLAGS)
 
 # the site in build/docs, from docs/ and the docstrings; every warning is an error
 docs: setup

@@ -17,10 +17,11 @@ EPILOG = """examples:
   %(prog)s case.toml held_out.json --out evaluation --methods projective-cycles paper-cycles
   %(prog)s --redraw --out evaluation
 
-PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}; pixels whose alpha is 0 are left out. Methods are
-projective, texture or vertex with -cycles or -eevee, vertex-workbench, paper-pyvista, paper-cycles, paper-pytorch3d,
-and all. The command writes evaluation.json, frames.csv, summary.md, summary.tex, figure.png, pairs.png, pictures/ and
-charts. FID and KID need --inception: the documentation says how to export that file.
+PHOTOGRAPHS.json is a list of {"image": file, "cam_from_mesh": 4x4}; pixels whose alpha is 0 are left out.
+Methods are projective, texture or vertex with -cycles, -eevee, -fill-cycles or -fill-eevee, vertex-workbench,
+paper-pyvista, paper-cycles, paper-pytorch3d, and all. The command writes evaluation.json, frames.csv, summary.md,
+summary.tex, figure.png, pairs.png, pictures/ and charts. FID and KID need --inception: the documentation says how to
+export that file.
 """
 DEFAULT_PICTURES = 6
 

@@ -11,14 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import InputError
+from pipeline.evaluation.charts.evaluation_chart import evaluation_charts
 from pipeline.evaluation.charts.landmark_chart import landmark_accuracy_charts
 from pipeline.evaluation.charts.page import DPI, THEMES, round_ticks
 from pipeline.evaluation.charts.refinement_chart import refinement_charts
 from pipeline.evaluation.charts.render_speed_chart import render_speed_charts
+from pipeline.evaluation.conditions import current_conditions
+from pipeline.evaluation.evaluation_record import Bound, EvaluatedCase, EvaluatedMethod, Evaluation, Row, summarised
 from pipeline.evaluation.landmark_accuracy import ErrorQuantiles, LandmarkAccuracy, LandmarkFigures
 from pipeline.evaluation.landmark_trials import PEERS as SOLVERS
 from pipeline.evaluation.refinement_basin import RefinementTrial, trials_to_csv
 from pipeline.evaluation.render_times import PEERS, RenderTimes
+from pipeline.evaluation.view_scores import SCORES
 
 matplotlib = pytest.importorskip("matplotlib")
 ROOT = Path(__file__).resolve().parents[2]
@@ -72,6 +76,34 @@ def render_times() -> RenderTimes:
     return RenderTimes({name: (0.1 * (1 + n / 3), 0.11 * (1 + n / 3), 0.09) for n, name in enumerate(names)})
 
 
+def evaluation(cases: int) -> Evaluation:
+    """Three methods whose names are as long as they get, on photographs of one or several cases."""
+    rng = np.random.default_rng(3)
+    names = [f"case {number}" for number in range(cases)]
+    methods = (
+        EvaluatedMethod("ours, projective, fill, cycles", peer=False),
+        EvaluatedMethod("ours, vertex, workbench", peer=False),
+        EvaluatedMethod("paper's colours (Cycles)", peer=True),
+        EvaluatedMethod("paper (PyTorch3D)", peer=True, skipped="PyTorch3D is not installed"),
+    )
+    rows = tuple(
+        Row(case, f"view {view}", method.name, {score: 0.5 + 0.4 * rng.random() for score in SCORES})
+        for case in names
+        for method in methods[:3]
+        for view in range(4)
+    )
+    bound = tuple(Bound(case, score, 0.95, 0.94, 0.96, 1.5) for case in (*names, "all") for score in SCORES)
+    return Evaluation(
+        conditions=current_conditions({"seed": 0}, blender="5.2.0"),
+        cases=tuple(EvaluatedCase(name, f"{name}.toml", ("view 0",)) for name in names),
+        methods=methods,
+        rows=rows,
+        summary=summarised(rows, rng),
+        distribution=(),
+        bound=bound,
+    )
+
+
 CHARTS = {
     "landmarks": lambda path: landmark_accuracy_charts(landmark_figures((2.0,), 30.0), path),
     "landmarks, two noises": lambda path: landmark_accuracy_charts(landmark_figures((1.0, 4.0)), path),
@@ -83,6 +115,8 @@ CHARTS = {
         refinement_trials(lambda angle, percent: (angle < 5, percent < 5)), path
     ),
     "render speed": lambda path: render_speed_charts(render_times(), path),
+    "evaluation": lambda path: evaluation_charts(evaluation(1), path),
+    "evaluation, several cases": lambda path: evaluation_charts(evaluation(7), path),
 }
 
 

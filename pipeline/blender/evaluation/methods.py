@@ -11,13 +11,14 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...colour.vertex_colours import VertexColours
+from ...dataset.options import COLOURS, UNSEEN
 from ...errors import InputError
 from ...evaluation.projected_colours import projected_colours
 from ...evaluation.pyvista_baseline import pyvista_renderer
 from ...files.keys import nearest_name
 from ...images.pixel_values import to_uint8
 from ...transforms import transform_points
-from ..colour.reference_view import ReferenceView, colour_of
+from ..colour.reference_view import ReferenceView, colour_of, unseen_colours_of
 from ..render.engines import check_engine, render_view
 from ..render.material import SurfaceColour
 from ..render.surface_scene import SurfaceScene
@@ -41,12 +42,15 @@ class Method:
         One of :data:`.COLOURS`, or :data:`PAPER`.
     renderer
         One of :data:`.ENGINES`, or ``"pyvista"`` or ``"pytorch3d"``.
+    unseen
+        What surface looks like that the frame did not see: one of :data:`.UNSEEN`.
     """
 
     key: str
     name: str
     colour: str
     renderer: str
+    unseen: str = "neutral"
 
     @property
     def peer(self) -> bool:
@@ -54,15 +58,15 @@ class Method:
         return self.colour == PAPER
 
 
-def _ours(colour: str, engine: str) -> Method:
-    return Method(f"{colour}-{engine}", f"ours, {colour}, {engine}", colour, engine)
+def _ours(colour: str, engine: str, unseen: str = "neutral") -> Method:
+    words = (colour, engine) if unseen == "neutral" else (colour, unseen, engine)
+    return Method("-".join(words), "ours, " + ", ".join(words), colour, engine, unseen)
 
 
 METHODS = {
     method.key: method
     for method in (
-        *(_ours(colour, "cycles") for colour in ("projective", "texture", "vertex")),
-        *(_ours(colour, "eevee") for colour in ("projective", "texture", "vertex")),
+        *(_ours(colour, engine, unseen) for unseen in UNSEEN for engine in ("cycles", "eevee") for colour in COLOURS),
         _ours("vertex", "workbench"),
         Method("paper-pyvista", "paper (PyVista)", PAPER, "pyvista"),
         Method("paper-cycles", "paper's colours (Cycles)", PAPER, "cycles"),
@@ -71,6 +75,7 @@ METHODS = {
 }
 DEFAULT = (
     "projective-cycles",
+    "projective-fill-cycles",
     "texture-cycles",
     "vertex-cycles",
     "projective-eevee",
@@ -152,7 +157,8 @@ def opened(
         )
         yield lambda pose: render(pose).astype(np.float32) / 255
         return
-    with SurfaceScene(source.mesh, camera, _colour(method, source), engine=method.renderer) as scene:
+    unseen = unseen_colours_of(source, method.unseen)
+    with SurfaceScene(source.mesh, camera, _colour(method, source), unseen=unseen, engine=method.renderer) as scene:
         yield lambda pose: render_view(scene, pose).rgb
 
 
@@ -160,7 +166,8 @@ def _colour(method: Method, source: ReferenceView) -> SurfaceColour:
     if method.colour == PAPER:
         view = source.view
         rgb = projected_colours(source.mesh, view.image, view.camera, view.cam_from_model)
-        return VertexColours(rgb, np.ones(len(rgb), bool))
+        everywhere = np.ones(len(rgb), bool)
+        return VertexColours(rgb, everywhere, everywhere)
     return colour_of(source, method.colour)[0]
 
 

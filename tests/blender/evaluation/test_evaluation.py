@@ -1,0 +1,110 @@
+"""The whole command on the sample at 64 px, and what its folder promises."""
+
+import csv
+import json
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.blender.evaluation.methods import METHODS, chosen_methods
+from pipeline.blender.sample.sample_case import write_sample_case
+from pipeline.commands import evaluate
+from pipeline.errors import InputError
+from pipeline.evaluation.evaluation_record import read_evaluation
+from pipeline.evaluation.view_scores import SCORES
+from pipeline.images.image_header import PNG_SIGNATURE
+from pipeline.sample.temporal_bone import MICROSCOPE, sample_surface
+
+ROOT = Path(__file__).resolve().parents[3]
+pytestmark = pytest.mark.render
+
+
+@pytest.fixture(scope="module")
+def sample(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("sample")
+    for _ in write_sample_case(folder, sample_surface(), camera=MICROSCOPE.resized(64, 48)):
+        pass
+    return folder
+
+
+def test_the_folder_of_an_evaluation(sample, tmp_path, run_command):
+    out = tmp_path / "evaluation"
+    listed = json.loads((sample / "held_out.json").read_text())[:2]
+    # one photograph looks away, and the frame itself is one of them
+    listed[1]["cam_from_mesh"] = (np.eye(4, k=3) * 1e4 + np.array(listed[1]["cam_from_mesh"])).tolist()
+    case_pose = read_pose(sample / "case.toml")
+    listed.append({"image": "frame.png", "cam_from_mesh": case_pose})
+    (sample / "list.json").write_text(json.dumps(listed))
+    arguments = [
+        sample / "case.toml", sample / "list.json", "--case", sample / "case.toml", sample / "list.json",
+        "--methods", "projective-cycles", "projective-fill-cycles", "paper-cycles", "paper-pytorch3d",
+        "--pictures", "3", "--out", out,
+    ]  # fmt: skip
+
+    ended = run_command([sys.executable, str(ROOT / "scripts" / "evaluate.py"), *map(str, arguments)])
+    assert ended.returncode == 0, ended.stderr
+    assert "done in" in ended.stderr
+    assert "paper (PyTorch3D): skipped, PyTorch3D is not installed" in ended.stdout
+    assert "view_2 shows nothing of the surface" in ended.stdout
+    assert "FID and KID are missing" in ended.stdout
+    record = json.loads((out / "evaluation.json").read_text())
+    assert record["format"] == "oneframe evaluation 1"
+    assert record["conditions"].keys() == {"machine", "versions", "configuration", "measured"}
+    assert len({case["name"] for case in record["cases"]}) == 2
+    ran = [method["name"] for method in record["methods"] if "skipped" not in method]
+    assert ran == ["ours, projective, cycles", "ours, projective, fill, cycles", "paper's colours (Cycles)"]
+    assert [method["peer"] for method in record["methods"]] == [False, False, True, True]
+    assert record["distribution"] == []
+    rows = {(row["case"], row["image"], row["method"]): row for row in record["rows"]}
+    assert len(rows) == 2 * 3 * 3
+    name = record["cases"][0]["name"]
+    # the frame itself comes back, all of it that the frame saw
+    assert rows[name, "frame", ran[0]]["ssim_observed"] > 0.999
+    assert rows[name, "frame", ran[0]]["error_observed"] < 0.5
+    assert all(rows[name, "view_2", ran[0]][score] is None for score in SCORES if score.startswith("ssim"))
+    filled, grey = (rows[name, "view_1", method] for method in (ran[1], ran[0]))
+    assert filled["observed_px"] == grey["observed_px"]
+    assert filled["error_surface"] < grey["error_surface"]
+    # what is drawn and written is there, and nothing else
+    pictures = {entry[kind] for entry in record["pictures"] for kind in ("real", "segmented", "rendered", "difference")}
+    assert len(record["pictures"]) == 2 * 2 * 3
+    files = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
+    tables = {"evaluation.json", "frames.csv", "summary.md", "summary.tex", "figure.png", "pairs.png"}
+    assert files == tables | pictures | set(record["charts"])
+    assert len(record["charts"]) == 8
+    assert all((out / path).read_bytes().startswith(PNG_SIGNATURE) for path in pictures)
+    table = [line for line in (out / "frames.csv").read_text().splitlines() if not line.startswith("# ")]
+    written = list(csv.DictReader(table))
+    assert [float(row["ssim_whole"]) for row in written if row["ssim_whole"]] == pytest.approx(
+        [row["ssim_whole"] for row in record["rows"] if row["ssim_whole"] is not None], rel=1e-5
+    )
+    latex = (out / "summary.tex").read_text()
+    assert latex.count(r"\begin{tabular}") == latex.count(r"\bottomrule") == 3
+    assert "\\\\" in latex
+    # means and intervals; the limit, except for what it is given
+    means = {(entry["case"], entry["method"], entry["score"]): entry for entry in record["summary"]}
+    both = [row["ssim_whole"] for key, row in rows.items() if key[0] == name and key[2] == ran[0] and row["ssim_whole"]]
+    assert means[name, ran[0], "ssim_whole"]["mean"] == pytest.approx(np.mean(both))
+    assert means["all", ran[0], "ssim_whole"]["n"] == 4
+    bound = {(entry["case"], entry["score"]): entry for entry in record["bound"]}
+    assert bound["all", "ssim_whole"]["mean"] > means["all", ran[0], "ssim_whole"]["mean"]
+    assert ("all", "flow_px") not in bound
+    # charts again from the record, alike
+    charts = {path: (out / path).read_bytes() for path in record["charts"]}
+    assert read_evaluation(out / "evaluation.json").cases[0].frames == ("view_1", "view_2", "frame")
+    assert evaluate.main(["--redraw", "--out", str(out)]) == 0
+    assert {path: (out / path).read_bytes() for path in record["charts"]} == charts
+
+
+def read_pose(case: Path) -> list:
+    return tomllib.loads(case.read_text())["pose"]["cam_from_mesh"]
+
+
+def test_unknown_methods_are_refused_and_all_are_all():
+    with pytest.raises(InputError, match=r"unknown method 'projective-cyles'; did you mean 'projective-cycles'"):
+        chosen_methods(["projective-cyles"])
+    assert chosen_methods(["all"]) == tuple(METHODS.values())
+    assert len({method.name for method in METHODS.values()}) == len(METHODS)

@@ -191,8 +191,8 @@ def measure_frame_size(size: float, mode: str) -> list[Cell]:
 def measure_wall(thickness_px: float, side: str) -> list[Cell]:
     """Leaking: part of a hidden plate that is painted, behind another one at this distance in pixel footprints.
 
-    ``side`` is "layers": both plates face the frame; "wall": they are front and back of a closed wall, which is seen from
-    behind. A point of the hidden plate is painted from the plate above it, at most this distance off in the image.
+    ``side`` is "layers": both plates face the frame; "wall": they are front and back of a closed wall, which is seen
+    from behind. A point of the hidden plate is painted from the plate above it, at most this distance off in the image.
     """
     above = hills(0.5, height_mm=0.0, half_mm=(12.0, 12.0))
     gap = thickness_px * DISTANCE_MM / CAMERA.fx

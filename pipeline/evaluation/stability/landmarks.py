@@ -1,7 +1,7 @@
 """Sweeps of the pose from landmarks past the point where it fails, by focal length and solver. Needs ``cv2``.
 
-The surface is a box that spans :data:`SPAN_PX` at every focal length, so the distance grows with it: what changes is the
-perspective, which is strong at 600 px and next to none at 12 800 px.
+The surface is a box that spans :data:`SPAN_PX` at every focal length, so the distance grows with it: what changes is
+the perspective, which is strong at 600 px and next to none at 12 800 px.
 """
 
 import itertools
@@ -15,10 +15,7 @@ import numpy as np
 
 from ...alignment.landmarks.candidates import UNDISTORTED
 from ...alignment.landmarks.degeneracy import (
-    FEWEST_CORRESPONDENCES,
-    MAX_NOISE_RATIO,
     MIN_INLIER_FRACTION,
-    MIN_SPREAD_SIGMAS,
     UndeterminedPose,
 )
 from ...alignment.landmarks.solver import FEW_CORRESPONDENCES, LARGE_NOISE_RATIO, solve_pose

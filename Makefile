@@ -8,7 +8,7 @@ PYTHON ?= $(shell scripts/dev/find_python.sh 3.13 3.11)
 PLATFORM ?= all
 RUN = $(VENV)/bin/python
 
-.PHONY: setup demo extension dist addon-dev test test-outside lint bench bench-alignment bench-surface docs screenshots clean
+.PHONY: setup demo extension dist addon-dev test test-outside lint bench bench-alignment bench-surface stability docs screenshots clean
 .DEFAULT_GOAL := demo
 
 # the environment: Blender as a module, the commands, what tests and checks need; again when pyproject.toml has changed
@@ -72,6 +72,11 @@ bench-alignment: setup
 # errors of the surface from CT beside scikit-image's, and what a 512³ CT takes, in demo/bench
 bench-surface: setup
 	$(RUN) scripts/benchmark_surface.py --out demo/bench/surface.json
+
+# where methods fail, and what the software answers there, in demo/stability; STABILITY_FLAGS=--quick: minutes
+stability: setup
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
+	$(RUN) scripts/benchmark_stability.py --out demo/stability $(STABILITY_FLAGS)
 
 # the site in build/docs, from docs/ and the docstrings; every warning is an error
 docs: setup

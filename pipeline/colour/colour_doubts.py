@@ -9,13 +9,13 @@ MAX_STATED_ERROR_PX = 1.0
 mean colour error on detail 18 px wide (:mod:`pipeline.blender.evaluation.stability_colouring`)."""
 
 MAX_MAGNIFICATION = 4.0
-"""Enlargement of the frame's pixels in a view up to which views count as sharp: at twice that, detail 18 px wide in
-the view is 15/255 off (measured there too)."""
+"""Enlargement of the frame's pixels in a view up to which views count as sharp: at twice that, detail 18 px wide in the
+view is 15/255 off (measured there too)."""
 
 
 MAX_REDUCTION = 8.0
-"""Pixels of the frame, along a side, in one of a view with one ray: beyond it, views of detail down to the frame's pixel
-are more than 3/255 off the mean over the pixel (:mod:`pipeline.blender.evaluation.stability_renderers`)."""
+"""Pixels of the frame, along a side, in one of a view with one ray: beyond it, views of detail down to the frame's
+pixel are more than 3/255 off the mean over the pixel (:mod:`pipeline.blender.evaluation.stability_renderers`)."""
 
 
 def pose_doubt(alignment: Mapping[str, object]) -> str:

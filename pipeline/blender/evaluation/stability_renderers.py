@@ -60,7 +60,7 @@ def _renderer(folder: Path, triangles: int, **options: object) -> ViewRenderer:
 def _pose(renderer: ViewRenderer, *, distance: float = 1.0, tilt_deg: float = 0.0) -> np.ndarray:
     """The frame's pose, tilted about the middle of the surface, at a multiple of its distance."""
     tilt = rigid(rotation_from_vector(np.array([np.radians(tilt_deg), 0.0, 0.0])))
-    away = rigid(translation=[0.0, 0.0, (distance - 1) * CAM_FROM_MESH[2, 3]])
+    away = rigid(translation=np.array([0.0, 0.0, (distance - 1) * CAM_FROM_MESH[2, 3]]))
     return away @ CAM_FROM_MESH @ tilt
 
 

@@ -48,8 +48,8 @@ def _draw(figure: Any, theme: Theme, *, cells: Sequence[Cell], conditions: Seque
     panels[7].axis("off")
     panels[7].text(
         0, 0.5,
-        f"Edges nowhere wrong are drawn at {FLOOR_PX:g} px.\nEvery case goes through files, as a user's\ndoes: so do the "
-        "answers.",
+        f"Edges nowhere wrong are drawn at {FLOOR_PX:g} px.\nEvery case goes through files, as a user's\n"
+        "does: so do the answers.",
         va="center", fontsize=9.5, color=theme.text, transform=panels[7].transAxes,
     )  # fmt: skip
     answer_legend(figure, theme)

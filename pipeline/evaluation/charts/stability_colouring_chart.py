@@ -50,13 +50,18 @@ def _draw(figure: Any, theme: Theme, *, cells: Sequence[Cell], conditions: Seque
         if panel.codes:
             log_y(axes, 0.003, 200)
             lines(
-                axes, theme, [cell for cell in own if cell.x > 0 or not panel.log], floor=0.004, wrong_above=WRONG_CODES
+                axes,
+                theme,
+                [cell for cell in own if cell.x > 0 or not panel.log],
+                floor=0.004,
+                wrong_above=WRONG_CODES,
+                label_at=0.05,
             )
             axes.set_ylabel("mean colour error (of 255)", fontsize=9.5)
         else:
             axes.set_ylim(-0.03, 1.15)
             axes.set_yticks([0, 0.5, 1], ["0", "50 %", "100 %"])
-            lines(axes, theme, own, wrong_above=WRONG_PART)
+            lines(axes, theme, own, wrong_above=WRONG_PART, label_at=0.2)
             leak = panel.sweep == "thin walls"
             axes.set_ylabel("hidden, but painted" if leak else "seen, but left grey", fontsize=9.5)
         axes.set_title(panel.title)

@@ -23,9 +23,9 @@ LABELS = {
     "number": "number of correspondences",
     "noise": "true click noise (px); stated: 2 px",
     "outliers": "part of the 20 pairs that is 80 px off",
-    "spread": "extent of the points, of the surface's",
-    "coplanarity": "thickness of the points, of the surface's",
-    "collinearity": "width of points on a plane, of the surface's",
+    "spread": "extent of the points / the surface's",
+    "coplanarity": "thickness of the points / the surface's",
+    "collinearity": "width of points on a plane / the surface's",
     "sign flips": "tilt of nearly flat points (°)",
 }
 PEER_LOOKS = {"EPnP": (WARNING, "^"), "SQPnP + LM": (PEER, "s")}
@@ -68,7 +68,7 @@ def _draw_outcomes(figure: Any, theme: Theme, *, cells: Sequence[Cell], conditio
             )  # fmt: skip
         axes.set_title(sweep.name.capitalize())
         axes.set_xlabel(LABELS[sweep.name], fontsize=9.5)
-        axes.tick_params(axis="x", labelsize=8.5)
+        axes.tick_params(axis="x", labelsize=8)
     _draw_calibration(panels[-1], theme, in_sweep(cells, "calibration"))
     _legend(figure, theme)
     small_print(figure, theme, f"Bars: OneFrame, over focal lengths of 600 to 12 800 px; {PERSPECTIVE}.", conditions)
@@ -120,7 +120,7 @@ def _draw_focal(figure: Any, theme: Theme, *, cells: Sequence[Cell], conditions:
         axes.set_title(sweep.name.capitalize())
         axes.set_xlabel(LABELS[sweep.name], fontsize=9.5)
         axes.set_ylabel("focal length (px)", fontsize=9.5)
-        axes.tick_params(labelsize=9)
+        axes.tick_params(labelsize=8)
     panels[-1].axis("off")
     panels[-1].text(
         0, 0.5,

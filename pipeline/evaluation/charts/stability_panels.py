@@ -95,7 +95,7 @@ def draw_category_limit(
         before = sum(value < limit or (value == limit and not below) for value in values)
         at = (before if rising else len(values) - before) - 0.5
         axes.axvline(at, color=theme.text, linewidth=1.2, linestyle=(0, (4, 2)))
-        _limit_label(axes, theme, at, constant, upright=False)
+        _limit_label(axes, theme, at, constant)
 
 
 def limits_of(cells: Sequence[Cell]) -> list[tuple[str, float]]:
@@ -103,17 +103,18 @@ def limits_of(cells: Sequence[Cell]) -> list[tuple[str, float]]:
     return distinct([(cell.constant, cell.limit) for cell in cells if cell.constant])
 
 
-def _limit_label(axes: Any, theme: Theme, at: float, constant: str, *, upright: bool) -> None:
-    """Write the name of a limit beside its line: along it, or across it where there is room above the bars."""
+def _limit_label(axes: Any, theme: Theme, at: float, constant: str, label_at: float | None = None) -> None:
+    """Write the name of a limit beside its line: across it above the bars, or along it from a part of the height."""
+    upright, height = label_at is not None, 1.0 if label_at is None else label_at
     right = upright or _part_along(axes, at, *axes.get_xlim()) > 0.5
     axes.annotate(
         constant,
-        (at, 1),
-        (-3 if right else 3, -2),
+        (at, height),
+        (-3 if right else 3, -2 if height > 0.5 else 2),
         xycoords=("data", "axes fraction"),
         textcoords="offset points",
         ha="right" if right else "left",
-        va="top",
+        va="top" if height > 0.5 else "bottom",
         rotation=90 if upright else 0,
         fontsize=7.5,
         color=theme.text,
@@ -139,7 +140,7 @@ def lines(
     quantity: Callable[[Cell], float] = lambda cell: cell.error,
     floor: float | None = None,
     wrong_above: float | None = None,
-    labels: bool = True,
+    label_at: float = 1.0,
 ) -> None:
     """Draw a quantity against ``x``, a line a series, with a marker for each answer; both axes are set before.
 
@@ -153,8 +154,8 @@ def lines(
         Smaller values are drawn there: a logarithmic axis has no zero.
     wrong_above
         From where results count as wrong: a line.
-    labels
-        Whether the lines' names go into a legend.
+    label_at
+        Where the names of limits begin, as a part of the height: where there are no points.
     """
     names = distinct([cell.series for cell in cells])
     for number, name in enumerate(names):
@@ -168,7 +169,7 @@ def lines(
         # equal lines must not hide each other: the first is wide, and the last one thin
         width, size = 1.3 + 1.6 * (len(names) - 1 - number), 26 + 26 * (len(names) - 1 - number)
         shade = 1.0 if number == len(names) - 1 else 0.55
-        axes.plot(x, y, color=colour, linewidth=width, alpha=shade, label=name if labels else None)
+        axes.plot(x, y, color=colour, linewidth=width, alpha=shade, label=name)
         for answer in ANSWERS:
             chosen = np.array([cell.answer == answer for cell in own])
             _points(axes, x, y, chosen, answer, colour, theme, size, 0.02 + 0.05 * number)
@@ -178,7 +179,7 @@ def lines(
         axes.axvline(limit, color=theme.text, linewidth=1.2, linestyle=(0, (4, 2)))
         low, high = axes.get_xlim()
         if min(low, high) <= limit <= max(low, high):
-            _limit_label(axes, theme, limit, constant, upright=True)
+            _limit_label(axes, theme, limit, constant, label_at)
     axes.grid(axis="y", linewidth=0.8)
 
 
@@ -335,10 +336,10 @@ def bottom_legend(figure: Any, handles: Sequence[Any]) -> None:
     )
 
 
-def small_print(figure: Any, theme: Theme, text: str, conditions: Sequence[str]) -> None:
-    """A text and the conditions below the panels, with room for :func:`bottom_legend`."""
+def small_print(figure: Any, theme: Theme, text: str, conditions: Sequence[str], *, legend: bool = True) -> None:
+    """A text and the conditions below the panels, with room for :func:`bottom_legend` if there is one."""
     rows = [*textwrap.wrap(text, SMALL_PRINT_WIDTH), *textwrap.wrap(conditions_note(conditions), SMALL_PRINT_WIDTH)]
-    note(figure, theme, "\n".join([*rows, " ", " "]))
+    note(figure, theme, "\n".join([*rows, *((" ", " ") if legend else ())]))
 
 
 def conditions_note(conditions: Sequence[str]) -> str:

@@ -18,7 +18,7 @@ from .stability_panels import (
 )
 
 FRAMES = (
-    ("texture-poor", "as it is", "Texture-poor", "contrast of the frame, of the original's"),
+    ("texture-poor", "as it is", "Texture-poor", "contrast / the original's"),
     ("occluded", "as it is", "Occluded", "part under instruments"),
     ("occluded", "masked", "Occluded, masked", "part under instruments, masked out"),
     ("specular", "as it is", "Specular", "part under glare"),
@@ -50,7 +50,7 @@ def _draw(figure: Any, theme: Theme, *, cells: Sequence[Cell], conditions: Seque
             outcome_bars(axes, theme, own)
         axes.set_title(title)
         axes.set_xlabel(label, fontsize=9.5)
-        axes.tick_params(axis="x", labelsize=9)
+        axes.tick_params(axis="x", labelsize=8)
     outcome_legend(panels[-1], theme)
     small_print(
         figure,
@@ -58,4 +58,5 @@ def _draw(figure: Any, theme: Theme, *, cells: Sequence[Cell], conditions: Seque
         "Sample case, 960x720 px at 300 mm (0.058 mm a pixel); bad frames start 3° and 4 mm (about 60 px) off; wrong: "
         "accepted, beyond 2 px or 1°, and further off than twice the stated error.",
         conditions,
+        legend=False,
     )

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import cv2
 import numpy as np
@@ -178,7 +179,8 @@ def measure(sweep: Sweep, number: int, focal_px: float, seed: int, *, quick: boo
     """The cells of a sweep at one focal length: ours and every peer's; ``y`` is the focal length."""
     camera, cells = camera_of(focal_px), []
     for index, value in enumerate(sweep.values):
-        clicks = replace(sweep.others, **{sweep.attribute: value})
+        swept: dict[str, Any] = {sweep.attribute: value}
+        clicks = replace(sweep.others, **swept)
         rng = np.random.default_rng([seed, number, int(focal_px), index])
         trials = [draw_trial(rng, clicks, camera) for _ in range(QUICK_TRIALS if quick else TRIALS)]
         outcomes = {OURS: [our_outcome(trial, camera) for trial in trials]}
@@ -215,11 +217,17 @@ def measure_calibration(count: int, seed: int, *, quick: bool) -> list[Cell]:
         cells += [
             replace(
                 Cell.of("calibration", f"{count} pairs", ratio, each, y=level),
-                value=float(np.mean([not one.wrong for one in each if one.answer != "refuses"] or [math.nan])),
+                value=_part_inside(each),
             )
             for level, each in outcomes.items()
         ]
     return cells
+
+
+def _part_inside(outcomes: list[Outcome]) -> float:
+    """Fraction of the regions that hold the truth; NaN if all trials were refused."""
+    inside = [not outcome.wrong for outcome in outcomes if outcome.answer != "refuses"]
+    return float(np.mean(inside)) if inside else math.nan
 
 
 def tasks(seed: int, *, quick: bool) -> Iterator[Task]:

@@ -34,6 +34,9 @@ PANELS = (
     Panel("thin walls", "Thin walls", "distance of the sides (pixel footprints)", True, False),
 )
 
+LEGENDS: dict[str, str | tuple[float, float]] = {"mesh density": (0.05, 0.12), "magnification": "upper left"}
+"""Where there are no points."""
+
 
 def colouring_stability_charts(cells: Sequence[Cell], conditions: Sequence[str], data: Path) -> list[Path]:
     """Draw the chart; returns the files written."""
@@ -68,7 +71,7 @@ def _draw(figure: Any, theme: Theme, *, cells: Sequence[Cell], conditions: Seque
         axes.set_xlabel(panel.label, fontsize=9.5)
         axes.tick_params(labelsize=9)
         if len({cell.series for cell in own}) > 1:
-            place = (0.03, 0.2) if panel.sweep == "mesh density" else "lower right" if panel.codes else "center left"
+            place = LEGENDS.get(panel.sweep, "lower right" if panel.codes else "center left")
             axes.legend(loc=place, fontsize=8.5, frameon=False, labelcolor="linecolor")
     panels[-1].axis("off")
     panels[-1].text(

@@ -13,11 +13,14 @@ from pipeline.alignment.landmarks.solver import solve_pose
 from pipeline.alignment.refinement.refine import refine_pose
 from pipeline.blender.bridge.camera import new_camera
 from pipeline.blender.case.load_case import load_case
+from pipeline.blender.dataset.job import Job, open_job
 from pipeline.blender.evaluation.stability_camera import Place, write_place
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.case.case_file import read_case
 from pipeline.colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
 from pipeline.colour.source_view import SourceView
+from pipeline.dataset.folder import Shard
+from pipeline.dataset.options import DatasetOptions
 from pipeline.errors import InputError
 from pipeline.evaluation.stability.landmarks import Clicks, camera_of, draw_trial
 from pipeline.poses.constraints import Constraints, ViewStatistics, plan_pose, sampling_doubt
@@ -296,3 +299,20 @@ def test_a_frame_needs_contrast(bumpy_mesh, frontal_pose):
         found = refine_pose(image, np.ones(camera.shape_hw, bool), camera, bumpy_mesh, frontal_pose)
         assert ("no detail" in found.message) == flat
         assert found.accepted <= (not flat)
+
+
+def test_a_run_says_beforehand_what_it_knows(write_tiny_case, tmp_path):
+    case = read_case(write_tiny_case(tmp_path / "case"))
+
+    def messages(**options: object) -> str:
+        job = Job(case, tmp_path / "out", DatasetOptions(**options), Shard())
+        with open_job(job).renderer(threads=1) as renderer:
+            return " ".join((*renderer.messages, renderer.sampling_doubt()))
+
+    assert messages() == ""
+    assert "views enlarge the frame up to 8 times" in messages(scale=4.0, distance_min=0.5)
+    far = {"scale": 0.25, "distance_max": 3.0, "min_surface": 0.0}
+    assert "views reduce the frame up to 12 times" in messages(**far)
+    assert "reduce" not in messages(**far, samples=4)
+    with pytest.raises(InputError, match="of 5000 poses tried, 5000 came nearer"):
+        messages(min_clearance_mm=1e6)

@@ -8,7 +8,7 @@ PYTHON ?= $(shell scripts/dev/find_python.sh 3.13 3.11)
 PLATFORM ?= all
 RUN = $(VENV)/bin/python
 
-.PHONY: setup demo extension dist addon-dev test test-outside lint bench bench-alignment bench-surface evaluate docs screenshots clean
+.PHONY: setup demo extension dist addon-dev test test-outside lint bench bench-alignment bench-surface evaluate stability docs screenshots clean
 .DEFAULT_GOAL := demo
 
 # the environment: Blender as a module, the commands, what tests and checks need; again when pyproject.toml has changed
@@ -77,6 +77,11 @@ bench-surface: setup
 evaluate: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	$(RUN) scripts/benchmark_evaluation.py --out demo/evaluation $(EVALUATE_FLAGS)
+
+# where methods fail, and what the software answers there, in demo/stability; STABILITY_FLAGS=--quick: minutes
+stability: setup
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
+	$(RUN) scripts/benchmark_stability.py --out demo/stability $(STABILITY_FLAGS)
 
 # the site in build/docs, from docs/ and the docstrings; every warning is an error
 docs: setup

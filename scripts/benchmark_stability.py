@@ -3,9 +3,10 @@
     python scripts/benchmark_stability.py --out FOLDER [--only TOPIC ...] [--seed N] [--quick] [--redraw]
 
 Topics: pnp (poses from landmarks, beside OpenCV's solvers), refinement (on the built-in sample case), colouring, camera
-(rendered pixels against K), renderers, sampling. Each writes FOLDER/stability_TOPIC.csv, one row a setting: trials, wrong
-results, wrong results without a word, answers (works, warns, falls back, refuses), errors and the software's limit; and
-its chart as SVG and PNG. --redraw draws the charts again from the tables. Times and memory are this machine's.
+(rendered pixels against K), renderers, sampling. Each writes FOLDER/stability_TOPIC.csv, one row a setting: trials,
+wrong results, wrong results without a word, answers (works, warns, falls back, refuses), errors and the software's
+limit; and its chart as SVG and PNG. --redraw draws the charts again from the tables. Times and memory are this
+machine's.
 """
 
 import os
@@ -27,8 +28,8 @@ from pipeline.blender.evaluation import stability_camera, stability_colouring, s
 from pipeline.blender.process import own_output
 from pipeline.blender.render.engines import keep_freed_memory
 from pipeline.blender.sample.sample_case import write_sample_case
-from pipeline.evaluation.charts.page import chart_outputs, require_matplotlib
-from pipeline.evaluation.charts.stability_charts import draw_topic
+from pipeline.evaluation.charts.page import require_matplotlib
+from pipeline.evaluation.charts.stability_charts import draw_topic, topic_outputs
 from pipeline.evaluation.conditions import current_conditions
 from pipeline.evaluation.refinement_scenes import case_scene
 from pipeline.evaluation.stability import landmarks, refinement, sampling
@@ -60,7 +61,7 @@ def main(argv: Sequence[str]) -> int:
         parser.error("expected --seed from 0")
     require_matplotlib()
     tables = {topic: arguments.out / f"stability_{topic}.csv" for topic in TOPICS if topic in arguments.only}
-    charts = [output for table in tables.values() for output in chart_outputs(table)]
+    charts = [output for topic, table in tables.items() for output in topic_outputs(topic, table)]
     if arguments.redraw:
         check_outputs(charts, {f"table of {topic}": table for topic, table in tables.items()})
     else:

@@ -19,8 +19,8 @@ NEAREST_MM, FARTHEST_MM = 2.0, 30_000.0
 """Working distances outside this range indicate wrong units; an error by a factor of 1000 is always outside."""
 
 MAX_EXTENT_RATIO = 200.0
-"""Largest ratio of the surface's extent to the frame's at the pose, or of the frame's to the surface's: wrong units make
-it 1000 times as large or small."""
+"""Largest ratio of the surface's extent to the frame's at the pose, or of the frame's to the surface's: wrong units
+make it 1000 times as large or small."""
 
 
 @dataclass(frozen=True)

@@ -47,8 +47,7 @@ def precision_doubts(
     if shown_px > EXACT_PX:
         messages.append(
             f"K: {px_per_mm:.3g} px per mm is more than Blender's single precision resolves: edges in views are off by "
-            f"up to {format_two_digits(shown_px)} px, elsewhere {EXACT_PX:g} px; check the focal length, or bring camera "
-            "and surface nearer together"
+            f"up to {format_two_digits(shown_px)} px, elsewhere {EXACT_PX:g} px; check the focal length"
         )
     given = mesh.vertices + mesh_from_model[:3, 3]
     farthest = float(np.abs(given).max())
@@ -56,8 +55,8 @@ def precision_doubts(
     stored_px = UNIT_ROUNDOFF * px_per_mm * farthest
     if stored_px > EXACT_PX and np.abs(given - given.astype(np.float32)).max() <= STORED_EXACTLY * step:
         messages.append(
-            f"{name}: the surface lies up to {farthest / 1000:.3g} m from the origin of its file, whose single precision "
-            f"has steps of {format_two_digits(step)} mm there: edges in views are off by up to "
+            f"{name}: the surface lies up to {farthest / 1000:.3g} m from the origin of its file, whose single "
+            f"precision has steps of {format_two_digits(step)} mm there: edges in views are off by up to "
             f"{format_two_digits(stored_px)} px; export it nearer to the origin, or with more digits"
         )
     return messages

@@ -1,21 +1,21 @@
-"""What is known before a run to make its colours worse than the frame's: a pose that is off, views too near or too far."""
+"""What makes the colours of a run worse than the frame's: a pose that is off, views too near or too far."""
 
 from collections.abc import Mapping
 
 from ..files.numbers import format_two_digits
 
 MAX_STATED_ERROR_PX = 1.0
-"""Error of the pose, stated in the case, up to which colours count as in place: each pixel of error costs 8/255 of mean
-colour error on detail 18 px wide (:mod:`pipeline.blender.evaluation.stability_colouring`)."""
+"""Error of the pose, stated in the case, up to which colours count as in place: each pixel of error costs 8/255 of
+mean colour error on detail 18 px wide (:mod:`pipeline.blender.evaluation.stability_colouring`)."""
 
 MAX_MAGNIFICATION = 4.0
-"""Enlargement of the frame's pixels in a view up to which views count as sharp: beyond it, detail 18 px wide in the view
-is less than two or three pixels of the frame, and 15/255 off (measured there too)."""
+"""Enlargement of the frame's pixels in a view up to which views count as sharp: at twice that, detail 18 px wide in the
+view is 15/255 off (measured there too)."""
 
 
 MAX_REDUCTION = 8.0
-"""Pixels of the frame, along a side, in one of a view with one ray: beyond it, views of detail down to the frame's pixel
-are more than 3/255 off the mean over the pixel (:mod:`pipeline.blender.evaluation.stability_renderers`)."""
+"""Pixels of the frame, along a side, in one of a view with one ray: beyond it, views of detail down to the frame's
+pixel are more than 3/255 off the mean over the pixel (:mod:`pipeline.blender.evaluation.stability_renderers`)."""
 
 
 def pose_doubt(alignment: Mapping[str, object]) -> str:
@@ -24,8 +24,8 @@ def pose_doubt(alignment: Mapping[str, object]) -> str:
     if not isinstance(error_px, int | float) or not error_px > MAX_STATED_ERROR_PX:
         return ""
     return (
-        f"[alignment] states that the surface is off by about {format_two_digits(error_px)} px in the frame: colours are "
-        "off by as much on the surface; refine the pose, or add landmarks"
+        f"[alignment] states that the surface is off by about {format_two_digits(error_px)} px in the frame: colours "
+        "are off by as much on the surface; refine the pose, or add landmarks"
     )
 
 

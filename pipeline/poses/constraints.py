@@ -17,8 +17,8 @@ MAX_ATTEMPTS = 5000
 """Poses tried for one view."""
 
 LEAST_ACCEPTANCE = 16 / MAX_ATTEMPTS
-"""Fraction of the poses that must meet the constraints: then a view finds none with a probability of exp(-16) = 1e-7, so
-all views of a run of 100 000 find one with a probability of 99 %."""
+"""Fraction of the poses that must meet the constraints: then a view finds none with a probability of exp(-16) = 1e-7,
+so all views of a run of 100 000 find one with a probability of 99 %."""
 
 
 @dataclass(frozen=True)
@@ -165,9 +165,9 @@ def sampling_doubt(attempts: Sequence[int]) -> str:
     if not tried or len(attempts) >= LEAST_ACCEPTANCE * tried:
         return ""
     return (
-        f"poses: about 1 of {tried / len(attempts):.0f} meets the constraints, so every view takes long, and a run ends "
-        f"at the first view that finds none in {MAX_ATTEMPTS} (expected: 1 of {1 / LEAST_ACCEPTANCE:.0f} or more); loosen "
-        "the constraints, or draw poses nearer to the reference pose"
+        f"poses: about 1 of {tried / len(attempts):.0f} meets the constraints (expected: 1 of "
+        f"{1 / LEAST_ACCEPTANCE:.0f} or more), so every view takes long, and a run ends at the first view that finds "
+        f"none in {MAX_ATTEMPTS} tries; loosen the constraints, or draw poses nearer to the reference pose"
     )
 
 

@@ -5,7 +5,6 @@ shows it as a z-buffer sees it. What is measured is what a dataset would contain
 """
 
 import itertools
-import math
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -30,7 +29,7 @@ TOPIC = "colouring"
 CAMERA = PinholeCamera(480, 360, 2400.0, 2400.0, 239.5, 179.5)
 """Of frames and views; 8 px per mm at 300 mm."""
 DISTANCE_MM = 300.0
-FRONTAL = rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, DISTANCE_MM])
+FRONTAL = rigid(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, DISTANCE_MM]))
 WRONG_CODES = 8.0
 """Mean colour error, of 255, beyond which colours count as wrong; also 5 % of the pixels painted wrongly or not."""
 WRONG_PART = 0.05
@@ -108,7 +107,7 @@ def view_outcome(
     with SurfaceScene(source.mesh, camera, colour) as scene:
         rendered = render_view(scene, pose)
     painted = rendered.observed
-    grey = 1 - painted.sum() / max(rendered.mask.sum(), 1)
+    grey = 1 - float(painted[rendered.mask].mean())
     if grey > 0.95:
         return Outcome("falls back", message="grey: not observed", value=grey)
     points_cam = camera.rays_cam(camera.pixel_grid())[painted] * rendered.depth_mm[painted][:, None]
@@ -130,7 +129,7 @@ def measure_pose_error(shift_px: float, stated: str) -> list[Cell]:
     """
     mesh = hills(0.5)
     image = photograph(mesh, CAMERA, FRONTAL)
-    moved = rigid(translation=[shift_px * DISTANCE_MM / CAMERA.fx, 0.0, 0.0]) @ FRONTAL
+    moved = rigid(translation=np.array([shift_px * DISTANCE_MM / CAMERA.fx, 0.0, 0.0])) @ FRONTAL
     doubt = pose_doubt({"error_px": shift_px} if stated == "stated" else {})
     outcome = view_outcome(reference(mesh, image, CAMERA, moved), CAMERA, moved, doubt=doubt)
     return _cell("pose error", stated, shift_px, outcome, Limit("MAX_STATED_ERROR_PX", MAX_STATED_ERROR_PX))
@@ -158,7 +157,7 @@ def measure_focal(focal_px: float) -> list[Cell]:
     distance = DISTANCE_MM * focal_px / CAMERA.fx
     camera = PinholeCamera(480, 360, focal_px, focal_px, 239.5, 179.5)
     scale = min(1.0, FARTHEST_MM / distance)
-    pose = rigid(FRONTAL[:3, :3], [0.0, 0.0, distance * scale])
+    pose = rigid(FRONTAL[:3, :3], np.array([0.0, 0.0, distance * scale]))
     return _cell("focal length", "projective", focal_px, _acne(hills(0.5).scaled(scale), camera, pose, scale))
 
 
@@ -191,8 +190,8 @@ def measure_frame_size(size: float, mode: str) -> list[Cell]:
 def measure_wall(thickness_px: float, side: str) -> list[Cell]:
     """Leaking: part of a hidden plate that is painted, behind another one at this distance in pixel footprints.
 
-    ``side`` is "layers": both plates face the frame; "wall": they are front and back of a closed wall, which is seen from
-    behind. A point of the hidden plate is painted from the plate above it, at most this distance off in the image.
+    ``side`` is "layers": both plates face the frame; "wall": they are front and back of a closed wall, which is seen
+    from behind. A point of the hidden plate is painted from the plate above it, at most this distance off in the image.
     """
     above = hills(0.5, height_mm=0.0, half_mm=(12.0, 12.0))
     gap = thickness_px * DISTANCE_MM / CAMERA.fx
@@ -207,7 +206,7 @@ def measure_wall(thickness_px: float, side: str) -> list[Cell]:
     turned = rigid(rotation_from_vector(np.array([0.0, np.pi if side == "wall" else 0.0, 0.0])))
     with SurfaceScene(behind, CAMERA, source.view) as scene:
         rendered = render_view(scene, FRONTAL @ turned)
-    leak = float(rendered.observed.sum() / max(rendered.mask.sum(), 1)) if rendered.mask.any() else math.nan
+    leak = float(rendered.observed[rendered.mask].mean())
     answer: Answer = "falls back" if leak < WRONG_PART else "works"
     # what leaks is displaced by less than the tolerance: wrong only beyond it
     wrong = leak > WRONG_PART and (side == "wall" or thickness_px > TOLERANCE_PX)

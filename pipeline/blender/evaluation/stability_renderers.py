@@ -1,4 +1,4 @@
-"""Sweeps of the renderers: samples against aliasing, rasterisers against Cycles, and how many triangles are too many."""
+"""Sweeps of the renderers: samples against aliasing, rasterisers against Cycles, and the number of triangles."""
 
 import itertools
 import math
@@ -35,7 +35,7 @@ SCALE = 0.25
 SAMPLES = (1, 2, 4, 8, 16, 64)
 REFERENCE_SAMPLES = 256
 DISTANCES = (1.0, 2.0, 4.0, 8.0)
-"""Relative to the frame's; the frame has 4 times as many pixels along a side, so its detail is finer than the views'."""
+"""Relative to the frame's; the frame has 4 times as many pixels along a side, so its detail is finer."""
 COARSE_TRIANGLES = 20_000
 TILTS_DEG = (0.0, 20.0, 40.0, 60.0, 80.0)
 TRIANGLES = (1_000, 10_000, 100_000, 1_000_000, 5_000_000, 11_000_000)
@@ -60,7 +60,7 @@ def _renderer(folder: Path, triangles: int, **options: object) -> ViewRenderer:
 def _pose(renderer: ViewRenderer, *, distance: float = 1.0, tilt_deg: float = 0.0) -> np.ndarray:
     """The frame's pose, tilted about the middle of the surface, at a multiple of its distance."""
     tilt = rigid(rotation_from_vector(np.array([np.radians(tilt_deg), 0.0, 0.0])))
-    away = rigid(translation=[0.0, 0.0, (distance - 1) * CAM_FROM_MESH[2, 3]])
+    away = rigid(translation=np.array([0.0, 0.0, (distance - 1) * CAM_FROM_MESH[2, 3]]))
     return away @ CAM_FROM_MESH @ tilt
 
 

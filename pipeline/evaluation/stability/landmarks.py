@@ -1,7 +1,7 @@
 """Sweeps of the pose from landmarks past the point where it fails, by focal length and solver. Needs ``cv2``.
 
-The surface is a box that spans :data:`SPAN_PX` at every focal length, so the distance grows with it: what changes is the
-perspective, which is strong at 600 px and next to none at 12 800 px.
+The surface is a box that spans :data:`SPAN_PX` at every focal length, so the distance grows with it: what changes is
+the perspective, which is strong at 600 px and next to none at 12 800 px.
 """
 
 import itertools
@@ -9,16 +9,14 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import cv2
 import numpy as np
 
 from ...alignment.landmarks.candidates import UNDISTORTED
 from ...alignment.landmarks.degeneracy import (
-    FEWEST_CORRESPONDENCES,
-    MAX_NOISE_RATIO,
     MIN_INLIER_FRACTION,
-    MIN_SPREAD_SIGMAS,
     UndeterminedPose,
 )
 from ...alignment.landmarks.solver import FEW_CORRESPONDENCES, LARGE_NOISE_RATIO, solve_pose
@@ -181,7 +179,8 @@ def measure(sweep: Sweep, number: int, focal_px: float, seed: int, *, quick: boo
     """The cells of a sweep at one focal length: ours and every peer's; ``y`` is the focal length."""
     camera, cells = camera_of(focal_px), []
     for index, value in enumerate(sweep.values):
-        clicks = replace(sweep.others, **{sweep.attribute: value})
+        swept: dict[str, Any] = {sweep.attribute: value}
+        clicks = replace(sweep.others, **swept)
         rng = np.random.default_rng([seed, number, int(focal_px), index])
         trials = [draw_trial(rng, clicks, camera) for _ in range(QUICK_TRIALS if quick else TRIALS)]
         outcomes = {OURS: [our_outcome(trial, camera) for trial in trials]}
@@ -218,11 +217,17 @@ def measure_calibration(count: int, seed: int, *, quick: bool) -> list[Cell]:
         cells += [
             replace(
                 Cell.of("calibration", f"{count} pairs", ratio, each, y=level),
-                value=float(np.mean([not one.wrong for one in each if one.answer != "refuses"] or [math.nan])),
+                value=_part_inside(each),
             )
             for level, each in outcomes.items()
         ]
     return cells
+
+
+def _part_inside(outcomes: list[Outcome]) -> float:
+    """Fraction of the regions that hold the truth; NaN if all trials were refused."""
+    inside = [not outcome.wrong for outcome in outcomes if outcome.answer != "refuses"]
+    return float(np.mean(inside)) if inside else math.nan
 
 
 def tasks(seed: int, *, quick: bool) -> Iterator[Task]:

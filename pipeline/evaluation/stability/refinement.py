@@ -49,7 +49,7 @@ def occluded(image: np.ndarray, part: float, rng: np.random.Generator) -> np.nda
         angle, thickness = rng.uniform(0, 2 * np.pi), int(rng.uniform(0.06, 0.14) * width)
         tip = rng.uniform([0.2, 0.2], [0.8, 0.8]) * [width, height]
         end = tip + 2 * width * np.array([np.cos(angle), np.sin(angle)])
-        cv2.line(covered, tuple(tip.astype(int).tolist()), tuple(end.astype(int).tolist()), 1, thickness)
+        cv2.line(covered, tip.astype(int).tolist(), end.astype(int).tolist(), [1.0], thickness)
     metal = 0.55 + 0.25 * np.sin(np.arange(width) / 17.0)[None, :, None]
     return np.where(covered[..., None] > 0, metal, image).astype(np.float32)
 

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -107,7 +108,8 @@ def measure(name: str, value: float, cone_deg: float, seed: int) -> list[Cell]:
     reference = ReferencePose(CAM_FROM_MESH, np.zeros(3))
     cone = Cone(reference=reference, cone_deg=cone_deg, roll_deg=15, distance_min=0.9, distance_max=1.1, shift_mm=2)
     shown = probe(CAM_FROM_MESH).surface_fraction
-    constraints = Constraints(**{"reference_surface": shown, name: value})
+    options: dict[str, Any] = {"reference_surface": shown, name: value}
+    constraints = Constraints(**options)
     return [Cell.of(name, f"cone {cone_deg:g}°", value, outcomes_of(cone, constraints, probe, seed), y=cone_deg)]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..dataset.check.check_dataset import CheckReport
 from ..files.numbers import format_two_digits
-from .page import escaped
+from .page import escaped, spaced
 
 MOST_PROBLEMS = 50
 """Lines of what could not be read; the rest is counted."""
@@ -40,7 +40,7 @@ def problem_list(title: str, problems: Sequence[str]) -> str:
 
 
 def _figures(check: CheckReport) -> str:
-    figures = [(f"{check.hashed:,}".replace(",", " "), "files with the right hash")]
+    figures = [(spaced(check.hashed), "files with the right hash")]
     pixels = sum(view.compared for view in check.compared)
     figures.append((str(len(check.compared)), "views compared pixel by pixel"))
     if pixels:

@@ -73,8 +73,8 @@ function pictureOf(choice) {
     const entries = pictures.get(shown.frame.key);
     const entry = method === undefined ? entries.values().next().value : entries.get(method);
     const name = choice.selectedOptions[0].textContent;
-    const uri = entry && data.files[entry[part]];
-    return uri ? { uri, name, alt: `${shown.frame.case}, ${shown.frame.image}: ${name}` } : null;
+    const file = entry && data.files[entry[part]];
+    return file ? { ...file, name, alt: `${shown.frame.case}, ${shown.frame.image}: ${name}` } : null;
 }
 
 function showPictures() {
@@ -86,7 +86,7 @@ function showPictures() {
 
 const strip = byId('strip');
 const buttons = frames.map((frame, place) => {
-    const uri = data.files[frame.entry.real] || data.files[frame.entry.segmented];
+    const { uri } = data.files[frame.entry.real] || data.files[frame.entry.segmented] || {};
     const button = el('button', { type: 'button', tabindex: -1, 'aria-label': `${frame.case}, ${frame.image}`, click: () => select(place) },
         uri ? el('img', { alt: '', src: uri, loading: 'lazy', decoding: 'async' }) : el('span', { class: 'absent', text: 'missing' }),
         el('span', { class: 'number', text: frame.image }));
@@ -206,7 +206,9 @@ showRows();
 byId('rows').hidden = !data.rows.length;
 
 for (const { title, light, dark } of data.figures) {
-    const image = (uri, theme) => (uri ? el('img', { class: theme, src: uri, alt: title, loading: 'lazy', decoding: 'async' }) : null);
+    const image = (file, theme) => (file ? el('img', {
+        class: theme, src: file.uri, width: file.width, height: file.height, alt: title, decoding: 'async',
+    }) : null);
     byId('figure-list').append(el('figure', {}, el('figcaption', { text: title }),
         ...(light && dark ? [image(light, 'only-light'), image(dark, 'only-dark')] : [image(light || dark, 'paper')])));
 }

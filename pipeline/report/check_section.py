@@ -24,7 +24,7 @@ def badge(check: CheckReport | None) -> str:
 def check_section(check: CheckReport | None, problems: Sequence[str]) -> str:
     """The content of the section."""
     if check is None:
-        parts = ["<p class='lead'>The dataset was not checked for this page. <code>oneframe check</code> does it.</p>"]
+        parts = ["<p class='muted'>The dataset was not checked for this page. <code>oneframe check</code> does it.</p>"]
     elif check.findings:
         parts = [f"<p class='lead bad'>Not complete and consistent: {_number(len(check.findings), 'finding')}.</p>"]
         parts += [_list(kind, messages, check.findings.counts[kind]) for kind, messages in check.findings.first.items()]

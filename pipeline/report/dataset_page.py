@@ -25,7 +25,6 @@ from .surface_model import ColouredSurface, read_surface
 from .thumbnails import PAGE_BYTES, TEXT_PER_BYTE, base64_text, fitting_quality, limited_picture, smaller
 from .view_geometry import SourceView
 
-DEFAULT_VIEWS = 1000
 OVERLAY = "overlay.png"
 FRAME_BYTES = 600_000
 """Of the source frame and of its overlay, as text."""
@@ -60,7 +59,7 @@ class _Page:
 def dataset_page(
     root: Path,
     *,
-    views: int = DEFAULT_VIEWS,
+    views: int = 0,
     check: CheckReport | None = None,
     case: Case | None = None,
     most_bytes: int = PAGE_BYTES,

@@ -1,5 +1,6 @@
 """The page that shows an evaluation: pictures side by side, scores with confidence intervals, and charts."""
 
+import re
 import string
 from collections.abc import Mapping
 from pathlib import Path
@@ -32,6 +33,7 @@ FIGURE_SHARE = 0.3
 """Of the page's pictures, the most that figures and charts may take before they are reduced."""
 FIGURES_AT_ONCE = 6
 """Each may take this part of that."""
+_VIEW_BOX = re.compile(rb'viewBox="[-\d.]+ [-\d.]+ (\d+(?:\.\d+)?) (\d+(?:\.\d+)?)"')
 DARK = "-dark"
 """Ends the name of a chart for dark pages."""
 
@@ -64,7 +66,7 @@ def evaluation_page(root: Path, *, most_bytes: int = PAGE_BYTES, stream: TextIO 
     resolved = root.resolve()
     facts = [
         _counted(len(cases), "case"), _counted(len({*_frames(rows)}), "photograph"),
-        _counted(len(methods), "method"), str(folder.table("conditions").get("measured") or ""),
+        _counted(sum("skipped" not in method for method in methods), "method"), str(folder.table("conditions").get("measured") or ""),
     ]  # fmt: skip
     distribution = folder.rows("distribution")
     missing = folder.content.get("missing")
@@ -174,11 +176,17 @@ def _figure(folder: EvaluationFolder, name: str | None, most_bytes: int) -> dict
     if name.lower().endswith(".svg"):
         data = folder.file(name)
         # as an image, an SVG runs no scripts and loads nothing
-        return None if data is None else {"uri": data_uri(data, "image/svg+xml"), "width": None, "height": None}
+        return None if data is None else {"uri": data_uri(data, "image/svg+xml"), **_svg_size(data)}
     image = _decoded(folder, name)
     if image is None:
         return None
     return limited_picture(image, most_bytes // FIGURES_AT_ONCE)
+
+
+def _svg_size(data: bytes) -> dict[str, float]:
+    """Width and height of an SVG by its ``viewBox``; nothing if it has none."""
+    found = _VIEW_BOX.search(data[:4096])
+    return {} if found is None else {"width": float(found[1]), "height": float(found[2])}
 
 
 def _conditions(conditions: Mapping[str, Any]) -> str:

@@ -30,6 +30,7 @@ SCRIPTS = {
     "overlay": "overlay.py",
     "render": "render_dataset.py",
     "check": "check_dataset.py",
+    "report": "report.py",
     "compare": "compare_views.py",
     "colour": "colour_mesh.py",
 }
@@ -178,7 +179,7 @@ def visible_options(parser: argparse.ArgumentParser) -> set[str]:
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["re"], "render"),
+        (["ren"], "render"),
         (["co"], "compare colour"),
         (["render", "--min-s"], "--min-surface"),
         (["align", "--la"], "--landmarks"),

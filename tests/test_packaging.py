@@ -20,6 +20,7 @@ from scripts.dev import build_extension
 
 ROOT = Path(__file__).resolve().parents[1]
 MODULES = {path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").rglob("*.py")}
+ASSETS = {path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline" / "report" / "assets").iterdir()}
 ABOUT = f"oneframe-{__version__}.dist-info"
 
 
@@ -83,7 +84,7 @@ def run_installed(installed, run_command, tmp_path, monkeypatch):
 
 def test_the_wheel_holds_the_package_and_its_licence_and_nothing_else(wheel):
     names = set(names_in(wheel))
-    assert {name for name in names if not name.startswith(ABOUT)} == MODULES
+    assert {name for name in names if not name.startswith(ABOUT)} == MODULES | ASSETS
     assert f"{ABOUT}/licenses/LICENSE" in names
     with zipfile.ZipFile(wheel) as archive:
         assert archive.read(f"{ABOUT}/licenses/LICENSE") == (ROOT / "LICENSE").read_bytes()
@@ -143,6 +144,9 @@ def test_the_installed_program_renders_with_workers_and_checks(run_installed, wr
     ended = run_installed("oneframe", "check", "out", "--views", "0")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "dataset of 4 views: complete and consistent" in ended.stdout
+    ended = run_installed("oneframe", "report", "out", "--out", "page.html", "--case", "case/case.toml")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert b"complete and consistent" in (tmp_path / "page.html").read_bytes()
     (tmp_path / "out" / "poses.csv").unlink()
     ended = run_installed("oneframe", "check", "out", "--fast")
     assert ended.returncode == 1

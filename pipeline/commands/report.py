@@ -8,6 +8,9 @@ from pathlib import Path
 from ..errors import InputError
 from .parser import command_parser, explained_imports
 
+DEFAULT_VIEWS = 1000
+"""As many as a page of 20 MB shows well."""
+
 ABOUT = "Make one HTML page of a dataset or an evaluation, to look at in any browser, without a network."
 """The first sentence of its help, not a docstring: ``python -OO`` drops these."""
 EPILOG = """examples:
@@ -23,8 +26,6 @@ their poses in 3D, distributions, what oneframe check finds, and provenance. It 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of this command."""
-    with explained_imports():
-        from ..report.dataset_page import DEFAULT_VIEWS
     parser.add_argument("folder", metavar="DIR", type=Path, help="folder of the dataset or the evaluation")
     dataset = parser.add_argument_group("dataset")
     dataset.add_argument(

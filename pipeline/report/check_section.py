@@ -6,7 +6,7 @@ import numpy as np
 
 from ..dataset.check.check_dataset import CheckReport
 from ..files.numbers import format_two_digits
-from .page import escaped
+from .page import escaped, spaced
 
 MOST_PROBLEMS = 50
 """Lines of what could not be read; the rest is counted."""
@@ -24,7 +24,7 @@ def badge(check: CheckReport | None) -> str:
 def check_section(check: CheckReport | None, problems: Sequence[str]) -> str:
     """The content of the section."""
     if check is None:
-        parts = ["<p class='lead'>The dataset was not checked for this page. <code>oneframe check</code> does it.</p>"]
+        parts = ["<p class='muted'>The dataset was not checked for this page. <code>oneframe check</code> does it.</p>"]
     elif check.findings:
         parts = [f"<p class='lead bad'>Not complete and consistent: {_number(len(check.findings), 'finding')}.</p>"]
         parts += [_list(kind, messages, check.findings.counts[kind]) for kind, messages in check.findings.first.items()]
@@ -40,7 +40,7 @@ def problem_list(title: str, problems: Sequence[str]) -> str:
 
 
 def _figures(check: CheckReport) -> str:
-    figures = [(f"{check.hashed:,}".replace(",", " "), "files with the right hash")]
+    figures = [(spaced(check.hashed), "files with the right hash")]
     pixels = sum(view.compared for view in check.compared)
     figures.append((str(len(check.compared)), "views compared pixel by pixel"))
     if pixels:

@@ -19,15 +19,15 @@ from ..progress import Progress
 from ..transforms import camera_centre
 from .check_section import badge, check_section
 from .dataset_views import DatasetFolder, ShownView, open_dataset, shown_message, shown_view, shown_views
-from .page import THREE, asset, html_page, page_footer, page_header
+from .page import THREE, asset, html_page, page_footer, page_header, spaced
 from .provenance import provenance_section
 from .surface_model import ColouredSurface, read_surface
-from .thumbnails import PAGE_BYTES, TEXT_PER_BYTE, base64_text, data_uri, fitting_quality, shrunk, smaller, webp
+from .thumbnails import PAGE_BYTES, TEXT_PER_BYTE, base64_text, fitting_quality, limited_picture, smaller
 from .view_geometry import SourceView
 
-DEFAULT_VIEWS = 1000
 OVERLAY = "overlay.png"
-FRAME_WIDTH_PX, FRAME_QUALITY = 1600, 84
+FRAME_BYTES = 600_000
+"""Of the source frame and of its overlay, as text."""
 SCRIPTS = ("elements.js", "slider.js", "histogram.js", "layers.js", "poses.js", "dataset.js")
 
 QUANTITIES = (
@@ -59,7 +59,7 @@ class _Page:
 def dataset_page(
     root: Path,
     *,
-    views: int = DEFAULT_VIEWS,
+    views: int = 0,
     check: CheckReport | None = None,
     case: Case | None = None,
     most_bytes: int = PAGE_BYTES,
@@ -98,12 +98,12 @@ def dataset_page(
     size = "" if camera is None else f"{camera.width} × {camera.height} px"
     options = folder.part("options")
     facts = [
-        f"{folder.count:,} views".replace(",", " "),
+        f"{spaced(folder.count)} views",
         f"of {folder.description['object']}" if "object" in folder.description else "",
         size,
         f"{options['engine']}, {options['colour']}" if {"engine", "colour"} <= options.keys() else "",
         f"sampler {options['sampler']}" if "sampler" in options else "",
-        f"shown: {len(sample):,}, evenly spaced".replace(",", " ") if len(sample) < folder.count else "",
+        f"shown: {spaced(len(sample))}, evenly spaced" if len(sample) < folder.count else "",
     ]
     resolved = root.resolve()
     header = page_header(
@@ -210,10 +210,10 @@ def _frames(page: _Page, case: Case | None) -> dict[str, object]:
             )
         if case.distortion is not None:
             note.append("The frame is shown as it was taken; overlay and views are undistorted.")
-        frames.append({"name": "Frame", "uri": _frame_uri(data, case.image.name)})
+        frames.append({"name": "Frame", **_frame(data, case.image.name)})
     try:
         data = read_content(page.folder.root / OVERLAY, "the overlay of the frame", OVERLAY)
-        frames.append({"name": "Overlay", "uri": _frame_uri(data, OVERLAY)})
+        frames.append({"name": "Overlay", **_frame(data, OVERLAY)})
     except InputError as error:
         page.problems.append(shown_message(error, page.folder.root))
     if case is None and frames:
@@ -221,9 +221,9 @@ def _frames(page: _Page, case: Case | None) -> dict[str, object]:
     return {"pictures": frames, "note": " ".join(note)}
 
 
-def _frame_uri(data: bytes, name: str) -> str:
+def _frame(data: bytes, name: str) -> dict[str, object]:
     check_image(data, name)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise InputError(f"{name}: expected an image, found a damaged one; copy it again")
-    return data_uri(webp(shrunk(image, FRAME_WIDTH_PX), FRAME_QUALITY))
+    return limited_picture(image, FRAME_BYTES)

@@ -161,8 +161,8 @@ def shown_view(root: Path, index: int, quality: Quality) -> ShownView:
         record = read_record(paths, with_mask=False)
     except RunError as error:
         if not paths.file("frame").exists() and not paths.file("rgb").exists():
-            return ShownView(index, problems=[f"{paths.relative('frame')}: there is no such view (yet)"])
-        problems.append(shown_message(error, root).removesuffix("; or remove the file and run the same command again"))
+            return ShownView(index, problems=[f"{paths.relative('frame')}: the view is missing"])
+        problems.append(shown_message(error, root).partition("; ")[0])
     picture = _image(paths, "rgb", problems)
     depth, mask, observed = (_image(paths, kind, problems) for kind in ("depth", "mask_visib", "mask_observed"))
     shapes = {image.shape[:2] for image in (picture, depth, mask, observed) if image is not None}
@@ -187,6 +187,9 @@ def shown_view(root: Path, index: int, quality: Quality) -> ShownView:
 def _image(paths: ViewPaths, kind: str, problems: list[str]) -> np.ndarray | None:
     """An image as OpenCV decodes it: BGR, or one channel; ``None`` with an entry in ``problems`` if that fails."""
     name = paths.relative(kind)
+    if not paths.file(kind).exists():
+        problems.append(f"{name}: the file is missing")
+        return None
     try:
         data = read_content(paths.file(kind), "an image of the view", name)
         check_image(data, name)

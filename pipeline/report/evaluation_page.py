@@ -1,5 +1,6 @@
 """The page that shows an evaluation: pictures side by side, scores with confidence intervals, and charts."""
 
+import re
 import string
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,12 +15,25 @@ from ..progress import Progress
 from .check_section import problem_list
 from .evaluation_folder import EVALUATION, FIGURES, EvaluationFolder, open_evaluation
 from .page import asset, escaped, html_page, page_footer, page_header, property_table
-from .thumbnails import PAGE_BYTES, TEXT_PER_BYTE, Quality, data_uri, fitting_quality, shrunk, smaller, webp
+from .thumbnails import (
+    PAGE_BYTES,
+    TEXT_PER_BYTE,
+    Quality,
+    data_uri,
+    fitting_quality,
+    limited_picture,
+    shrunk,
+    sized_picture,
+    smaller,
+)
 
 PARTS = ("real", "segmented", "rendered", "difference")
 SCRIPTS = ("elements.js", "slider.js", "table.js", "intervals.js", "evaluation.js")
 FIGURE_SHARE = 0.3
 """Of the page's pictures, the most that figures and charts may take before they are reduced."""
+FIGURES_AT_ONCE = 6
+"""Each may take this part of that."""
+_VIEW_BOX = re.compile(rb'viewBox="[-\d.]+ [-\d.]+ (\d+(?:\.\d+)?) (\d+(?:\.\d+)?)"')
 DARK = "-dark"
 """Ends the name of a chart for dark pages."""
 
@@ -46,13 +60,13 @@ def evaluation_page(root: Path, *, most_bytes: int = PAGE_BYTES, stream: TextIO 
     figures = _figures(folder, round(FIGURE_SHARE * most_bytes))
     pictures = folder.rows("pictures")
     names = sorted({entry[part] for entry in pictures for part in PARTS if isinstance(entry.get(part), str)})
-    used = sum(len(figure[kind] or "") for figure in figures for kind in ("light", "dark"))
-    uris = _encoded(folder, names, most_bytes - used, stream)
+    used = sum(len(figure[theme]["uri"]) for figure in figures for theme in ("light", "dark") if figure[theme])
+    files = _encoded(folder, names, most_bytes - used, stream)
     rows = folder.rows("rows")
     resolved = root.resolve()
     facts = [
         _counted(len(cases), "case"), _counted(len({*_frames(rows)}), "photograph"),
-        _counted(len(methods), "method"), str(folder.table("conditions").get("measured") or ""),
+        _counted(sum("skipped" not in method for method in methods), "method"), str(folder.table("conditions").get("measured") or ""),
     ]  # fmt: skip
     distribution = folder.rows("distribution")
     missing = folder.content.get("missing")
@@ -66,7 +80,7 @@ def evaluation_page(root: Path, *, most_bytes: int = PAGE_BYTES, stream: TextIO 
         "pictures": [
             {key: entry.get(key) for key in ("case", "image", "method", *PARTS)} for entry in pictures
         ],
-        "files": uris,
+        "files": files,
         "meanings": {str(name): str(text) for name, text in folder.table("scores").items()},
         "figures": figures,
     }  # fmt: skip
@@ -88,28 +102,34 @@ def _counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'s' * (count != 1)}"
 
 
-def _encoded(folder: EvaluationFolder, names: list[str], most_bytes: int, stream: TextIO | None) -> dict[str, str]:
+def _encoded(
+    folder: EvaluationFolder, names: list[str], most_bytes: int, stream: TextIO | None
+) -> dict[str, dict[str, Any]]:
     """The pictures by name, with the best quality that fits."""
 
-    def encoded(name: str, quality: Quality, problems: EvaluationFolder) -> bytes:
+    def encoded(name: str, quality: Quality, problems: EvaluationFolder) -> dict[str, Any] | None:
         image = _decoded(problems, name)
-        return b"" if image is None else webp(shrunk(image, quality.width_px), quality.webp)
+        return None if image is None else sized_picture(shrunk(image, quality.width_px), quality.webp)
+
+    def size(name: str, quality: Quality) -> int:
+        picture = encoded(name, quality, silent)
+        return 0 if picture is None else round(len(picture["uri"]) / TEXT_PER_BYTE)
 
     # what the pilots cannot read is reported once, below
     silent = EvaluationFolder(folder.root, folder.content, [])
-    quality = fitting_quality(lambda name, given: len(encoded(name, given, silent)), names, most_bytes=most_bytes)
+    quality = fitting_quality(size, names, most_bytes=most_bytes)
     reported = len(folder.problems)
     while True:
         del folder.problems[reported:]
-        uris = {}
+        shown: dict[str, dict[str, Any]] = {}
         with Progress(len(names), "pictures", stream=stream) as progress:
             for name in names:
-                if data := encoded(name, quality, folder):
-                    uris[name] = data_uri(data)
+                if picture := encoded(name, quality, folder):
+                    shown[name] = picture
                 progress.advance()
         lower = smaller(quality)
-        if lower is None or sum(map(len, uris.values())) <= most_bytes:
-            return uris
+        if lower is None or sum(len(picture["uri"]) for picture in shown.values()) <= most_bytes:
+            return shown
         quality = lower
 
 
@@ -150,20 +170,23 @@ def _figures(folder: EvaluationFolder, most_bytes: int) -> list[dict[str, Any]]:
     return figures
 
 
-def _figure(folder: EvaluationFolder, name: str | None, most_bytes: int) -> str | None:
+def _figure(folder: EvaluationFolder, name: str | None, most_bytes: int) -> dict[str, Any] | None:
     if name is None:
         return None
     if name.lower().endswith(".svg"):
         data = folder.file(name)
         # as an image, an SVG runs no scripts and loads nothing
-        return None if data is None else data_uri(data, "image/svg+xml")
+        return None if data is None else {"uri": data_uri(data, "image/svg+xml"), **_svg_size(data)}
     image = _decoded(folder, name)
     if image is None:
         return None
-    encoded = webp(shrunk(image, 2400), 86)
-    if len(encoded) * TEXT_PER_BYTE > most_bytes / 4:
-        encoded = webp(shrunk(image, 1200), 70)
-    return data_uri(encoded)
+    return limited_picture(image, most_bytes // FIGURES_AT_ONCE)
+
+
+def _svg_size(data: bytes) -> dict[str, float]:
+    """Width and height of an SVG by its ``viewBox``; nothing if it has none."""
+    found = _VIEW_BOX.search(data[:4096])
+    return {} if found is None else {"width": float(found[1]), "height": float(found[2])}
 
 
 def _conditions(conditions: Mapping[str, Any]) -> str:

@@ -31,6 +31,11 @@ def escaped(text: object) -> str:
     return html.escape(str(text), quote=True)
 
 
+def spaced(number: int) -> str:
+    """A whole number with thin spaces between thousands."""
+    return f"{number:,}".replace(",", "\u202f")
+
+
 def html_page(
     *, title: str, body: str, data: Mapping[str, object], scripts: Sequence[str], libraries: Sequence[str] = ()
 ) -> bytes:
@@ -96,7 +101,8 @@ def _variables(theme: Theme) -> str:
         "ours": theme.series[0],
         "warning": theme.series[1],
         "peer": theme.series[2],
-        "ramp-low": theme.ramp[0],
+        # the series' orange is too light for small text on a light page
+        "alert": theme.series[1] if dark else "#b04a00",
         "raised": "#151b23" if dark else "#f6f8fa",
         "sunken": "#0a0e14" if dark else "#eaeef2",
     }

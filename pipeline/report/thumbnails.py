@@ -11,8 +11,8 @@ from typing import TypeVar
 import cv2
 import numpy as np
 
-PAGE_BYTES = 18_000_000
-"""Of all pictures in a page, as text: leaves room below 20 MB for the script, the surface and the tables."""
+PAGE_BYTES = 16_500_000
+"""Of all pictures of views in a page, as text: leaves room below 20 MB for script, surface, frame and tables."""
 TEXT_PER_BYTE = 4 / 3
 """Of base64."""
 PILOTS = 8
@@ -99,6 +99,20 @@ def webp(image: np.ndarray, quality: int) -> bytes:
 def data_uri(data: bytes, kind: str = "image/webp") -> str:
     """Bytes as the address of a picture."""
     return f"data:{kind};base64,{base64_text(data)}"
+
+
+def sized_picture(image: np.ndarray, quality: int) -> dict[str, object]:
+    """A picture for the page: its address, and its size, so that nothing moves when it appears."""
+    return {"uri": data_uri(webp(image, quality)), "width": image.shape[1], "height": image.shape[0]}
+
+
+def limited_picture(image: np.ndarray, most_bytes: int) -> dict[str, object]:
+    """A :func:`sized_picture` as large as fits into this many bytes of text, or the smallest."""
+    for quality in QUALITIES:
+        picture = sized_picture(shrunk(image, quality.width_px), quality.webp)
+        if len(str(picture["uri"])) <= most_bytes:
+            break
+    return picture
 
 
 def base64_text(data: bytes) -> str:

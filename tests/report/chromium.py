@@ -115,7 +115,10 @@ class Chromium:
             {"name": "prefers-color-scheme", "value": "dark" if dark else "light"},
             {"name": "prefers-reduced-motion", "value": "reduce"},
         ])  # fmt: skip
-        self.send("Page.navigate", url=path.resolve().as_uri())
+        # pages from disk share what they keep
+        self.evaluate("(() => { try { localStorage.clear(); } catch { } })()")
+        self._page = path.resolve().as_uri()
+        self.send("Page.navigate", url=self._page)
         self.wait("document.documentElement?.dataset.ready === 'true' && document.readyState === 'complete'")
 
     def size(self, width: int, height: int) -> None:
@@ -182,4 +185,4 @@ class Chromium:
 
     def outside_requests(self) -> list[str]:
         """Requests for anything but the page itself and what is in it."""
-        return [url for url in self.requests[1:] if not url.startswith(("data:", "blob:"))]
+        return [url for url in self.requests if url != self._page and not url.startswith(("data:", "blob:"))]

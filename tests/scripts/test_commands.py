@@ -32,6 +32,7 @@ SCRIPTS = {
     "overlay": "overlay.py",
     "render": "render_dataset.py",
     "check": "check_dataset.py",
+    "report": "report.py",
     "compare": "compare_views.py",
     "evaluate": "evaluate.py",
     "colour": "colour_mesh.py",
@@ -183,7 +184,7 @@ def visible_options(parser: argparse.ArgumentParser) -> set[str]:
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["re"], "render"),
+        (["ren"], "render"),
         (["co"], "compare colour"),
         (["render", "--min-s"], "--min-surface"),
         (["align", "--la"], "--landmarks"),

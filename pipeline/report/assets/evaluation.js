@@ -30,6 +30,10 @@ const column = (score) => ({
     key: score, name: nameOfScore(score), title: [text(data.meanings[score]), direction(score)].filter(Boolean).join('; '), digits: digitsOf(score), number: true,
 });
 
+/** Whether a value is as good as the best, as far as both are shown. */
+const isBest = (value, best, score) => Number.isFinite(value) && Number.isFinite(best)
+    && value.toFixed(digitsOf(score)) === best.toFixed(digitsOf(score));
+
 /** For each score the best value among rows. */
 function bestOf(rows) {
     return Object.fromEntries(scores.filter((score) => direction(score)).map((score) => {
@@ -73,8 +77,8 @@ function pictureOf(choice) {
     const entries = pictures.get(shown.frame.key);
     const entry = method === undefined ? entries.values().next().value : entries.get(method);
     const name = choice.selectedOptions[0].textContent;
-    const uri = entry && data.files[entry[part]];
-    return uri ? { uri, name, alt: `${shown.frame.case}, ${shown.frame.image}: ${name}` } : null;
+    const file = entry && data.files[entry[part]];
+    return file ? { ...file, name, alt: `${shown.frame.case}, ${shown.frame.image}: ${name}` } : null;
 }
 
 function showPictures() {
@@ -86,7 +90,7 @@ function showPictures() {
 
 const strip = byId('strip');
 const buttons = frames.map((frame, place) => {
-    const uri = data.files[frame.entry.real] || data.files[frame.entry.segmented];
+    const { uri } = data.files[frame.entry.real] || data.files[frame.entry.segmented] || {};
     const button = el('button', { type: 'button', tabindex: -1, 'aria-label': `${frame.case}, ${frame.image}`, click: () => select(place) },
         uri ? el('img', { alt: '', src: uri, loading: 'lazy', decoding: 'async' }) : el('span', { class: 'absent', text: 'missing' }),
         el('span', { class: 'number', text: frame.image }));
@@ -121,7 +125,7 @@ function select(place, focus = false) {
     const best = bestOf(rows);
     byId('frame-scores').replaceChildren(...(rows.length ? [createTable({
         caption: `Scores of ${frame.image}`, rows, columns: [{ key: 'method', name: 'Method' }, ...mainScores.map(column)],
-        best: (row, key) => rows.length > 1 && Number.isFinite(row[key]) && row[key] === best[key],
+        best: (row, key) => rows.length > 1 && isBest(row[key], best[key], key),
     })] : []));
 }
 
@@ -161,7 +165,7 @@ function showSummary() {
     const bound = data.bound.find((row) => row.score === score && row.case === chosen) || null;
     byId('intervals').replaceChildren(...(rows.length ? [createIntervals(rows, bound, digitsOf(score))] : []));
     byId('meaning').textContent = [text(data.meanings[score]), direction(score), 'lines are 95 % confidence intervals',
-        bound ? `the band is the bound that noise and pose error set${Number.isFinite(bound.jitter_px) ? ` (poses moved by ${bound.jitter_px} px)` : ''}` : '']
+        bound ? `the band is the bound that noise and pose error set${Number.isFinite(bound.jitter_px) ? ` (poses off by ${Number(bound.jitter_px.toPrecision(2))} px)` : ''}` : '']
         .filter(Boolean).join(' · ');
     const table = methods.concat(rows.map((row) => row.name)).filter((name, place, all) => all.indexOf(name) === place).map((method) => ({
         method, ...Object.fromEntries(data.summary.filter((row) => row.method === method && row.case === chosen).map((row) => [row.score, row.mean])),
@@ -169,9 +173,11 @@ function showSummary() {
     const best = bestOf(table);
     byId('summary-table').replaceChildren(createTable({
         caption: 'Means of all scores', rows: table, columns: [{ key: 'method', name: 'Method' }, ...(byId('all-scores').checked ? summaryScores : mainScores).map(column)],
-        best: (row, key) => table.length > 1 && Number.isFinite(row[key]) && row[key] === best[key],
+        best: (row, key) => table.length > 1 && isBest(row[key], best[key], key),
     }));
 }
+const skipped = data.methods.filter((method) => text(method.skipped));
+byId('skipped').append(...skipped.map((method) => el('li', { text: `${text(method.name)} was not measured: ${method.skipped}` })));
 if (summaryScores.length) {
     scoreChoice.addEventListener('change', showSummary);
     summaryCase.addEventListener('change', showSummary);
@@ -206,7 +212,9 @@ showRows();
 byId('rows').hidden = !data.rows.length;
 
 for (const { title, light, dark } of data.figures) {
-    const image = (uri, theme) => (uri ? el('img', { class: theme, src: uri, alt: title, loading: 'lazy', decoding: 'async' }) : null);
+    const image = (file, theme) => (file ? el('img', {
+        class: theme, src: file.uri, width: file.width, height: file.height, alt: title, decoding: 'async',
+    }) : null);
     byId('figure-list').append(el('figure', {}, el('figcaption', { text: title }),
         ...(light && dark ? [image(light, 'only-light'), image(dark, 'only-dark')] : [image(light || dark, 'paper')])));
 }

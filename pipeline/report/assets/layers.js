@@ -45,7 +45,8 @@ async function drawLayers(canvas, view, chosen, strength) {
         if (kind && chosen.depth) [red, green, blue, alpha] = [...scaleColour(1 - source.data[at] / 255), strength];
         if (kind && chosen.observed) {
             const tint = kind === 2 ? seen : unseen;
-            const over = chosen.depth ? 0.35 : strength * 0.75;
+            // most is seen: what is not stands out
+            const over = (chosen.depth ? 0.5 : strength) * (kind === 2 ? 0.5 : 0.85);
             [red, green, blue] = [red, green, blue].map((value, part) => (
                 alpha ? value + over * (tint[part] - value) : tint[part]));
             alpha = Math.max(alpha, over);

@@ -1,6 +1,6 @@
 // Two pictures of one size on top of each other, with a line to drag between them.
 
-/** Returns an object with the element and `show(left, right)`; each is {uri, name, alt}. */
+/** Returns an object with the element and `show(left, right)`; each is {uri, width, height, name, alt}. */
 function createSlider(label) {
     const left = el('img', { class: 'under', decoding: 'async' });
     const right = el('img', { class: 'over', decoding: 'async' });
@@ -23,6 +23,8 @@ function createSlider(label) {
             name.hidden = !given;
             if (!given) continue;
             image.src = given.uri;
+            // before the picture is decoded: nothing below it moves
+            element.style.aspectRatio = `${given.width} / ${given.height}`;
             image.alt = given.alt || given.name;
             name.textContent = given.name;
         }

@@ -1,0 +1,133 @@
+"""The page of an evaluation in a real browser."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.images.png import encode_png
+from pipeline.report.evaluation_page import evaluation_page
+from tests.report.synthetic_evaluation import CASES, METHODS, write_evaluation
+
+HOSTILE = "</script><script>window.pwned = 1</script><img src=x onerror='window.pwned = 2'>"
+
+
+@pytest.fixture(scope="module")
+def page(evaluation, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "evaluation.html"
+    path.write_bytes(evaluation_page(evaluation))
+    return path
+
+
+def cells(browser, table: str) -> list[list[str]]:
+    return browser.evaluate(
+        f"[...document.querySelectorAll('{table} tbody tr')].map(line => [...line.children].map(it => it.textContent))"
+    )
+
+
+def test_pictures_scores_and_frames_belong_together(browser, page, evaluation):
+    browser.open(page)
+    content = json.loads((evaluation / "evaluation.json").read_text())
+    names = [image for image in CASES["relief"]]
+    for image in [*names[1:], names[0]]:
+        browser.key("ArrowRight")
+        assert browser.evaluate("document.querySelector('#frame-name').textContent") == image
+        rows = [row for row in content["rows"] if row["image"] == image]
+        expected = {row["method"]: f"{row['ssim_observed']:.3f}" for row in rows}
+        found = {line[0]: line[3] for line in cells(browser, "#frame-scores")}
+        assert found == expected
+        best = max(expected, key=lambda method: float(expected[method]))
+        marked = browser.evaluate("document.querySelector('#frame-scores .best').parentElement.firstChild.textContent")
+        assert marked == best
+    # both sides of the slider, and its line by the keyboard
+    browser.wait("document.querySelector('.slider .over').naturalWidth === 160")
+    sources = browser.evaluate("[...document.querySelectorAll('.slider img')].map(it => it.src)")
+    assert sources[0] != sources[1]
+    browser.evaluate("document.querySelector('.slider input').value = 20;"
+                     "document.querySelector('.slider input').dispatchEvent(new Event('input'))")  # fmt: skip
+    assert browser.evaluate("getComputedStyle(document.querySelector('.slider .over')).clipPath").endswith("20%)")
+    assert (browser.errors, browser.outside_requests()) == ([], [])
+
+
+def test_tables_sort_and_intervals_stand_where_their_numbers_are(browser, page, evaluation):
+    browser.open(page)
+    rows = json.loads((evaluation / "evaluation.json").read_text())["rows"]
+    expected = sorted((f"{row['ssim_observed']:.3f}" for row in rows), key=float)
+    heading = "#all-rows th:nth-child(6) button"
+    browser.click(heading)
+    assert [line[5] for line in cells(browser, "#all-rows")] == expected[::-1]
+    browser.click(heading)
+    assert [line[5] for line in cells(browser, "#all-rows")] == expected
+    assert browser.evaluate("document.querySelector('#all-rows th:nth-child(6)').ariaSort") == "ascending"
+    found = browser.evaluate(
+        "[...document.querySelectorAll('.intervals li:not(.axis)')].map(line => ["
+        "line.querySelector('strong').textContent, parseFloat(line.querySelector('.dot').style.left)])"
+    )
+    means, places = np.array(found, float).T
+    assert len(means) == len(METHODS)
+    # best first, and positions in proportion to the means
+    assert (np.diff(means) < 0).all()
+    assert np.polyval(np.polyfit(means, places, 1), means) == pytest.approx(places, abs=0.5)
+
+
+@pytest.mark.parametrize("width", [390, 1600])
+def test_nothing_is_wider_than_the_screen(browser, page, width):
+    browser.open(page, width=width, height=844)
+    assert browser.evaluate("document.documentElement.scrollWidth") == width
+    shown = "[...document.querySelectorAll('.only-light, .only-dark')].map(it => getComputedStyle(it).display)"
+    assert browser.evaluate(shown) == ["block", "none"]
+    browser.click("#theme")
+    assert browser.evaluate(shown) == ["none", "block"]
+    assert (browser.errors, browser.outside_requests()) == ([], [])
+
+
+def test_names_are_no_code_and_files_elsewhere_stay_there(browser, tmp_path):
+    root = write_evaluation(tmp_path / "evaluation", np.random.default_rng(4))
+    secret = encode_png(np.zeros((9, 9, 3), np.uint8))
+    (tmp_path / "secret.png").write_bytes(secret)
+    content = json.loads((root / "evaluation.json").read_text())
+    text = json.dumps(content).replace("paper (PyVista)", "M").replace("relief", "C")
+    content = json.loads(text)
+    for rows in (content["rows"], content["summary"], content["pictures"], content["distribution"]):
+        for row in rows:
+            row |= {"method": HOSTILE} if row["method"] == "M" else {}
+            row |= {"case": HOSTILE} if row["case"] == "C" else {}
+    content["methods"][2]["name"] = content["missing"] = content["conditions"]["machine"] = HOSTILE
+    content["pictures"][0]["real"] = "../secret.png"
+    content["pictures"][1]["rendered"] = "pictures/none.png"
+    content["charts"] = ["/etc/passwd", "../secret.png", 3, "similarity.svg"]
+    (root / "evaluation.json").write_text(json.dumps(content))
+    page = tmp_path / "page.html"
+    page.write_bytes(evaluation_page(root))
+    browser.open(page)
+    assert browser.evaluate("window.pwned") is None
+    assert browser.evaluate("document.querySelectorAll('script').length") == 2
+    named = browser.evaluate("document.querySelector('#conditions').textContent")
+    for name in ("../secret.png: expected a file in the folder", "/etc/passwd", "pictures/none.png"):
+        assert name in named
+    files = browser.evaluate("Object.keys(JSON.parse(document.getElementById('data').textContent).files)")
+    assert files
+    assert "../secret.png" not in files
+    assert (browser.errors, browser.outside_requests()) == ([], [])
+
+
+def test_an_evaluation_of_rows_alone_still_has_a_page(browser, tmp_path):
+    (tmp_path / "evaluation.json").write_text(
+        json.dumps({
+            "format": "oneframe evaluation 1", "missing": "no features were given",
+            "rows": [{"case": "a", "image": "1.png", "method": "m", "ssim_whole": 0.5}, 7], "charts": None,
+        })
+    )  # fmt: skip
+    page = tmp_path / "page.html"
+    page.write_bytes(evaluation_page(tmp_path))
+    browser.open(page)
+    assert cells(browser, "#all-rows") == [["1.png", "a", "m", "0.500"]]
+    assert "no features were given" in browser.evaluate("document.querySelector('#distribution').textContent")
+    assert browser.errors == []
+
+
+def test_another_format_is_refused(tmp_path):
+    (tmp_path / "evaluation.json").write_text('{"format": "oneframe evaluation 9"}')
+    with pytest.raises(InputError, match="expected the format 'oneframe evaluation 1'"):
+        evaluation_page(tmp_path)

@@ -1,0 +1,110 @@
+"""The command that writes a page, and the size of what it writes."""
+
+import re
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.dataset.layout import ViewPaths
+from pipeline.errors import InputError
+from pipeline.report.dataset_page import FRAME_BYTES, dataset_page
+from pipeline.report.page import THEMES, embedded_json, theme_rules
+from pipeline.report.surface_model import MOST_VERTICES
+from pipeline.report.thumbnails import PAGE_BYTES, QUALITIES, fitting_quality
+
+SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "report.py"
+
+
+def test_pages_and_what_is_refused(run_command, evaluation, tmp_path):
+    def run(*arguments):
+        return run_command([sys.executable, str(SCRIPT), *map(str, arguments)])
+
+    out = tmp_path / "new" / "page.html"
+    for _ in range(2):
+        # the second time it replaces its own page
+        ended = run(evaluation, "--out", out)
+        assert (ended.returncode, ended.stderr) == (0, "")
+        assert ended.stdout.endswith(f"MB: {out}\n")
+    other = tmp_path / "other.html"
+    other.write_text("<!DOCTYPE html>\n<p>somebody else's</p>")
+    refused = {
+        (evaluation, "--out", other): "found a file of another kind",
+        (tmp_path, "--out", out): "expected the folder of a dataset or of an evaluation, found neither",
+        (evaluation, "--out", evaluation / "evaluation.json"): "an input",
+        (evaluation, "--out", out, "--views", "-1"): "expected a number of views or 0 for all",
+    }
+    for arguments, message in refused.items():
+        ended = run(*arguments)
+        assert ended.returncode == 2
+        assert message in ended.stderr
+        assert ended.stderr.count("\n") == 1
+    assert other.read_text().endswith("somebody else's</p>")
+
+
+def test_a_page_inside_its_dataset_is_refused(run_command, dataset):
+    ended = run_command([sys.executable, str(SCRIPT), str(dataset), "--out", str(dataset / "report.html")])
+    assert ended.returncode == 2
+    assert "expected a file outside the folder of the dataset" in ended.stderr
+
+
+def test_the_page_has_room_for_1000_views(tmp_path, rng):
+    """A thousandth of the room for each view, however hard its picture is to encode: half of these are noise."""
+    count = 24
+    for index in range(count):
+        image = rng.integers(0, 256, (480, 640, 3), np.uint8)
+        # where the pilots look, there is nothing
+        image = image if index % 2 else np.full_like(image, 90)
+        path = ViewPaths(tmp_path, index).file("rgb")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(path), image, [cv2.IMWRITE_PNG_COMPRESSION, 0])
+    page = dataset_page(tmp_path, most_bytes=PAGE_BYTES * count // 1000)
+    pictures = re.findall(rb'"picture":"([^"]*)"', page)
+    assert len(pictures) == count
+    assert sum(map(len, pictures)) <= PAGE_BYTES * count // 1000
+    bare = len(page) - sum(map(len, pictures))
+    # script, style and 1000 records beside the pictures, the frame with its overlay, and the surface
+    surface = 4 / 3 * (9 + 2 * 6) * MOST_VERTICES
+    assert PAGE_BYTES + bare + 1000 * 600 + 2 * FRAME_BYTES + surface < 20e6
+
+
+def test_pictures_are_as_good_as_the_room_allows():
+    for room in (1e3, 1e5, 1e6, 1e9):
+        quality = fitting_quality(lambda _, quality: quality.width_px * 20, range(100), most_bytes=int(room))
+        place = QUALITIES.index(quality)
+        assert place == len(QUALITIES) - 1 or quality.width_px * 20 * 100 * 4 / 3 <= room
+        assert place == 0 or QUALITIES[place - 1].width_px * 20 * 100 * 4 / 3 > 0.92 * room
+    widths = [quality.width_px for quality in QUALITIES]
+    assert widths == sorted(widths, reverse=True)
+
+
+def test_embedded_text_cannot_end_its_element():
+    text = embedded_json({"<!--": "</script><script>", "a": ["&", "\u2028"]})
+    assert not set("<>&\u2028") & set(text)
+    with pytest.raises(ValueError, match="JSON"):
+        embedded_json(float("nan"))
+
+
+def test_all_text_is_readable():
+    """WCAG 2.1, 1.4.3: 4.5 to 1 for text on what it stands on."""
+
+    def luminance(code: str) -> float:
+        parts = np.array([int(code[at : at + 2], 16) for at in (1, 3, 5)]) / 255
+        linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+        return float(linear @ [0.2126, 0.7152, 0.0722])
+
+    rules = re.findall(r"\{(color-scheme:[^}]*)\}", theme_rules())
+    assert len(rules) == len(THEMES) + 1
+    for rule in rules:
+        colours = dict(re.findall(r"--([\w-]+):(#[0-9a-f]{6});", rule))
+        for text in ("text", "muted", "ours", "peer", "alert"):
+            for below in ("background", "raised"):
+                high, low = sorted((luminance(colours[text]), luminance(colours[below])), reverse=True)
+                assert (high + 0.05) / (low + 0.05) >= 4.5, (text, below, rule)
+
+
+def test_a_folder_without_a_dataset_is_refused(tmp_path):
+    with pytest.raises(InputError, match="expected the folder of a dataset"):
+        dataset_page(tmp_path)

@@ -40,17 +40,35 @@ class Nodes:
         self.link(other, node.inputs[1])
         return node.outputs["Value"]
 
-    def scaled(self, vector: bpy.types.NodeSocket, factor: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    def added(self, *vectors: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        """The sum of vectors or colours."""
+        total, *others = vectors
+        for other in others:
+            node = self.add("ShaderNodeVectorMath", operation="ADD")
+            self.link(total, node.inputs[0])
+            self.link(other, node.inputs[1])
+            total = node.outputs["Vector"]
+        return total
+
+    def scaled(self, vector: bpy.types.NodeSocket, factor: float | bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """A vector times a number."""
         node = self.add("ShaderNodeVectorMath", operation="SCALE")
         self.link(vector, node.inputs[0])
-        self.link(factor, node.inputs["Scale"])
+        if isinstance(factor, int | float):
+            node.inputs["Scale"].default_value = factor
+        else:
+            self.link(factor, node.inputs["Scale"])
         return node.outputs["Vector"]
 
-    def mixed(self, factor: bpy.types.NodeSocket, zero: tuple, one: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """The colour ``zero`` (RGBA) where the factor is 0, and ``one`` where it is 1."""
+    def mixed(
+        self, factor: bpy.types.NodeSocket, zero: tuple | bpy.types.NodeSocket, one: bpy.types.NodeSocket
+    ) -> bpy.types.NodeSocket:
+        """The colour ``zero`` (RGBA or a socket) where the factor is 0, and ``one`` where it is 1."""
         node = self.add("ShaderNodeMix", data_type="RGBA")
         self.link(factor, node.inputs[0])
-        node.inputs[6].default_value = zero
+        if isinstance(zero, tuple):
+            node.inputs[6].default_value = zero
+        else:
+            self.link(zero, node.inputs[6])
         self.link(one, node.inputs[7])
         return node.outputs[2]

@@ -15,6 +15,8 @@ LABELS = {
     "min_clearance_mm": "Clearance (mm)",
     "sampler": "Poses",
     "samples": "Rays at Edges",
+    "tolerance_colour": "Colour Error (/255)",
+    "tolerance_px": "Outline Error (px)",
     "scale": "Image Size (×)",
     "float_depth": "Float Depth",
     "video": "Video",

@@ -12,7 +12,8 @@ from ..pipeline.dataset.differences import COUNT
 from ..pipeline.dataset.identity import fewest_views, run_differences
 from ..pipeline.dataset.layout import FORMAT, RECORD, WORK
 from ..pipeline.dataset.options import DatasetOptions
-from ..pipeline.errors import InputError
+from ..pipeline.dataset.quality import setting_in
+from ..pipeline.errors import InputError, RunError
 from .wording import in_words
 
 ADVICE = "choose another folder for the dataset"
@@ -62,7 +63,12 @@ def check_folder(out: Path, loaded: LoadedCase, options: DatasetOptions, poses: 
         found = existing.get("format") if isinstance(existing, dict) else existing
         raise InputError(f"{out}: expected a dataset of this version of OneFrame ({FORMAT}), found {found!r}; {ADVICE}")
     files = input_files(loaded.case, options)
-    asked = describe(loaded, options, poses, hashes=inputs_sha256(files), blender=bpy.app.version_string)
+    try:
+        setting = setting_in(existing, str(record)) if options.quality != "exact" else None
+    except RunError as error:
+        raise InputError(str(error)) from None
+    hashes = inputs_sha256(files)
+    asked = describe(loaded, options, poses, hashes=hashes, blender=bpy.app.version_string, setting=setting)
     clauses = (in_words(change, files) for change in run_differences(out, existing, asked, poses))
     # K is several numbers
     changes = list(dict.fromkeys(clause for clause in clauses if clause is not None))

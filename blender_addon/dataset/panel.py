@@ -21,7 +21,11 @@ SAMPLER_OPTIONS = {
 """The options that each sampler uses."""
 
 CONSTRAINTS = ("min_observed", "min_surface", "min_clearance_mm")
-RENDERING = ("colour", "unseen", "max_incidence_deg", "engine", "samples", "scale", "float_depth", "video")
+RENDERING = (
+    "quality", "colour", "unseen", "max_incidence_deg", "engine", "samples", "scale", "float_depth", "video",
+)  # fmt: skip
+TOLERANCES = ("tolerance_colour", "tolerance_px")
+"""What counts for another quality than exact."""
 PanelOptions = set[Literal["DEFAULT_CLOSED", "HIDE_HEADER", "INSTANCED", "HEADER_LAYOUT_EXPAND"]]
 
 
@@ -74,6 +78,10 @@ class ONEFRAME_PT_dataset_options(_DatasetPanel, bpy.types.Panel):
         for names in (CONSTRAINTS, RENDERING):
             column = layout.column(align=True)
             for name in names:
+                column.prop(options, name)
+        if options.quality != "exact":  # type: ignore[attr-defined]  # from DatasetOptions
+            column = layout.column(align=True)
+            for name in TOLERANCES:
                 column.prop(options, name)
         if options.video:  # type: ignore[attr-defined]  # from DatasetOptions
             column.prop(options, "video_frames")

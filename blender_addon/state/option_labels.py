@@ -17,6 +17,8 @@ LABELS = {
     "samples": "Rays at Edges",
     "unseen": "Unseen Surface",
     "max_incidence_deg": "Max Incidence (°)",
+    "tolerance_colour": "Colour Error (/255)",
+    "tolerance_px": "Outline Error (px)",
     "scale": "Image Size (×)",
     "float_depth": "Float Depth",
     "video": "Video",

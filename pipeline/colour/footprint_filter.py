@@ -1,67 +1,49 @@
-"""Texture filtering: a prefiltered image in which one lookup gives the mean over a pixel's footprint.
+"""Texture filtering: averaged frames in which four lookups give the mean over a pixel's footprint.
 
-A pixel of a view at scale s of the frame covers a square of side 1/s frame pixels. The mean of the bilinearly
-interpolated frame over this square is a weighted sum of texels, with weights that depend on the square's position.
-Cubic B-spline interpolation of a suitably convolved frame gives nearly the same weights at every position, so the mean
-costs one lookup. (Bilinear lookups of a blurred frame blur again, by an amount that varies with the position.)
+A pixel of the frame is a mean over its own square already, so the frame is known as a function that is constant on
+these squares. A pixel of a view that covers a square of s frame pixels' side shows the mean of this function over it:
+a weighted sum of texels, in which the weight of a texel is its overlap with the square. At s = 1 this mean *is* the
+bilinear interpolant, so a view at the frame's scale needs no filter, and the frame's own pose gives the frame back.
+Below, in enlarged views, no filter could add detail. (The mean of the bilinear interpolant over the footprint would
+count the frame's pixels twice, and blur by one pixel too much at every scale.)
 
-References: Unser, "Splines: a perfect fit for signal and image processing", IEEE Signal Processing Magazine 16(6),
-1999 (interpolation by B-splines needs such a convolution first); Heckbert, "Survey of texture mapping", 1986.
+Along one axis, the weight is a trapezoid: a box of width s convolved with one of width 1. Bilinear interpolation of
+the means over N texels has the weights of s = N. For N < s < N + 1, two such lookups side by side, at a distance that
+gives the variance of s, come close: they are exact again for N = 1 and s = 2.
+
+Reference: Heckbert, "Survey of texture mapping", 1986.
 """
+
+from functools import reduce
 
 import numpy as np
 
-TEXEL_CORRELATION = 0.97
-"""Assumed correlation of neighbouring texels, for which the kernel is optimal; photographs have 0.9 to 0.99."""
-
-_POSITIONS = (np.arange(8) + 0.5) / 8
-_EXTRA_TEXELS = 2
+LARGEST_SIDE = 32
+"""Of the squares, in texels: beyond, the frame covers only a few pixels of the view."""
 
 
-def footprint_kernel(footprint: float) -> np.ndarray:
-    """The convolution to apply before cubic B-spline lookups.
+def squares_for(scale: float) -> tuple[int, float]:
+    """The averaged frame for a scale, and where to look it up.
 
     Parameters
     ----------
-    footprint
-        Side of the averaged square in texels, above 0.
+    scale
+        Side of the view's pixel in texels.
 
     Returns
     -------
-    ``(2 r + 1,)`` symmetric kernel k with sum 1, for both axes. Over all positions x, the sum of k(n) beta3(x - m - n)
-    over n is the least-squares approximation of the weight of texel m in the mean of the linear interpolant over
-    x - footprint/2 .. x + footprint/2.
+    side
+        Of the squares of :func:`averaged` to use, texels.
+    offset
+        Texels: the lookups are at -offset and +offset along either axis. A box of width w has variance w^2 / 12.
     """
-    reach = max(2, int(np.ceil(footprint / 2 + 0.5)))
-    taps, texels = np.arange(-reach, reach + 1), np.arange(-reach - 3, reach + 4)
-    # errors of neighbouring weights cancel to the extent that neighbouring texels correlate
-    whitening = np.linalg.cholesky(TEXEL_CORRELATION ** np.abs(texels[:, None] - texels)).T
-    halves = np.eye(reach + 1)[np.abs(taps)]
-    rows, wanted = [], []
-    for position in _POSITIONS:
-        upper, lower = (_linear_integral(position + side * footprint / 2 - texels) for side in (1, -1))
-        rows.append(whitening @ _cubic_spline(position - texels[:, None] - taps) @ halves)
-        wanted.append(whitening @ (upper - lower) / footprint)
-    # constrain the sum to 1: the middle tap is 1 minus the others
-    system, target = np.concatenate(rows), np.concatenate(wanted)
-    others = system[:, 1:] - 2 * system[:, :1]
-    half, *_ = np.linalg.lstsq(others, target - system[:, 0], rcond=None)
-    return np.concatenate([half[::-1], [1 - 2 * half.sum()], half])
+    scale = float(np.clip(scale, 1, LARGEST_SIDE))
+    side = int(scale)
+    return side, float(np.sqrt((scale * scale - side * side) / 12))
 
 
-def _cubic_spline(x: np.ndarray) -> np.ndarray:
-    x = np.abs(x)
-    return np.where(x < 1, 2 / 3 - x**2 + x**3 / 2, np.maximum(2 - x, 0) ** 3 / 6)
-
-
-def _linear_integral(x: np.ndarray) -> np.ndarray:
-    """Integral of the hat function 1 - |t| up to x."""
-    x = np.clip(x, -1, 1)
-    return 0.5 + x - np.sign(x) * x**2 / 2
-
-
-def prefiltered(image: np.ndarray, known: np.ndarray, footprint: float) -> np.ndarray:
-    """Convolve an image so that cubic B-spline lookups give means over ``footprint`` texels.
+def averaged(image: np.ndarray, known: np.ndarray, side: int) -> tuple[np.ndarray, float]:
+    """The means over squares of some texels' side, at every texel.
 
     Parameters
     ----------
@@ -69,50 +51,68 @@ def prefiltered(image: np.ndarray, known: np.ndarray, footprint: float) -> np.nd
         ``(H, W, C)`` float32.
     known
         ``(H, W)`` bool: texels with a valid colour. Others near them are extrapolated, the rest does not matter.
-    footprint
-        Side of the averaged square in texels.
+    side
+        1 or more texels.
 
     Returns
     -------
-    ``(H, W, C)`` float32.
+    image
+        ``(H, W, C)`` float32.
+    place
+        The squares' centre relative to the texel's, in texels to the right and down: 0 or 0.5.
     """
-    kernel = footprint_kernel(footprint).astype(np.float32)
-    filled = _continued(image.astype(np.float32), known, steps=len(kernel) // 2 + _EXTRA_TEXELS)
-    return _convolved(_convolved(filled, kernel, axis=0), kernel, axis=1)
+    # squares and interpolants reach this far
+    result = _continued(image.astype(np.float32), known, steps=side + 1)
+    for axis in (0, 1):
+        margin = [(0, 0)] * 3
+        margin[axis] = ((side - 1) // 2, side // 2)
+        result = _box_sums(np.pad(result, margin, mode="edge"), side, axis=axis) / np.float32(side)
+    return result, 0.0 if side % 2 else 0.5
 
 
-def mean_over_pixels(image: np.ndarray) -> np.ndarray:
-    """``(H, W, C)`` values at pixel centres -> ``(H, W, C)`` means over the pixels, where the values vary smoothly.
+def mean_over_pixels(image: np.ndarray, scale: float) -> np.ndarray:
+    """``(H, W, C)`` values at pixel centres -> means over the pixels, where the values vary smoothly.
 
-    To second order the mean of f over a unit square is f + (f_xx + f_yy) / 24. This fails across edges and for detail
-    near the size of a pixel, which sampling at the centres has already lost or aliased.
+    Parameters
+    ----------
+    image
+        Values that are means over squares already.
+    scale
+        Side of a pixel relative to these squares. To second order the mean of f over a unit square is
+        f + (f_xx + f_yy) / 24, of which means over squares of side 1 / scale have the part 1 / scale^2.
+
+    Notes
+    -----
+    This fails across edges and for detail near the size of a pixel, which sampling at the centres has already lost or
+    aliased.
     """
+    part = np.float32(max(1 - 1 / scale**2, 0) / 24)
     around = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="edge")
     neighbours = around[2:, 1:-1] + around[:-2, 1:-1] + around[1:-1, 2:] + around[1:-1, :-2]
-    return image * np.float32(1 - 4 / 24) + neighbours * np.float32(1 / 24)
+    return image * (1 - 4 * part) + neighbours * part
 
 
-def _convolved(image: np.ndarray, kernel: np.ndarray, *, axis: int) -> np.ndarray:
-    reach, size = len(kernel) // 2, image.shape[axis]
-    margin = [(0, 0)] * image.ndim
-    margin[axis] = (reach, reach)
-    padded = np.pad(image, margin, mode="edge")
-    result = np.zeros_like(image)
-    for tap, weight in enumerate(kernel):
-        result += weight * padded[(slice(None),) * axis + (slice(tap, tap + size),)]
-    return result
+def _box_sums(image: np.ndarray, size: int, *, axis: int) -> np.ndarray:
+    """Sums of ``size`` neighbours along an axis; the result is ``size`` - 1 shorter."""
+    count = image.shape[axis] - size + 1
+    parts = (image[(slice(None),) * axis + (slice(first, first + count),)] for first in range(size))
+    return reduce(np.add, parts)
 
 
 def _continued(image: np.ndarray, known: np.ndarray, *, steps: int) -> np.ndarray:
     """Grow the known region by one texel per step; each new texel is the mean of its known neighbours."""
-    box = np.ones(3, np.float32)
     known, image = known.copy(), np.where(known[..., None], image, 0)
     for _ in range(steps):
         if known.all():
             break
-        count = _convolved(_convolved(known.astype(np.float32), box, axis=0), box, axis=1)
-        total = _convolved(_convolved(image, box, axis=0), box, axis=1)
+        count = _sums_of_nine(known.astype(np.float32)[..., None])[..., 0]
+        total = _sums_of_nine(image)
         new = ~known & (count > 0)
         image[new] = total[new] / count[new][:, None]
         known |= new
     return image
+
+
+def _sums_of_nine(image: np.ndarray) -> np.ndarray:
+    around = np.pad(image, ((1, 1), (1, 1), (0, 0)))
+    return _box_sums(_box_sums(around, 3, axis=0), 3, axis=1)

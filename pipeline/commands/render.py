@@ -17,6 +17,7 @@ OWN_COMMAND = (sys.executable, "-m", __package__, "render")
 
 GROUPS = {
     "views": ("count", "scale", "engine", "samples", "colour", "unseen", "max_incidence_deg", "float_depth"),
+    "quality": ("quality", "tolerance_colour", "tolerance_px"),
     "poses": (
         "seed", "poses", "sampler", "cone_deg", "roll_deg", "distance_min", "distance_max", "shift_mm", "sigma_deg",
         "sigma_mm", "polar_deg",

@@ -17,12 +17,15 @@ from .differences import COUNT, DEPTH_SCALE, POSES_HASH
 from .identity import geometry_hash, poses_hash
 from .layout import FORMAT
 from .options import DatasetOptions
+from .quality import SETTING, Setting
 from .view import depth_scale_for
 
 POSES = "poses"
 """Name of the list of poses among the input files."""
 NO_CONTENT = ("count", "poses", "video", "video_frames")
 """Options that affect no view (a video may be added later), or that the description holds elsewhere."""
+QUALITY = ("quality", "tolerance_colour", "tolerance_px")
+"""Options that the description of a dataset of exact quality leaves out."""
 
 
 def input_files(case: Case, options: DatasetOptions) -> dict[str, Path]:
@@ -56,6 +59,7 @@ def describe(
     *,
     hashes: Mapping[str, str],
     blender: str,
+    setting: Setting | None = None,
 ) -> dict[str, object]:
     """Describe a dataset: everything that it depends on, or that its users need; JSON types and tuples only.
 
@@ -69,6 +73,8 @@ def describe(
         SHA-256 of each of the :func:`input_files`, by name.
     blender
         Blender's version.
+    setting
+        What was chosen, with a quality other than ``exact``.
 
     Raises
     ------
@@ -77,7 +83,8 @@ def describe(
     """
     case, camera = loaded.case, view_camera(loaded, options)
     count = options.count if poses is None else len(poses)
-    content = {name: value for name, value in asdict(options).items() if name not in NO_CONTENT}
+    left_out = (*NO_CONTENT, *(QUALITY if options.quality == "exact" else ()))
+    content = {name: value for name, value in asdict(options).items() if name not in left_out}
     if options.sampler == "trajectory" and poses is None:
         content["views"] = count  # each pose depends on it
     listed: dict[str, object] = {}
@@ -104,6 +111,7 @@ def describe(
         # of the list of poses, the poses themselves count, and only those of the views
         "inputs_sha256": {name: digest for name, digest in hashes.items() if name != POSES},
         **listed,
+        **({} if setting is None else {SETTING: setting.to_json()}),
     }
 
 

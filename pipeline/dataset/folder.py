@@ -285,7 +285,7 @@ class RunFolder:
 
 
 _ATTEMPTS = 10
-_WORK_FILES = r"lock(-[0-9]+-of-[0-9]+)?(\.[0-9a-f]{16}\.(claim|new))?"
+_WORK_FILES = r"lock(-[0-9]+-of-[0-9]+)?(\.[0-9a-f]{16}\.(claim|new))?|surface-[0-9a-f]{16}\.npz"
 
 
 def _names(folder: Path) -> list[str]:

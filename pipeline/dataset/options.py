@@ -14,6 +14,7 @@ from ..files.keys import nearest_name
 ENGINES = ("cycles", "eevee", "workbench")
 COLOURS = ("projective", "texture", "vertex")
 UNSEEN = ("neutral", "fill")
+QUALITIES = ("exact", "auto", "draft")
 SAMPLERS = ("cone", "gaussian", "shell", "trajectory")
 LARGEST_NUMBER = 2**53
 """Whole numbers beyond this have no exact float, and no option needs them."""
@@ -51,6 +52,12 @@ class DatasetOptions:
         87.0, "largest angle between the frame's ray and the surface's normal at which surface counts as "
         "seen; what the frame sees at a grazing angle is stretched to streaks in other views", least=0, most=90,
     )  # fmt: skip
+    quality: str = _option(
+        "exact", "exact: the surface as given, ray traced; auto: the cheapest rendering within the tolerances, chosen "
+        "by measuring pilot views; draft: within four times the tolerances", choices=QUALITIES,
+    )  # fmt: skip
+    tolerance_colour: float = _option(0.5, "auto, draft: largest mean error of a view's RGB, of 255", least=0, most=255)
+    tolerance_px: float = _option(0.1, "auto, draft: largest mean error of a view's outlines", least=0, most=10)
     float_depth: bool = _option(False, "also write depth as float32 millimetres (.npy)")
     video: bool = _option(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _option(120, "length of the video in frames (24 per second)", least=2)
@@ -102,6 +109,11 @@ def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptio
         raise InputError(
             f"{where}: expected distance_min <= distance_max, found {options.distance_min:g} > "
             f"{options.distance_max:g}; swap them"
+        )
+    if options.quality != "exact" and options.engine != "cycles":
+        raise InputError(
+            f"{where}: expected engine cycles with quality {options.quality}, found {options.engine}; "
+            "use --quality exact, or --engine cycles"
         )
     if options.engine == "workbench" and options.colour != "vertex":
         raise InputError(

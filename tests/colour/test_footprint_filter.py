@@ -1,52 +1,100 @@
-"""The filtered image against means computed by brute force, and what it must leave alone."""
+"""The averaged frames against scenes of which the frame's and the view's pixels are true means."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.ndimage import gaussian_filter
 
-from pipeline.colour.footprint_filter import footprint_kernel, mean_over_pixels, prefiltered
+from pipeline.colour.footprint_filter import LARGEST_SIDE, averaged, mean_over_pixels, squares_for
 from pipeline.images.pixel_values import sample_bilinear
 
-SIZE = 64
+SIZE, FINE = 64, 20
 
 
-def photograph_like(rng: np.random.Generator) -> np.ndarray:
-    noise = rng.normal(size=(SIZE, SIZE))
-    image = sum(weight * gaussian_filter(noise, sigma) for sigma, weight in ((0.7, 0.3), (2, 1), (8, 8)))
-    return (0.5 + 0.2 * image / image.std()).astype(np.float32)
+@pytest.fixture(scope="module")
+def scene() -> np.ndarray:
+    """``(SIZE FINE, SIZE FINE)`` code values with detail down to a third of a frame pixel."""
+    noise = np.random.default_rng(5).normal(size=(SIZE * FINE, SIZE * FINE)).astype(np.float32)
+    layers = ((0.35, 0.3), (0.7, 0.5), (2, 1), (8, 1.5))
+    total = sum(w * each / each.std() for s, w in layers for each in [gaussian_filter(noise, s * FINE)])
+    return 127 + 38 * total / total.std()
 
 
-def brute_force_means(image: np.ndarray, centres: np.ndarray, footprint: float, angle: float) -> np.ndarray:
-    steps = (np.arange(24) + 0.5) / 24 - 0.5
-    offsets = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2) * footprint
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    points = centres[:, None] + offsets @ turn.T
-    return sample_bilinear(image, points.reshape(-1, 2)).reshape(len(centres), -1).mean(axis=1)
+def means_over_squares(scene: np.ndarray, centres: np.ndarray, side: float) -> np.ndarray:
+    """The means of a scene over squares, all in frame pixels, and in whole steps of 1 / FINE."""
+    sums = np.pad(scene.astype(np.float64).cumsum(0).cumsum(1), ((1, 0), (1, 0)))
+    low, high = (np.rint((centres + sign * side / 2 + 0.5) * FINE).astype(int) for sign in (-1, 1))
+    (left, top), (right, bottom) = low.T, high.T
+    total = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+    return total / (high - low).prod(axis=1)
 
 
-@pytest.mark.parametrize("footprint", [0.8, 1.0, 1.5, 3.0, 6.5])
-@pytest.mark.parametrize("angle", [0.0, 0.4])
-def test_one_spline_lookup_is_the_mean_over_the_footprint(rng, footprint, angle):
-    image = photograph_like(rng)
-    centres = rng.uniform(12, SIZE - 13, (400, 2))
-    wanted = brute_force_means(image, centres, footprint, angle)
-    filtered = prefiltered(image[..., None], np.ones(image.shape, dtype=bool), footprint)[..., 0]
-    got = map_coordinates(filtered, centres[:, ::-1].T, order=3, prefilter=False)
-    point_samples = sample_bilinear(image, centres)
-    error, unfiltered = (np.sqrt(np.mean((colours - wanted) ** 2)) * 255 for colours in (got, point_samples))
-    assert error < max(0.4, 0.1 * unfiltered)
-    assert error < 0.5 * unfiltered
+def frame_of(scene: np.ndarray) -> np.ndarray:
+    return scene.reshape(SIZE, FINE, SIZE, FINE).mean(axis=(1, 3))
 
 
-@given(footprint=st.floats(0.05, 40.0))
-def test_kernels_keep_brightness_and_slopes(footprint):
-    kernel = footprint_kernel(footprint)
-    assert kernel.sum() == pytest.approx(1, abs=1e-9)
-    assert np.array_equal(kernel, kernel[::-1])
-    # hardly any overshoot: |k| sums to the largest contrast that can come out
-    assert np.abs(kernel).sum() < 2.1
+def filtered_lookups(frame: np.ndarray, centres: np.ndarray, scale: float) -> np.ndarray:
+    """The mean of four lookups, as of the surface's material."""
+    side, offset = squares_for(scale)
+    image, place = averaged(frame[..., None], np.ones(frame.shape, dtype=bool), side)
+    steps = [(right * offset - place, down * offset - place) for right in (-1, 1) for down in (-1, 1)]
+    return np.mean([sample_bilinear(image[..., 0], centres + step) for step in steps], axis=0)
+
+
+def means_of_interpolant(frame: np.ndarray, centres: np.ndarray, scale: float) -> np.ndarray:
+    """What counts the frame's pixels twice: the mean of its bilinear interpolant over the footprint."""
+    steps = ((np.arange(16) + 0.5) / 16 - 0.5) * scale
+    points = centres[:, None] + np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
+    return sample_bilinear(frame, points.reshape(-1, 2)).reshape(len(centres), -1).mean(axis=1)
+
+
+def rms(difference: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(difference**2)))
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.1, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.5, 6.0, 11.0])
+def test_near_to_the_scene(rng, scene, scale):
+    frame, centres = frame_of(scene), np.rint(rng.uniform(16, SIZE - 17, (600, 2)) * FINE) / FINE
+    truth = means_over_squares(scene, centres, scale)
+    error = rms(filtered_lookups(frame, centres, scale) - truth)
+    if scale <= 3:
+        assert error < 0.9 * rms(means_of_interpolant(frame, centres, scale) - truth)
+    else:
+        assert error < 0.025 * scene.std()
+    if scale >= 2:
+        assert error < 0.8 * rms(sample_bilinear(frame, centres) - truth)
+
+
+@pytest.mark.parametrize("scale", [0.2, 1.0])
+def test_at_the_frame_s_own_scale_and_nearer_nothing_is_filtered(rng, scene, scale):
+    frame, centres = frame_of(scene), rng.uniform(4, SIZE - 5, (200, 2))
+    assert np.allclose(filtered_lookups(frame, centres, scale), sample_bilinear(frame, centres), rtol=1e-5)
+
+
+@given(scale=st.floats(1.0, LARGEST_SIDE))
+def test_squares_and_offset_have_the_variance_of_the_footprint(scale):
+    side, offset = squares_for(scale)
+    assert side >= 1
+    assert side**2 / 12 + offset**2 == pytest.approx(scale**2 / 12)
+
+
+@pytest.mark.parametrize("scale", [2, 3, 5])
+def test_nothing_jumps_where_the_squares_grow(rng, scene, scale):
+    frame, centres = frame_of(scene), rng.uniform(12, SIZE - 13, (600, 2))
+    before, after = (filtered_lookups(frame, centres, scale + step) for step in (-1e-9, 1e-9))
+    # exactly continuous at 2; elsewhere both approximate the same footprint
+    assert rms(after - before) < (1e-4 if scale == 2 else 0.025) * scene.std()
+
+
+@pytest.mark.parametrize("period", [2, 4, 8])
+def test_stripes_average_to_their_mean_and_never_alias(rng, period):
+    stripes = np.where(np.arange(SIZE) % period < period / 2, 255.0, 0.0)
+    frame, centres = np.tile(stripes, (SIZE, 1)), rng.uniform(20, SIZE - 21, (400, 2))
+    assert np.abs(filtered_lookups(frame, centres, float(period)) - 127.5).max() < 0.01
+    for scale in np.linspace(period, 2.5 * period, 12):
+        # a box's own response to them is at most a quarter of their contrast, from the second lobe of its spectrum
+        assert np.abs(filtered_lookups(frame, centres, scale) - 127.5).max() < 127.5 * 0.3
 
 
 def test_colours_of_unknown_texels_are_never_used(rng):
@@ -54,24 +102,27 @@ def test_colours_of_unknown_texels_are_never_used(rng):
     known = gaussian_filter(rng.normal(size=(SIZE, SIZE)), 4) > 0
     known[:8, :8] = False
     other = np.where(known[..., None], image, 7.0)
-    assert np.array_equal(prefiltered(image, known, 1.5), prefiltered(other, known, 1.5))
+    for side in (1, 2):
+        assert np.array_equal(averaged(image, known, side)[0], averaged(other, known, side)[0])
+    assert np.array_equal(averaged(image, known, 1)[0][known], image[known])
 
 
 def test_the_known_region_is_continued_evenly(rng):
     known = gaussian_filter(rng.normal(size=(SIZE, SIZE)), 4) > 0
     image = np.where(known, 0.25, 9.0)[..., None].astype(np.float32)
-    filtered = prefiltered(image, known, 3.0)
+    filtered, _ = averaged(image, known, 3)
     assert np.allclose(filtered[known], 0.25, atol=1e-6)
 
 
 def test_nothing_known_is_no_error():
-    assert not prefiltered(np.ones((9, 7, 3), np.float32), np.zeros((9, 7), dtype=bool), 1.0).any()
+    assert not averaged(np.ones((9, 7, 3), np.float32), np.zeros((9, 7), dtype=bool), 2)[0].any()
 
 
 def test_pixel_means_are_exact_for_quadratics(rng):
     a, b, c, d, e, f = rng.normal(size=6)
     v, u = np.mgrid[:12, :17].astype(float)
-    centres = a * u**2 + b * u * v + c * v**2 + d * u + e * v + f
-    means = mean_over_pixels(centres[..., None])[..., 0]
-    # the mean of t^2 over -1/2..1/2 is 1/12
-    assert np.allclose(means[1:-1, 1:-1], (centres + (a + c) / 12)[1:-1, 1:-1])
+    values = a * u**2 + b * u * v + c * v**2 + d * u + e * v + f
+    # the mean of t^2 over -h/2..h/2 is h^2 / 12: of what the pixels cover, the values have a quarter already
+    means = mean_over_pixels(values[..., None], 2.0)[..., 0]
+    assert np.allclose(means[1:-1, 1:-1], (values + (a + c) / 12 * (1 - 1 / 4))[1:-1, 1:-1])
+    assert np.array_equal(mean_over_pixels(values[..., None], 0.7)[..., 0], values)

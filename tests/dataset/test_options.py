@@ -31,6 +31,7 @@ def test_every_option_has_a_flag_that_gives_the_value_back():
     given_values = {
         "poses": "poses.npy",
         "engine": "eevee",
+        "quality": "auto",
         "colour": "texture",
         "unseen": "fill",
         "sampler": "gaussian",
@@ -74,6 +75,8 @@ def test_the_command_line_may_resolve_a_conflict_in_the_table():
         ({"conut": 7}, "unknown option 'conut'; did you mean 'count'\\?"),
         ({"xyz": 7}, "unknown option 'xyz'; expected one of 'count', "),
         ({"engine": "blender"}, "engine: expected cycles or eevee or workbench, found 'blender'"),
+        ({"quality": "low"}, "quality: expected exact or auto or draft, found 'low'"),
+        ({"quality": "auto", "engine": "eevee"}, "expected engine cycles with quality auto, found eevee"),
         ({"engine": "cycle"}, "found 'cycle'; did you mean 'cycles'\\?"),
         ({"colour": "project"}, "found 'project'; did you mean 'projective'\\?"),
         ({"colour": ["vertex"]}, "colour: expected projective or texture or vertex, found \\['vertex'\\]"),

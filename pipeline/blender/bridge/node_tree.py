@@ -40,11 +40,24 @@ class Nodes:
         self.link(other, node.inputs[1])
         return node.outputs["Value"]
 
-    def scaled(self, vector: bpy.types.NodeSocket, factor: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    def added(self, *vectors: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+        """The sum of vectors or colours."""
+        total, *others = vectors
+        for other in others:
+            node = self.add("ShaderNodeVectorMath", operation="ADD")
+            self.link(total, node.inputs[0])
+            self.link(other, node.inputs[1])
+            total = node.outputs["Vector"]
+        return total
+
+    def scaled(self, vector: bpy.types.NodeSocket, factor: float | bpy.types.NodeSocket) -> bpy.types.NodeSocket:
         """A vector times a number."""
         node = self.add("ShaderNodeVectorMath", operation="SCALE")
         self.link(vector, node.inputs[0])
-        self.link(factor, node.inputs["Scale"])
+        if isinstance(factor, int | float):
+            node.inputs["Scale"].default_value = factor
+        else:
+            self.link(factor, node.inputs["Scale"])
         return node.outputs["Vector"]
 
     def mixed(

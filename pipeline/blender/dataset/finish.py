@@ -32,7 +32,7 @@ SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
 
 def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
     """Write ``camera.json`` and ``models/``, which are known before the first view."""
-    out, source = job.job.out, renderer.source
+    out, source = job.job.out, job.model_of(renderer)
     write_camera(out, renderer.camera, renderer.depth_scale)
     colours = colour_vertices(source.mesh, source.view)
     write_models(out, source.mesh, to_uint8(colours.rgb))
@@ -67,7 +67,7 @@ def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
         A record is missing, damaged or of another run.
     """
     out, camera, tally, targets = job.job.out, renderer.camera, Tally(), []
-    mesh, depth_scale = renderer.source.mesh, renderer.depth_scale
+    mesh, depth_scale = job.model_of(renderer).mesh, renderer.depth_scale
 
     def records() -> Iterator[ViewRecord]:
         for scene in range(scene_count(job.count)):

@@ -20,13 +20,15 @@ from ...dataset.folder import Shard
 from ...dataset.identity import identity_of
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
+from ...dataset.quality import Setting
 from ...dataset.view import RenderedSample, write_view
 from ...errors import RunError
 from ...files.content import hashed_reading
 from ...poses.pose_file import read_poses
 from ..case.load_case import load_case
-from ..colour.reference_view import reference_view_of
+from ..colour.reference_view import ReferenceView, colouring_view_of, reference_view_of
 from ..process import STDOUT
+from .reduced_surface import rendered_mesh, rendered_view_of
 from .view_renderer import ViewRenderer
 
 IN_FLIGHT = 3
@@ -71,6 +73,8 @@ class OpenJob:
         Messages about what was corrected.
     inputs_sha256
         SHA-256 of the bytes that were read of each input, by its name.
+    setting
+        How views are rendered, if the quality is not ``exact``.
     """
 
     job: Job
@@ -78,6 +82,7 @@ class OpenJob:
     given_poses: np.ndarray | None
     messages: tuple[str, ...]
     inputs_sha256: Mapping[str, str]
+    setting: Setting | None = None
 
     @property
     def count(self) -> int:
@@ -96,10 +101,29 @@ class OpenJob:
 
     def renderer(self, *, threads: int) -> ViewRenderer:
         """Create the renderer of this job's views, with this number of render threads."""
-        source = reference_view_of(self.loaded)
+        setting = self.setting
+        if setting is None:
+            source = reference_view_of(self.loaded)
+        else:
+            mesh = rendered_mesh(self.loaded.mesh, setting, self.job.out)
+            source = rendered_view_of(self.loaded, setting, mesh)
         return ViewRenderer(
-            self.loaded, source, self.job.options, self.given_poses, identity=self.identity, threads=threads
+            self.loaded,
+            source,
+            self.job.options,
+            self.given_poses,
+            setting=setting,
+            identity=self.identity,
+            threads=threads,
         )
+
+    def model_of(self, renderer: ViewRenderer) -> ReferenceView:
+        """The view of the surface as given, which is the dataset's model, whatever surface the views are of."""
+        return renderer.source if self.setting is None else self._given_view
+
+    @cached_property
+    def _given_view(self) -> ReferenceView:
+        return colouring_view_of(self.loaded)
 
     @cached_property
     def identity(self) -> str:
@@ -115,6 +139,7 @@ class OpenJob:
             self.given_poses,
             hashes=self.inputs_sha256,
             blender=bpy.app.version_string,
+            setting=self.setting,
         )
 
 

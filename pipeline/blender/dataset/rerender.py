@@ -15,6 +15,7 @@ from ...dataset.differences import POSES_HASH
 from ...dataset.folder import Shard
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions, checked_options
+from ...dataset.quality import setting_in
 from ...images.pixel_values import to_uint8
 from ..render.engines import check_engine
 from . import finish
@@ -47,7 +48,9 @@ class CaseRenderer:
         check_engine(options.engine)
         # the dataset itself is never written to
         self._folder = tempfile.TemporaryDirectory(prefix="oneframe-check-")
-        self._opened: OpenJob = open_job(Job(case, Path(self._folder.name), options, Shard()))
+        self._opened: OpenJob = replace(
+            open_job(Job(case, Path(self._folder.name), options, Shard())), setting=setting_in(content, "dataset.json")
+        )
         self.description: dict[str, Any] = json.loads(json.dumps(self._opened.description))
         self._renderer = self._opened.renderer(threads=available_cores())
 
@@ -74,7 +77,7 @@ class CaseRenderer:
             self._opened.object_name,
             self._opened.count,
             renderer.camera,
-            renderer.source.mesh,
+            self._opened.model_of(renderer).mesh,
             renderer.depth_scale,
         )
         return {path.relative_to(root).as_posix(): path.read_bytes() for path in root.rglob("*") if path.is_file()}

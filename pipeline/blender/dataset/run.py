@@ -3,19 +3,24 @@
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TextIO
 
 from ...dataset.checksums import FileSurvey, survey_files
 from ...dataset.folder import RunFolder
 from ...dataset.identity import check_description
 from ...dataset.layout import RECORD, VIDEO_FILES, other_files, view_kinds
+from ...dataset.quality import Setting, stored_setting
 from ...dataset.survey import Survey, Tally, recorded_views, survey_views
 from ...dataset.view_ranges import view_ranges
+from ...errors import RunError
 from ...progress import LINE_SECONDS, Progress
+from ...surface.mesh import TriangleMesh
 from ..render.engines import check_engine, keep_freed_memory
 from . import finish
 from .job import Job, OpenJob, available_cores, open_job, render_views, write_error
+from .quality import choose_setting
+from .reduced_surface import keep_mesh
 from .view_renderer import ViewRenderer
 from .workers import WorkerPool, assigned_views, report_finished
 
@@ -61,9 +66,11 @@ def run(
         stream.flush()
 
     check_engine(job.options.engine)
-    opened = open_job(job)
+    opened, mesh = _with_setting(open_job(job), report)
     with RunFolder(job.out, opened.description, job.shard, poses=opened.given_poses) as folder:
         try:
+            if opened.setting is not None and mesh is not None:
+                keep_mesh(mesh, opened.setting, job.out)
             found = _survey(opened, verify=verify)
             for message in found.messages():
                 report(message)
@@ -82,6 +89,29 @@ def run(
             f"shard {job.shard.index}/{job.shard.count}: {len(opened.views)} views are finished; when all shards are "
             "in one folder, run the same command without --shard to write the tables"
         )
+
+
+def _with_setting(opened: OpenJob, report: Report) -> tuple[OpenJob, TriangleMesh | None]:
+    """The job with the setting of its dataset, or a new one, and the mesh if it is known."""
+    options = opened.job.options
+    if options.quality == "exact":
+        return opened, None
+    setting = _stored(opened)
+    if setting is not None:
+        return replace(opened, setting=setting), None
+    choice = choose_setting(opened.loaded, options, opened.given_poses, threads=available_cores(), report=report)
+    report(choice.message)
+    return replace(opened, setting=choice.setting), choice.mesh
+
+
+def _stored(opened: OpenJob) -> Setting | None:
+    """The setting of the dataset in the folder, which a run with a quality other than ``exact`` takes over."""
+    try:
+        return stored_setting(opened.job.out) if opened.job.options.quality != "exact" else None
+    except OSError as error:
+        raise RunError(
+            f"{opened.job.out}: cannot read {RECORD} ({error.strerror}); choose another folder (--out)"
+        ) from None
 
 
 @dataclass(frozen=True)
@@ -210,6 +240,7 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     keep_freed_memory()
     opened = open_job(job)
+    opened = replace(opened, setting=_stored(opened))
     # the files may have changed since the run began
     check_description(job.out, opened.description, opened.given_poses, may_shrink=False)
     with opened.renderer(threads=_threads(workers)) as renderer:

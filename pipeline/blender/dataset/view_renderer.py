@@ -8,14 +8,17 @@ from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_d
 from ...dataset.description import farthest_listed_mm, view_camera
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
+from ...dataset.quality import Setting
 from ...dataset.view import RenderedSample, RenderedView, depth_scale_for, encode_view
 from ...dataset.view_record import ViewRecord
 from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose, sampling_doubt
 from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
 from ...projection.silhouette import SilhouetteEdges
+from ...surface.mesh import TriangleMesh
 from ..colour.reference_view import ReferenceView, colour_of, limited_to_incidence, unseen_colours_of
 from ..render.anti_aliasing import EdgeSampler
 from ..render.engines import render_view
+from ..render.raster_view import RasterRenderer
 from ..render.surface_scene import SurfaceScene
 from .view_probe import ViewProbe
 
@@ -33,6 +36,7 @@ class ViewRenderer:
         options: DatasetOptions,
         given_poses: np.ndarray | None,
         *,
+        setting: Setting | None = None,
         identity: str = "",
         threads: int = 0,
     ) -> None:
@@ -41,21 +45,23 @@ class ViewRenderer:
         Parameters
         ----------
         loaded, source
-            The case and its reference view.
+            The case and the reference view of the surface to render.
         options
             The run's options.
         given_poses
             ``(N, 4, 4)`` explicit ``cam_from_model``, mm, or ``None`` to draw poses.
+        setting
+            How to render, if not as the options say.
         identity
             Identity of the dataset, for the records of the views.
         threads
             Number of render threads, 0 for one per core.
         """
         self._options, self._identity = options, identity
+        self._threads = threads
         self.camera = view_camera(loaded, options)
         source = limited_to_incidence(source, options.max_incidence_deg)
         self.source = source
-        colour, messages = colour_of(source, options.colour)
         orbits = given_poses is None and options.sampler != "gaussian"
         nearest, farthest = (options.distance_min, options.distance_max) if orbits else (1.0, 1.0)
         view_px, frame_px = self.camera.fx, loaded.case.camera.fx
@@ -64,25 +70,19 @@ class ViewRenderer:
             magnification_doubt(view_px, frame_px, nearest),
             reduction_doubt(view_px, frame_px, farthest, options.samples),
         )
-        self.messages = (*loaded.messages, *source.messages, *messages, *filter(None, doubts))
-        # rasterisers average many samples at little cost
-        at_edges = options.samples > 1 and options.engine == "cycles"
-        self._scene = SurfaceScene(
-            source.mesh,
-            self.camera,
-            colour,
-            unseen=unseen_colours_of(source, options.unseen),
-            engine=options.engine,
-            samples=1 if at_edges else options.samples,
-            filtered=at_edges,
-            threads=threads,
-        )
-        self._sampler = (
-            EdgeSampler(self._scene, source.view, source.pivot_model, colour, self.camera, options.samples)
-            if at_edges
-            else None
-        )
-        self._probe = ViewProbe(self._scene, source, self.camera)
+        self.messages = (*loaded.messages, *source.messages, *filter(None, doubts))
+        self._colour_mode, self._samples = options.colour, options.samples
+        if setting is not None:
+            self._colour_mode, self._samples = setting.colour, setting.samples
+        self._scene: SurfaceScene | None = None
+        self._sampler: EdgeSampler | None = None
+        self._raster: RasterRenderer | None = None
+        if setting is not None and setting.renderer == "rasteriser":
+            self._raster = RasterRenderer(source.mesh, self.camera, source.view)
+            with SurfaceScene(source.mesh, self.camera, None) as scene:
+                self._probe = ViewProbe(scene, source, self.camera)
+        else:
+            self._probe = ViewProbe(self._traced_scene(), source, self.camera)
         self._edges = SilhouetteEdges.of(source.mesh)
         self._given = given_poses
         reference = ReferencePose(loaded.cam_from_model, source.pivot_model)
@@ -101,13 +101,38 @@ class ViewRenderer:
             min_observed=options.min_observed,
             min_clearance_mm=options.min_clearance_mm,
         )
-        self.depth_scale = depth_scale_for(_farthest_mm(source, options, reference, given_poses))
+        self.depth_scale = depth_scale_for(_farthest_mm(loaded.mesh, source, options, reference, given_poses))
 
     def __enter__(self) -> "ViewRenderer":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._scene.close()
+        if self._scene is not None:
+            self._scene.close()
+
+    def _traced_scene(self) -> SurfaceScene:
+        """The scene for ray tracing, made when it is first used."""
+        if self._scene is None:
+            options, source = self._options, self.source
+            colour, messages = colour_of(source, self._colour_mode)
+            self.messages = (*self.messages, *messages)
+            # rasterisers average many samples at little cost
+            at_edges = self._samples > 1 and options.engine == "cycles"
+            self._scene = SurfaceScene(
+                source.mesh,
+                self.camera,
+                colour,
+                unseen=unseen_colours_of(source, options.unseen),
+                engine=options.engine,
+                samples=1 if at_edges else self._samples,
+                filtered=at_edges,
+                threads=self._threads,
+            )
+            if at_edges:
+                self._sampler = EdgeSampler(
+                    self._scene, source.view, source.pivot_model, colour, self.camera, self._samples
+                )
+        return self._scene
 
     def plan(self, index: int) -> PlannedPose:
         """Plan the pose of view ``index``; it depends only on the case, the options and (seed, index).
@@ -143,9 +168,10 @@ class ViewRenderer:
 
     def render(self, cam_from_model: np.ndarray) -> RenderedView:
         """Render any pose (4x4, mm)."""
-        if self._sampler is not None:
-            return self._sampler.render(cam_from_model)
-        return render_view(self._scene, cam_from_model)
+        if self._raster is not None and self._raster.can_render(cam_from_model):
+            return self._raster.render(cam_from_model)
+        scene = self._traced_scene()
+        return render_view(scene, cam_from_model) if self._sampler is None else self._sampler.render(cam_from_model)
 
     def video_poses(self, frames: int) -> np.ndarray:
         """``(frames, 4, 4)`` poses of the video's trajectory."""
@@ -190,12 +216,16 @@ def _distribution(options: DatasetOptions, reference: ReferencePose, camera: Pin
 
 
 def _farthest_mm(
-    source: ReferenceView, options: DatasetOptions, reference: ReferencePose, given_poses: np.ndarray | None
+    mesh: TriangleMesh,
+    source: ReferenceView,
+    options: DatasetOptions,
+    reference: ReferencePose,
+    given_poses: np.ndarray | None,
 ) -> float:
     """A depth that the surface hardly ever exceeds in the dataset's views; a view beyond it gets its own scale."""
-    reach = source.mesh.radius + float(np.linalg.norm(source.pivot_model))
+    reach = mesh.radius + float(np.linalg.norm(source.pivot_model))
     if given_poses is not None:
-        return farthest_listed_mm(given_poses, source.mesh)
+        return farthest_listed_mm(given_poses, mesh)
     if options.sampler == "gaussian":
         return reference.distance_mm + reach + 4 * options.sigma_mm
     return reference.distance_mm * max(options.distance_max, 1.0) + reach

@@ -11,17 +11,16 @@ from skimage.metrics import structural_similarity
 from ...errors import RunError
 from ...evaluation.benchmark_case import TRIANGLES, VIEW_CAMERA, write_benchmark_case
 from ...images.pixel_values import to_uint8
-from ..colour.reference_view import colour_of
 from ..dataset.job import available_cores, render_views
 from ..dataset.view_renderer import ViewRenderer
-from ..render.engines import render_view
-from ..render.surface_scene import SurfaceScene
+from .converged_view import converged_view
 from .render_speed import benchmark_job
 
 TRIANGLE_COUNTS = (20_000, TRIANGLES, 1_000_000)
 TIMED_VIEWS, WARM_UP_VIEWS = 24, 4
 EDGE_SAMPLES = (1, 4, 8, 16)
-REFERENCE_SAMPLES = 256
+REFERENCE_ALONG = 11
+"""Rays along a pixel's side: 121 in all, of images of 38 million pixels."""
 COMPARED_VIEWS = 3
 MEMORY_STEP = 100
 """Number of views between two measurements of the memory."""
@@ -49,18 +48,24 @@ def _finishing_times(renderer: ViewRenderer, out: Path) -> list[float]:
 
 
 def measure_anti_aliasing(folder: Path, report: Callable[[str], None]) -> dict[str, float]:
-    """SSIM of exact and of anti-aliased views against 256 samples per pixel, the lowest of the compared views."""
+    """SSIM of exact and of anti-aliased views with converged ones, the lowest of the compared views."""
     case, figures = write_benchmark_case(folder / "anti-aliasing"), {}
+    truths: list[np.ndarray] = []
     for samples in EDGE_SAMPLES:
         job = benchmark_job(case, folder / "unused", samples=samples)
         with job.renderer(threads=available_cores()) as renderer:
             views = [renderer.make(index) for index in range(COMPARED_VIEWS)]
-        colour, _ = colour_of(renderer.source, "projective")
-        values = []
-        with SurfaceScene(renderer.source.mesh, VIEW_CAMERA, colour, samples=REFERENCE_SAMPLES) as reference:
-            for view in views:
-                truth = to_uint8(render_view(reference, view.planned.cam_from_model).rgb)
-                values.append(structural_similarity(truth, to_uint8(view.rendered.rgb), channel_axis=2, data_range=255))
+        if not truths:
+            source = renderer.source
+            poses = [view.planned.cam_from_model for view in views]
+            truths = [
+                to_uint8(converged_view(source.mesh, source.view, VIEW_CAMERA, pose, along=REFERENCE_ALONG))
+                for pose in poses
+            ]
+        values = [
+            structural_similarity(truth, to_uint8(view.rendered.rgb), channel_axis=2, data_range=255)
+            for truth, view in zip(truths, views, strict=True)
+        ]
         name = f"SSIM with {samples} rays at edges" if samples > 1 else "SSIM of exact views"
         figures[name] = float(min(values))
         report(f"  {samples} samples: SSIM {min(values):.5f} (lowest of {len(values)})")

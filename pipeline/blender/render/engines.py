@@ -42,7 +42,15 @@ def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> Rend
     depth = np.where((depth < _BACKGROUND_MM) & (combined[..., 3] > 0), depth, np.float32(0))
     # with several samples the flag is the mean over the pixel
     flag = np.where(depth > 0, passes[OBSERVED_PASS][..., 0], np.float32(0))
-    return RenderedView(combined[..., :3], depth, flag > 0.5, flag > 1.5)
+    rgb = combined[..., :3] if surface_scene.samples == 1 else _without_background(combined, depth)
+    return RenderedView(rgb, depth, flag > 0.5, flag > 1.5)
+
+
+def _without_background(combined: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """``(H, W, 3)`` the mean of the samples that hit the surface, black where the depth (0 for none) has none."""
+    alpha = combined[..., 3:]
+    shown = (depth[..., None] > 0) & (alpha > 0)
+    return np.divide(combined[..., :3], alpha, out=np.zeros((*depth.shape, 3), np.float32), where=shown)
 
 
 def _render_cycles(scene: bpy.types.Scene) -> dict[str, np.ndarray]:

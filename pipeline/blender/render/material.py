@@ -27,8 +27,9 @@ OBSERVED_COLOUR_ATTRIBUTE = "frame_observed_colour"
 UNSEEN_ATTRIBUTE = "frame_unseen_colour"
 UV_MAP = "frame_uv"
 PROJECTION_ATTRIBUTE = "frame_projection"
-FRAME_IMAGE, ATLAS_IMAGE, FILTERED_IMAGE = "frame image", "atlas image", "filtered image"
-"""Names of the shader's image nodes, see :func:`assign_colour`."""
+FRAME_IMAGE, ATLAS_IMAGE = "frame image", "atlas image"
+FILTER_LOOKUPS = tuple((f"filter offset {number}", f"filter image {number}") for number in range(4))
+"""Names of the shader's image nodes, and of what moves the filter's lookups, see :func:`assign_colour`."""
 OBSERVED_LEAST = 0.9999
 """If an interpolated flag is at least this large, all values that it was interpolated from are observed."""
 COVERED_LEAST = 1e-3
@@ -58,9 +59,9 @@ def assign_colour(
     unseen
         ``(V, 3)`` code values 0..1 of the vertices, shown where the frame saw nothing; ``None``: :data:`NEUTRAL_RGBA`.
     filtered
-        Interpolate colours (not the observed flag) by cubic B-splines from the image of the node
-        :data:`FILTERED_IMAGE`, which the caller replaces, see :mod:`pipeline.colour.footprint_filter`; its alpha is
-        added to the flag of observed points. Ignored for vertex colours, which have no image.
+        Take colours (not the observed flag) as the mean of four lookups, nodes :data:`FILTER_LOOKUPS`, for which the
+        caller sets images and offsets, see :mod:`pipeline.colour.footprint_filter`. The alpha of the first is added to
+        the flag of observed points. Ignored for vertex colours, which have no image.
     """
     material = new_node_material("surface")
     nodes = Nodes(material.node_tree)
@@ -169,13 +170,19 @@ def _projection(
 def _image_lookup(
     nodes: Nodes, image: bpy.types.Image, coordinates: bpy.types.NodeSocket, filtered: bool, name: str
 ) -> tuple:
-    """Colour and alpha of an image (alpha is 0 outside it), and the alpha of the filtered image or ``None``."""
+    """Colour and alpha of an image (alpha is 0 outside it), and the alpha of the first filtered one or ``None``."""
     exact = nodes.add("ShaderNodeTexImage", name=name, image=image, interpolation="Linear", extension="CLIP")
     nodes.link(coordinates, exact.inputs["Vector"])
     if not filtered:
         return exact.outputs["Color"], exact.outputs["Alpha"], None
-    smooth = nodes.add(
-        "ShaderNodeTexImage", name=FILTERED_IMAGE, image=image, interpolation="Cubic", extension="EXTEND"
-    )
-    nodes.link(coordinates, smooth.inputs["Vector"])
-    return smooth.outputs["Color"], exact.outputs["Alpha"], smooth.outputs["Alpha"]
+    lookups = []
+    for offset_name, image_name in FILTER_LOOKUPS:
+        moved = nodes.add("ShaderNodeVectorMath", name=offset_name, operation="ADD")
+        nodes.link(coordinates, moved.inputs[0])
+        lookup = nodes.add(
+            "ShaderNodeTexImage", name=image_name, image=image, interpolation="Linear", extension="EXTEND"
+        )
+        nodes.link(moved.outputs["Vector"], lookup.inputs["Vector"])
+        lookups.append(lookup)
+    mean = nodes.scaled(nodes.added(*(lookup.outputs["Color"] for lookup in lookups)), 0.25)
+    return mean, exact.outputs["Alpha"], lookups[0].outputs["Alpha"]

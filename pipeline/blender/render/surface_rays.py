@@ -28,6 +28,9 @@ from .material import (
 from .surface_scene import SurfaceScene
 
 _FARTHEST_MM = 1e9
+_KIND_ATTRIBUTE = "ray_kind"
+MISSED, UNSEEN, OBSERVED = 0, 1, 2
+"""What a ray meets: no surface, surface that the frame did not see, surface that it saw."""
 
 
 class SurfaceRays:
@@ -40,28 +43,49 @@ class SurfaceRays:
             self._object = bpy.data.objects.new("rays", self._points)
             self._scene.collection.objects.link(self._object)
             modifier = self._object.modifiers.new("rays", "NODES")
-            modifier.node_group, self._origin = _ray_nodes(surface_scene.surface_object, colour)
+            modifier.node_group, self._origin, self._texel_share = _ray_nodes(surface_scene.surface_object, colour)
 
-    def colours(self, origin_model: np.ndarray, directions_model: np.ndarray) -> np.ndarray:
-        """``(3,)`` origin in mm, ``(N, 3)`` directions of any length -> ``(N, 3)`` float32; black without a hit."""
+    def cast(
+        self, origin_model: np.ndarray, directions_model: np.ndarray, *, texel_share: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Cast rays from one point.
+
+        Parameters
+        ----------
+        origin_model, directions_model
+            ``(3,)`` mm, and ``(N, 3)`` of any length.
+        texel_share
+            0: colours of the frame are interpolated, 1: those of the nearest texel; in between, a mixture.
+
+        Returns
+        -------
+        ``(N, 3)`` float32 colours, black without a hit, and ``(N,)`` int8: :data:`MISSED`, :data:`UNSEEN` or
+        :data:`OBSERVED`.
+        """
         points, count = self._points, len(directions_model)
         if count == 0:
-            return np.zeros((0, 3), np.float32)
+            return np.zeros((0, 3), np.float32), np.zeros(0, np.int8)
         if len(points.vertices) != count:
             points.clear_geometry()
             points.vertices.add(count)
         points.vertices.foreach_set("co", np.ascontiguousarray(directions_model, np.float32).ravel())
         points.update()
         self._origin.vector = origin_model
+        if self._texel_share is not None:
+            self._texel_share.outputs[0].default_value = texel_share
         layer = self._scene.view_layers[0]
         layer.update()
-        colours = np.empty(3 * count, np.float32)
-        self._object.evaluated_get(layer.depsgraph).data.vertices.foreach_get("co", colours)
-        return colours.reshape(-1, 3)
+        coloured = self._object.evaluated_get(layer.depsgraph).data
+        colours, kinds = np.empty(3 * count, np.float32), np.empty(count, np.float32)
+        coloured.vertices.foreach_get("co", colours)
+        coloured.attributes[_KIND_ATTRIBUTE].data.foreach_get("value", kinds)
+        return colours.reshape(-1, 3), kinds.astype(np.int8)
 
 
-def _ray_nodes(surface: bpy.types.Object, colour: SurfaceColour) -> tuple[bpy.types.NodeTree, bpy.types.Node]:
-    """The modifier's node group, and the node that holds the rays' origin."""
+def _ray_nodes(
+    surface: bpy.types.Object, colour: SurfaceColour
+) -> tuple[bpy.types.NodeTree, bpy.types.Node, bpy.types.Node | None]:
+    """The modifier's node group, and the nodes that hold the rays' origin and the share of the nearest texel."""
     group = bpy.data.node_groups.new("rays", "GeometryNodeTree")
     kind: Any = "NodeSocketGeometry"  # an enumeration that is made at runtime
     for direction in ("INPUT", "OUTPUT"):
@@ -82,20 +106,26 @@ def _ray_nodes(surface: bpy.types.Object, colour: SurfaceColour) -> tuple[bpy.ty
         return hit
 
     hit = cast(*_attribute_of(colour))
-    rgb, observed = _shade(nodes, hit.outputs["Attribute"], colour, surface)
+    share = None if isinstance(colour, VertexColours) else nodes.add("ShaderNodeValue")
+    rgb, observed = _shade(nodes, hit.outputs["Attribute"], colour, surface, share)
     if isinstance(colour, VertexColours | TextureAtlas) and colour.source is not None:
         place = cast(*_attribute_of(colour.source)).outputs["Attribute"]
-        _, seen = _shade(nodes, place, colour.source, surface)
-        observed = nodes.math("MULTIPLY", observed, seen)
+        _, in_view = _shade(nodes, place, colour.source, surface, None)
+        observed = nodes.math("MULTIPLY", observed, in_view)
     front = nodes.math("LESS_THAN", nodes.dot(hit.outputs["Hit Normal"], direction.outputs["Position"]), 0.0)
+    seen = nodes.math("MULTIPLY", observed, front)
     filled = UNSEEN_ATTRIBUTE in surface.data.attributes
     other = cast("FLOAT_COLOR", UNSEEN_ATTRIBUTE).outputs["Attribute"] if filled else NEUTRAL_RGBA
-    rgb = nodes.mixed(nodes.math("MULTIPLY", observed, front), other, rgb)
+    rgb = nodes.mixed(seen, other, rgb)
+    kept = nodes.add("GeometryNodeStoreNamedAttribute", data_type="FLOAT", domain="POINT", Name=_KIND_ATTRIBUTE)
     moved, end = nodes.add("GeometryNodeSetPosition"), nodes.add("NodeGroupOutput")
-    nodes.link(rays.outputs[0], moved.inputs["Geometry"])
-    nodes.link(nodes.scaled(rgb, hit.outputs["Is Hit"]), moved.inputs["Position"])
+    nodes.link(rays.outputs[0], kept.inputs["Geometry"])
+    is_hit = hit.outputs["Is Hit"]
+    nodes.link(nodes.math("MULTIPLY_ADD", seen, is_hit, is_hit), kept.inputs["Value"])
+    nodes.link(kept.outputs["Geometry"], moved.inputs["Geometry"])
+    nodes.link(nodes.scaled(rgb, is_hit), moved.inputs["Position"])
     nodes.link(moved.outputs["Geometry"], end.inputs[0])
-    return group, origin
+    return group, origin, share
 
 
 def _attribute_of(colour: SurfaceColour) -> tuple[str, str]:
@@ -109,30 +139,39 @@ def _attribute_of(colour: SurfaceColour) -> tuple[str, str]:
 
 
 def _shade(
-    nodes: Nodes, attribute: bpy.types.NodeSocket, colour: SurfaceColour, surface: bpy.types.Object
+    nodes: Nodes,
+    attribute: bpy.types.NodeSocket,
+    colour: SurfaceColour,
+    surface: bpy.types.Object,
+    texel_share: bpy.types.Node | None,
 ) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
     """Colour and observed flag of a hit, as in :mod:`pipeline.blender.render.material`."""
+    if isinstance(colour, VertexColours):
+        channels = nodes.add("FunctionNodeSeparateColor")
+        nodes.link(attribute, channels.inputs["Color"])
+        return attribute, nodes.math("GREATER_THAN", channels.outputs["Alpha"], least_cover(colour))
+    coordinates, depth = attribute, attribute
+    if isinstance(colour, SourceView):
+        separate = nodes.add("ShaderNodeSeparateXYZ")
+        nodes.link(attribute, separate.inputs[0])
+        depth = separate.outputs["Z"]
+        coordinates = nodes.scaled(attribute, nodes.math("DIVIDE", 1.0, depth))
 
-    def image_lookup(name: str, coordinates: bpy.types.NodeSocket) -> bpy.types.Node:
-        image = surface.data.materials[0].node_tree.nodes[name].image
-        node = nodes.add("GeometryNodeImageTexture", Image=image, interpolation="Linear", extension="CLIP")
+    name = ATLAS_IMAGE if isinstance(colour, TextureAtlas) else FRAME_IMAGE
+    image = surface.data.materials[0].node_tree.nodes[name].image
+
+    def lookup(interpolation: str) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
+        node = nodes.add("GeometryNodeImageTexture", Image=image, interpolation=interpolation, extension="CLIP")
         nodes.link(coordinates, node.inputs["Vector"])
-        return node
+        alpha = node.outputs["Alpha"]
+        if isinstance(colour, TextureAtlas):
+            rgb = nodes.scaled(node.outputs["Color"], nodes.math("DIVIDE", 1.0, alpha))
+            return rgb, nodes.math("GREATER_THAN", alpha, least_cover(colour))
+        ratio = nodes.math("MULTIPLY", depth, alpha)
+        return node.outputs["Color"], nodes.math("COMPARE", ratio, 1.0, colour.depth_tolerance)
 
-    match colour:
-        case VertexColours():
-            channels = nodes.add("FunctionNodeSeparateColor")
-            nodes.link(attribute, channels.inputs["Color"])
-            return attribute, nodes.math("GREATER_THAN", channels.outputs["Alpha"], least_cover(colour))
-        case TextureAtlas():
-            texel = image_lookup(ATLAS_IMAGE, attribute)
-            cover = texel.outputs["Alpha"]
-            rgb = nodes.scaled(texel.outputs["Color"], nodes.math("DIVIDE", 1.0, cover))
-            return rgb, nodes.math("GREATER_THAN", cover, least_cover(colour))
-        case SourceView():
-            separate = nodes.add("ShaderNodeSeparateXYZ")
-            nodes.link(attribute, separate.inputs[0])
-            depth = separate.outputs["Z"]
-            texel = image_lookup(FRAME_IMAGE, nodes.scaled(attribute, nodes.math("DIVIDE", 1.0, depth)))
-            ratio = nodes.math("MULTIPLY", depth, texel.outputs["Alpha"])
-            return texel.outputs["Color"], nodes.math("COMPARE", ratio, 1.0, colour.depth_tolerance)
+    rgb, observed = lookup("Linear")
+    if texel_share is not None:
+        texel, is_same_surface = lookup("Closest")
+        rgb = nodes.mixed(nodes.math("MULTIPLY", texel_share.outputs[0], is_same_surface), rgb, texel)
+    return rgb, observed

@@ -82,7 +82,7 @@ class SurfaceScene:
             self.scene.collection.objects.link(self.surface_object)
             assign_colour(self.surface_object, mesh, colour, unseen=unseen, filtered=filtered)
             self.camera_object = new_camera(self.scene, camera, clip_mm=(1.0, 1000.0))
-            self.engine = engine
+            self.engine, self.samples = engine, samples
             _set_exact_colour(self.scene)
             _set_passes(self.scene)
             _set_sampling(self.scene, engine, samples)

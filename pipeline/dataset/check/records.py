@@ -41,6 +41,8 @@ DESCRIPTION_KEYS = {
 }  # fmt: skip
 LISTED_KEYS = {"poses_sha256", "depth_scale"}
 """Keys of a dataset whose poses were listed."""
+QUALITY = {"quality", "tolerance_colour", "tolerance_px"}
+"""Options that only the description of a dataset of another quality than exact has, with the setting."""
 CAMERA_KEYS = {"width", "height", "fx", "fy", "cx", "cy"}
 ELSEWHERE = {"count", "poses", "video", "video_frames"}
 """Options that the description does not list among the others."""
@@ -168,12 +170,14 @@ def read_description(root: Path) -> Description:
             "check the dataset with the version that made it"
         )
     listed = LISTED_KEYS & content.keys()
-    require_keys(content, DESCRIPTION_KEYS | (LISTED_KEYS if listed else set()), RECORD)
+    options = mapping(content, "options", RECORD)
+    chosen = {"setting"} if "quality" in options else set()
+    require_keys(content, DESCRIPTION_KEYS | (LISTED_KEYS if listed else set()) | chosen, RECORD)
     count = whole_number(content, "count", RECORD, least=1, most=MOST_VIEWS)
     if not isinstance(content["object"], str):
         raise DamagedFile(f"{RECORD}: expected object to be a name, found {shortened(content['object'])}")
-    options, given = mapping(content, "options", RECORD), mapping(content, "camera", RECORD)
-    names = set(option_names()) - ELSEWHERE
+    given = mapping(content, "camera", RECORD)
+    names = set(option_names()) - ELSEWHERE - (set() if chosen else QUALITY)
     if options.get("sampler") == "trajectory" and not listed:
         # each pose of a trajectory depends on their number
         names.add("views")

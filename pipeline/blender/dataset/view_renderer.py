@@ -15,6 +15,7 @@ from ...projection.silhouette import SilhouetteEdges
 from ..colour.reference_view import ReferenceView, colour_of
 from ..render.anti_aliasing import EdgeSampler
 from ..render.engines import render_view
+from ..render.raster import check_raster
 from ..render.surface_scene import SurfaceScene
 from .view_probe import ViewProbe
 
@@ -54,6 +55,8 @@ class ViewRenderer:
         self.messages = (*loaded.messages, *source.messages, *messages)
         # rasterisers average many samples at little cost
         at_edges = options.samples > 1 and options.engine == "cycles"
+        if options.engine == "raster":
+            check_raster(source.mesh, source.view)
         self._scene = SurfaceScene(
             source.mesh,
             self.camera,

@@ -71,6 +71,8 @@ def main(argv: Sequence[str]) -> int:
         parser.error(f"expected --rounds from 1, found {arguments.rounds}")
     if any(len(case) > 2 for case in arguments.case):
         parser.error("expected --case CASE.toml [PHOTOGRAPHS.json], found more files")
+    if arguments.without_sample and not (arguments.case or arguments.bloster or arguments.redraw):
+        parser.error("expected --case or --bloster with --without-sample, found neither")
     require_matplotlib()
     inputs = {"table": arguments.out} if arguments.redraw else {}
     inputs |= {f"case {number}": case[0] for number, case in enumerate(arguments.case, start=1)}
@@ -107,9 +109,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="another scene: CASE.toml and optionally its PHOTOGRAPHS.json, as for compare_views.py",
     )  # fmt: skip
     parser.add_argument("--bloster", metavar="DIR", type=Path, help="another scene: the photographs of bloster")
+    parser.add_argument("--without-sample", action="store_true", help="leave the built-in sample case out")
     parser.add_argument("--rounds", metavar="N", type=int, help="alternating rounds (default 3; 1 with --quick)")
     parser.add_argument("--seed", metavar="N", type=int, default=0, help="seed of the poses (default 0)")
-    parser.add_argument("--quick", action="store_true", help="few configurations and views, the sample alone")
+    parser.add_argument("--quick", action="store_true", help="few configurations and views, one round")
     parser.add_argument("--redraw", action="store_true", help="measure nothing; draw the chart again from --out")
 
 
@@ -144,17 +147,13 @@ def usable(configurations: Sequence[Configuration], report: Callable[[str], None
 
 def scenes(arguments: argparse.Namespace, folder: Path, views: int) -> list[RenderScene]:
     """Read or make the scenes."""
-    for _ in write_sample_case(folder / "sample", sample_surface()):
-        pass
-    cases: list[tuple[str, Path, Path | None]] = [
-        ("sample", folder / "sample" / "case.toml", folder / "sample" / HELD_OUT)
-    ]
-    if not arguments.quick:
-        cases += [
-            (case[0].resolve().parent.name, case[0], case[1] if len(case) > 1 else None) for case in arguments.case
-        ]
-        if arguments.bloster:
-            cases.append(("bloster", *write_bloster(arguments.bloster, folder / "bloster")))
+    cases: list[tuple[str, Path, Path | None]] = []
+    if not arguments.without_sample:
+        list(write_sample_case(folder / "sample", sample_surface()))
+        cases.append(("sample", folder / "sample" / "case.toml", folder / "sample" / HELD_OUT))
+    cases += [(case[0].resolve().parent.name, case[0], case[1] if len(case) > 1 else None) for case in arguments.case]
+    if arguments.bloster:
+        cases.append(("bloster", *write_bloster(arguments.bloster, folder / "bloster")))
     return [case_scene(*case, views=views, seed=arguments.seed) for case in cases]
 
 

@@ -83,7 +83,8 @@ def converged_reference(scene: RenderScene, samples: int, advance: Callable[[], 
     candidates = [*judged, *range(scene.planned, len(scene.poses))]
     with SurfaceScene(scene.source.mesh, scene.camera, colour) as exact:
         masks = {index: render_view(exact, scene.cam_from_model(index)) for index in candidates}
-    indices = [index for index in candidates if masks[index].observed.sum() >= FEWEST_OBSERVED]
+    enough = {index for index in candidates if masks[index].observed.sum() >= FEWEST_OBSERVED}
+    indices = [index for index in candidates if index in enough or index < scene.planned]
     if scene.photographs and not any(index >= scene.planned for index in indices):
         raise RunError(f"{scene.name}: expected photographs of what the frame saw, no photograph shows enough of it")
     views = []

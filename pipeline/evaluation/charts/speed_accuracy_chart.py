@@ -18,9 +18,14 @@ TITLES = {
     SURFACE: "against photographs, whole surface",
 }
 LABELS = {ERROR: "mean colour error (of 255)", PHOTOGRAPH: "1 - SSIM", SURFACE: "1 - SSIM"}
-_DIRECTIONS = ((9, 0), (9, 9), (9, -9), (0, 12), (0, -12), (-9, 9), (-9, -9), (-9, 0))
+_DIRECTIONS = ((7, 7), (7, -7), (-7, -7), (-7, 7), (9, 0), (-9, 0), (0, 11), (0, -11))
 _OFFSETS = [(x * reach, y * reach) for reach in (1, 1.9, 3, 4.4, 6) for x, y in _DIRECTIONS]
 """Where a label may go relative to its point, best first; points of print."""
+
+_Label = tuple[Any, SpeedPoint, float]
+"""Axes, point and its error."""
+_Marker = tuple[Any, tuple[float, float]]
+"""Axes and place, in data."""
 
 
 def speed_accuracy_charts(points: Sequence[SpeedPoint], conditions: str, data: Path) -> list[Path]:
@@ -43,23 +48,28 @@ def speed_accuracy_charts(points: Sequence[SpeedPoint], conditions: str, data: P
         scores.append(SURFACE)
 
     def draw(figure: Any, theme: Theme) -> None:
-        grid = figure.subplots(len(scenes), len(scores), squeeze=False)
-        labels = []
-        for scene, row in zip(scenes, grid, strict=True):
+        # an axis of its own keeps the legend clear of title and points
+        grid = figure.add_gridspec(1 + len(scenes), len(scores), height_ratios=[0.1, *[1] * len(scenes)])
+        _legend(figure.add_subplot(grid[0, :]), theme, points)
+        labels: list[_Label] = []
+        markers: list[_Marker] = []
+        for number, scene in enumerate(scenes, start=1):
+            row = [figure.add_subplot(grid[number, column]) for column in range(len(scores))]
             in_scene = [point for point in points if point.scene == scene]
             for score, axes in zip(scores, row, strict=True):
                 title = f"{scene}: {TITLES[score]}" if len(scenes) > 1 else TITLES[score]
-                labels += _draw_scene(axes, theme, in_scene, score, title)
-        _legend(figure, theme, points)
+                drawn, labelled = _draw_scene(axes, theme, in_scene, score, title)
+                markers += drawn
+                labels += labelled
         note(
             figure,
             theme,
             "Lower left is better. Ours: complete views on disk (colour, depth, masks, ground truth), median and range "
             f"of alternating rounds; PyVista: RGB in memory.\n{conditions}",
         )
-        _place(figure, theme, labels)
+        _place(figure, theme, labels, markers)
 
-    size = (6.4 * len(scores), 1.9 + 4.4 * len(scenes))
+    size = (6.4 * len(scores), 2.3 + 4.4 * len(scenes))
     return write_chart(data, draw, size, title="Speed against accuracy")
 
 
@@ -82,11 +92,12 @@ def _short_name(point: SpeedPoint) -> str:
 
 def _draw_scene(
     axes: Any, theme: Theme, points: Sequence[SpeedPoint], score: str, title: str
-) -> list[tuple[Any, SpeedPoint, float]]:
-    """Draw one pair of axes; returns the points to label, with their axes and error."""
+) -> tuple[list[_Marker], list[_Label]]:
+    """Draw one pair of axes; returns all points, and those to label."""
     errors = _errors(points, score)
     judged = [(point, error) for point, error in zip(points, errors, strict=True) if error > 0]
-    front = pareto_front([point.ms for point, _ in judged], [error for _, error in judged])
+    # two digits: smaller differences are chance
+    front = pareto_front([point.ms for point, _ in judged], [float(f"{error:.1e}") for _, error in judged])
     labels = []
     for (point, error), first in zip(judged, front, strict=True):
         colour = _colour(point, theme)
@@ -114,10 +125,10 @@ def _draw_scene(
     plain_log_axis(axes.yaxis, round_ticks(low, high))
     axes.grid(linewidth=0.8)
     axes.set(title=title, xlabel="time of a view (ms)", ylabel=LABELS[score])
-    return labels
+    return [(axes, (point.ms, error)) for point, error in judged], labels
 
 
-def _legend(figure: Any, theme: Theme, points: Sequence[SpeedPoint]) -> None:
+def _legend(axes: Any, theme: Theme, points: Sequence[SpeedPoint]) -> None:
     from matplotlib.lines import Line2D
 
     entries: dict[str, str] = {}
@@ -138,33 +149,34 @@ def _legend(figure: Any, theme: Theme, points: Sequence[SpeedPoint]) -> None:
         Line2D([], [], color=theme.muted, linewidth=1.2, linestyle=(0, (4, 3)), label=name)
         for name in dict.fromkeys(point.name for point in points if point.kind == FLOOR)
     ]
-    figure.legend(handles=handles, loc="outside upper left", ncols=4, frameon=False, fontsize=9.5)
+    axes.axis("off")
+    axes.legend(handles=handles, loc="upper left", ncols=5, frameon=False, fontsize=9.5, borderaxespad=0)
 
 
-def _place(figure: Any, theme: Theme, labels: Sequence[tuple[Any, SpeedPoint, float]]) -> None:
+def _place(figure: Any, theme: Theme, labels: Sequence[_Label], markers: Sequence[_Marker]) -> None:
     """Write each label beside its point where it covers no other label and as few points as possible."""
     figure.draw_without_rendering()
     # the labels depend on the layout, so it must not change any more
     figure.set_layout_engine("none")
     taken: list[Any] = []
-    markers = [(axes, axes.transData.transform((point.ms, error))) for axes, point, error in labels]
+    covered = [(axes, axes.transData.transform(at)) for axes, at in markers]
     for axes, point, error in labels:
         text = axes.annotate(
             _short_name(point), (point.ms, error), (0, 0), textcoords="offset points", fontsize=8.5,
             color=_colour(point, theme), zorder=4,
-            bbox={"facecolor": theme.background, "edgecolor": "none", "pad": 0.8, "alpha": 0.75},
+            bbox={"facecolor": theme.background, "edgecolor": "none", "pad": 0.8},
         )  # fmt: skip
         frame = axes.get_window_extent()
         best, least = _OFFSETS[0], np.inf
-        for offset in _OFFSETS:
+        for rank, offset in enumerate(_OFFSETS):
             _move(text, offset)
             box = text.get_window_extent()
             cost = 100.0 * sum(box.overlaps(other) for other in taken)
-            cost += 10.0 * sum(box.contains(*at) for other, at in markers if other is axes)
+            cost += 10.0 * sum(box.padded(8).contains(*at) for other, at in covered if other is axes)
             cost += 50.0 * (
                 not (frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1)
             )
-            cost += float(np.hypot(*offset)) / 10
+            cost += rank / 2
             if cost < least:
                 best, least = offset, cost
         _move(text, best)

@@ -2,13 +2,14 @@
 #   PYTHON=...  a Python 3.13 (brings Blender 5.2 LTS) or 3.11 (Blender 4.5 LTS); found by itself if not given
 #   VENV=...    where the environment goes (default .venv)
 #   BLENDER=... a Blender program, for the tests that run inside one, for addon-dev and screenshots
+#   CHART_FLAGS=... options of scripts/benchmark_chart.py
 #   PLATFORM=.. for which computers `make extension` builds: all, current, or names (see its --help)
 VENV ?= .venv
 PYTHON ?= $(shell scripts/dev/find_python.sh 3.13 3.11)
 PLATFORM ?= all
 RUN = $(VENV)/bin/python
 
-.PHONY: setup demo extension dist addon-dev test test-outside lint bench bench-alignment bench-surface evaluate stability docs screenshots clean
+.PHONY: setup demo extension dist addon-dev test test-outside lint bench chart bench-alignment bench-surface evaluate stability docs screenshots clean
 .DEFAULT_GOAL := demo
 
 # the environment: Blender as a module, the commands, what tests and checks need; again when pyproject.toml has changed
@@ -61,6 +62,11 @@ lint: setup
 bench: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
 	$(RUN) scripts/benchmark.py --out demo/bench/render_speed.json
+
+# speed against accuracy, in demo/bench; CHART_FLAGS="--quick", "--bloster DIR" or "--case CASE.toml PHOTOGRAPHS.json"
+chart: setup
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
+	$(RUN) scripts/benchmark_chart.py --out demo/bench/speed_accuracy.csv $(CHART_FLAGS)
 
 # accuracy of landmarks and of the refinement, in demo/bench
 bench-alignment: setup

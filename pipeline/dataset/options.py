@@ -11,7 +11,7 @@ from typing import Any
 from ..errors import InputError
 from ..files.keys import nearest_name
 
-ENGINES = ("cycles", "eevee", "workbench")
+ENGINES = ("cycles", "raster", "eevee", "workbench")
 COLOURS = ("projective", "texture", "vertex")
 UNSEEN = ("neutral", "fill")
 QUALITIES = ("exact", "auto", "draft")
@@ -35,7 +35,9 @@ class DatasetOptions:
         "replace the sampler and --count"
     )  # fmt: skip
     scale: float = _option(1.0, "size of the views relative to the frame's", least=1 / 64, most=8)
-    engine: str = _option("cycles", "renderer; cycles is exact and needs no GPU or display", choices=ENGINES)
+    engine: str = _option(
+        "cycles", "renderer; cycles is exact and needs no OpenGL; raster is as exact and faster", choices=ENGINES
+    )
     samples: int = _option(
         1, "1: one exact ray through each pixel centre; more: anti-aliased, with this many rays in each pixel that an "
         "edge crosses. Depth and masks are exact either way", least=1, most=256,
@@ -124,6 +126,11 @@ def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptio
         raise InputError(
             f"{where}: expected samples 1 with engine workbench, found {options.samples}; "
             "use --engine cycles for anti-aliased views"
+        )
+    if options.engine == "raster" and (options.colour != "projective" or options.samples > 1):
+        raise InputError(
+            f"{where}: expected colour projective and samples 1 with engine raster, found {options.colour} and "
+            f"{options.samples}; use --engine cycles"
         )
     return options
 

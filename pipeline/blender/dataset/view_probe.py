@@ -21,8 +21,10 @@ class ViewProbe:
     """Casts a grid of rays at the surface; call it with ``cam_from_model`` (4x4, mm)."""
 
     def __init__(self, surface_scene: SurfaceScene, source: ReferenceView, camera: PinholeCamera) -> None:
-        depsgraph = surface_scene.scene.view_layers[0].depsgraph
-        depsgraph.update()
+        layer = surface_scene.scene.view_layers[0]
+        # a layer that was never rendered has no depsgraph yet
+        layer.update()
+        depsgraph = layer.depsgraph
         self._tree = BVHTree.FromObject(surface_scene.surface_object, depsgraph)  # type: ignore[arg-type]  # the same class
         self._source = source
         self._camera = camera

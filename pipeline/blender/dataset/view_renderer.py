@@ -18,6 +18,7 @@ from ...surface.mesh import TriangleMesh
 from ..colour.reference_view import ReferenceView, colour_of, limited_to_incidence, unseen_colours_of
 from ..render.anti_aliasing import EdgeSampler
 from ..render.engines import render_view
+from ..render.raster import check_raster
 from ..render.raster_view import RasterRenderer
 from ..render.surface_scene import SurfaceScene
 from .view_probe import ViewProbe
@@ -116,6 +117,8 @@ class ViewRenderer:
             options, source = self._options, self.source
             colour, messages = colour_of(source, self._colour_mode)
             self.messages = (*self.messages, *messages)
+            if options.engine == "raster":
+                check_raster(source.mesh, source.view)
             # rasterisers average many samples at little cost
             at_edges = self._samples > 1 and options.engine == "cycles"
             self._scene = SurfaceScene(

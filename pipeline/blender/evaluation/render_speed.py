@@ -29,6 +29,7 @@ VIEWS, FIRST, LAST = 40, 10, 36
 """Number of views of a timed run; only those from ``FIRST`` to ``LAST`` count, while all workers run."""
 OURS: dict[str, dict[str, object]] = {
     "exact, projective": {"colour": "projective"},
+    "exact, projective, engine raster": {"colour": "projective", "engine": "raster"},
     "exact, texture": {"colour": "texture"},
     "exact, vertex": {"colour": "vertex"},
     "anti-aliased (8 rays), projective": {"colour": "projective", "samples": 8},

@@ -30,6 +30,8 @@ _BACKGROUND_MM = 1e9  # Blender's background has depth 1e10
 
 def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> RenderedView:
     """Render the surface from a pose (4x4, mm)."""
+    if surface_scene.raster is not None:
+        return surface_scene.raster.render(cam_from_model, surface_scene.clip_mm(cam_from_model)[0])
     surface_scene.look_from(cam_from_model)
     if surface_scene.engine == "cycles":
         passes = _render_cycles(surface_scene.scene)

@@ -8,12 +8,14 @@ import bpy
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
+from ...colour.source_view import SourceView
 from ...errors import InputError
 from ...surface.mesh import TriangleMesh
 from ..bridge.camera import new_camera, place_camera, set_clip
 from ..bridge.data_blocks import data_blocks, new_mesh_object, remove_data
 from ..bridge.versions import ENGINE_IDS
 from .material import OBSERVED_PASS, SurfaceColour, assign_colour
+from .raster import Raster
 
 POINT_FILTER_PX = 0.01
 """Width of the pixel filter with one sample: practically the pixel's centre (0 is not allowed)."""
@@ -29,6 +31,8 @@ class SurfaceScene:
     ----------
     scene, camera_object, surface_object
         The Blender data; removed on exit, so that the open file is unchanged.
+    raster
+        What renders instead of the scene with engine ``"raster"``, otherwise ``None``.
     """
 
     def __init__(
@@ -56,7 +60,8 @@ class SurfaceScene:
         unseen
             ``(V, 3)`` colours of the vertices for what the frame did not see; ``None``: neutral grey.
         engine
-            ``"cycles"`` is exact; the others are rasterisers that need OpenGL.
+            ``"cycles"`` is exact, and so is ``"raster"``, which knows projective colours and single samples only; this
+            and the others are rasterisers that need OpenGL.
         samples
             Samples per pixel: 1 is a point sample at the pixel's centre, more average over the pixel's square.
         filtered
@@ -67,7 +72,7 @@ class SurfaceScene:
         Raises
         ------
         InputError
-            Views of more than :data:`LARGEST_VIEW_PX`.
+            Views of more than :data:`LARGEST_VIEW_PX`; a surface too large for engine ``"raster"``.
         """
         if camera.width * camera.height > LARGEST_VIEW_PX:
             raise InputError(
@@ -83,6 +88,11 @@ class SurfaceScene:
             assign_colour(self.surface_object, mesh, colour, unseen=unseen, filtered=filtered)
             self.camera_object = new_camera(self.scene, camera, clip_mm=(1.0, 1000.0))
             self.engine, self.samples = engine, samples
+            self.raster: Raster | None = None
+            if engine == "raster":
+                if not (colour is None or isinstance(colour, SourceView)) or samples > 1:
+                    raise ValueError("expected projective colours and one sample with engine raster, found others")
+                self.raster = Raster(mesh, camera, colour, unseen)
             _set_exact_colour(self.scene)
             _set_passes(self.scene)
             _set_sampling(self.scene, engine, samples)
@@ -101,6 +111,8 @@ class SurfaceScene:
     def close(self) -> None:
         """Remove the scene and all its data."""
         own, self._own = self._own, []
+        if self.raster is not None:
+            self.raster.close()
         remove_data(own)
 
     @contextmanager
@@ -115,11 +127,14 @@ class SurfaceScene:
     def look_from(self, cam_from_model: np.ndarray) -> None:
         """Put the camera at a pose (4x4, mm) and fit the clip planes to the surface's bounding sphere."""
         place_camera(self.camera_object, cam_from_model)
+        set_clip(self.camera_object, self.clip_mm(cam_from_model))
+
+    def clip_mm(self, cam_from_model: np.ndarray) -> tuple[float, float]:
+        """Clip planes that fit the surface's bounding sphere at a pose (4x4, mm)."""
         depth, radius = float(cam_from_model[2, 3]), self._mesh.radius
         far = max(1.01 * (depth + radius), 1e-3 * radius)
         # margins far above single precision; the near plane is far away for the sake of a rasteriser's depth buffer
-        near = max(0.99 * (depth - radius), 1e-4 * far)
-        set_clip(self.camera_object, (near, far))
+        return max(0.99 * (depth - radius), 1e-4 * far), far
 
 
 def _set_exact_colour(scene: bpy.types.Scene) -> None:
@@ -145,6 +160,8 @@ def _set_passes(scene: bpy.types.Scene) -> None:
 
 
 def _set_sampling(scene: bpy.types.Scene, engine: str, samples: int) -> None:
+    if engine == "raster":
+        return
     scene.render.engine = ENGINE_IDS[engine]
     filter_px = POINT_FILTER_PX if samples == 1 else 1.0
     if engine == "cycles":

@@ -103,8 +103,10 @@ def reason_against(engine: str) -> str:
     return ""
 
 
+EXACT_ENGINES = [pytest.param("cycles"), pytest.param("raster", marks=pytest.mark.gl)]
 ENGINE_CAMERAS = [
     *[pytest.param("cycles", name, id=f"cycles, {name}") for name in CAMERAS],
+    *[pytest.param("raster", name, id=f"raster, {name}", marks=pytest.mark.gl) for name in CAMERAS],
     *[pytest.param("workbench", name, id=f"workbench, {name}", marks=pytest.mark.gl) for name in CAMERAS],
     # compiling Eevee's shaders in software takes half a minute, once
     pytest.param("eevee", "portrait", id="eevee, portrait", marks=pytest.mark.gl),
@@ -142,16 +144,19 @@ def test_edges_of_a_rendered_triangle_are_where_k_says(engine, name):
     exact = (normal @ a) / (camera.rays_cam(grid.reshape(-1, 2)) @ normal).reshape(camera.shape_hw)
     error = np.abs(rendered.depth_mm - exact)[rendered.mask & clear]
     # a rasteriser's depth buffer has 24 bits for the whole clip range
-    assert error.max() < (1e-3 if engine == "cycles" else 0.2)
+    assert error.max() < (1e-3 if engine in ("cycles", "raster") else 0.2)
 
 
 @pytest.mark.render
+@pytest.mark.parametrize("engine", EXACT_ENGINES)
 @pytest.mark.parametrize("name", ["landscape", "long lens"])
-def test_silhouette_and_depth_of_a_free_form_surface(bumpy_mesh, oblique_pose, ray_cast, name):
+def test_silhouette_and_depth_of_a_free_form_surface(bumpy_mesh, oblique_pose, ray_cast, name, engine):
+    if reason := reason_against(engine):
+        pytest.skip(reason)
     camera = CAMERAS[name]
     if name == "landscape":
         oblique_pose = rigid(translation=[0, 0, -180.0]) @ oblique_pose
-    with SurfaceScene(bumpy_mesh, camera, None) as scene:
+    with SurfaceScene(bumpy_mesh, camera, None, engine=engine) as scene:
         rendered = render_view(scene, oblique_pose)
     depth, _ = ray_cast(bumpy_mesh, camera, oblique_pose, camera.pixel_grid().reshape(-1, 2))
     depth = depth.reshape(camera.shape_hw)
@@ -173,7 +178,7 @@ def test_a_view_larger_than_a_tile_of_the_renderer_is_complete(bumpy_mesh, front
 
 
 @pytest.mark.render
-@pytest.mark.parametrize("engine", ["cycles", "eevee"])
+@pytest.mark.parametrize("engine", ["cycles", "raster", "eevee"])
 def test_a_closed_scene_leaves_nothing_behind(bumpy_mesh, frontal_pose, engine):
     """An engine that outlives its scene reads freed memory when anything is removed later."""
     check_engine(engine)

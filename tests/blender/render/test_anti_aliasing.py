@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion, gaussian_filter
 
-from pipeline.blender.colour.reference_view import ReferenceView, colour_of, reference_view_of
+from pipeline.blender.colour.reference_view import ReferenceView, colour_of, reference_view_of, unseen_colours_of
 from pipeline.blender.evaluation.converged_view import converged_view
 from pipeline.blender.render.anti_aliasing import EdgeSampler
 from pipeline.blender.render.engines import render_view
@@ -220,3 +220,19 @@ def test_a_rasteriser_s_samples_do_not_mix_with_the_background(stepped_mesh, fro
     assert not view.rgb[~view.mask].any()
     # where the frame saw the surface, some samples may be grey, but none black
     assert view.rgb[view.mask].min() > NEUTRAL - 0.01
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_filled_views_change_where_the_frame_saw_nothing(stepped_mesh, frontal_pose, oblique_pose, source_from, mode):
+    """A dark frame and its fill: there is no grey at any edge, and masks are those of neutral views."""
+    dark = np.full((*FRAME.shape_hw, 3), 0.125, np.float32)
+    source = source_from(stepped_mesh, dark, frontal_pose)
+    (neutral,) = views_of(source, mode, [oblique_pose])
+    colour, _ = colour_of(source, mode)
+    unseen = unseen_colours_of(source, "fill")
+    with SurfaceScene(source.mesh, VIEW, colour, unseen=unseen, filtered=True) as scene:
+        filled = EdgeSampler(scene, source.view, source.pivot_model, colour, VIEW, 8).render(oblique_pose)
+    assert np.array_equal(filled.observed, neutral.observed)
+    assert np.array_equal(filled.depth_mm, neutral.depth_mm)
+    assert neutral.rgb.max() > 0.49
+    assert filled.rgb.max() < 0.125 + 1e-4

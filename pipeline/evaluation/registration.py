@@ -68,8 +68,8 @@ def registered(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> Reg
     aligned[box] = np.clip(
         cv2.remap(synthetic[box], to_u, to_v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE), 0, 1
     )
-    # half a pixel may come from beyond the border
-    there = cv2.remap(mask[box].astype(np.float32), to_u, to_v, cv2.INTER_LINEAR) > 0.5
+    # nothing may come from beyond the border
+    there = cv2.remap(mask[box].astype(np.float32), to_u, to_v, cv2.INTER_LINEAR) > 0.999
     kept[box] = mask[box] & there
     lengths = np.hypot(flow[..., 0], flow[..., 1])[mask[box]]
     return Registration(aligned, kept, float(np.median(lengths)), float(np.percentile(lengths, 95)))

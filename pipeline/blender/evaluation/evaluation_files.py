@@ -51,7 +51,8 @@ PICTURE_WIDTH = 960
 """Pictures are reduced to this width, px."""
 MOST_COLUMNS = 6
 """Photographs of the figure if there is one case, and cases otherwise."""
-PAIR_ROWS = 6
+PAIR_ROWS, PAIR_COLUMNS = 6, 2
+"""Cases of the gallery, and pairs in a row."""
 
 
 @dataclass(frozen=True)
@@ -256,7 +257,8 @@ class _Gallery:
 
     def add_novel(self, view: NovelView) -> None:
         """Keep a view of a novel pose for the gallery."""
-        if view.method in self._engines and view.case in self.run.cases[:PAIR_ROWS]:
+        few = len(self.run.cases) == 1 or view.number < PAIR_COLUMNS
+        if view.method in self._engines and few and view.case.name in {c.name for c in self.run.cases[:PAIR_ROWS]}:
             key = view.case.name, view.number
             if key not in self._crops:
                 self._crops[key] = crop_of(view.rendered.any(axis=2))
@@ -281,7 +283,7 @@ class _Gallery:
             for case in cases
             for number in range(len({key[1] for key in self._novel if key[0] == case.name}))
         ]
-        columns = 3 if len(self._engines) == 1 else 2
+        columns = PAIR_COLUMNS
         labels = [engine.name for _ in range(columns) for engine in self._engines]
         per_case = len(pairs) // max(len(cases), 1)
         lines = []

@@ -1,10 +1,12 @@
 """Charts of an evaluation: the scores of all methods with what could be reached, and the cases beside each other."""
 
 import math
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ..evaluation_notes import where_peers_lead
 from ..evaluation_record import ALL, Evaluation
 from .page import OURS, WARNING, Theme, note, write_chart
 
@@ -19,6 +21,8 @@ PANELS = {
 """The scores that are drawn, and the titles of their panels."""
 CASE_PANELS = ("ssim_whole", "ssim_surface", "ssim_observed", "edge_f")
 MOST_CASES = 24
+LINE_LETTERS = 140
+"""Of a line below the chart."""
 
 
 def evaluation_charts(evaluation: Evaluation, data: Path) -> list[Path]:
@@ -67,9 +71,12 @@ def _method_chart(evaluation: Evaluation, case: str, data: Path) -> list[Path]:
             _round_ticks_inside(axes, margin=0.14)
         note(figure, theme, "\n".join(_explanations(evaluation, case)))
 
-    photographs = sum(len(entry.frames) for entry in evaluation.cases)
-    title = f"Views against {photographs} real photographs"
-    return write_chart(data, draw, (11.6, 3.4 + 0.62 * len(methods)), title=title)
+    scored = max(
+        (entry.n for entry in evaluation.summary if (entry.case, entry.score) == (case, "ssim_whole")), default=0
+    )
+    title = f"Views against {scored} real photographs"
+    lines = len(_explanations(evaluation, case))
+    return write_chart(data, draw, (11.6, 2.9 + 0.62 * len(methods) + 0.17 * lines), title=title)
 
 
 def _case_chart(evaluation: Evaluation, names: Sequence[str], data: Path) -> list[Path]:
@@ -136,4 +143,7 @@ def _explanations(evaluation: Evaluation, case: str) -> list[str]:
         lines.append(
             f"dashed: limit of a perfect view with the same noise, exposure and poses off by {bound.jitter_px:.1f} px"
         )
+    title = "All cases" if case == ALL else case
+    reasons = [text for text in where_peers_lead(evaluation) if text.startswith(f"{title}: ")]
+    lines += [line for text in reasons for line in textwrap.wrap(text, LINE_LETTERS)]
     return [*lines, evaluation.conditions.short()]

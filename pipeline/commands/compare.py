@@ -53,6 +53,9 @@ def run(arguments: argparse.Namespace) -> int:
     case = read_case(arguments.case)
     loaded = load_case(case)
     photographs = read_photographs(arguments.photographs, loaded)
+    for message in (*loaded.messages, *(photograph.message for photograph in photographs)):
+        if message:
+            output.write(f"note: {message}\n")
     check_comparisons(arguments.out, photographs, {**case.input_files(), "list of photographs": arguments.photographs})
     for comparison in write_comparisons(loaded, photographs, arguments.out, colour=arguments.colour):
         found, name = comparison.similarity, shown_path(comparison.photograph.path)

@@ -17,10 +17,11 @@ MOST_PHOTOGRAPHS = 10_000
 
 @dataclass(frozen=True)
 class PosedPhotograph:
-    """A real photograph: its file and ``cam_from_model`` (4x4, mm)."""
+    """A real photograph: its file, ``cam_from_model`` (4x4, mm), and what was corrected in it, if anything."""
 
     path: Path
     cam_from_model: np.ndarray
+    message: str | None = None
 
 
 def read_photographs(path: Path, loaded: LoadedCase) -> list[PosedPhotograph]:
@@ -41,9 +42,9 @@ def read_photographs(path: Path, loaded: LoadedCase) -> list[PosedPhotograph]:
     photographs = []
     for number, entry in enumerate(entries):
         key = pose_key(entry, f"{path.name}: entry {number}: ")
-        pose, _ = checked_rigid(entry[key], f"{path.name}: entry {number}: {key}")
+        pose, message = checked_rigid(entry[key], f"{path.name}: entry {number}: {key}")
         pose[:3, 3] *= loaded.case.mm_per_unit
         if not isinstance(entry["image"], str) or not entry["image"]:
             raise InputError(f"{path.name}: entry {number}: image: expected a file name, found {entry['image']!r}")
-        photographs.append(PosedPhotograph(path.parent / entry["image"], pose @ loaded.mesh_from_model))
+        photographs.append(PosedPhotograph(path.parent / entry["image"], pose @ loaded.mesh_from_model, message))
     return photographs

@@ -202,6 +202,8 @@ def summary(trials: Sequence[RefinementTrial]) -> list[str]:
         errors = np.array([[trial.error_px, trial.error_deg] for trial in accepted])
         (px, deg), (worst_px, worst_deg) = np.median(errors, axis=0), np.quantile(errors, 0.95, axis=0)
         lines.append(f"error where accepted, median / 95 %: {px:.2f} / {worst_px:.2f} px, {deg:.2f} / {worst_deg:.2f}°")
+        farther = sum(trial.error_px > trial.start_px for trial in accepted)
+        lines.append(f"accepted though farther off than before: {farther} of {len(accepted)} accepted")
         lines += [estimate_line(accepted, refined) for refined in (False, True)]
     seconds = [trial.seconds for trial in trials]
     lines.append(f"processor time, median / largest: {np.median(seconds):.1f} / {max(seconds):.1f} s")

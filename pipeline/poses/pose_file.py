@@ -147,7 +147,7 @@ def read_poses(
         corrected += [message] if message else []
     messages = corrected[:1]
     if len(corrected) > 1:
-        messages.append(f"{path.name}: the rotations of {len(corrected) - 1} other poses were made orthonormal too")
+        messages.append(f"{path.name}: the rotations of {len(corrected) - 1} other poses were corrected too")
     return cams_from_model, messages
 
 
@@ -231,7 +231,7 @@ def read_frame_poses(
     if all(pose is None for pose in poses):
         raise InputError(f"{path.name}: expected a pose for some of the {frames} frames, found none")
     if len(messages) > 1:
-        others = f"{path.name}: the rotations of {len(messages) - 1} other poses were made orthonormal too"
+        others = f"{path.name}: the rotations of {len(messages) - 1} other poses were corrected too"
         messages = [messages[0], others]
     return poses, messages
 

@@ -5,8 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.alignment.landmarks.confidence_region import f_quantile, f_survival
-from pipeline.alignment.landmarks.covariance import PRIOR_DOF, PoseUncertainty, pose_uncertainty
+from pipeline.alignment.landmarks.confidence_region import f_quantile, f_survival, pooled_dof, pooled_survival
+from pipeline.alignment.landmarks.covariance import (
+    REGION_PRIOR_DOF,
+    NoiseEstimate,
+    PoseUncertainty,
+    pose_uncertainty,
+)
 from pipeline.alignment.landmarks.reprojection import Correspondences, apply_twist
 from pipeline.alignment.landmarks.solver import solve_pose
 from pipeline.camera.pinhole import PinholeCamera
@@ -82,9 +87,9 @@ def test_more_noise_than_stated_widens_the_region_and_less_narrows_it():
             pairs = Correspondences.about(trial.points_model, pixels, MICROSCOPE)
             found = pose_uncertainty(pairs, trial.cam_from_model, 2.0)
             dof = 2 * count - 6
-            expected = np.sqrt((PRIOR_DOF * 2.0**2 + 2 * count * sigma**2) / (PRIOR_DOF + dof))
+            expected = np.sqrt((REGION_PRIOR_DOF * 2.0**2 + 2 * count * sigma**2) / (REGION_PRIOR_DOF + dof))
             assert found.sigma_px == pytest.approx(expected, rel=bound)
-            assert found.dof == pytest.approx((PRIOR_DOF + dof) ** 2 / dof)
+            assert found.dof == pooled_dof(0.95, 6, dof, REGION_PRIOR_DOF)
 
 
 def test_an_undetermined_direction_gets_a_huge_deviation_and_no_error():
@@ -185,3 +190,55 @@ def test_pixel_covariances_are_the_scatter_of_the_pixels():
         ratio = np.linalg.eigvals(np.linalg.solve(stated[number], scatter)).real
         assert ratio == pytest.approx([1, 1], abs=5 * np.sqrt(2 / draws))
     assert uncertainty(np.eye(6), dof=1e6).ellipse_scale() == pytest.approx(np.sqrt(5.991), rel=1e-3)
+
+
+# --- a wrong stated noise --------------------------------------------------------------------------------------------
+
+
+@given(st.floats(0, 30), st.sampled_from([2, 6]), st.integers(1, 30))
+def test_without_a_prior_the_pooled_ratio_follows_f(value, numerator, dof):
+    assert pooled_survival(value, numerator, dof, 0.0) == pytest.approx(f_survival(value, numerator, dof), abs=1e-12)
+
+
+@pytest.mark.parametrize(("numerator", "dof", "prior"), [(6, 2, 0.5), (6, 6, 0.5), (2, 2, 0.5), (6, 10, 3.0)])
+def test_the_pooled_ratio_against_draws(numerator, dof, prior):
+    rng, draws = np.random.default_rng(numerator + dof), 200_000
+    pooled = (prior + rng.chisquare(dof, draws)) / (prior + dof)
+    ratios = rng.chisquare(numerator, draws) / numerator / pooled
+    for value in (0.5, 2.0, 5.0):
+        expected = pooled_survival(value, numerator, dof, prior)
+        assert (ratios > value).mean() == pytest.approx(expected, abs=5 * np.sqrt(expected / draws))
+
+
+@pytest.mark.parametrize(
+    ("pairs", "worse", "least", "most"),
+    [
+        (4, 1, 0.947, 0.953),
+        (6, 1, 0.947, 0.953),
+        (10, 1, 0.947, 0.953),
+        # clicks twice as bad: as near to 95 % as 2, 6 and 14 degrees of freedom allow
+        (4, 2, 0.83, 0.953),
+        (6, 2, 0.92, 0.953),
+        (10, 2, 0.935, 0.953),
+    ],
+)
+def test_the_region_holds_the_truth_also_with_worse_clicks_than_stated(pairs, worse, least, most):
+    """In theory: a deviation of 6 parameters and residuals of 2 N - 6 degrees of freedom, independent of each other."""
+    rng, dof, draws = np.random.default_rng(pairs), 2 * pairs - 6, 200_000
+    deviation, squared = ((2.0 * worse) ** 2 * rng.chisquare(n, draws) for n in (6, dof))
+    region_dof = NoiseEstimate.of(1.0, dof, 2.0, REGION_PRIOR_DOF).region_dof
+    variance = np.array([NoiseEstimate.of(each, dof, 2.0, REGION_PRIOR_DOF).variance for each in squared[:3]])
+    total = REGION_PRIOR_DOF + dof
+    np.testing.assert_allclose(variance, (REGION_PRIOR_DOF * 2.0**2 + squared[:3]) / total)
+    inside = deviation / 6 <= f_quantile(0.95, 6, region_dof) * (REGION_PRIOR_DOF * 2.0**2 + squared) / total
+    assert least <= inside.mean() <= most
+
+
+@pytest.mark.parametrize("pairs", [4, 6, 10])
+def test_with_better_clicks_than_stated_the_region_shrinks(pairs):
+    """Clicks twice as good: in the median the region is below its size for the stated noise, if that were certain."""
+    dof = 2 * pairs - 6
+    squared = np.median(np.random.default_rng(1).chisquare(dof, 20_000)) * 1.0**2
+    noise = NoiseEstimate.of(squared, dof, 2.0, REGION_PRIOR_DOF)
+    size = noise.sigma_px / 2.0 * np.sqrt(f_quantile(0.95, 6, noise.region_dof) / f_quantile(0.95, 6, 1e6))
+    assert 0.5 < size < 0.95

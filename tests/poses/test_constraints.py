@@ -201,8 +201,8 @@ def test_rounded_rotations_are_made_exact_and_reported_once(tmp_path):
     rotation = poses[:, :3, :3]
     assert np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max() < 1e-12
     assert len(messages) == 2
-    assert "pose 0 (counted from 0): rotation made orthonormal" in messages[0]
-    assert messages[1] == "rounded.npy: the rotations of 4 other poses were made orthonormal too"
+    assert messages[0].startswith("rounded.npy: pose 0 (counted from 0): rotation off by ")
+    assert messages[1] == "rounded.npy: the rotations of 4 other poses were corrected too"
 
 
 def broken(index, change):

@@ -202,7 +202,7 @@ MISFITS = {
     "units missing": (('units = "mm"\n', ""), "expected a key 'units', it is missing"),
     "a fold": (("[0, 0, 1]]\n", "[0, 0, 1]]\ndistortion = [-30, 0, 0, 0, 0]\n"), "distortion: .*folds it over"),
     "mirrored": ((POSE, POSE.replace("-340", "340").replace("[0, 0, -1,", "[0, 0, 1,")), "found a reflection"),
-    "scaled": (("[[1, 0, 0, -12]", "[[1.01, 0, 0, -12]"), r"deviates from orthonormal by 0\.02 \(allowed 0\.005\)"),
+    "scaled": (("[[1, 0, 0, -12]", "[[1.01, 0, 0, -12]"), r"deviates from orthonormal by 0\.02 \(allowed 0\.01\)"),
     "no focal length": (("[[320.0", "[[-320.0"), "expected positive focal lengths in pixels, found fx = -320"),
     "skewed": ((K, K.replace("320.0, 0,", "320.0, 2,")), "expected no skew, found 2; .*rectify the frame"),
     "K with NaN": ((K, K.replace("30.0", "nan")), "K: expected finite numbers, found NaN"),
@@ -229,7 +229,7 @@ def test_mesh_in_metres_with_a_translation_in_millimetres_is_suspected(case):
 
 def test_a_rounded_rotation_is_corrected_and_reported(case):
     edit(case, "[[1, 0, 0, -12]", "[[1.002, 0, 0, -12]")
-    assert "rotation made orthonormal (it was off by 4.0e-03)" in run_here(case)
+    assert "rotation off by 4.0e-03, corrected to the nearest rotation" in run_here(case)
 
 
 def test_a_surface_that_no_pixel_shows_is_refused_and_nothing_is_left(case):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .confidence_region import f_survival
-from .covariance import NoiseEstimate, inverse_normal_matrix
+from .covariance import SELECTION_PRIOR_DOF, NoiseEstimate, inverse_normal_matrix
 from .levenberg_marquardt import fit_poses
 from .reprojection import Correspondences, Poses, residuals, twist_jacobians
 
@@ -94,6 +94,6 @@ def residual_p_values(
     p_values = np.zeros(len(correspondences))
     for index in np.flatnonzero(visible):
         without, less = (float(squared[index]), 2) if inliers[index] else (0.0, 0)
-        noise = NoiseEstimate.of(max(total - without, 0.0), dof - less, click_sigma_px)
+        noise = NoiseEstimate.of(max(total - without, 0.0), dof - less, click_sigma_px, SELECTION_PRIOR_DOF)
         p_values[index] = f_survival(float(squared[index]) / (2 * noise.variance), 2, noise.dof)
     return p_values

@@ -2,7 +2,8 @@
 
 A local search (:mod:`.local_search`) starts from the rough pose. If its result fails the verification, a search over
 tilts, rolls, distances and shifts on a coarse image (:mod:`.pose_search`) gives further initial poses, which are
-refined from coarse to fine. :mod:`.verdict` accepts or refuses the result. Needs ``cv2``.
+refined from coarse to fine. Where the image shows cast shadows, :mod:`.side_light` takes them into account.
+:mod:`.verdict` accepts or refuses the result. Needs ``cv2``.
 """
 
 from collections.abc import Callable
@@ -25,6 +26,7 @@ from .image_pyramid import PyramidLevel, pyramid
 from .local_search import LocalResult, refine_on_level, score
 from .pose_search import REACH, search_poses, second_peak_ratio
 from .shading_features import RIM, Surface
+from .side_light import refined_under_side_light
 from .verdict import MAX_SECOND_PEAK_RATIO, Refinement, judged, refused_unsearched
 from .verification import contrast, mean_distance_px
 
@@ -52,8 +54,11 @@ MIN_CONTRAST = 1e-3
 SHORT_ROTATION_DEG = 6.0
 """A local search that rotated by more may have found a wrong peak and is followed by the pose search."""
 
-MIN_SURFACE_PX = 64
-"""Pixels that must show the surface at the rough pose, in an image of 160 px."""
+COARSE_PX, MIN_COARSE_PX = 160, 64
+"""Longer side of the image in which the surface is found first, and pixels of surface below which it is too coarse."""
+
+MIN_SURFACE_PX = 400
+"""Pixels of the frame that must show the surface at the rough pose."""
 
 
 def refine_pose(
@@ -107,7 +112,11 @@ def refine_pose(
     def assess(pose: np.ndarray) -> Refinement:
         if area_px / levels[-1].px ** 2 < SMALL_PX:
             pose = _multistart(levels[-1], pose, points)
-        return judged(start, pose, before, levels, points, camera)
+        light = refined_under_side_light(levels, pose, points, camera)
+        if light is None:
+            return judged(start, pose, before, levels, points, camera)
+        before_lit = score(light.levels[-1], start)
+        return judged(start, light.cam_from_model, before_lit, light.levels, points, camera, bias_px=light.bias_px)
 
     # a pose whose shifts fit as well is not worth refining on finer levels
     pose = _multistart(levels[0], start, points, lambda fraction: report(0.05 + 0.05 * fraction))
@@ -149,15 +158,19 @@ def _levels(
 
     Without levels where the rough pose shows too little of the surface.
     """
-    factor = min(160 / max(camera.size_wh), 1.0)
-    small = camera.resized(max(round(camera.width * factor), 1), max(round(camera.height * factor), 1))
     depth = transform_points(start, surface.mesh.vertices)[:, 2]
-    if not (depth > 0).any():
+    if not (depth > 0).any() or not valid.any():
         return [], np.empty((0, 3)), 0.0
-    coarse, _ = cluster_vertices(surface.mesh, 1.5 * float(np.median(depth[depth > 0])) / small.fx)
-    raster = rasterise_depth(coarse, small, start)
-    seen = raster.face >= 0
-    if np.count_nonzero(seen) < MIN_SURFACE_PX or not valid.any():
+    # a small object in a large image is nothing in the coarse one
+    for side in (COARSE_PX, max(camera.size_wh)):
+        factor = min(side / max(camera.size_wh), 1.0)
+        small = camera.resized(max(round(camera.width * factor), 1), max(round(camera.height * factor), 1))
+        coarse, _ = cluster_vertices(surface.mesh, 1.5 * float(np.median(depth[depth > 0])) / small.fx)
+        raster = rasterise_depth(coarse, small, start)
+        seen = raster.face >= 0
+        if np.count_nonzero(seen) >= MIN_COARSE_PX:
+            break
+    if np.count_nonzero(seen) < MIN_SURFACE_PX * factor**2:
         return [], np.empty((0, 3)), 0.0
     points_cam = small.rays_cam(small.pixel_grid())[seen] / raster.inverse_depth[seen][:, None]
 

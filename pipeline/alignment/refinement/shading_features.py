@@ -7,9 +7,11 @@ combination of features that correlates best with the image.
 Notes
 -----
 To first order, diffuse light is linear in the normal (Basri & Jacobs, "Lambertian reflectance and linear subspaces",
-2003). Depth relative to the surroundings models shadowing and interreflection (Luft et al., "Image enhancement by
-unsharp masking the depth buffer", 2006). The region includes a rim of background around the outline, with one feature,
-the mask of the surface: so the outline counts where the surface differs in colour from its background.
+2003). A light from the side also casts shadows, which no such combination explains: where :mod:`.side_light` finds
+one, the features say what it reaches. Depth relative to the surroundings models shadowing and interreflection (Luft et
+al., "Image enhancement by unsharp masking the depth buffer", 2006). The region includes a rim of background around the
+outline, with one feature, the mask of the surface: so the outline counts where the surface differs in colour from its
+background.
 """
 
 from dataclasses import dataclass
@@ -25,16 +27,36 @@ from ...transforms import inverse_rigid, transform_points
 RIM = 0.1
 """Width of the rim relative to the square root of the surface's area in the image."""
 
+GRAZING = 0.1
+"""Cosine of the incidence below which a light fades out: so a small turn of a face changes its features by little."""
+
 MAX_DEVIATION = 3.0
 """Bound on the deviation of an image from its local mean, in standard deviations."""
 
 
 @dataclass(frozen=True)
+class DirectionalLight:
+    """A light far away from a surface.
+
+    Attributes
+    ----------
+    towards_light
+        ``(3,)`` unit vector, model frame.
+    lit
+        ``(F,)`` 0..1: how much of each face the light reaches past the other faces.
+    """
+
+    towards_light: np.ndarray
+    lit: np.ndarray
+
+
+@dataclass(frozen=True)
 class Surface:
-    """A mesh in the model frame, with optional ``(V, 3)`` vertex colours, 0..1."""
+    """A mesh in the model frame, with optional ``(V, 3)`` vertex colours, 0..1, and an optional light from afar."""
 
     mesh: TriangleMesh
     colours: np.ndarray | None = None
+    light: DirectionalLight | None = None
 
 
 @dataclass(frozen=True)
@@ -105,6 +127,10 @@ def appearance(
     if surface.colours is not None:
         colours = surface.colours[mesh.faces].mean(axis=1)
         features += list(np.moveaxis(np.where(seen[..., None], colours[raster.face], 0.0), 2, 0))
+    if surface.light is not None:
+        cosine = normal @ (cam_from_model[:3, :3] @ surface.light.towards_light)
+        reached = np.where(seen, surface.light.lit[raster.face], 0.0) * np.clip(cosine / GRAZING, 0, 1)
+        features += [reached, reached * np.maximum(cosine, 0)]
     if (region != seen).any():
         features.append(seen)
     stack = np.dstack([feature.astype(np.float32) for feature in features])

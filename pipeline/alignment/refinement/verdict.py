@@ -94,6 +94,8 @@ def judged(
     levels: list[PyramidLevel],
     points: np.ndarray,
     camera: PinholeCamera,
+    *,
+    bias_px: float = 0.0,
 ) -> Refinement:
     """Verify a refined pose, and accept or refuse it.
 
@@ -109,6 +111,9 @@ def judged(
         ``(N, 3)`` visible points, mm, model frame.
     camera
         Intrinsics of the full image.
+    bias_px
+        Error that all parts of the image share, 0 without cast shadows, see :class:`.side_light.SideLight`. It is part
+        of the estimated error, and a pose that moved by less than that is not accepted.
     """
     after = score(levels[-1], pose)
     tests = verify(levels[0], levels[-1], pose, points, camera)
@@ -116,9 +121,11 @@ def judged(
     rotation_deg = rotation_angle_deg(pose[:3, :3] @ start[:3, :3].T)
     uncertainty = jackknife(levels[-1], pose, points, camera)
     error_px = np.inf if uncertainty is None else root_mean_square_px(uncertainty, points, camera, pose)
+    error_px = float(np.hypot(error_px, bias_px))
     limit_error_px = max(MAX_ERROR_PX, MAX_ERROR_LEVEL_PX * levels[-1].px)
     limit_px = max(MAX_SPLIT_HALF_PX, MAX_SPLIT_HALF_LEVEL_PX * levels[-1].px)
-    explained = f"the shape explains {after:.0%} of the image's variation ({before:.0%} before)"
+    what = "the shape with the shadows of a side light" if bias_px > 0 else "the shape"
+    explained = f"{what} explains {after:.0%} of the image's variation ({before:.0%} before)"
     objection = ""
     if after < MIN_SCORE:
         objection = f"{explained}, which is too little (at least {MIN_SCORE:.0%})"
@@ -139,7 +146,8 @@ def judged(
             f"{explained}, but without parts of the image the surface would move by {_px(error_px)} "
             f"(at most {limit_error_px:.1f} px)"
         )
-    accepted = not objection and after > before
+    within_error = bias_px > 0 and moved_px <= error_px
+    accepted = not objection and after > before and not within_error
     if objection:
         message = f"Refused, the pose is unchanged: {objection}; bring the surface nearer by hand or with landmarks."
     elif accepted:
@@ -147,6 +155,11 @@ def judged(
             f"Refined by {moved_px:.1f} px and {rotation_deg:.2f}°: {explained}, two halves of the image agree within "
             f"{tests.split_half_px:.1f} px, and the next best place fits {tests.second_peak_ratio:.0%} as well. "
             f"The surface is off by about {_px(error_px)}."
+        )
+    elif within_error:
+        message = (
+            f"The pose is unchanged: the best pose nearby, {moved_px:.1f} px away, is itself uncertain by "
+            f"{_px(error_px)} ({explained})."
         )
     else:
         message = f"The pose is unchanged: the best pose nearby, {moved_px:.1f} px away, is no better ({explained})."

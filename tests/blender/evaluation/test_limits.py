@@ -15,6 +15,7 @@ from pipeline.alignment.landmarks.degeneracy import UndeterminedPose, check_unce
 from pipeline.alignment.landmarks.reprojection import Correspondences
 from pipeline.alignment.landmarks.solver import solve_pose
 from pipeline.alignment.refinement.refine import refine_pose
+from pipeline.alignment.refinement.verdict import Refinement
 from pipeline.blender.bridge.camera import new_camera
 from pipeline.blender.case.load_case import load_case
 from pipeline.blender.dataset.job import Job, open_job
@@ -274,7 +275,7 @@ PLACES: dict[str, tuple[Callable[[float], Place], float]] = {
     "loaded_case.FARTHEST_MM": (_away, 1.03),
 }
 ELSEWHERE = {"verdict.MAX_ROTATION_DEG", "refine.MIN_CONTRAST"}
-"""Limits of the refinement, which have tests of their own below."""
+"""Limits of the refinement: tests/alignment/test_refinement.py, and below."""
 
 
 def limit_of(name: str) -> tuple[float, str]:
@@ -306,15 +307,27 @@ def test_both_sides_of_a_limit_on_the_place(name, placed):
     assert placed(place(limit / factor)) == "works"
 
 
+class Searching(Exception):
+    """The refinement went on to its search."""
+
+
 def test_a_frame_needs_contrast(bumpy_mesh, frontal_pose):
     limit, beyond = limit_of("refine.MIN_CONTRAST")
     camera = PinholeCamera(240, 200, 1000.0, 1000.0, 119.5, 99.5)
-    assert beyond == "refused"
-    for contrast, flat in ((limit * 0.5, True), (limit * 8, False)):
+
+    def stop(fraction: float) -> None:
+        if fraction > 0:
+            raise Searching
+
+    def refined(contrast: float) -> Refinement:
         image = shaded(bumpy_mesh, camera, frontal_pose, contrast)
-        found = refine_pose(image, np.ones(camera.shape_hw, bool), camera, bumpy_mesh, frontal_pose)
-        assert ("no detail" in found.message) == flat
-        assert found.accepted <= (not flat)
+        return refine_pose(image, np.ones(camera.shape_hw, bool), camera, bumpy_mesh, frontal_pose, progress=stop)
+
+    # of the whole picture, where the limit is on what varies locally
+    with pytest.raises(Searching):
+        refined(4 * limit)
+    assert beyond == "refused"
+    assert "no detail" in refined(0.9 * limit).message
 
 
 def test_a_run_says_beforehand_what_it_knows(write_tiny_case, tmp_path):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from pipeline.alignment.refinement.refine import refine_pose
+from pipeline.alignment.refinement.verdict import MAX_ROTATION_DEG
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.errors import InputError
 from pipeline.projection.z_buffer import rasterise_depth
@@ -68,6 +69,15 @@ def disturbed(rng: np.random.Generator, angle_deg: float, percent: float) -> np.
     axis, direction = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
     rotated = TRUE_POSE @ rigid(rotation_from_vector(np.radians(angle_deg) * axis))
     return rigid(translation=direction * percent / 100 * TRUE_POSE[2, 3]) @ rotated
+
+
+@pytest.mark.parametrize("side", [-0.5, 0.5])
+def test_both_sides_of_the_largest_rotation(mesh, frame, side):
+    angle = np.radians(MAX_ROTATION_DEG + side)
+    start = TRUE_POSE @ rigid(rotation_from_vector(TRUE_POSE[:3, :3].T @ [angle, 0, 0]))
+    found = refine_pose(frame, VALID, CAMERA, mesh, start)
+    assert found.accepted == (side < 0)
+    assert found.accepted or "at a rotation of" in found.message
 
 
 @pytest.mark.parametrize(("angle_deg", "percent"), [(2, 2), (5, 5)])

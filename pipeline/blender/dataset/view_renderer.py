@@ -153,7 +153,9 @@ class ViewRenderer:
         return plan_pose(self._distribution, self._constraints, self._probe, seed=self._options.seed, index=index)
 
     def sampling_doubt(self) -> str:
-        """A message if hardly any pose meets the constraints, see :func:`.sampling_doubt`; empty otherwise.
+        """A message if hardly any pose meets the constraints; empty otherwise.
+
+        See :func:`pipeline.poses.constraints.sampling_doubt`.
 
         Raises
         ------

@@ -226,7 +226,7 @@ def tasks(*, quick: bool) -> Iterator[Task]:
             yield partial(measure, value)
     for value, stated in itertools.product(POSE_ERRORS_PX[::step], ("stated", "not stated")):
         yield partial(measure_pose_error, value, stated)
-    for value, mode in itertools.product(SPACINGS_PX[::-1][::step], MODES):
+    for value, mode in itertools.product(SPACINGS_PX[2::2] if quick else SPACINGS_PX, MODES):
         yield partial(measure_density, value, mode)
     for value, mode in itertools.product(FRAME_SIZES[::step], MODES[:2]):
         yield partial(measure_frame_size, value, mode)

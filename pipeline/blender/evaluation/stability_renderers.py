@@ -1,12 +1,17 @@
 """Sweeps of the renderers: samples against aliasing, rasterisers against Cycles, and the number of triangles."""
 
 import itertools
+import json
 import math
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from skimage.metrics import structural_similarity
@@ -16,7 +21,7 @@ from ...colour.colour_doubts import MAX_REDUCTION, reduction_doubt
 from ...dataset.folder import Shard
 from ...dataset.options import DatasetOptions
 from ...dataset.view import RenderedView
-from ...errors import InputError
+from ...errors import InputError, RunError
 from ...evaluation.benchmark_case import CAM_FROM_MESH, write_benchmark_case
 from ...evaluation.stability.cells import Cell, Limit, Outcome, Task
 from ...images.pixel_values import to_uint8
@@ -25,7 +30,7 @@ from ...transforms import rigid, rotation_from_vector
 from ..colour.reference_view import colour_of
 from ..dataset.job import Job, open_job
 from ..dataset.view_renderer import ViewRenderer
-from ..render.engines import render_view
+from ..render.engines import keep_freed_memory, render_view
 from ..render.surface_scene import SurfaceScene
 from .stability_camera import reason_against
 
@@ -46,15 +51,25 @@ WRONG_CODES, WRONG_DEPTH_MM = 4.0, 0.2
 """Mean colour error, of 255, and median depth error beyond which a picture counts as wrong."""
 DATASET = "rays at edges"
 """The series of what a dataset contains."""
+SCALING = ("first view", "time", "memory")
+"""Sweeps of the number of triangles."""
+REPORT = "scaling "
+"""Begins the line of a process that measures."""
+ROOT = Path(__file__).resolve().parents[3]
 RASTERISERS = ("workbench", "eevee")
 
 
 def _renderer(folder: Path, triangles: int, **options: object) -> ViewRenderer:
     """What renders a dataset of the benchmark's case, with these options."""
-    path = folder / f"t{triangles}"
-    case = path / "case.toml" if path.exists() else write_benchmark_case(path, triangles)
-    job = Job(read_case(case), folder / "unused", DatasetOptions(**{"scale": SCALE, **options}), Shard())  # type: ignore[arg-type]
+    chosen: dict[str, Any] = {"scale": SCALE, **options}
+    job = Job(read_case(_case(folder, triangles)), folder / "unused", DatasetOptions(**chosen), Shard())
     return open_job(job).renderer(threads=0)
+
+
+def _case(folder: Path, triangles: int) -> Path:
+    """The benchmark's case with this many triangles, written once."""
+    case = folder / f"t{triangles}" / "case.toml"
+    return case if case.exists() else write_benchmark_case(case.parent, triangles)
 
 
 def _pose(renderer: ViewRenderer, *, distance: float = 1.0, tilt_deg: float = 0.0) -> np.ndarray:
@@ -116,16 +131,37 @@ def measure_rasteriser(folder: Path, engine: str, tilt_deg: float) -> list[Cell]
 
 
 def measure_triangles(folder: Path, engine: str, triangles: int) -> list[Cell]:
-    """Seconds to the first view, seconds a view (``value``) and memory, MB, by number of triangles."""
+    """Seconds to the first view, seconds a view (``value``) and memory, MB, by number of triangles.
+
+    Measured in a process of its own, as a dataset's run is one.
+
+    Raises
+    ------
+    RunError
+        The process failed.
+    """
     limit = Limit("MOST_FACES", MOST_FACES)
-
-    def cell(sweep: str, outcome: Outcome) -> Cell:
-        return Cell.of(sweep, engine, triangles, [outcome], limit=limit)
-
     if triangles > MOST_FACES:
         outcome = _refused(triangles)
-        return [cell(sweep, outcome) for sweep in ("first view", "time", "memory")]
-    _forget_peak()
+        return [Cell.of(sweep, engine, triangles, [outcome], limit=limit) for sweep in SCALING]
+    _case(folder, triangles)
+    program = (
+        f"import sys; sys.path.insert(0, {str(ROOT)!r}); from pathlib import Path; "
+        f"from {__name__} import report_scaling; report_scaling(Path({str(folder)!r}), {engine!r}, {triangles})"
+    )
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    found = [line for line in ended.stdout.splitlines() if line.startswith(REPORT)]
+    if not found:
+        raise RunError(f"{engine} with {triangles} triangles: the process failed: {ended.stderr.strip()[-300:]}")
+    values = json.loads(found[-1].removeprefix(REPORT))
+    return [
+        Cell.of(sweep, engine, triangles, [Outcome("works", value=values[sweep])], limit=limit) for sweep in SCALING
+    ]
+
+
+def report_scaling(folder: Path, engine: str, triangles: int) -> None:
+    """Render some views of the case for :func:`measure_triangles`, print what it took, and end the process."""
+    keep_freed_memory()
     start, colour = time.perf_counter(), "projective" if engine == "cycles" else "vertex"
     with _renderer(folder, triangles, engine=engine, colour=colour) as renderer:
         renderer.render(_pose(renderer))
@@ -135,11 +171,11 @@ def measure_triangles(folder: Path, engine: str, triangles: int) -> list[Cell]:
             start = time.perf_counter()
             renderer.render(pose)
             seconds.append(time.perf_counter() - start)
-    return [
-        cell("first view", Outcome("works", value=first)),
-        cell("time", Outcome("works", value=float(np.median(seconds)))),
-        cell("memory", Outcome("works", value=_peak_mb())),
-    ]
+    values = dict(zip(SCALING, (first, float(np.median(seconds)), _peak_mb()), strict=True))
+    sys.stdout.write(f"\n{REPORT}{json.dumps(values)}\n")
+    sys.stdout.flush()
+    # after OpenGL renders the bpy module may wait forever for its own threads when it is unloaded
+    os._exit(0)
 
 
 def _refused(triangles: int) -> Outcome:
@@ -152,14 +188,8 @@ def _refused(triangles: int) -> Outcome:
     return Outcome("works")
 
 
-def _forget_peak() -> None:
-    """Let the system count the peak of this process's memory from now, where it can."""
-    with suppress(OSError):
-        Path("/proc/self/clear_refs").write_text("5")
-
-
 def _peak_mb() -> float:
-    """Largest resident memory of this process since :func:`_forget_peak`, MB; NaN where the system has no record."""
+    """Largest resident memory of this process so far, MB; NaN where the system has no record."""
     with suppress(OSError, StopIteration):
         lines = Path("/proc/self/status").read_text().splitlines()
         return next(int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM"))
@@ -172,11 +202,10 @@ def tasks(folder: Path, *, quick: bool) -> Iterator[Task]:
     ``folder`` is for temporary files. Engines that cannot render here are left out.
     """
     rasterisers = [engine for engine in RASTERISERS[: 1 if quick else 2] if not reason_against(engine)]
-    for distance in DISTANCES[:: 3 if quick else 1]:
+    for distance in DISTANCES[-1:] if quick else DISTANCES:
         yield partial(measure_samples, folder, distance, quick=quick)
     for engine, tilt_deg in itertools.product(rasterisers, TILTS_DEG[:: 4 if quick else 1]):
         yield partial(measure_rasteriser, folder, engine, tilt_deg)
-    # from few to many: the system gives no memory back
     for triangles in (1_000, 100_000, 11_000_000) if quick else TRIANGLES:
         for engine in ("cycles", *rasterisers):
             if engine == "cycles" or triangles <= RASTERISED_TRIANGLES:

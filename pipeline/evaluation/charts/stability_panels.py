@@ -254,32 +254,28 @@ def short_number(value: float) -> str:
 
 def heat_map(axes: Any, theme: Theme, cells: Sequence[Cell], *, text: Callable[[Cell], str]) -> None:
     """Draw a box for each (x, y), filled from left to right by outcome as a bar of :func:`outcome_bars` is."""
+    from matplotlib.colors import to_rgb
     from matplotlib.patches import Rectangle
-    from matplotlib.patheffects import withStroke
 
     columns, rows = distinct([cell.x for cell in cells]), distinct([cell.y for cell in cells])
     looks = outcome_looks(theme)
     for cell in cells:
-        left, row = columns.index(cell.x) - 0.47, rows.index(cell.y)
+        column, row = columns.index(cell.x), rows.index(cell.y)
+        left, behind = 0.0, ""
         for name, part in outcome_parts([cell]).items():
-            axes.add_patch(
-                Rectangle((left, row - 0.46), 0.94 * part, 0.92, edgecolor="none", linewidth=0, **_fill(looks, name))
-            )
-            left += 0.94 * part
-        outline = [withStroke(linewidth=2.2, foreground=theme.background)]
-        axes.text(
-            columns.index(cell.x), row, text(cell), ha="center", va="center", fontsize=8, color=theme.text,
-            path_effects=outline,
-        )  # fmt: skip
+            colour = looks[name]["color"]
+            corner = column - 0.47 + 0.94 * left, row - 0.46
+            axes.add_patch(Rectangle(corner, 0.94 * part, 0.92, facecolor=colour, edgecolor="none", linewidth=0))
+            behind = colour if left <= 0.5 < left + part + 1e-9 else behind
+            left += part
+        dark = np.dot(to_rgb(behind or theme.grid), (0.2126, 0.7152, 0.0722)) < 0.45
+        ink = "#ffffff" if dark else "#0d1117"
+        axes.text(column, row, text(cell), ha="center", va="center", fontsize=8, color=ink)
     _category_axis(axes, columns)
     axes.set_yticks(range(len(rows)), [short_number(row) for row in rows])
     axes.set_ylim(-0.5, len(rows) - 0.5)
     axes.tick_params(length=0)
     axes.spines[:].set_visible(False)
-
-
-def _fill(looks: dict[str, dict[str, Any]], name: str) -> dict[str, Any]:
-    return {"facecolor": looks[name]["color"]}
 
 
 # --- legends ---------------------------------------------------------------------------------------------------------

@@ -50,7 +50,7 @@ def _draw(figure: Any, theme: Theme, *, cells: Sequence[Cell], conditions: Seque
 
 def _draw_samples(axes: Any, theme: Theme, cells: Sequence[Cell]) -> None:
     """Mean colour error by number of samples, a line for each reduction of the frame."""
-    log_axes(axes, [cell.x for cell in cells], (0.01, 30))
+    log_axes(axes, [cell.x for cell in cells], (0.01, 300))
     for reduction, style in zip(distinct([cell.y for cell in cells]), ("-", "--", "-.", ":"), strict=False):
         own = [cell for cell in cells if cell.y == reduction]
         axes.plot(
@@ -73,12 +73,16 @@ def _draw_rasterisers(axes: Any, theme: Theme, cells: Sequence[Cell]) -> None:
     """Pixels whose silhouette, and whose observed flag, differ from Cycles' by tilt."""
     from matplotlib.ticker import MaxNLocator
 
-    for number, engine in enumerate(distinct([cell.series for cell in in_sweep(cells, "silhouette against Cycles")])):
+    engines = distinct([cell.series for cell in in_sweep(cells, "silhouette against Cycles")])
+    for number, engine in enumerate(engines):
+        # equal lines must not hide each other
+        width = 1.5 + 2.5 * (len(engines) - 1 - number)
         own = in_sweep(cells, "silhouette against Cycles", engine)
         x = [cell.x for cell in own]
         axes.plot(
-            x, [cell.error for cell in own], color=theme.series[number], marker="o", label=f"{engine}: silhouette"
-        )
+            x, [cell.error for cell in own], color=theme.series[number], marker="o", markersize=4 + width,
+            linewidth=width, label=f"{engine}: silhouette",
+        )  # fmt: skip
         axes.plot(
             x, [cell.value for cell in own], color=theme.series[number], marker="s", linestyle="--",
             markerfacecolor=theme.background, label=f"{engine}: what the frame saw",

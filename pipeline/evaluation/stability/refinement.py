@@ -12,7 +12,7 @@ from functools import partial
 import cv2
 import numpy as np
 
-from ...alignment.refinement.refine import MIN_CONTRAST, refine_pose
+from ...alignment.refinement.refine import refine_pose
 from ...alignment.refinement.verdict import MAX_ROTATION_DEG
 from ...transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points, turned_about
 from ..refinement_basin import displacement_px
@@ -82,13 +82,41 @@ def _coded(image: np.ndarray) -> np.ndarray:
     return (np.rint(np.clip(image, 0, 1) * 255) / 255).astype(np.float32)
 
 
-FRAMES: dict[str, tuple[Spoil, tuple[float, ...], Limit]] = {
-    "texture-poor": (faded, CONTRASTS, Limit("MIN_CONTRAST", MIN_CONTRAST)),
-    "occluded": (occluded, OCCLUDED, NO_LIMIT),
-    "specular": (specular, SPECULAR, NO_LIMIT),
-    "noisy": (noisy, NOISES, NO_LIMIT),
-    "blurred": (blurred, BLURS_PX, NO_LIMIT),
+FRAMES: dict[str, tuple[Spoil, tuple[float, ...]]] = {
+    "texture-poor": (faded, CONTRASTS),
+    "occluded": (occluded, OCCLUDED),
+    "specular": (specular, SPECULAR),
+    "noisy": (noisy, NOISES),
+    "blurred": (blurred, BLURS_PX),
 }
+"""What makes a frame worse, and by which amounts."""
+
+
+class _Searched(Exception):
+    """The refinement went on from the check of the contrast to its search."""
+
+
+def least_contrast(scene: RefinementScene, seed: int) -> float:
+    """The contrast, of the original's, at which the refinement begins to find detail: where its limit lies.
+
+    By bisection, to a hundredth.
+    """
+
+    def stop(fraction: float) -> None:
+        if fraction > 0:
+            raise _Searched
+
+    low, high = 1e-4, 1.0
+    while high > 1.01 * low:
+        middle = math.sqrt(low * high)
+        image = faded(scene.image, middle, np.random.default_rng(seed))
+        try:
+            refine_pose(image, scene.valid, scene.camera, scene.mesh, scene.cam_from_model, progress=stop)
+        except _Searched:
+            high = middle
+        else:
+            low = middle
+    return high
 
 
 def disturbed(scene: RefinementScene, angle_deg: float, shift_mm: float, rng: np.random.Generator) -> np.ndarray:
@@ -135,7 +163,8 @@ def measure_frame(
     masked: bool = False,
 ) -> list[Cell]:
     """A cell of one of :data:`FRAMES`, from :data:`START`; ``masked`` leaves out the pixels that are spoilt."""
-    spoil, _, limit = FRAMES[name]
+    spoil, _ = FRAMES[name]
+    limit = Limit("MIN_CONTRAST", least_contrast(scene, seed)) if spoil is faded else NO_LIMIT
     rng = np.random.default_rng([seed, 1, *key])
     outcomes = []
     for _ in range(trials):
@@ -146,19 +175,15 @@ def measure_frame(
 
 
 def tasks(scene: RefinementScene, seed: int, *, quick: bool) -> Iterator[Task]:
-    """All measurements of the topic on a scene; ``quick`` takes the ends and the middle of every sweep, once."""
-    angles, shifts = (_ends(values, quick) for values in (ANGLES_DEG, SHIFTS_MM))
+    """All measurements of the topic on a scene; ``quick`` takes four cells of the basin and one bad frame of a kind."""
+    angles, shifts = (values[:4:3] if quick else values for values in (ANGLES_DEG, SHIFTS_MM))
     for key, (shift_mm, angle_deg) in enumerate(itertools.product(SHIFTS_MM, ANGLES_DEG)):
         if angle_deg in angles and shift_mm in shifts:
             yield partial(measure_basin, scene, angle_deg, shift_mm, key, seed, trials=1 if quick else BASIN_TRIALS)
-    for number, (name, (_, values, _)) in enumerate(FRAMES.items()):
+    for number, (name, (_, values)) in enumerate(FRAMES.items()):
         for index, value in enumerate(values):
-            if value in _ends(values, quick):
+            if not quick or index == len(values) // 2:
                 trials = 1 if quick else FRAME_TRIALS
                 yield partial(measure_frame, scene, name, value, (number, index), seed, trials=trials)
                 if name == "occluded" and value > 0:
                     yield partial(measure_frame, scene, name, value, (number, index), seed, trials=trials, masked=True)
-
-
-def _ends(values: tuple[float, ...], quick: bool) -> tuple[float, ...]:
-    return values[:: math.ceil(len(values) / 2)] if quick else values

@@ -3,14 +3,19 @@
 import importlib
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import bpy
 import numpy as np
 import pytest
 
-from pipeline.alignment.landmarks.degeneracy import UndeterminedPose
+from pipeline.alignment.landmarks.covariance import pose_uncertainty
+from pipeline.alignment.landmarks.degeneracy import UndeterminedPose, check_uncertainty
+from pipeline.alignment.landmarks.reprojection import Correspondences
 from pipeline.alignment.landmarks.solver import solve_pose
 from pipeline.alignment.refinement.refine import refine_pose
+from pipeline.alignment.refinement.verdict import Refinement
 from pipeline.blender.bridge.camera import new_camera
 from pipeline.blender.case.load_case import load_case
 from pipeline.blender.dataset.job import Job, open_job
@@ -24,6 +29,7 @@ from pipeline.dataset.options import DatasetOptions
 from pipeline.errors import InputError
 from pipeline.evaluation.stability.landmarks import Clicks, camera_of, draw_trial
 from pipeline.poses.constraints import Constraints, ViewStatistics, plan_pose, sampling_doubt
+from pipeline.projection.z_buffer import rasterise_depth
 from pipeline.surface.mesh import TriangleMesh, checked_mesh
 from pipeline.transforms import rigid, rotation_from_vector, transform_points
 
@@ -81,17 +87,34 @@ def inliers(part: float) -> str:
     return clicked(Clicks(count=20, outliers=1 - part))
 
 
-def uncertain(wanted: Callable, focal_px: float) -> Callable[[float], str]:
-    """Exact clicks of which the stated noise is such that a standard deviation has a value."""
+def rotation(value: float) -> str:
+    """Exact clicks of which the stated noise is such that a rotation has this standard deviation."""
+    camera = camera_of(600.0)
+    trial = draw_trial(np.random.default_rng(5), Clicks(count=12, sigma_px=0.0), camera)
+    return _uncertain(trial.points_model, trial.cam_from_model, camera, value, "largest_rotation_deg")
 
-    def answer(value: float) -> str:
-        camera = camera_of(focal_px)
-        trial = draw_trial(np.random.default_rng(5), Clicks(count=12, sigma_px=0.0), camera)
-        estimate = solve_pose(trial.points_model, trial.pixels, camera, click_sigma_px=0.1)
-        sigma_px = 0.1 * value / wanted(estimate.uncertainty)
-        return solved(trial.points_model, trial.pixels, camera, "pose is uncertain", sigma_px)
 
-    return answer
+def depth(value: float) -> str:
+    """The same for the distance: the points are spread along the line of sight, so rotations are known better."""
+    points = (np.random.default_rng(6).random((12, 3)) - 0.5) * [10, 10, 60]
+    return _uncertain(points, rigid(translation=np.array([0.0, 0, 640])), camera_of(12_800.0), value, "relative_depth")
+
+
+def _uncertain(points: np.ndarray, pose: np.ndarray, camera: PinholeCamera, value: float, quantity: str) -> str:
+    pixels = camera.project(transform_points(pose, points))
+    known = solve_pose(points, pixels, camera, click_sigma_px=0.1).uncertainty
+    return solved(points, pixels, camera, "pose is uncertain", 0.1 * value / getattr(known, quantity))
+
+
+def refused_depth(value: float) -> str:
+    """Rotations are refused before the distance is this uncertain, so the check gets a covariance of its own."""
+    points = (np.random.default_rng(6).random((12, 3)) - 0.5) * 30
+    pose, camera = rigid(translation=np.array([0.0, 0, 640])), camera_of(12_800.0)
+    pairs = Correspondences.about(points, camera.project(transform_points(pose, points)), camera)
+    known = pose_uncertainty(pairs, pose, 1e-6)
+    covariance = known.covariance.copy()
+    covariance[2, 2] = (value * 640) ** 2
+    return refusal(lambda: check_uncertainty(pairs, pose, replace(known, covariance=covariance), 2.0))
 
 
 def collinear(ratio: float) -> str:
@@ -110,8 +133,6 @@ def collinear(ratio: float) -> str:
 
 def shaded(mesh: TriangleMesh, camera: PinholeCamera, pose: np.ndarray, contrast: float) -> np.ndarray:
     """``(H, W, 3)`` a picture of a surface lit from the camera, of which the local contrast is known."""
-    from pipeline.projection.z_buffer import rasterise_depth
-
     face = rasterise_depth(mesh, camera, pose).face
     normal = mesh.face_normals[face] @ pose[:3, :3].T
     picture = np.where(face >= 0, -normal[..., 2], 0.5)
@@ -150,8 +171,6 @@ def refusal(call: Callable[[], object]) -> str:
 
 
 def in_blender(camera: PinholeCamera) -> str:
-    import bpy
-
     scene = bpy.data.scenes.new("limits")
     try:
         return refusal(lambda: new_camera(scene, camera, clip_mm=(1, 1000)))
@@ -224,18 +243,16 @@ def attempts(number: float) -> str:
     return refusal(lambda: plan_pose(Rarely(), Constraints(min_surface=0.5), probe, seed=0, index=0))
 
 
-ROTATION = uncertain(lambda found: found.largest_rotation_deg, 600.0)
-DEPTH = uncertain(lambda found: found.relative_depth, 12_800.0)
 ANSWERS: dict[str, tuple[Callable[[float], str], float]] = {
     "degeneracy.FEWEST_CORRESPONDENCES": (pairs, 0.75),
     "solver.FEW_CORRESPONDENCES": (pairs, 0.84),
     "solver.LARGE_NOISE_RATIO": (noise, 1.25),
     "degeneracy.MAX_NOISE_RATIO": (noise, 1.25),
     "degeneracy.MIN_INLIER_FRACTION": (inliers, 0.91),
-    "solver.UNCERTAIN_ROTATION_DEG": (ROTATION, 1.05),
-    "degeneracy.MAX_ROTATION_DEG": (ROTATION, 1.05),
-    "solver.UNCERTAIN_RELATIVE_DEPTH": (DEPTH, 1.05),
-    "degeneracy.MAX_RELATIVE_DEPTH": (DEPTH, 1.05),
+    "solver.UNCERTAIN_ROTATION_DEG": (rotation, 1.05),
+    "degeneracy.MAX_ROTATION_DEG": (rotation, 1.05),
+    "solver.UNCERTAIN_RELATIVE_DEPTH": (depth, 1.05),
+    "degeneracy.MAX_RELATIVE_DEPTH": (refused_depth, 1.05),
     "degeneracy.COLLINEAR_RATIO": (collinear, 0.99),
     "source_view.MAX_INCIDENCE_DEG": (facing, 1.001),
     "source_view.TOLERANCE_PX": (below, 1.02),
@@ -246,7 +263,7 @@ ANSWERS: dict[str, tuple[Callable[[float], str], float]] = {
     "camera.MAX_PIXEL_ASPECT": (aspect, 1.001),
     "camera.SMALLEST_VIEW_PX": (side, 0.75),
     "mesh.MOST_FACES": (triangles, 1.0000001),
-    "constraints.LEAST_ACCEPTANCE": (lambda value: said(sampling_doubt([round(1e6 / value), 0] * 500_000)), 0.99),
+    "constraints.LEAST_ACCEPTANCE": (lambda value: said(sampling_doubt([round(1e4 / value)] + [0] * 9999)), 0.99),
     "constraints.MAX_ATTEMPTS": (attempts, 1.0002),
 }
 """By limit: the answer to a value, and the smallest factor to a value that is beyond the limit."""
@@ -258,7 +275,7 @@ PLACES: dict[str, tuple[Callable[[float], Place], float]] = {
     "loaded_case.FARTHEST_MM": (_away, 1.03),
 }
 ELSEWHERE = {"verdict.MAX_ROTATION_DEG", "refine.MIN_CONTRAST"}
-"""Limits of the refinement, which have tests of their own below."""
+"""Limits of the refinement: tests/alignment/test_refinement.py, and below."""
 
 
 def limit_of(name: str) -> tuple[float, str]:
@@ -290,15 +307,27 @@ def test_both_sides_of_a_limit_on_the_place(name, placed):
     assert placed(place(limit / factor)) == "works"
 
 
+class Searching(Exception):
+    """The refinement went on to its search."""
+
+
 def test_a_frame_needs_contrast(bumpy_mesh, frontal_pose):
     limit, beyond = limit_of("refine.MIN_CONTRAST")
     camera = PinholeCamera(240, 200, 1000.0, 1000.0, 119.5, 99.5)
-    assert beyond == "refused"
-    for contrast, flat in ((limit * 0.5, True), (limit * 8, False)):
+
+    def stop(fraction: float) -> None:
+        if fraction > 0:
+            raise Searching
+
+    def refined(contrast: float) -> Refinement:
         image = shaded(bumpy_mesh, camera, frontal_pose, contrast)
-        found = refine_pose(image, np.ones(camera.shape_hw, bool), camera, bumpy_mesh, frontal_pose)
-        assert ("no detail" in found.message) == flat
-        assert found.accepted <= (not flat)
+        return refine_pose(image, np.ones(camera.shape_hw, bool), camera, bumpy_mesh, frontal_pose, progress=stop)
+
+    # of the whole picture, where the limit is on what varies locally
+    with pytest.raises(Searching):
+        refined(4 * limit)
+    assert beyond == "refused"
+    assert "no detail" in refined(0.9 * limit).message
 
 
 def test_a_run_says_beforehand_what_it_knows(write_tiny_case, tmp_path):

@@ -72,7 +72,8 @@ def evaluation_page(root: Path, *, most_bytes: int = PAGE_BYTES, stream: TextIO 
     distribution = folder.rows("distribution")
     missing = folder.content.get("missing")
     data = {
-        "cases": cases,
+        # without their paths, which are of this computer
+        "cases": [{"name": case.get("name")} for case in cases],
         "methods": methods,
         "rows": rows,
         "summary": folder.rows("summary"),

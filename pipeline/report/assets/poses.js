@@ -238,6 +238,7 @@ function createPoses(stage, views, chosen) {
         if (source) tag(labels.source, vector(source.centre));
         if (selected) tag(labels.view, vector(selected.centre));
         // one above the other would hide it
+        labels.source.classList.remove('below');
         const boxes = [labels.source, labels.view].map((part) => part.getBoundingClientRect());
         const clash = !labels.source.hidden && !labels.view.hidden && boxes[0].left < boxes[1].right
             && boxes[1].left < boxes[0].right && Math.abs(boxes[0].top - boxes[1].top) < boxes[0].height + 2;

@@ -99,7 +99,7 @@ def dataset_page(
     options = folder.part("options")
     facts = [
         f"{spaced(folder.count)} views",
-        f"of {folder.description['object']}" if "object" in folder.description else "",
+        f"object {folder.description['object']}" if "object" in folder.description else "",
         size,
         f"{options['engine']}, {options['colour']}" if {"engine", "colour"} <= options.keys() else "",
         f"sampler {options['sampler']}" if "sampler" in options else "",

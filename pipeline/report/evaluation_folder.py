@@ -55,7 +55,7 @@ class EvaluationFolder:
         return [entry for entry in value if isinstance(entry, str)] if isinstance(value, list) else []
 
     def file(self, name: object) -> bytes | None:
-        """The content of a file in the folder; ``None``, with an entry in :attr:`problems`, if it cannot be had."""
+        """The content of a file in the folder; ``None``, with an entry in ``problems``, if it cannot be had."""
         if not isinstance(name, str) or not name:
             return None
         try:

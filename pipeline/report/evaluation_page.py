@@ -66,12 +66,14 @@ def evaluation_page(root: Path, *, most_bytes: int = PAGE_BYTES, stream: TextIO 
     resolved = root.resolve()
     facts = [
         _counted(len(cases), "case"), _counted(len({*_frames(rows)}), "photograph"),
-        _counted(sum("skipped" not in method for method in methods), "method"), str(folder.table("conditions").get("measured") or ""),
+        _counted(sum("skipped" not in method for method in methods), "method"),
+        str(folder.table("conditions").get("measured") or ""),
     ]  # fmt: skip
     distribution = folder.rows("distribution")
     missing = folder.content.get("missing")
     data = {
-        "cases": cases,
+        # without their paths, which are of this computer
+        "cases": [{"name": case.get("name")} for case in cases],
         "methods": methods,
         "rows": rows,
         "summary": folder.rows("summary"),

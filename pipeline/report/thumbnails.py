@@ -42,9 +42,9 @@ class Quality:
 
 
 QUALITIES = (
-    Quality(1280, 88, 960), Quality(960, 86, 640), Quality(800, 84, 480), Quality(640, 82, 400), Quality(560, 80, 320),
-    Quality(480, 78, 320), Quality(480, 70, 240), Quality(400, 66, 240), Quality(320, 64, 200), Quality(280, 56, 160),
-    Quality(240, 48, 128), Quality(200, 40, 96), Quality(160, 32, 80),
+    Quality(1280, 88, 640), Quality(960, 86, 640), Quality(800, 84, 480), Quality(640, 82, 400), Quality(560, 80, 320),
+    Quality(480, 78, 320), Quality(480, 70, 240), Quality(400, 66, 240), Quality(400, 58, 200), Quality(360, 58, 200),
+    Quality(320, 58, 200), Quality(280, 56, 160), Quality(240, 48, 128), Quality(200, 40, 96), Quality(160, 32, 80),
 )  # fmt: skip
 """From the best to the smallest."""
 

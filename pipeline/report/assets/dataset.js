@@ -118,7 +118,7 @@ document.addEventListener('keydown', (event) => {
 
 // --- the grid -----------------------------------------------------------------------------------------------------------
 
-const grid = byId('grid');
+const grid = byId('grid'), TILE_PX = 240;
 const tiles = views.map((view, place) => {
     const image = el('img', { alt: '', decoding: 'async', hidden: true });
     const canvas = el('canvas', { hidden: true });
@@ -138,7 +138,7 @@ const watcher = new IntersectionObserver((entries) => {
         // pictures far away are given back
         if (!isIntersecting) tile.image.removeAttribute('src');
         else if (view.picture) tile.image.src = webp(view.picture);
-        if (isIntersecting) drawLayers(tile.canvas, view, state.layers, state.strength);
+        if (isIntersecting) drawLayers(tile.canvas, view, state.layers, state.strength, TILE_PX);
         else tile.canvas.hidden = true;
     }
 }, { rootMargin: '300px' });
@@ -146,7 +146,7 @@ for (const { item } of tiles) watcher.observe(item);
 
 function redrawTiles() {
     tiles.forEach((tile, place) => {
-        if (tile.shown) drawLayers(tile.canvas, views[place], state.layers, state.strength);
+        if (tile.shown) drawLayers(tile.canvas, views[place], state.layers, state.strength, TILE_PX);
     });
 }
 

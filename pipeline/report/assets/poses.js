@@ -49,7 +49,9 @@ function createPoses(stage, views, chosen) {
     const frusta = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({
         vertexColors: true, transparent: true, opacity: 0.9,
     }));
-    const corners = posed.map(({ view }) => frustumLines(view, shape, FRUSTUM_SHARE * reach));
+    // many would hide each other
+    const size = FRUSTUM_SHARE * reach * Math.min(1, Math.max(0.35, Math.cbrt(100 / Math.max(posed.length, 1))));
+    const corners = posed.map(({ view }) => frustumLines(view, shape, size));
     frusta.geometry.setAttribute('position', new THREE.Float32BufferAttribute(corners.flat(), 3));
     frusta.geometry.setAttribute('color', new THREE.Float32BufferAttribute(new Array(corners.flat().length).fill(1), 3));
     const dots = new THREE.Points(new THREE.BufferGeometry(), new THREE.PointsMaterial({
@@ -236,6 +238,7 @@ function createPoses(stage, views, chosen) {
         if (source) tag(labels.source, vector(source.centre));
         if (selected) tag(labels.view, vector(selected.centre));
         // one above the other would hide it
+        labels.source.classList.remove('below');
         const boxes = [labels.source, labels.view].map((part) => part.getBoundingClientRect());
         const clash = !labels.source.hidden && !labels.view.hidden && boxes[0].left < boxes[1].right
             && boxes[1].left < boxes[0].right && Math.abs(boxes[0].top - boxes[1].top) < boxes[0].height + 2;

@@ -18,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import argparse
 import tempfile
 from collections.abc import Callable, Sequence
+from typing import TextIO
 
 import bpy
 
@@ -79,12 +80,7 @@ def main(argv: Sequence[str]) -> int:
     check_outputs(
         [*([] if arguments.redraw else [Output(arguments.out, POINTS)]), *chart_outputs(arguments.out)], inputs
     )
-    output = own_output()
-
-    def report(text: str) -> None:
-        output.write(text + "\n")
-        output.flush()
-
+    stream = own_output()
     if not arguments.redraw:
         rounds, views, samples = (1, 12, 32) if arguments.quick else (3, 24, 256)
         rounds = arguments.rounds or rounds
@@ -92,12 +88,12 @@ def main(argv: Sequence[str]) -> int:
             {"seed": arguments.seed, "rounds": rounds, "views": views, "reference samples": samples},
             blender=bpy.app.version_string,
         )
-        points = measure(arguments, rounds, views, samples, report)
+        points = measure(arguments, rounds, views, samples, stream)
         with writing(made_folder(arguments.out)):
             write_table(arguments.out, COLUMNS, [point.row() for point in points], conditions)
     points, lines = read_points(arguments.out)
     for path in speed_accuracy_charts(points, small_print(lines), arguments.out):
-        report(str(path))
+        stream.write(f"{path}\n")
     return 0
 
 
@@ -116,10 +112,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--redraw", action="store_true", help="measure nothing; draw the chart again from --out")
 
 
-def measure(
-    arguments: argparse.Namespace, rounds: int, views: int, samples: int, report: Callable[[str], None]
-) -> list[SpeedPoint]:
+def measure(arguments: argparse.Namespace, rounds: int, views: int, samples: int, stream: TextIO) -> list[SpeedPoint]:
     """Measure all scenes."""
+
+    def report(text: str) -> None:
+        stream.write(text + "\n")
+        stream.flush()
+
     keep_freed_memory()
     configurations = usable(QUICK if arguments.quick else CONFIGURATIONS, report)
     points = []
@@ -128,7 +127,7 @@ def measure(
             triangles = len(scene.loaded.mesh.faces)
             report(f"{scene.name}: {scene.camera.width}x{scene.camera.height} px, {triangles:,} triangles")
             points += measure_scene(
-                scene, configurations, made_folder(Path(name) / "run" / "x").parent, rounds, samples, report
+                scene, configurations, made_folder(Path(name) / "run" / "x").parent, rounds, samples, report, stream
             )
     return points
 
@@ -164,6 +163,7 @@ def measure_scene(
     rounds: int,
     samples: int,
     report: Callable[[str], None],
+    stream: TextIO,
 ) -> list[SpeedPoint]:
     """Measure one scene in alternating rounds."""
     try:
@@ -172,7 +172,7 @@ def measure_scene(
         report(f"left out: {error}")
         peers = {}
     total = rounds * (len(configurations) + len(peers) + 1) + 4
-    with Progress(total, "measurements", stream=own_output()) as progress:
+    with Progress(total, "measurements", stream=stream) as progress:
         reference = converged_reference(scene, samples, progress.advance)
         with SceneTrials(scene, reference, folder, RENDER_SCRIPT) as trials:
             for number in range(rounds):

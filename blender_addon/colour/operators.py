@@ -30,6 +30,11 @@ FORMATS = [
     ("ply", "PLY", "In the frame and units of your mesh file"),
 ]
 
+UNSEEN = [
+    ("neutral", "Neutral", "Grey"),
+    ("fill", "Fill", "The observed colours, continued smoothly over the surface"),
+]
+
 
 class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
     """Project the frame on the surface at the current pose; replaces existing colours. Esc stops it"""
@@ -166,6 +171,9 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operat
     mode: Literal["texture", "vertex"] = prop(
         EnumProperty(name="Colours", description="How the file holds the colours", items=MODES, default="texture")
     )
+    unseen: str = prop(
+        EnumProperty(name="Unseen", description="Surface that the frame did not see", items=UNSEEN, default="neutral")
+    )
 
     @property
     def filename_ext(self) -> str:
@@ -198,7 +206,8 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operat
                 '"glTF 2.0 format" in the preferences, or export OBJ or PLY'
             )
         try:
-            messages = export_coloured_surface(from_scene.loaded_case(context.scene), path, colour=self.mode)
+            loaded = from_scene.loaded_case(context.scene)
+            messages = export_coloured_surface(loaded, path, colour=self.mode, unseen=self.unseen)
         except OSError as error:
             raise InputError(f"{path}: cannot write the file ({error.strerror}); choose another folder") from None
         return (*messages, f"saved {path}")

@@ -103,7 +103,8 @@ def filled_colours(vertices: np.ndarray, faces: np.ndarray, rgb: np.ndarray, kno
     a, b, c = place[faces].T
     first, second = np.concatenate([a, b, c, b, c, a]), np.concatenate([b, c, a, a, b, c])
     graphs, holders = [_graph(size, first, second, np.ones(len(first)))], []
-    levels = [_means(rgb[known], place[known], np.ones(np.count_nonzero(known)), size)]
+    colour, weight = _means(rgb[known], place[known], np.ones(np.count_nonzero(known)), size)
+    levels = [(colour, (weight > 0).astype(float))]
     while len(graphs[-1].first):
         holder, coarser = graphs[-1].coarsened()
         if coarser.size > SHRINKAGE * graphs[-1].size:

@@ -51,7 +51,8 @@ class TextureAtlas:
         ``(F, 3, 2)`` float64 per face corner, in [0, 1], origin bottom-left with v up (Blender, OBJ): the centre of
         the texel in column i and row j (from the top) is ((i + 0.5) / width, 1 - (j + 0.5) / height).
     image
-        ``(h, w, C)`` float32, top row first; :data:`pipeline.colour.vertex_colours.NEUTRAL` where not observed.
+        ``(h, w, C)`` float32, top row first; where not observed, a given colour, or
+        :data:`pipeline.colour.vertex_colours.NEUTRAL`.
     observed
         ``(h, w)`` bool.
     faces_seen
@@ -146,6 +147,7 @@ def bake_atlas(
     observed: Observed,
     seen_faces: np.ndarray,
     *,
+    unseen: np.ndarray | None = None,
     max_size: int = MAX_SIZE,
 ) -> TextureAtlas:
     """Lay out the faces that the frame saw, and bake the frame into their texels.
@@ -158,6 +160,8 @@ def bake_atlas(
         The visibility rule, see :data:`Observed`.
     seen_faces
         ``(F,)`` uint8 from :func:`classify_faces`.
+    unseen
+        ``(V, C)`` colours of the vertices for what the frame did not see; ``None``: :data:`NEUTRAL`.
 
     Raises
     ------
@@ -172,7 +176,10 @@ def bake_atlas(
     separate = np.flatnonzero(~layer.members)
     low = np.ceil(charts.texels[separate].min(axis=1) - GUTTER).astype(np.int64)
     sizes = np.floor(charts.texels[separate].max(axis=1) + GUTTER).astype(np.int64) - low + 1
-    patch = np.full((1, 2), NEUTRAL_PATCH)
+    others = np.flatnonzero(seen_faces == 0)
+    across = int(np.ceil(np.sqrt(len(others))))
+    # with colours of their own, faces that the frame did not see have two by two texels each
+    patch = np.full((1, 2), NEUTRAL_PATCH if unseen is None else max(2 * across, NEUTRAL_PATCH))
     origins, (width, height) = pack_rectangles(np.concatenate([sizes, patch]), layer.size, max_size)
     texels = charts.texels.copy()
     texels[layer.members] -= layer.low
@@ -191,6 +198,10 @@ def bake_atlas(
     flags = np.zeros((height, width), dtype=bool)
     for samples in owned_texels():
         face, x, y, _ = samples
+        if unseen is not None:
+            weights = np.clip(samples.barycentric, 0, None)
+            weights /= weights.sum(axis=1, keepdims=True)
+            baked[y, x] = np.einsum("nk,nkc->nc", weights, unseen[mesh.faces[seen[face]]])
         points, fallback, retry = _surface_points(samples, texels, corners, footprints)
         good = observed(points, normals[face])
         # where the extended plane leaves the true surface, test the nearest point of the face instead
@@ -204,11 +215,20 @@ def bake_atlas(
         baked[y[good], x[good]] = sample_bilinear(image, pixels[inside])
     uv = np.empty((len(mesh.faces), 3, 2))
     uv[:] = origins[-1] + np.array([[1.0, 2.0], [2.0, 2.0], [1.0, 1.0]])
+    if unseen is not None and len(others):
+        index = np.arange(len(others))
+        place = origins[-1] + 2 * np.stack([index % across, index // across], axis=1)
+        a, b, c = np.moveaxis(unseen[mesh.faces[others]], 1, 0)
+        # linear inside the triangle of the first three
+        for offset, colour in (((0, 0), a), ((1, 0), b), ((0, 1), c), ((1, 1), b + c - a)):
+            x, y = (place + offset).T
+            baked[y, x] = colour
+        uv[others] = place[:, None] + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     uv[seen] = texels
     uv = (uv + 0.5) / [width, height]
     uv[..., 1] = 1 - uv[..., 1]
-    unseen, partly, fully = (int((seen_faces == level).sum()) for level in range(3))
-    return TextureAtlas(uv, baked, flags, (unseen, partly, fully), len(separate), int(charts.coarse[separate].sum()))
+    nothing, partly, fully = (int((seen_faces == level).sum()) for level in range(3))
+    return TextureAtlas(uv, baked, flags, (nothing, partly, fully), len(separate), int(charts.coarse[separate].sum()))
 
 
 def _surface_points(

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..blender.process import own_output
+from ..dataset.options import UNSEEN
 from .parser import command_parser, explained_imports
 
 ABOUT = "Write the surface with the frame's colours on it, as GLB, OBJ or PLY."
@@ -26,6 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--colour", choices=("texture", "vertex"), default="texture",
         help="an image mapped on the surface, or one colour per vertex (default %(default)s)",
     )  # fmt: skip
+    output.add_argument(
+        "--unseen", choices=UNSEEN, default=UNSEEN[0],
+        help="surface that the frame did not see: grey, or the observed colours, continued smoothly over the surface "
+        "(default %(default)s)",
+    )  # fmt: skip
 
 
 def main(argv: Sequence[str], prog: str = "oneframe colour") -> int:
@@ -43,7 +49,8 @@ def run(arguments: argparse.Namespace) -> int:
     case = read_case(arguments.case)
     check_export(arguments.out, case.input_files(), colour=arguments.colour)
     loaded = load_case(case)
-    for message in (*loaded.messages, *export_coloured_surface(loaded, arguments.out, colour=arguments.colour)):
+    messages = export_coloured_surface(loaded, arguments.out, colour=arguments.colour, unseen=arguments.unseen)
+    for message in (*loaded.messages, *messages):
         output.write(message + "\n")
     output.write(f"coloured surface: {arguments.out}\n")
     return 0

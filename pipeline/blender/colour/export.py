@@ -15,7 +15,7 @@ import numpy as np
 
 from ...case.loaded_case import LoadedCase
 from ...colour.texture_atlas import TextureAtlas
-from ...colour.vertex_colours import VertexColours, colour_vertices
+from ...colour.vertex_colours import VertexColours
 from ...errors import InputError
 from ...files.content import write_bytes_atomically
 from ...files.kinds import GLB, MTL, OBJ, PLY, PNG
@@ -29,7 +29,7 @@ from ...surface.mesh_writer import material_path, texture_path, write_obj, write
 from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colors, temporary_data
 from ..bridge.versions import new_node_material
 from ..process import delayed_interrupts
-from .reference_view import baked_colour_of, colouring_view_of
+from .reference_view import baked_colour_of, colouring_view_of, unseen_colours_of
 
 FORMATS = {".glb": GLB, ".obj": OBJ, ".ply": PLY}
 
@@ -64,7 +64,9 @@ def check_export(path: Path, inputs: Mapping[str, Path], *, colour: str) -> None
     check_outputs(outputs, inputs)
 
 
-def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["texture", "vertex"]) -> list[str]:
+def export_coloured_surface(
+    loaded: LoadedCase, path: Path, *, colour: Literal["texture", "vertex"], unseen: str = "neutral"
+) -> list[str]:
     """Write the surface with the frame's colours; an OBJ or a textured PLY gets its image in the same folder.
 
     Parameters
@@ -75,6 +77,8 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["
         ``.glb``, ``.obj`` or ``.ply``.
     colour
         ``"texture"`` or ``"vertex"`` (not for OBJ, which has no vertex colours).
+    unseen
+        What the frame did not see: ``"neutral"`` or ``"fill"``.
 
     Returns
     -------
@@ -90,7 +94,8 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["
     check_export(path, loaded.case.input_files(), colour=colour)
     suffix = path.suffix.lower()
     source = colouring_view_of(loaded)
-    surface_colour, messages = baked_colour_of(source, colour)
+    filled = unseen_colours_of(source, unseen)
+    surface_colour, messages = baked_colour_of(source, colour, unseen=filled)
     given = source.mesh.moved(loaded.mesh_from_model[:3, 3])
     made_folder(path)
     if suffix == ".glb":
@@ -109,7 +114,8 @@ def export_coloured_surface(loaded: LoadedCase, path: Path, *, colour: Literal["
                 write_obj(path, given, uv=uv, texture=texture)
             else:
                 # for readers that know no textures in a PLY
-                colours = to_uint8(colour_vertices(source.mesh, source.view).rgb)
+                vertices, _ = baked_colour_of(source, "vertex", unseen=filled)
+                colours = to_uint8(vertices.rgb)  # type: ignore[union-attr]  # vertex colours
                 write_ply(path, given, colours=colours, normals=given.vertex_normals, uv=uv, texture=texture)
     else:
         with writing(path):

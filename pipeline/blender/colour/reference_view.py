@@ -141,17 +141,24 @@ def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str
 
 
 def baked_colour_of(
-    source: ReferenceView, mode: str, progress: Callable[[float], None] | None = None
+    source: ReferenceView,
+    mode: str,
+    progress: Callable[[float], None] | None = None,
+    *,
+    unseen: np.ndarray | None = None,
 ) -> tuple[TextureAtlas | VertexColours, list[str]]:
     """The same for the modes that other programs know: ``texture`` and ``vertex``.
 
     Runs without Blender, so it may run in a thread. ``progress`` is called often with a fraction 0..1; an exception
-    that it raises ends the work.
+    that it raises ends the work. ``unseen`` are colours ``(V, 3)`` of the vertices for what the frame did not see.
     """
     report = progress or _unreported
     if mode != "texture":
         report(0.0)
-        return vertex_colours_of(source)
+        colours, messages = vertex_colours_of(source)
+        if unseen is not None:
+            colours = replace(colours, rgb=np.where(colours.covered[:, None], colours.rgb, unseen))
+        return colours, messages
     view, mesh = source.view, source.mesh
     stage = _Stage(report, CLASSIFIED)
 
@@ -161,7 +168,7 @@ def baked_colour_of(
 
     faces_seen = classify_faces(mesh, view.camera, view.cam_from_model, observed)
     stage = _Stage(report, 1.0, CLASSIFIED)
-    atlas = bake_atlas(mesh, view.camera, view.cam_from_model, view.continued[0], observed, faces_seen)
+    atlas = bake_atlas(mesh, view.camera, view.cam_from_model, view.continued[0], observed, faces_seen, unseen=unseen)
     return atlas, atlas.messages()
 
 

@@ -16,7 +16,7 @@ from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import NEUTRAL, VertexColours
 from ...surface.mesh import TriangleMesh
 from ...transforms import transform_points
-from ..bridge.data_blocks import set_corner_uv, set_corner_vectors, set_vertex_colors
+from ..bridge.data_blocks import set_corner_flags, set_corner_uv, set_corner_vectors, set_vertex_colors
 from ..bridge.image import new_float_image
 from ..bridge.node_tree import Nodes
 from ..bridge.versions import new_node_material
@@ -95,7 +95,10 @@ def assign_colour(
 
 def _vertex_colour(nodes: Nodes, mesh_object: bpy.types.Object, mesh: TriangleMesh, colour: VertexColours) -> tuple:
     # Workbench draws attributes instead of materials, and ignores their alpha
-    set_vertex_colors(mesh_object, OBSERVED_COLOUR_ATTRIBUTE, np.repeat(colour.observed[:, None], 4, axis=1))
+    flags = colour.least[mesh.faces]
+    if colour.source is not None:
+        flags = flags & colour.source.facing_faces(mesh)[:, None]
+    set_corner_flags(mesh_object, OBSERVED_COLOUR_ATTRIBUTE, flags)
     set_vertex_colors(mesh_object, COLOUR_ATTRIBUTE, np.concatenate([colour.rgb, colour.least[:, None]], axis=1))
     mesh_object.data.color_attributes.active_color_name = COLOUR_ATTRIBUTE
     attribute = nodes.add("ShaderNodeAttribute", attribute_name=COLOUR_ATTRIBUTE)

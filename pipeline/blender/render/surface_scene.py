@@ -29,6 +29,8 @@ class SurfaceScene:
     ----------
     scene, camera_object, surface_object
         The Blender data; removed on exit, so that the open file is unchanged.
+    camera, colour
+        The intrinsics of the views, and the source of the surface's colour.
     """
 
     def __init__(
@@ -76,7 +78,7 @@ class SurfaceScene:
             )
         self._own: list[bpy.types.ID] = []
         with self.owning():
-            self._mesh = mesh
+            self._mesh, self.camera, self.colour = mesh, camera, colour
             self.scene = bpy.data.scenes.new("oneframe")
             self.surface_object = new_mesh_object("surface", mesh)
             self.scene.collection.objects.link(self.surface_object)

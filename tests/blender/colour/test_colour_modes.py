@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from pipeline.blender.colour.reference_view import ReferenceView, colour_of, reference_view_of
+from pipeline.blender.colour.reference_view import (
+    ReferenceView,
+    colour_of,
+    limited_to_incidence,
+    reference_view_of,
+    unseen_colours_of,
+)
 from pipeline.blender.render.engines import render_view
 from pipeline.blender.render.surface_scene import SurfaceScene
 from pipeline.camera.pinhole import PinholeCamera
@@ -28,11 +34,25 @@ def plane_mesh(edge: np.ndarray) -> TriangleMesh:
 
 
 def rendered_in(
-    mode: str, source: ReferenceView, cam_from_model: np.ndarray, *, engine: str = "cycles"
+    mode: str, source: ReferenceView, cam_from_model: np.ndarray, *, unseen: str = "neutral"
 ) -> RenderedView:
     colour, _ = colour_of(source, mode)
-    with SurfaceScene(source.mesh, CAMERA, colour, engine=engine) as scene:
+    with SurfaceScene(source.mesh, CAMERA, colour, unseen=unseen_colours_of(source, unseen)) as scene:
         return render_view(scene, cam_from_model)
+
+
+def ball_mesh(radius: float, subdivisions: int) -> TriangleMesh:
+    """A closed ball: a cube whose sides are grids, blown up."""
+    edge = np.linspace(-1, 1, subdivisions + 1)
+    side = plane_mesh(edge)
+    points, faces = [], []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            flat = side.vertices + np.array([0, 0, 1])
+            placed = np.roll(flat * [1, 1, sign], axis, axis=1)
+            points.append(placed / np.linalg.norm(placed, axis=1, keepdims=True))
+            faces.append((side.faces if sign > 0 else side.faces[:, ::-1]) + len(side.vertices) * len(faces))
+    return TriangleMesh(radius * np.concatenate(points), np.concatenate(faces).astype(np.int32))
 
 
 @pytest.mark.parametrize(("mode", "bound"), [("projective", 0.02), ("texture", 0.5)])
@@ -144,3 +164,69 @@ def test_pivot_lies_on_the_surface_in_the_middle(bumpy_mesh, oblique_pose, sharp
     pixel = CAMERA.project(transform_points(oblique_pose, source.pivot_model[None]))[0]
     assert np.abs(pixel - [79.5, 59.5]).max() < 30
     assert np.linalg.norm(source.pivot_model - camera_centre(oblique_pose)) == pytest.approx(300, abs=10)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("subdivisions", [6, 40])
+def test_a_small_object_has_no_grey_rim(mode, subdivisions, sharp_image, loaded_case):
+    """A ball 40 px wide before the background: all that faces the frame has colour, also a little to the side."""
+    pose = rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0])
+    image = sharp_image(CAMERA)
+    source = reference_view_of(loaded_case(ball_mesh(7.5, subdivisions), image, pose, CAMERA))
+    here = rendered_in(mode, source, pose)
+    # of about 1250 pixels those seen at more than 87 degrees
+    assert np.count_nonzero(here.mask & ~here.observed) <= 5
+    if mode != "vertex":
+        assert np.abs(np.rint(here.rgb * 255) - image * 255)[here.observed].max() <= 1
+    there = rendered_in(mode, source, pose @ rigid(rotation_from_vector(np.array([0.0, 0.1, 0.0]))))
+    exact = rendered_in("projective", source, pose @ rigid(rotation_from_vector(np.array([0.0, 0.1, 0.0]))))
+    assert np.count_nonzero(there.observed != exact.observed) <= 0.01 * exact.observed.sum()
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_the_fill_changes_what_was_not_seen_and_nothing_else(
+    stepped_mesh, frontal_pose, oblique_pose, sharp_image, loaded_case, mode
+):
+    source = reference_view_of(loaded_case(stepped_mesh, 0.2 + 0.2 * sharp_image(CAMERA), frontal_pose, CAMERA))
+    neutral, filled, again = (
+        rendered_in(mode, source, oblique_pose, unseen=unseen) for unseen in ("neutral", "fill", "fill")
+    )
+    assert np.array_equal(neutral.observed, filled.observed)
+    assert np.array_equal(neutral.depth_mm, filled.depth_mm)
+    assert np.array_equal(neutral.rgb[neutral.observed], filled.rgb[neutral.observed])
+    unseen = neutral.mask & ~neutral.observed
+    assert unseen.sum() > 500
+    assert np.allclose(neutral.rgb[unseen], NEUTRAL, atol=1e-6)
+    # within the frame's range, which has no neutral grey
+    assert filled.rgb[unseen].min() >= 0.2 - 1e-5
+    assert filled.rgb[unseen].max() <= 0.4 + 1e-5
+    assert np.array_equal(filled.rgb, again.rgb)
+
+
+def test_the_fill_never_copies_an_occluder(stepped_mesh, frontal_pose, oblique_pose, loaded_case):
+    """The plate in front is red, the one behind it green: so is what the first hides of the second."""
+    points = stepped_mesh.vertices
+    in_front = points[:, 2] > points[:, 2].mean() + 3
+    pixels = CAMERA.project(transform_points(frontal_pose, points[in_front]))
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    grid = CAMERA.pixel_grid()
+    shows_front = ((grid >= low) & (grid <= high)).all(axis=2)
+    image = np.where(shows_front[..., None], [1.0, 0, 0], [0, 1.0, 0]).astype(np.float32)
+    source = reference_view_of(loaded_case(stepped_mesh, image, frontal_pose, CAMERA))
+    for mode in MODES:
+        view = rendered_in(mode, source, oblique_pose, unseen="fill")
+        rows, columns = np.nonzero(view.mask & ~view.observed)
+        rays = CAMERA.rays_cam(np.stack([columns, rows], 1).astype(float))
+        height = transform_points(inverse_rigid(oblique_pose), rays * view.depth_mm[rows, columns, None])[:, 2]
+        behind = height < points[:, 2].mean() + 3
+        assert behind.sum() > 200
+        assert view.rgb[rows, columns, 0][behind].max() < 0.02
+
+
+def test_a_smaller_angle_of_incidence_counts_less_as_seen(bumpy_mesh, frontal_pose, sharp_image, loaded_case):
+    source = reference_view_of(loaded_case(bumpy_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
+    wide, narrow = (
+        rendered_in("projective", limited_to_incidence(source, angle), frontal_pose).observed for angle in (87.0, 30.0)
+    )
+    assert not (narrow & ~wide).any()
+    assert 0.1 * wide.sum() < narrow.sum() < 0.9 * wide.sum()

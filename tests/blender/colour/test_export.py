@@ -2,6 +2,7 @@
 
 import json
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +75,29 @@ def test_points_of_the_file_have_the_colours_of_the_frame(loaded, tmp_path, name
     # neutral where a hill hides the point; else the frame's colour, to the precision of 8 bits (dark linear ones: less)
     assert (error < 0.02).mean() > 0.9
     assert np.abs(model - loaded.mesh.vertices.mean(axis=0)).max() < 60
+
+
+@pytest.mark.parametrize(("name", "colour"), [("s.obj", "texture"), ("s.ply", "vertex")])
+def test_a_filled_surface_has_no_grey(loaded, tmp_path, name, colour):
+    """The frame in shades far from grey; what a hill hides and what is outside the frame has them too."""
+    image = (0.75 + 0.2 * loaded.image).astype(np.float32)
+    paths = {unseen: tmp_path / unseen / name for unseen in ("neutral", "fill")}
+    for unseen, path in paths.items():
+        export_coloured_surface(replace(loaded, image=image), path, colour=colour, unseen=unseen)
+    lowest = {}
+    for unseen, path in paths.items():
+        read = trimesh.load(path, force="mesh", process=False)
+        if colour == "vertex":
+            shown = np.asarray(read.visual.vertex_colors)[:, :3]
+        else:
+            picture = np.asarray(read.visual.material.image.convert("RGB")).astype(float)
+            # inside every triangle
+            weights = np.random.default_rng(0).dirichlet([1, 1, 1], len(read.faces))
+            uv = np.einsum("nk,nkd->nd", weights, read.visual.uv[read.faces])
+            shown = sample_bilinear(picture, uv * [1, -1] * picture.shape[1::-1] + [-0.5, picture.shape[0] - 0.5])
+        lowest[unseen] = shown.min()
+    assert lowest["neutral"] < 0.6 * 255
+    assert lowest["fill"] > 0.7 * 255
 
 
 def test_what_a_format_cannot_hold_is_refused(loaded, tmp_path):

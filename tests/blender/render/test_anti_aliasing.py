@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from pipeline.blender.colour.reference_view import ReferenceView, colour_of, reference_view_of
+from pipeline.blender.colour.reference_view import ReferenceView, colour_of, reference_view_of, unseen_colours_of
 from pipeline.blender.render.anti_aliasing import EdgeSampler
 from pipeline.blender.render.engines import render_view
 from pipeline.blender.render.surface_rays import SurfaceRays
@@ -190,3 +190,19 @@ def test_nothing_in_view_is_no_error(bumpy_mesh, frontal_pose, photograph, sourc
     (view,) = views_of(source, "projective", [aside])
     assert not view.rgb.any()
     assert not view.mask.any()
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_filled_views_change_where_the_frame_saw_nothing(stepped_mesh, frontal_pose, oblique_pose, source_from, mode):
+    """A dark frame and its fill: there is no grey at any edge, and masks are those of neutral views."""
+    dark = np.full((*FRAME.shape_hw, 3), 0.125, np.float32)
+    source = source_from(stepped_mesh, dark, frontal_pose)
+    (neutral,) = views_of(source, mode, [oblique_pose])
+    colour, _ = colour_of(source, mode)
+    unseen = unseen_colours_of(source, "fill")
+    with SurfaceScene(source.mesh, VIEW, colour, unseen=unseen, filtered=True) as scene:
+        filled = EdgeSampler(scene, source.view, source.pivot_model, colour, VIEW, 8).render(oblique_pose)
+    assert np.array_equal(filled.observed, neutral.observed)
+    assert np.array_equal(filled.depth_mm, neutral.depth_mm)
+    assert neutral.rgb.max() > 0.49
+    assert filled.rgb.max() < 0.125 + 1e-4

@@ -158,11 +158,11 @@ def stereo_cases(folder: Path, out: Path, *, most: int | None = None) -> list[Ca
         write_bytes_atomically(frame, encode_png(_codes(folder / f"{source}-1095-undistorted.png")))
         image = _codes(folder / f"{other}-1095-undistorted.png")
         # pixels of the other camera for those of the frame's
-        from_frame = cameras[other].k @ np.linalg.inv(cameras[source].k)
+        from_frame = np.asarray(cameras[other].k @ np.linalg.inv(cameras[source].k), np.float64)[:2]
         flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
-        resampled = cv2.warpAffine(image, from_frame[:2], cameras[source].size_wh, flags=flags)
+        resampled = cv2.warpAffine(image, from_frame, cameras[source].size_wh, flags=flags)
         inside = cv2.warpAffine(
-            np.full(image.shape[:2], 255, np.uint8), from_frame[:2], cameras[source].size_wh, flags=flags
+            np.full(image.shape[:2], 255, np.uint8), from_frame, cameras[source].size_wh, flags=flags
         )
         alpha = np.where(inside == 255, 255, 0).astype(np.uint8)
         write_bytes_atomically(photograph, encode_png(np.dstack([resampled, alpha])))

@@ -25,11 +25,12 @@ REDUCTIONS = (1.0, 1.0, 2.0, 4.0)
 An outline moves by much less on average than the surface at most; the sums are 1, 2, 4 and 8.
 """
 
-COARSE_EDGE_PX = 3.0
-"""Median edge in the nearest view from which on a reduction has nothing to gain."""
+PIXEL_COST, FACE_COST = {"cycles": 0.65, "rasteriser": 0.13}, {"cycles": 0.02, "rasteriser": 0.3}
+"""Microseconds of a core for every pixel and every face, from views of 0.7 million pixels of surfaces of 0.2 and
+2.3 million faces on one machine."""
 
-PIXEL_COST, FACE_COST = {"cycles": 0.55, "rasteriser": 0.16}, {"cycles": 0.2, "rasteriser": 0.15}
-"""Microseconds of a core for every pixel and every face of a view, as measured on one machine for both renderers."""
+FEW_FACES = 0.4
+"""Faces for every pixel of a view up to which pixels cost the rasteriser more: a reduction has little to gain."""
 
 SETTING = "setting"
 """The key of the setting in ``dataset.json``."""

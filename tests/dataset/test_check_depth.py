@@ -92,3 +92,14 @@ def test_each_statistic_tells_what_it_is_there_for(mesh, turn, depth_scale, shif
     ]
     assert not found[0].misfit
     assert re.search(expected, found[1].misfit)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.4, 1.1])
+def test_a_surface_may_be_as_far_off_as_is_stated(tilt):
+    plane, off_mm = plate(400), 0.3
+    pose = rigid(rotation_from_vector(np.array([tilt, 0, 0.3])), [0, 0, 300])
+    moved = plane.moved(np.array([0, 0, -off_mm]))
+    depth = np.rint(cast_rays(moved, CAMERA, pose) / DEPTH_SCALE).astype(np.uint16)
+    for stated_mm, fits in ((0.0, False), (0.5 * off_mm, False), (1.05 * off_mm, True)):
+        found = agreement(depth, DEPTH_SCALE, surface_depth(plane, CAMERA, pose), CAMERA.fx, surface_off_mm=stated_mm)
+        assert (not found.misfit) == fits

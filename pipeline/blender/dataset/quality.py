@@ -16,7 +16,7 @@ from ...case.loaded_case import LoadedCase
 from ...dataset.description import view_camera
 from ...dataset.identity import geometry_hash
 from ...dataset.options import DatasetOptions
-from ...dataset.quality import COARSE_EDGE_PX, REDUCTIONS, Setting, renderings, tolerance_of
+from ...dataset.quality import FEW_FACES, REDUCTIONS, Setting, renderings, tolerance_of
 from ...dataset.view import RenderedView
 from ...dataset.view_error import ViewError, view_error
 from ...surface.mesh import TriangleMesh
@@ -85,7 +85,10 @@ def choose_setting(
         poses, nearest_mm = _pilot_poses(exact, options, given_poses)
         truths, exact_ms = _rendered(exact, poses)
     footprint_mm = nearest_mm / max(camera.fx, camera.fy)
-    surfaces = _reduced(loaded.mesh, footprint_mm, tolerance_of(options).outline_px, report)
+    pixels = camera.width * camera.height
+    surfaces: Surfaces = [((), loaded.mesh)]
+    if len(loaded.mesh.faces) > FEW_FACES * pixels:
+        surfaces += _reduced(loaded.mesh, footprint_mm * tolerance_of(options).outline_px, report)
     x, y, z = map(float, source.pivot_model)
     settings = [
         Setting(renderer, colour, samples, reductions, len(mesh.faces), (x, y, z), geometry_hash(mesh))
@@ -93,7 +96,6 @@ def choose_setting(
         for renderer, colour, samples in renderings(options)
     ]
     whole = next(each for each in settings if is_exact(each, options))
-    pixels = camera.width * camera.height
     for setting in sorted(settings, key=lambda each: each.cost(pixels)):
         if setting == whole:
             break
@@ -147,19 +149,20 @@ def _rendered(renderer: ViewRenderer, poses: list[np.ndarray]) -> tuple[list[Ren
     return views, float(np.median(times)) * 1e3
 
 
-def _reduced(mesh: TriangleMesh, footprint_mm: float, tolerance_px: float, report: Callable[[str], None]) -> Surfaces:
-    """The surface as given, and reductions of it that are worth it."""
-    surfaces: Surfaces = [((), mesh)]
-    if mesh.median_edge >= COARSE_EDGE_PX * footprint_mm or tolerance_px == 0:
-        return surfaces
+def _reduced(mesh: TriangleMesh, unit_mm: float, report: Callable[[str], None]) -> Surfaces:
+    """Reductions of the surface that are worth it, by the factors :data:`.REDUCTIONS` of a tolerance."""
+    surfaces: Surfaces = []
     reductions: tuple[float, ...] = ()
+    faces = len(mesh.faces)
     for factor in REDUCTIONS:
         # a number of few digits, which every machine writes alike
-        tolerance_mm = float(f"{factor * tolerance_px * footprint_mm:.3g}")
-        report(f"reducing the surface of {len(mesh.faces)} faces by {tolerance_mm:g} mm")
-        mesh, reductions = simplified(mesh, tolerance_mm), (*reductions, tolerance_mm)
-        if len(mesh.faces) <= LEAST_GAIN * len(surfaces[-1][1].faces):
-            surfaces.append((reductions, mesh))
+        tolerance_mm = float(f"{factor * unit_mm:.3g}")
+        if tolerance_mm > 0:
+            report(f"reducing {len(mesh.faces)} faces by {tolerance_mm:g} mm")
+            mesh, reductions = simplified(mesh, tolerance_mm), (*reductions, tolerance_mm)
+            if len(mesh.faces) <= LEAST_GAIN * faces:
+                surfaces.append((reductions, mesh))
+                faces = len(mesh.faces)
     return surfaces
 
 

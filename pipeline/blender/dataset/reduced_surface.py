@@ -1,6 +1,7 @@
 """The surface that a setting renders: reduced from the one given, and kept in a file for the processes of a run."""
 
 import io
+import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -68,7 +69,7 @@ def _kept(out: Path, setting: Setting) -> TriangleMesh | None:
     try:
         with np.load(_file(out, setting), allow_pickle=False) as content:
             mesh = TriangleMesh(content["vertices"], content["faces"])
-    except (OSError, ValueError, KeyError, EOFError):
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
     return mesh if geometry_hash(mesh) == setting.surface_sha256 else None
 

@@ -43,6 +43,9 @@ LISTED_KEYS = {"poses_sha256", "depth_scale"}
 """Keys of a dataset whose poses were listed."""
 QUALITY = {"quality", "tolerance_colour", "tolerance_px"}
 """Options that only the description of a dataset of another quality than exact has, with the setting."""
+SETTING_KEYS = {
+    "renderer", "colour", "samples", "reductions_mm", "mesh_tolerance_mm", "faces", "pivot_model", "surface_sha256",
+}  # fmt: skip
 CAMERA_KEYS = {"width", "height", "fx", "fy", "cx", "cy"}
 ELSEWHERE = {"count", "poses", "video", "video_frames"}
 """Options that the description does not list among the others."""
@@ -72,8 +75,8 @@ class Description:
         4x4, mm.
     kinds
         Kinds of a view's files, without its record.
-    anti_aliased
-        Whether the colour images have soft edges.
+    surface_tolerance_mm
+        Largest distance of the surface that the views show from the model; 0 for exact quality.
     """
 
     content: dict[str, Any]
@@ -83,7 +86,7 @@ class Description:
     camera: PinholeCamera
     mesh_from_model: np.ndarray
     kinds: tuple[str, ...]
-    anti_aliased: bool
+    surface_tolerance_mm: float
 
     @property
     def poses_hash(self) -> str | None:
@@ -208,6 +211,8 @@ def read_description(root: Path) -> Description:
             raise DamagedFile(
                 f"{RECORD}: expected poses_sha256 to be a hash, found {shortened(content['poses_sha256'])}"
             )
+    whole_number(options, "samples", f"{RECORD}: options", least=1)
+    tolerance_mm = _surface_tolerance_mm(mapping(content, "setting", RECORD)) if chosen else 0.0
     float_depth = ("depth_mm",) if options["float_depth"] else ()
     return Description(
         content=content,
@@ -217,8 +222,19 @@ def read_description(root: Path) -> Description:
         camera=camera,
         mesh_from_model=mesh_from_model,
         kinds=("rgb", "depth", "mask", "mask_visib", "mask_observed", *float_depth),
-        anti_aliased=whole_number(options, "samples", f"{RECORD}: options", least=1) > 1,
+        surface_tolerance_mm=tolerance_mm,
     )
+
+
+def _surface_tolerance_mm(setting: Mapping) -> float:
+    """The largest distance of the surface in the views from the model, which a quality other than exact states."""
+    where = f"{RECORD}: setting"
+    require_keys(setting, SETTING_KEYS, where)
+    total = float(numbers(setting, "mesh_tolerance_mm", (), where))
+    parts = numbers(setting, "reductions_mm", None, where)
+    if not (parts >= 0).all() or abs(parts.sum() - total) > 1e-9 * (1 + total):
+        raise DamagedFile(f"{where}: mesh_tolerance_mm is {total:g}, reductions_mm add up to {parts.sum():g}")
+    return total
 
 
 def _camera(given: Mapping) -> PinholeCamera:

@@ -147,6 +147,8 @@ CHANGES = {
     "sampler": (lambda scene: setattr(scene.oneframe.dataset, "sampler", "shell"), True),
     "seed": (lambda scene: setattr(scene.oneframe.dataset, "seed", 6), True),
     "colour": (lambda scene: setattr(scene.oneframe.dataset, "colour", "vertex"), False),
+    "unseen surface": (lambda scene: setattr(scene.oneframe.dataset, "unseen", "fill"), False),
+    "angle of incidence": (lambda scene: setattr(scene.oneframe.dataset, "max_incidence_deg", 60), True),
     "name of a landmark": (lambda scene: scene.oneframe.landmarks.add(), False),
 }
 

@@ -858,6 +858,22 @@ def test_rasterisers_agree_with_cycles(case, tmp_path, cycles_views, engine, col
     assert difference.mean() < 0.5
 
 
+@pytest.mark.gl
+@pytest.mark.parametrize("engine", ["workbench", "eevee"])
+def test_rasterisers_fill_as_cycles_does(case, tmp_path, cycles_views, engine):
+    try:
+        check_engine(engine)
+    except InputError as error:
+        pytest.skip(str(error))
+    exact, view = (
+        some_view(case, tmp_path / each, engine=each, colour="vertex", unseen="fill") for each in ("cycles", engine)
+    )
+    assert np.array_equal(exact[2], cycles_views["vertex"][2])
+    both = (exact[1] > 0) & (view[1] > 0)
+    assert (both & ~exact[2]).sum() > 100
+    assert np.abs(view[0] - exact[0])[both & ~exact[2] & ~view[2]].max() <= 8
+
+
 # --- Blender's own program ------------------------------------------------------------------------------------------
 
 

@@ -158,6 +158,19 @@ def test_a_surface_out_of_the_image_is_refused(mesh, frame):
         np.testing.assert_allclose(result.cam_from_model, start, atol=1e-12)
 
 
+@pytest.mark.parametrize("wide", [480, 1920, 3840])
+@pytest.mark.parametrize(("across_px", "enough"), [(85.0, True), (22.0, True), (15.0, False)])
+def test_how_much_surface_is_enough_does_not_depend_on_the_size_of_the_image(mesh, wide, across_px, enough):
+    """7000 and 500 px of it are enough in any image, 230 are in none; the image itself shows nothing."""
+    across_mm = float(np.sqrt(np.prod(np.ptp(mesh.vertices, axis=0)[:2])))
+    focal = across_px / across_mm * 300
+    camera = PinholeCamera(wide, wide * 3 // 4, focal, focal, wide / 2, wide * 3 / 8)
+    image = np.full((*camera.shape_hw, 1), 0.5, np.float32)
+    result = refine_pose(image, np.ones(camera.shape_hw, bool), camera, mesh, TRUE_POSE)
+    assert ("no detail" in result.message) == enough
+    assert ("almost no surface" in result.message) != enough
+
+
 def test_a_coloured_object_in_front_of_clutter(rng):
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 81), np.linspace(0, np.pi, 41))
     radius = 25 + 3 * np.sin(3 * u) * np.sin(v) ** 3 + 4 * np.cos(v) + 3 * np.sin(u + 1) * np.sin(v)

@@ -193,7 +193,8 @@ def test_the_fill_changes_what_was_not_seen_and_nothing_else(
     )
     assert np.array_equal(neutral.observed, filled.observed)
     assert np.array_equal(neutral.depth_mm, filled.depth_mm)
-    assert np.array_equal(neutral.rgb[neutral.observed], filled.rgb[neutral.observed])
+    # up to the rounding of the mixture
+    assert np.allclose(neutral.rgb[neutral.observed], filled.rgb[neutral.observed], rtol=0, atol=1e-6)
     unseen = neutral.mask & ~neutral.observed
     assert unseen.sum() > 500
     assert np.allclose(neutral.rgb[unseen], NEUTRAL, atol=1e-6)
@@ -206,7 +207,7 @@ def test_the_fill_changes_what_was_not_seen_and_nothing_else(
 def test_the_fill_never_copies_an_occluder(stepped_mesh, frontal_pose, oblique_pose, loaded_case):
     """The plate in front is red, the one behind it green: so is what the first hides of the second."""
     points = stepped_mesh.vertices
-    in_front = points[:, 2] > points[:, 2].mean() + 3
+    in_front = points[:, 2] > 0
     pixels = CAMERA.project(transform_points(frontal_pose, points[in_front]))
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     grid = CAMERA.pixel_grid()
@@ -218,7 +219,7 @@ def test_the_fill_never_copies_an_occluder(stepped_mesh, frontal_pose, oblique_p
         rows, columns = np.nonzero(view.mask & ~view.observed)
         rays = CAMERA.rays_cam(np.stack([columns, rows], 1).astype(float))
         height = transform_points(inverse_rigid(oblique_pose), rays * view.depth_mm[rows, columns, None])[:, 2]
-        behind = height < points[:, 2].mean() + 3
+        behind = height < 0
         assert behind.sum() > 200
         assert view.rgb[rows, columns, 0][behind].max() < 0.02
 

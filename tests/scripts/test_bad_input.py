@@ -256,9 +256,9 @@ def test_a_frame_without_a_visible_pixel_is_refused_and_nothing_is_left(case):
     [
         (
             {"min_observed": 1.0, "min_surface": 1.0, "distance_min": 2.0, "distance_max": 3.0},
-            "of 1000 poses tried, .*showed less than 100 % of the surface that the frame shows .*; lower min_surface",
+            "of 5000 poses tried, .*showed less than 100 % of the surface that the frame shows .*; lower min_surface",
         ),
-        ({"min_clearance_mm": 1e6}, r"1000 came nearer than 1e\+06 mm to the surface .*; lower min_clearance_mm"),
+        ({"min_clearance_mm": 1e6}, r"5000 came nearer than 1e\+06 mm to the surface .*; lower min_clearance_mm"),
     ],
     ids=str,
 )
@@ -339,7 +339,7 @@ RUNS = {
     "constraints that nothing meets": (
         None,
         ("--min-clearance-mm", "1e6", "--workers", "2", "--count", "5"),
-        "found no pose that meets the constraints: of 1000 poses tried, 1000 came nearer",
+        "found no pose that meets the constraints: of 5000 poses tried, 5000 came nearer",
     ),
 }
 

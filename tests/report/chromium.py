@@ -65,7 +65,12 @@ class Chromium:
             self._process.wait()
             os.close(self._to)
             os.close(self._from)
-            shutil.rmtree(self._profile, ignore_errors=True)
+            for _ in range(20):
+                shutil.rmtree(self._profile, ignore_errors=True)
+                if not os.path.exists(self._profile):
+                    break
+                # its child processes write for a moment longer
+                time.sleep(0.1)
 
     def send(self, method: str, **parameters: Any) -> dict:
         """Send a command and wait for its result; events in between are recorded."""

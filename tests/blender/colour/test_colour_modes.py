@@ -167,14 +167,13 @@ def test_pivot_lies_on_the_surface_in_the_middle(bumpy_mesh, oblique_pose, sharp
 
 
 @pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("subdivisions", [6, 40])
-def test_a_small_object_has_no_grey_rim(mode, subdivisions, sharp_image, loaded_case):
+def test_a_small_object_has_no_grey_rim(mode, sharp_image, loaded_case):
     """A ball 40 px wide before the background: all that faces the frame has colour, also a little to the side."""
     pose = rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0])
     image = sharp_image(CAMERA)
-    source = reference_view_of(loaded_case(ball_mesh(7.5, subdivisions), image, pose, CAMERA))
+    source = reference_view_of(loaded_case(ball_mesh(7.5, 20), image, pose, CAMERA))
     here = rendered_in(mode, source, pose)
-    # of about 1250 pixels those seen at more than 87 degrees
+    # of 1240 pixels those seen at more than 87 degrees
     assert np.count_nonzero(here.mask & ~here.observed) <= 5
     if mode != "vertex":
         assert np.abs(np.rint(here.rgb * 255) - image * 255)[here.observed].max() <= 1

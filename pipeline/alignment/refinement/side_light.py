@@ -34,6 +34,8 @@ STEPS_DEG, FINER_STEPS_DEG = (8.0, 4.0), (4.0, 2.0)
 """Of the direction, as it is refined after the search: on the coarser surface, then on that of the level."""
 ROUNDS_DEG = ((2.0, 1.0), (1.0,), (1.0,))
 """The same in turn with the pose."""
+RENDERINGS = 2
+"""Renderings of the pose's refinement between."""
 
 KNOWN_BIAS = 0.5
 """Error of a pose under a light, as a fraction of how far its shadows would draw it if they were not modelled."""
@@ -88,9 +90,10 @@ def refined_under_side_light(
         return None
     pose = cam_from_model
     lit = [_lit(level, direction) for level in levels]
-    for number, steps_deg in enumerate(ROUNDS_DEG):
-        for level in lit[-1:] if number else lit:
-            pose = _refined(level, pose)
+    for level in lit[:-1]:
+        pose = _refined(level, pose)
+    for steps_deg in ROUNDS_DEG:
+        pose = _refined(lit[-1], pose, RENDERINGS)
         direction, _ = _refined_direction(coarse, pose, direction, steps_deg)
         lit = [_lit(level, direction) for level in levels]
     pose = _refined(lit[-1], pose)
@@ -98,8 +101,8 @@ def refined_under_side_light(
     return SideLight(lit, pose, max(KNOWN_BIAS * drawn_px, LEAST_BIAS_LEVEL_PX * levels[-1].px))
 
 
-def _refined(level: PyramidLevel, cam_from_model: np.ndarray) -> np.ndarray:
-    found = refine_on_level(level, cam_from_model)
+def _refined(level: PyramidLevel, cam_from_model: np.ndarray, renderings: int = 8) -> np.ndarray:
+    found = refine_on_level(level, cam_from_model, renderings=renderings)
     return cam_from_model if found is None else found.cam_from_model
 
 
@@ -127,7 +130,7 @@ def _refined_direction(
     best = score(_lit(level, direction), cam_from_model)
     for step_deg in steps_deg:
         while True:
-            around = [_turned(direction, step_deg, turn) for turn in range(0, 360, 60)]
+            around = [_turned(direction, step_deg, turn) for turn in range(0, 360, 90)]
             scores = [score(_lit(level, each), cam_from_model) for each in around]
             if max(scores) <= best:
                 break

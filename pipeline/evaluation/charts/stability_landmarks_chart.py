@@ -102,7 +102,7 @@ def _legend(figure: Any, theme: Theme) -> None:
 
     handles = _outcome_handles(theme)
     for name, (colour, marker) in PEER_LOOKS.items():
-        handles.append(Line2D([], [], color=theme.series[colour], marker=marker, label=f"OpenCV {name}: wrong or none"))
+        handles.append(Line2D([], [], color=theme.series[colour], marker=marker, label=f"{name}: wrong or none"))
     bottom_legend(figure, handles)
 
 

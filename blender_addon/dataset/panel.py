@@ -21,7 +21,7 @@ SAMPLER_OPTIONS = {
 """The options that each sampler uses."""
 
 CONSTRAINTS = ("min_observed", "min_surface", "min_clearance_mm")
-RENDERING = ("colour", "engine", "samples", "scale", "float_depth", "video")
+RENDERING = ("colour", "unseen", "max_incidence_deg", "engine", "samples", "scale", "float_depth", "video")
 PanelOptions = set[Literal["DEFAULT_CLOSED", "HIDE_HEADER", "INSTANCED", "HEADER_LAYOUT_EXPAND"]]
 
 

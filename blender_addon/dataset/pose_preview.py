@@ -112,7 +112,7 @@ def content_key(
 def pose_key(scene: bpy.types.Scene, *, stamp: Callable[[Path], Stamp] = from_scene.stamp) -> str:
     """A key like :func:`content_key` for the poses only: options of rendering do not change it."""
     default = DatasetOptions()
-    irrelevant = ("colour", "engine", "samples", "float_depth", "video", "video_frames")
+    irrelevant = ("colour", "unseen", "engine", "samples", "float_depth", "video", "video_frames")
     options = replace(dataset_options(scene), **{name: getattr(default, name) for name in irrelevant})
     return content_key(scene, options, stamp=stamp)
 
@@ -135,7 +135,7 @@ def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
     """
     global _planned
     # the poses do not depend on the colours: use the quickest settings
-    options = replace(dataset_options(scene), colour="projective", engine="cycles", samples=1)
+    options = replace(dataset_options(scene), colour="projective", unseen="neutral", engine="cycles", samples=1)
     key, loaded = pose_key(scene), from_scene.loaded_case(scene)
     listed = listed_poses(loaded, options)
     count = options.count if listed is None else len(listed)

@@ -15,6 +15,8 @@ LABELS = {
     "min_clearance_mm": "Clearance (mm)",
     "sampler": "Poses",
     "samples": "Rays at Edges",
+    "unseen": "Unseen Surface",
+    "max_incidence_deg": "Max Incidence (°)",
     "scale": "Image Size (×)",
     "float_depth": "Float Depth",
     "video": "Video",

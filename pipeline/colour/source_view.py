@@ -3,7 +3,7 @@
 The frame saw a surface point X of a face if all of these hold, with z the depth of X and (u, v) its pixel:
 
 * X is in front of the camera and (u, v) lies inside the grid of pixel centres;
-* the face's front side faces the camera, with an angle of at most :data:`MAX_INCIDENCE_DEG` between ray and normal;
+* the face's front side faces the camera, with an angle of at most ``max_incidence_deg`` between ray and normal;
 * z * w(u, v) = 1 within :data:`TOLERANCE_PX` / f, where w is the *inverse* depth map of the surface seen from the
   frame, interpolated bilinearly: with the same four pixels and weights as the colour.
 
@@ -13,7 +13,14 @@ Inverse depth is affine in (u, v) on a plane, so the interpolation is exact insi
 tolerance. It amounts to :data:`TOLERANCE_PX` pixel footprints (z / f each) of depth, enough for a crease of 80° inside
 a pixel. As the test uses the pixels of the colour lookup, it also rejects points whose colour would mix in another
 surface: a pixel of weight a from a surface that is deeper or nearer by the relative step s passes only if a s is below
-the tolerance. Frame pixels without surface (background, transparent) have w = 0, so every lookup that uses one fails.
+the tolerance.
+
+Where the surface ends before the background, pixels and surface end at different places, by up to a pixel. So both
+maps are continued by one pixel into the background (:attr:`SourceView.continued`), from the surface beside it: the
+colour by its nearest value, the inverse depth along its slope, which is exact on a plane. A lookup there is the mean
+over its pixels with surface, and passes only if these show the surface of X. Nothing is continued across a depth step,
+where the pixel beside shows another surface, nor into pixels that are masked out: there w = 0, and every lookup that
+uses one fails. So do lookups of background alone.
 """
 
 from dataclasses import dataclass
@@ -22,7 +29,7 @@ from functools import cached_property
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..images.pixel_values import sample_bilinear
+from ..images.pixel_values import among_centres, sample_bilinear
 from ..surface.mesh import TriangleMesh
 from ..transforms import BLOCK, camera_centre, transform_points
 
@@ -30,7 +37,16 @@ TOLERANCE_PX = 1.5
 """Depth tolerance in pixel footprints: a wrongly accepted point is displaced by less than about one pixel."""
 
 MAX_INCIDENCE_DEG = 87.0
-"""Largest angle between ray and normal: beyond it the frame's pixels are stretched more than 19 times."""
+"""Largest angle between ray and normal: beyond it the frame's pixels are stretched more than 19 times.
+
+On held-out photographs, surface seen at 80° to 87° is still nearer to the truth than grey is.
+"""
+
+SAME_SURFACE = 4.0
+"""Largest difference, in depth tolerances, of one curved surface that is continued from two sides."""
+
+LEAST_WEIGHT = 0.01
+"""Least bilinear weight of the pixels that a colour is the mean of: it is then at most 1.4 pixels away from them."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +61,27 @@ class SourceView:
         ``(H, W, 3)`` float32 code values, scaled to 0..1 and not linearised.
     inverse_depth
         ``(H, W)`` float32, 1/mm at the pixel centres; 0 where the frame shows no surface or is masked out.
+    valid
+        ``(H, W)`` bool, False where the frame is masked out; ``None``: nowhere.
+    max_incidence_deg
+        Largest angle between ray and face normal.
     """
 
     camera: PinholeCamera
     cam_from_model: np.ndarray
     image: np.ndarray
     inverse_depth: np.ndarray
+    valid: np.ndarray | None = None
+    max_incidence_deg: float = MAX_INCIDENCE_DEG
+
+    @cached_property
+    def continued(self) -> tuple[np.ndarray, np.ndarray]:
+        """``image`` and ``inverse_depth``, both continued by one pixel into the background: what lookups read."""
+        background = self.inverse_depth <= 0
+        if self.valid is not None:
+            background &= self.valid
+        same = SAME_SURFACE * self.depth_tolerance
+        return continued_by_a_pixel(self.image, self.inverse_depth, background, steepest=self._steepest, same=same)
 
     @cached_property
     def depth_mm(self) -> np.ndarray:
@@ -62,6 +93,11 @@ class SourceView:
         """Relative depth tolerance."""
         return TOLERANCE_PX / min(self.camera.fx, self.camera.fy)
 
+    @property
+    def _steepest(self) -> float:
+        """Largest relative change of the depth of a surface from pixel to pixel."""
+        return float(np.tan(np.radians(MAX_INCIDENCE_DEG))) / min(self.camera.fx, self.camera.fy)
+
     def project(self, points_model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """``(N, 3)`` model points -> ``(N, 2)`` pixels (NaN behind the camera) and ``(N,)`` depth in mm."""
         points_cam = transform_points(self.cam_from_model, points_model)
@@ -70,9 +106,50 @@ class SourceView:
     def unoccluded(self, points_model: np.ndarray) -> np.ndarray:
         """``(N, 3)`` surface points -> ``(N,)`` bool: inside the frame and not occluded; orientation is not tested."""
         pixels, z = self.project(points_model)
-        surface = sample_bilinear(self.inverse_depth, pixels)
+        surface = sample_bilinear(self.continued[1], pixels)
         with np.errstate(invalid="ignore"):
             return np.abs(z * surface - 1) <= self.depth_tolerance
+
+    def colours(self, pixels: np.ndarray) -> np.ndarray:
+        """``(N, 2)`` pixels of observed points -> ``(N, 3)`` code values 0..1, interpolated bilinearly."""
+        return sample_bilinear(self.continued[0], pixels)
+
+    def own_colours(self, points_model: np.ndarray, normals_model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Colours of points beside a depth step, where the bilinear lookup would mix in another surface.
+
+        Parameters
+        ----------
+        points_model, normals_model
+            ``(N, 3)`` surface points, mm, and unit normals of the surface there.
+
+        Returns
+        -------
+        ``(N, 3)`` code values 0..1: the mean, with bilinear weights, over those of the four pixels that show the plane
+        through the point, by the depth tolerance; 0 without such. ``(N,)`` bool: there is one.
+        """
+        image, surface = self.continued
+        pixels, z = self.project(points_model)
+        width, height = self.camera.size_wh
+        inside = among_centres(pixels, self.camera.size_wh)
+        corner = np.clip(np.floor(np.where(inside[:, None], pixels, 0)), 0, [width - 2, height - 2]).astype(np.int64)
+        offset = np.where(inside[:, None], pixels, 0) - corner
+        normals_cam = normals_model @ self.cam_from_model[:3, :3].T
+        # of the ray's component along the normal: constant times the inverse depth on the plane
+        along = (normals_cam * transform_points(self.cam_from_model, points_model)).sum(axis=1)
+        total, weight = np.zeros((len(pixels), 3)), np.zeros(len(pixels))
+        for right, down in ((0, 0), (1, 0), (0, 1), (1, 1)):
+            tap = corner + np.array([right, down])
+            u, v = tap.T
+            with np.errstate(divide="ignore", invalid="ignore"):
+                on_plane = z * (self.camera.rays_cam(tap.astype(float)) * normals_cam).sum(axis=1) / along
+                own = inside & (np.abs(z * surface[v, u] - on_plane) <= self.depth_tolerance)
+                # seen edge-on, a plane meets everything
+                own &= np.abs(on_plane - 1) <= self._steepest
+            factor = np.where(own, np.abs(1 - right - offset[:, 0]) * np.abs(1 - down - offset[:, 1]), 0)
+            total += factor[:, None] * image[v, u]
+            weight += factor
+        found = weight > LEAST_WEIGHT
+        return np.divide(total, weight[:, None], out=np.zeros_like(total), where=found[:, None]), found
 
     def observed(self, points_model: np.ndarray, normals_model: np.ndarray) -> np.ndarray:
         """``(N, 3)`` surface points and their unit face normals -> ``(N,)`` bool: the frame saw them."""
@@ -92,8 +169,62 @@ class SourceView:
         )
         nx, ny, nz = normals_model.T
         cosine = x * nx + y * ny + z * nz
-        return cosine >= np.cos(np.radians(MAX_INCIDENCE_DEG)) * np.sqrt(x * x + y * y + z * z)
+        return cosine >= np.cos(np.radians(self.max_incidence_deg)) * np.sqrt(x * x + y * y + z * z)
 
     def facing_faces(self, mesh: TriangleMesh) -> np.ndarray:
         """``(F,)`` bool: faces whose front side faces the frame's camera."""
         return self.facing(mesh.face_centres, mesh.face_normals)
+
+
+_BESIDE = ((0, 1), (1, 0), (0, -1), (-1, 0))
+_DIAGONAL = ((1, 1), (1, -1), (-1, -1), (-1, 1))
+
+
+def continued_by_a_pixel(
+    image: np.ndarray, inverse_depth: np.ndarray, background: np.ndarray, *, steepest: float, same: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Continue colour and inverse depth of the surface by one pixel into the background.
+
+    Parameters
+    ----------
+    image, inverse_depth
+        ``(H, W, 3)`` and ``(H, W)``; 0 is no surface in the latter.
+    background
+        ``(H, W)`` bool: the pixels to continue into; those that do not touch surface stay as they are.
+    steepest
+        Largest relative change of inverse depth from pixel to pixel on one surface; it is not continued along larger
+        ones.
+    same
+        Largest relative difference of the inverse depths to which the pixels beside are continued, for one surface.
+
+    Returns
+    -------
+    ``(H, W, 3)`` and ``(H, W)``: the mean over the pixels beside that show the nearest surface; over the diagonal ones
+    if the others show none.
+    """
+    height, width = inverse_depth.shape
+    # a margin of two pixels without surface
+    padded = np.pad(inverse_depth, 2)
+    padded_image = np.pad(image, ((1, 1), (1, 1), (0, 0)))
+    touching = np.zeros((height, width), dtype=bool)
+    for down, across in (*_BESIDE, *_DIAGONAL):
+        touching |= padded[2 + down : 2 + down + height, 2 + across : 2 + across + width] > 0
+    rows, columns = np.nonzero(background & touching)
+    colour, surface = image.copy(), inverse_depth.copy()
+    for directions in (_BESIDE, _DIAGONAL):
+        down, across = np.array(directions).T[..., None]
+        beside = padded[rows + 2 + down, columns + 2 + across].astype(np.float64)
+        beyond = padded[rows + 2 + 2 * down, columns + 2 + 2 * across]
+        step = beside - beyond
+        sloping = (beyond > 0) & (np.abs(step) <= steepest * np.hypot(down, across) * beside)
+        reached = beside + np.where(sloping, step, 0)
+        # of several surfaces the nearest
+        own = (beside > 0) & (reached >= reached.max(axis=0) * (1 - same))
+        count = own.sum(axis=0)
+        found = count > 0
+        at, own, reached = (rows[found], columns[found]), own[:, found], reached[:, found]
+        colours = padded_image[at[0] + 1 + down, at[1] + 1 + across]
+        surface[at] = (own * reached).sum(axis=0) / count[found]
+        colour[at] = (own[..., None] * colours).sum(axis=0) / count[found, None]
+        rows, columns = rows[~found], columns[~found]
+    return colour, surface

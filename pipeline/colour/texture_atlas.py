@@ -5,7 +5,8 @@ Texel centres are pixel centres there, so baking copies pixels and adds no blur.
 Faces that would read texels of another surface (across a depth step, or behind it), and faces on which the projection
 is not nearly affine, get separate rectangles below it. Faces that the frame did not see share a neutral patch.
 
-Every texel has a flag: whether the frame saw its point of the surface. A bilinear lookup counts as observed if all
+Every texel has a flag: whether the frame saw its point of the surface. A lookup is the mean over its observed texels.
+Renders ask the reference view whether the point itself was seen. Without that, a lookup counts as observed if all
 texels of non-zero weight are, i.e. if the interpolated flag is at least 1 - 1e-4.
 """
 
@@ -20,6 +21,7 @@ from ..projection.rasteriser import Samples, barycentric, nearest_barycentric, r
 from ..surface.mesh import TriangleMesh
 from ..transforms import BLOCK, camera_centre, transform_points
 from .atlas_layout import GUTTER, affine_charts, frame_layer, pack_rectangles
+from .source_view import SourceView
 from .vertex_colours import NEUTRAL
 
 MAX_SIZE = 16384
@@ -58,6 +60,9 @@ class TextureAtlas:
         Number of faces with a separate rectangle.
     coarse_charts
         Number of those whose rectangle is too small for the frame's resolution.
+    source
+        The view that tells which points of the faces were seen, among those whose lookup has an observed texel.
+        ``None``: points are if all texels are.
     """
 
     uv: np.ndarray
@@ -66,6 +71,12 @@ class TextureAtlas:
     faces_seen: tuple[int, int, int]
     separate_charts: int
     coarse_charts: int
+    source: SourceView | None = None
+
+    def premultiplied(self) -> np.ndarray:
+        """``(h, w, C + 1)`` image times flag, and flag: interpolated and divided, the mean over observed texels."""
+        flag = self.observed[..., None]
+        return np.concatenate([self.image * flag, flag], axis=2)
 
     def messages(self) -> list[str]:
         """Messages for the user: size, coverage, and loss of resolution."""

@@ -16,7 +16,7 @@ from .parser import command_parser, explained_imports
 OWN_COMMAND = (sys.executable, "-m", __package__, "render")
 
 GROUPS = {
-    "views": ("count", "scale", "engine", "samples", "colour", "float_depth"),
+    "views": ("count", "scale", "engine", "samples", "colour", "unseen", "max_incidence_deg", "float_depth"),
     "poses": (
         "seed", "poses", "sampler", "cone_deg", "roll_deg", "distance_min", "distance_max", "shift_mm", "sigma_deg",
         "sigma_mm", "polar_deg",

@@ -13,6 +13,7 @@ from ..files.keys import nearest_name
 
 ENGINES = ("cycles", "raster", "eevee", "workbench")
 COLOURS = ("projective", "texture", "vertex")
+UNSEEN = ("neutral", "fill")
 SAMPLERS = ("cone", "gaussian", "shell", "trajectory")
 LARGEST_NUMBER = 2**53
 """Whole numbers beyond this have no exact float, and no option needs them."""
@@ -43,6 +44,14 @@ class DatasetOptions:
     colour: str = _option(
         "projective", "how the frame colours the surface: projective (exact at every shaded point), texture (baked), "
         "vertex (the paper's method)", choices=COLOURS,
+    )  # fmt: skip
+    unseen: str = _option(
+        "neutral", "surface that the frame did not see: neutral (grey), or fill (the observed colours, continued "
+        "smoothly over the surface). The mask of the observed surface is the same", choices=UNSEEN,
+    )  # fmt: skip
+    max_incidence_deg: float = _option(
+        87.0, "largest angle between the frame's ray and the surface's normal at which surface counts as "
+        "seen; what the frame sees at a grazing angle is stretched to streaks in other views", least=0, most=90,
     )  # fmt: skip
     float_depth: bool = _option(False, "also write depth as float32 millimetres (.npy)")
     video: bool = _option(False, "also render a smooth trajectory as MP4 with its poses")

@@ -32,6 +32,7 @@ def test_every_option_has_a_flag_that_gives_the_value_back():
         "poses": "poses.npy",
         "engine": "eevee",
         "colour": "texture",
+        "unseen": "fill",
         "sampler": "gaussian",
         "video_frames": 7,
     }

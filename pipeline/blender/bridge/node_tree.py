@@ -47,10 +47,15 @@ class Nodes:
         self.link(factor, node.inputs["Scale"])
         return node.outputs["Vector"]
 
-    def mixed(self, factor: bpy.types.NodeSocket, zero: tuple, one: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """The colour ``zero`` (RGBA) where the factor is 0, and ``one`` where it is 1."""
+    def mixed(
+        self, factor: bpy.types.NodeSocket, zero: tuple | bpy.types.NodeSocket, one: bpy.types.NodeSocket
+    ) -> bpy.types.NodeSocket:
+        """The colour ``zero`` (RGBA or a socket) where the factor is 0, and ``one`` where it is 1."""
         node = self.add("ShaderNodeMix", data_type="RGBA")
         self.link(factor, node.inputs[0])
-        node.inputs[6].default_value = zero
+        if isinstance(zero, tuple):
+            node.inputs[6].default_value = zero
+        else:
+            self.link(zero, node.inputs[6])
         self.link(one, node.inputs[7])
         return node.outputs[2]

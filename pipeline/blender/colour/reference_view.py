@@ -7,12 +7,13 @@ depends on the depth only through the question whether the frame saw its point, 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
+from ...colour.fill import filled_colours
 from ...colour.source_view import SourceView
 from ...colour.texture_atlas import TextureAtlas, bake_atlas, classify_faces
 from ...colour.vertex_colours import VertexColours, colour_vertices
@@ -68,6 +69,11 @@ def reference_view_of(loaded: LoadedCase) -> ReferenceView:
     return _view_of(loaded, seen.depth_mm, seen.observed)
 
 
+def limited_to_incidence(source: ReferenceView, max_incidence_deg: float) -> ReferenceView:
+    """The same view, which counts surface as seen up to this angle between ray and normal."""
+    return replace(source, view=replace(source.view, max_incidence_deg=max_incidence_deg))
+
+
 def can_rasterise(loaded: LoadedCase) -> bool:
     """Whether :func:`rasterised_view_of` knows the whole surface: none of it is behind the frame's camera."""
     return is_within_limits(loaded.mesh, loaded.case.camera, loaded.cam_from_model)
@@ -114,7 +120,7 @@ def _view_of(
     if part < 0.5:
         mesh = mesh.flipped()
         messages.append(f"{name}: the frame sees the back of {1 - part:.0%} of the surface; flipped its faces")
-    view = SourceView(camera, cam_from_model, loaded.image, inverse_depth_map(depth_mm, loaded.valid))
+    view = SourceView(camera, cam_from_model, loaded.image, inverse_depth_map(depth_mm, loaded.valid), loaded.valid)
     v, u = np.nonzero(shown & loaded.valid)
     central = most_central(np.stack([u, v], axis=1))
     pixel = np.array([[u[central], v[central]]], float)
@@ -124,8 +130,14 @@ def _view_of(
 
 
 def colour_of(source: ReferenceView, mode: str) -> tuple[SurfaceColour, list[str]]:
-    """The surface's colour in a mode (``projective``, ``texture``, ``vertex``), and messages for the user."""
-    return (source.view, []) if mode == "projective" else baked_colour_of(source, mode)
+    """The surface's colour in a mode (``projective``, ``texture``, ``vertex``), and messages for the user.
+
+    In all modes the reference view tells which points it saw.
+    """
+    if mode == "projective":
+        return source.view, []
+    colour, messages = baked_colour_of(source, mode)
+    return replace(colour, source=source.view), messages
 
 
 def baked_colour_of(
@@ -149,7 +161,7 @@ def baked_colour_of(
 
     faces_seen = classify_faces(mesh, view.camera, view.cam_from_model, observed)
     stage = _Stage(report, 1.0, CLASSIFIED)
-    atlas = bake_atlas(mesh, view.camera, view.cam_from_model, view.image, observed, faces_seen)
+    atlas = bake_atlas(mesh, view.camera, view.cam_from_model, view.continued[0], observed, faces_seen)
     return atlas, atlas.messages()
 
 
@@ -166,6 +178,18 @@ class _Stage:
 
 def _unreported(_fraction: float) -> None:
     pass
+
+
+def unseen_colours_of(source: ReferenceView, unseen: str) -> np.ndarray | None:
+    """``(V, 3)`` colours of the vertices for what the frame did not see; ``None``, neutral grey, unless ``"fill"``."""
+    if unseen != "fill":
+        return None
+    vertices = colour_vertices(source.mesh, source.view)
+    if vertices.covered.any():
+        return filled_colours(source.mesh.vertices, source.mesh.faces, vertices.rgb, vertices.covered)
+    # no vertex of large triangles is in the frame
+    mean = source.view.image[source.view.inverse_depth > 0].mean(axis=0)
+    return np.broadcast_to(mean, source.mesh.vertices.shape)
 
 
 def vertex_colours_of(source: ReferenceView) -> tuple[VertexColours, list[str]]:

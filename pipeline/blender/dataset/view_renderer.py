@@ -12,7 +12,7 @@ from ...dataset.view_record import ViewRecord
 from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose
 from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
 from ...projection.silhouette import SilhouetteEdges
-from ..colour.reference_view import ReferenceView, colour_of
+from ..colour.reference_view import ReferenceView, colour_of, limited_to_incidence, unseen_colours_of
 from ..render.anti_aliasing import EdgeSampler
 from ..render.engines import render_view
 from ..render.raster import check_raster
@@ -50,6 +50,7 @@ class ViewRenderer:
         """
         self._options, self._identity = options, identity
         self.camera = view_camera(loaded, options)
+        source = limited_to_incidence(source, options.max_incidence_deg)
         self.source = source
         colour, messages = colour_of(source, options.colour)
         self.messages = (*loaded.messages, *source.messages, *messages)
@@ -61,6 +62,7 @@ class ViewRenderer:
             source.mesh,
             self.camera,
             colour,
+            unseen=unseen_colours_of(source, options.unseen),
             engine=options.engine,
             samples=1 if at_edges else options.samples,
             filtered=at_edges,

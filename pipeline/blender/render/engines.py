@@ -13,15 +13,16 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
-from ...colour.vertex_colours import NEUTRAL
+from ...colour.vertex_colours import NEUTRAL, VertexColours
 from ...dataset.view import RenderedView
 from ...errors import InputError
 from ...files.temporary import temporary_folder, unwritable_temporary
 from ...images.exr import ExrError, read_exr
+from ...transforms import inverse_rigid, transform_points
 from ..bridge.image import render_path
 from ..bridge.versions import ENGINE_IDS, set_multilayer_exr
 from ..process import delayed_interrupts
-from .material import COLOUR_ATTRIBUTE, OBSERVED_COLOUR_ATTRIBUTE, OBSERVED_PASS
+from .material import COLOUR_ATTRIBUTE, OBSERVED_COLOUR_ATTRIBUTE, OBSERVED_PASS, UNSEEN_ATTRIBUTE
 from .surface_scene import SurfaceScene
 
 _TRIAL_ENDED = "trial render ended"
@@ -36,7 +37,7 @@ def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> Rend
     if surface_scene.engine == "cycles":
         passes = _render_cycles(surface_scene.scene)
     elif surface_scene.engine == "workbench":
-        passes = _render_workbench(surface_scene)
+        passes = _render_workbench(surface_scene, cam_from_model)
     else:
         passes = _render_to_file(surface_scene.scene)
     combined, depth = passes["Combined"], passes["Depth"][..., 0]
@@ -85,30 +86,41 @@ def _pass_array(render_pass: bpy.types.RenderPass, height: int) -> np.ndarray:
     return values.reshape(height, -1, render_pass.channels)[::-1]
 
 
-def _render_workbench(surface_scene: SurfaceScene) -> dict[str, np.ndarray]:
-    """Workbench runs no shaders and has no pass for the observed flag, so a second render draws the flag as colour.
+def _render_workbench(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> dict[str, np.ndarray]:
+    """Workbench runs no shaders and has no pass for the observed flag, so further renders draw what the flag needs.
 
-    The second render culls back sides: where its depth differs from the first one's, the first shows a back side.
+    The second render culls back sides: where its depth differs from the first one's, the first shows a back side. Its
+    colour tells where the triangle can be observed; the reference view is asked about the points themselves.
     """
-    scene = surface_scene.scene
+    scene, colour = surface_scene.scene, surface_scene.colour
     attributes, shading = surface_scene.surface_object.data.color_attributes, scene.display.shading
-    coloured = OBSERVED_COLOUR_ATTRIBUTE in attributes
     passes = _render_to_file(scene)
     shading.show_backface_culling = True
-    if coloured:
+    if colour is not None:
         attributes.active_color_name = OBSERVED_COLOUR_ATTRIBUTE
     try:
         flags = _render_to_file(scene)
+        shading.show_backface_culling = False
+        observed = flags["Depth"] == passes["Depth"]
+        if isinstance(colour, VertexColours):
+            # half-float buffers: 1 may become the next smaller value
+            observed &= flags["Combined"][..., :1] > 0.999
+            if colour.source is not None:
+                v, u, _ = np.nonzero(observed)
+                rays_cam = surface_scene.camera.rays_cam(np.stack([u, v], axis=1).astype(float))
+                points_cam = rays_cam * passes["Depth"][v, u].astype(float)
+                observed[v, u, 0] = colour.source.unoccluded(
+                    transform_points(inverse_rigid(cam_from_model), points_cam)
+                )
+            unseen = np.float32(NEUTRAL) * passes["Combined"][..., 3:]
+            if UNSEEN_ATTRIBUTE in attributes:
+                attributes.active_color_name = UNSEEN_ATTRIBUTE
+                unseen = _render_to_file(scene)["Combined"][..., :3]
+            passes["Combined"][..., :3] = np.where(observed, passes["Combined"][..., :3], unseen)
     finally:
         shading.show_backface_culling = False
-        if coloured:
+        if colour is not None:
             attributes.active_color_name = COLOUR_ATTRIBUTE
-    observed = flags["Depth"] == passes["Depth"]
-    if coloured:
-        # half-float buffers: 1 may become the next smaller value
-        observed &= flags["Combined"][..., :1] > 0.999
-        unseen = np.float32(NEUTRAL) * passes["Combined"][..., 3:]
-        passes["Combined"][..., :3] = np.where(observed, passes["Combined"][..., :3], unseen)
     return passes | {OBSERVED_PASS: observed.astype(np.float32)}
 
 

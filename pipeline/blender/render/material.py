@@ -1,8 +1,11 @@
 """Surface colour as emission: the three colour modes as shader nodes, each with its observed flag.
 
 All modes compute two values, a colour and a flag that is 1 where the frame saw the shaded point. The surface emits the
-colour, or :data:`pipeline.colour.vertex_colours.NEUTRAL` where the flag is 0; the flag goes to the pass
-:data:`OBSERVED_PASS`. There is no light, so renders show the code values unchanged. Back sides are never observed.
+colour, or that of unseen surface where the flag is 0; the flag goes to the pass :data:`OBSERVED_PASS`. There is no
+light, so renders show the code values unchanged. Back sides are never observed.
+
+The flag is the rule of :mod:`pipeline.colour.source_view` at the shaded point, in all modes. In the baked ones, the
+lookup must also find colour: a texel that the frame saw, or three vertices with a colour from it.
 """
 
 import bpy
@@ -13,7 +16,7 @@ from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import NEUTRAL, VertexColours
 from ...surface.mesh import TriangleMesh
 from ...transforms import transform_points
-from ..bridge.data_blocks import set_corner_uv, set_corner_vectors, set_vertex_colors
+from ..bridge.data_blocks import set_corner_flags, set_corner_uv, set_corner_vectors, set_vertex_colors
 from ..bridge.image import new_float_image
 from ..bridge.node_tree import Nodes
 from ..bridge.versions import new_node_material
@@ -21,12 +24,15 @@ from ..bridge.versions import new_node_material
 OBSERVED_PASS = "observed"
 COLOUR_ATTRIBUTE = "frame_colour"
 OBSERVED_COLOUR_ATTRIBUTE = "frame_observed_colour"
+UNSEEN_ATTRIBUTE = "frame_unseen_colour"
 UV_MAP = "frame_uv"
 PROJECTION_ATTRIBUTE = "frame_projection"
-FRAME_IMAGE, FILTERED_IMAGE = "frame image", "filtered image"
+FRAME_IMAGE, ATLAS_IMAGE, FILTERED_IMAGE = "frame image", "atlas image", "filtered image"
 """Names of the shader's image nodes, see :func:`assign_colour`."""
 OBSERVED_LEAST = 0.9999
 """If an interpolated flag is at least this large, all values that it was interpolated from are observed."""
+COVERED_LEAST = 1e-3
+"""Least weight of observed texels in a lookup: below it, single precision tells too little of their colour."""
 NEUTRAL_RGBA = (NEUTRAL, NEUTRAL, NEUTRAL, 1.0)
 _NOWHERE = (-1.0, -1.0, 1.0)  # projects outside the frame
 
@@ -34,7 +40,12 @@ SurfaceColour = VertexColours | TextureAtlas | SourceView
 
 
 def assign_colour(
-    mesh_object: bpy.types.Object, mesh: TriangleMesh, colour: SurfaceColour | None, *, filtered: bool = False
+    mesh_object: bpy.types.Object,
+    mesh: TriangleMesh,
+    colour: SurfaceColour | None,
+    *,
+    unseen: np.ndarray | None = None,
+    filtered: bool = False,
 ) -> None:
     """Give the object the material of a colour mode.
 
@@ -44,6 +55,8 @@ def assign_colour(
         The surface as a Blender object and as a mesh (model frame).
     colour
         ``None`` makes it plain neutral, for geometry alone; the observed flag is then 1 on front sides.
+    unseen
+        ``(V, 3)`` code values 0..1 of the vertices, shown where the frame saw nothing; ``None``: :data:`NEUTRAL_RGBA`.
     filtered
         Interpolate colours (not the observed flag) by cubic B-splines from the image of the node
         :data:`FILTERED_IMAGE`, which the caller replaces, see :mod:`pipeline.colour.footprint_filter`; its alpha is
@@ -55,9 +68,9 @@ def assign_colour(
         case None:
             rgb, flag, addition = None, 1.0, None
         case VertexColours():
-            rgb, flag, addition = _vertex_colour(nodes, mesh_object, colour)
+            rgb, flag, addition = _vertex_colour(nodes, mesh_object, mesh, colour)
         case TextureAtlas():
-            rgb, flag, addition = _texture(nodes, mesh_object, colour, filtered)
+            rgb, flag, addition = _texture(nodes, mesh_object, mesh, colour, filtered)
         case SourceView():
             rgb, flag, addition = _projection(nodes, mesh_object, mesh, colour, filtered)
     geometry = nodes.add("ShaderNodeNewGeometry")
@@ -67,7 +80,11 @@ def assign_colour(
     nodes.link(passed, observed_pass.inputs["Value"])
     emission = nodes.add("ShaderNodeEmission", Color=NEUTRAL_RGBA)
     if rgb is not None:
-        nodes.link(nodes.mixed(flag, NEUTRAL_RGBA, rgb), emission.inputs["Color"])
+        other: tuple | bpy.types.NodeSocket = NEUTRAL_RGBA
+        if unseen is not None:
+            set_vertex_colors(mesh_object, UNSEEN_ATTRIBUTE, np.pad(unseen, ((0, 0), (0, 1)), constant_values=1))
+            other = nodes.add("ShaderNodeAttribute", attribute_name=UNSEEN_ATTRIBUTE).outputs["Color"]
+        nodes.link(nodes.mixed(flag, other, rgb), emission.inputs["Color"])
     output = nodes.add("ShaderNodeOutputMaterial")
     nodes.link(emission.outputs["Emission"], output.inputs["Surface"])
     # else Cycles builds a light distribution over all triangles and samples it
@@ -76,24 +93,49 @@ def assign_colour(
     mesh_object.data.materials.append(material)
 
 
-def _vertex_colour(nodes: Nodes, mesh_object: bpy.types.Object, colour: VertexColours) -> tuple:
-    rgba = np.concatenate([colour.rgb, colour.observed[:, None]], axis=1)
+def _vertex_colour(nodes: Nodes, mesh_object: bpy.types.Object, mesh: TriangleMesh, colour: VertexColours) -> tuple:
     # Workbench draws attributes instead of materials, and ignores their alpha
-    set_vertex_colors(mesh_object, OBSERVED_COLOUR_ATTRIBUTE, np.repeat(rgba[:, 3:], 4, axis=1))
-    set_vertex_colors(mesh_object, COLOUR_ATTRIBUTE, rgba)
+    flags = colour.least[mesh.faces]
+    if colour.source is not None:
+        flags = flags & colour.source.facing_faces(mesh)[:, None]
+    set_corner_flags(mesh_object, OBSERVED_COLOUR_ATTRIBUTE, flags)
+    set_vertex_colors(mesh_object, COLOUR_ATTRIBUTE, np.concatenate([colour.rgb, colour.least[:, None]], axis=1))
     mesh_object.data.color_attributes.active_color_name = COLOUR_ATTRIBUTE
     attribute = nodes.add("ShaderNodeAttribute", attribute_name=COLOUR_ATTRIBUTE)
-    # a point is observed if all three vertices of its triangle are
-    return attribute.outputs["Color"], nodes.math("GREATER_THAN", attribute.outputs["Alpha"], OBSERVED_LEAST), None
+    rgb, cover = attribute.outputs["Color"], attribute.outputs["Alpha"]
+    return rgb, _flag(nodes, cover, mesh_object, mesh, colour), None
 
 
-def _texture(nodes: Nodes, mesh_object: bpy.types.Object, atlas: TextureAtlas, filtered: bool) -> tuple:
+def _texture(
+    nodes: Nodes, mesh_object: bpy.types.Object, mesh: TriangleMesh, atlas: TextureAtlas, filtered: bool
+) -> tuple:
     set_corner_uv(mesh_object, UV_MAP, atlas.uv)
-    rgba = np.concatenate([atlas.image, atlas.observed[..., None]], axis=2)
     uv = nodes.add("ShaderNodeUVMap", uv_map=UV_MAP)
-    rgb, flag, addition = _image_lookup(nodes, new_float_image("frame_atlas", rgba), uv.outputs["UV"], filtered)
-    # a point is observed if all texels with non-zero weight are
-    return rgb, nodes.math("GREATER_THAN", flag, OBSERVED_LEAST), addition
+    image = new_float_image("frame_atlas", atlas.premultiplied())
+    rgb, cover, addition = _image_lookup(nodes, image, uv.outputs["UV"], filtered, name=ATLAS_IMAGE)
+    if not filtered:
+        rgb = nodes.scaled(rgb, nodes.math("DIVIDE", 1.0, cover))
+    return rgb, _flag(nodes, cover, mesh_object, mesh, atlas), addition
+
+
+def least_cover(colour: VertexColours | TextureAtlas) -> float:
+    """The least interpolated flag of an observed point."""
+    return COVERED_LEAST if isinstance(colour, TextureAtlas) and colour.source is not None else OBSERVED_LEAST
+
+
+def _flag(
+    nodes: Nodes,
+    cover: bpy.types.NodeSocket,
+    mesh_object: bpy.types.Object,
+    mesh: TriangleMesh,
+    colour: VertexColours | TextureAtlas,
+) -> bpy.types.NodeSocket:
+    """1 where the lookup is covered and the reference view saw the shaded point, else 0."""
+    covered = nodes.math("GREATER_THAN", cover, least_cover(colour))
+    if colour.source is None:
+        return covered
+    _, seen, _ = _projection(nodes, mesh_object, mesh, colour.source, filtered=False)
+    return nodes.math("MULTIPLY", covered, seen)
 
 
 def _projection(
@@ -112,21 +154,26 @@ def _projection(
     corners = np.stack([s, t, z], axis=1)[mesh.faces]
     corners[~source.facing_faces(mesh)] = _NOWHERE
     set_corner_vectors(mesh_object, PROJECTION_ATTRIBUTE, corners)
-    rgba = np.concatenate([source.image, source.inverse_depth[..., None]], axis=2)
+    image, surface = source.continued
+    rgba = np.concatenate([image, surface[..., None]], axis=2)
 
     homogeneous = nodes.add("ShaderNodeAttribute", attribute_name=PROJECTION_ATTRIBUTE).outputs["Vector"]
     separate = nodes.add("ShaderNodeSeparateXYZ")
     nodes.link(homogeneous, separate.inputs[0])
     depth = separate.outputs["Z"]
     pixel = nodes.scaled(homogeneous, nodes.math("DIVIDE", 1.0, depth))
-    rgb, inverse_depth, addition = _image_lookup(nodes, new_float_image("frame", rgba), pixel, filtered)
+    rgb, inverse_depth, addition = _image_lookup(
+        nodes, new_float_image("frame", rgba), pixel, filtered, name=FRAME_IMAGE
+    )
     ratio = nodes.math("MULTIPLY", depth, inverse_depth)
     return rgb, nodes.math("COMPARE", ratio, 1.0, source.depth_tolerance), addition
 
 
-def _image_lookup(nodes: Nodes, image: bpy.types.Image, coordinates: bpy.types.NodeSocket, filtered: bool) -> tuple:
+def _image_lookup(
+    nodes: Nodes, image: bpy.types.Image, coordinates: bpy.types.NodeSocket, filtered: bool, name: str
+) -> tuple:
     """Colour and alpha of an image (alpha is 0 outside it), and the alpha of the filtered image or ``None``."""
-    exact = nodes.add("ShaderNodeTexImage", name=FRAME_IMAGE, image=image, interpolation="Linear", extension="CLIP")
+    exact = nodes.add("ShaderNodeTexImage", name=name, image=image, interpolation="Linear", extension="CLIP")
     nodes.link(coordinates, exact.inputs["Vector"])
     if not filtered:
         return exact.outputs["Color"], exact.outputs["Alpha"], None

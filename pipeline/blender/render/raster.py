@@ -32,6 +32,8 @@ LARGEST_FACES = 2**24 - 1
 """Faces are numbered from 1 in single precision, 0 is the background."""
 _ROW = 4096
 """Width of the texture of planes: every OpenGL 4 has twice that."""
+_CORNER_TEXELS = 6
+"""Texels of a face in the texture of corners: three positions and three colours."""
 _SAME_DEPTH, _SAME_PART = 1e-5, 0.999
 """Relative difference of depth from Cycles', and the least part of the frame's surface that keeps it. Of 300 000
 pixels on a bowl of 200 000 triangles, 99.9 % are within 3e-9 and all but 2 within 3e-8."""
@@ -57,6 +59,21 @@ vec4 texel_at(ivec2 at) {
   bool inside = all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, textureSize(frame, 0)));
   return inside ? texelFetch(frame, at, 0) : vec4(0.0);
 }
+#if FILLED
+vec3 corner_at(int index) { return texelFetch(corners, ivec2(index % ROW, index / ROW), 0).xyz; }
+vec3 unseen_colour(int number, vec3 point) {
+  int index = number * CORNER_TEXELS;
+  vec3 a = corner_at(index), along = corner_at(index + 1) - a, across = corner_at(index + 2) - a;
+  vec3 normal = cross(along, across);
+  vec2 weight = vec2(dot(cross(point - a, across), normal), dot(cross(along, point - a), normal));
+  weight = clamp(weight / max(dot(normal, normal), 1e-30), 0.0, 1.0);
+  weight /= max(weight.x + weight.y, 1.0);
+  return (1.0 - weight.x - weight.y) * corner_at(index + 3) + weight.x * corner_at(index + 4)
+    + weight.y * corner_at(index + 5);
+}
+#else
+vec3 unseen_colour(int number, vec3 point) { return vec3(NEUTRAL); }
+#endif
 void main() {
   vec2 pixel = floor(gl_FragCoord.xy);
   vec2 drawn = texelFetch(faces, ivec2(pixel), 0).xy;
@@ -84,7 +101,7 @@ void main() {
   }
   seen = seen && (coloured == 0.0 || abs(point.z * texel.a - 1.0) <= coloured);
   // the sign tells what the frame saw
-  view = vec4(seen ? texel.rgb : vec3(NEUTRAL), seen ? depth : -depth);
+  view = vec4(seen ? texel.rgb : unseen_colour(number, ray * depth + origin.xyz), seen ? depth : -depth);
 }
 """
 _RAYS = ("ray_u", "ray_v", "ray_0", "source_u", "source_v", "source_0", "epipole")
@@ -93,12 +110,18 @@ _RAYS = ("ray_u", "ray_v", "ray_0", "source_u", "source_v", "source_0", "epipole
 class Raster:
     """Draws views of a surface with the projective colours of a reference view, or plain for ``None``."""
 
-    def __init__(self, mesh: TriangleMesh, camera: PinholeCamera, colour: SourceView | None) -> None:
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        camera: PinholeCamera,
+        colour: SourceView | None,
+        unseen: np.ndarray | None = None,
+    ) -> None:
         """Keep the data; OpenGL gets them with the first view.
 
         Parameters
         ----------
-        mesh, camera
+        mesh, camera, unseen
             As for :class:`.SurfaceScene`.
         colour
             The reference view, or ``None`` for geometry alone.
@@ -113,7 +136,7 @@ class Raster:
                 f"surface: expected at most {LARGEST_FACES:,} faces with engine raster, found {len(mesh.faces):,}; "
                 "use --engine cycles"
             )
-        self._mesh, self._camera, self._colour = mesh, camera, colour
+        self._mesh, self._camera, self._colour, self._unseen = mesh, camera, colour, unseen
         self._drawing: _Drawing | None = None
 
     def render(self, cam_from_model: np.ndarray, nearest_mm: float) -> RenderedView:
@@ -124,7 +147,7 @@ class Raster:
 
     def _draw(self, cam_from_model: np.ndarray, nearest_mm: float) -> np.ndarray:
         if self._drawing is None:
-            self._drawing = _Drawing(self._mesh, self._camera, self._colour)
+            self._drawing = _Drawing(self._mesh, self._camera, self._colour, self._unseen)
         return self._drawing.draw(cam_from_model, nearest_mm)
 
     def close(self) -> None:
@@ -163,23 +186,27 @@ def check_raster(mesh: TriangleMesh, source: SourceView) -> None:
 class _Drawing:
     """What OpenGL holds for one surface, camera and reference view; needs its context."""
 
-    def __init__(self, mesh: TriangleMesh, camera: PinholeCamera, colour: SourceView | None) -> None:
+    def __init__(
+        self, mesh: TriangleMesh, camera: PinholeCamera, colour: SourceView | None, unseen: np.ndarray | None
+    ) -> None:
         self._camera, self._colour = camera, colour
         largest = gpu.capabilities.max_texture_size_get()
-        sides = (*camera.size_wh, *(colour.camera.size_wh if colour else ()), -(-len(mesh.faces) // _ROW))
+        texels = len(mesh.faces) * (1 if unseen is None else _CORNER_TEXELS)
+        sides = (*camera.size_wh, *(colour.camera.size_wh if colour else ()), -(-texels // _ROW))
         if max(sides) > largest:
             raise InputError(
                 f"view: expected at most {largest} px a side for this machine's OpenGL, found {max(sides)}; "
                 "use --engine cycles"
             )
-        self._faces_shader, self._view_shader = _face_shader(), _view_shader()
+        self._faces_shader, self._view_shader = _face_shader(), _view_shader(filled=unseen is not None)
         self._surface, self._screen = _surface_batch(mesh), _screen_batch()
-        self._planes = _texture(_planes(mesh, colour))
-        self._frame = _texture(
-            np.zeros((1, 1, 4))
-            if colour is None
-            else np.concatenate([colour.image, colour.inverse_depth[..., None]], axis=2)
-        )
+        frame = np.zeros((1, 1, 4))
+        if colour is not None:
+            image, inverse_depth = colour.continued
+            frame = np.concatenate([image, inverse_depth[..., None]], axis=2)
+        self._textures = {"frame": _texture(frame), "planes": _texture(_planes(mesh, colour))}
+        if unseen is not None:
+            self._textures["corners"] = _texture(_corners(mesh, unseen))
         size = camera.size_wh
         self._faces = gpu.types.GPUTexture(size, format="RG32F")
         self._depth = gpu.types.GPUTexture(size, format="DEPTH_COMPONENT32F")
@@ -206,7 +233,7 @@ class _Drawing:
         with self._second.bind():
             self._view_shader.bind()
             self._set_rays(cam_from_model)
-            for name, texture in (("frame", self._frame), ("planes", self._planes), ("faces", self._faces)):
+            for name, texture in (("faces", self._faces), *self._textures.items()):
                 self._view_shader.uniform_sampler(name, texture)
             self._screen.draw(self._view_shader)
             pixels = np.empty((*self._camera.shape_hw, 4), np.float32)
@@ -251,10 +278,20 @@ def _planes(mesh: TriangleMesh, colour: SourceView | None) -> np.ndarray:
     if colour is not None:
         normals[colour.facing_faces(mesh)] *= 2
     normals = normals.astype(np.float32)
-    planes = np.zeros((-(-len(normals) // _ROW) * _ROW, 4), np.float32)
-    planes[: len(normals), :3] = normals
-    planes[: len(normals), 3] = -np.einsum("ij,ij->i", normals.astype(float), corners.mean(axis=1))
-    return planes.reshape(-1, _ROW, 4)
+    offsets = -np.einsum("ij,ij->i", normals.astype(float), corners.mean(axis=1))
+    return _in_rows(np.concatenate([normals, offsets[:, None]], axis=1))
+
+
+def _corners(mesh: TriangleMesh, colours: np.ndarray) -> np.ndarray:
+    """``(R, 4096, 4)``: positions and colours ``(V, 3)`` of each face's corners."""
+    values = np.concatenate([mesh.vertices[mesh.faces], colours[mesh.faces]], axis=1)
+    return _in_rows(np.pad(values.reshape(-1, 3), ((0, 0), (0, 1))))
+
+
+def _in_rows(texels: np.ndarray) -> np.ndarray:
+    rows = np.zeros((-(-len(texels) // _ROW) * _ROW, 4), np.float32)
+    rows[: len(texels)] = texels
+    return rows.reshape(-1, _ROW, 4)
 
 
 def _surface_batch(mesh: TriangleMesh) -> Any:
@@ -307,17 +344,19 @@ def _face_shader() -> Any:
     return gpu.shader.create_from_info(info)
 
 
-def _view_shader() -> Any:
+def _view_shader(*, filled: bool) -> Any:
     info: Any = gpu.types.GPUShaderCreateInfo()
     # eight vectors: no driver has room for less, many have no more
     for name in (*_RAYS, "origin_and_tolerance"):
         info.push_constant("VEC4", name)
     info.define("ROW", str(_ROW))
+    info.define("CORNER_TEXELS", str(_CORNER_TEXELS))
     info.define("NEUTRAL", repr(float(NEUTRAL)))
     info.define("origin", "origin_and_tolerance")
     info.define("coloured", "origin_and_tolerance.w")
     info.vertex_in(0, "VEC2", "corner")
-    for slot, name in enumerate(("frame", "planes", "faces")):
+    info.define("FILLED", str(int(filled)))
+    for slot, name in enumerate(("faces", "frame", "planes", *(("corners",) if filled else ()))):
         info.sampler(slot, "FLOAT_2D", name)
     info.fragment_out(0, "VEC4", "view")
     info.vertex_source(_VIEW_VERTEX)

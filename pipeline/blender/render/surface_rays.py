@@ -15,13 +15,15 @@ from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import VertexColours
 from ..bridge.node_tree import Nodes
 from .material import (
+    ATLAS_IMAGE,
     COLOUR_ATTRIBUTE,
     FRAME_IMAGE,
     NEUTRAL_RGBA,
-    OBSERVED_LEAST,
     PROJECTION_ATTRIBUTE,
+    UNSEEN_ATTRIBUTE,
     UV_MAP,
     SurfaceColour,
+    least_cover,
 )
 from .surface_scene import SurfaceScene
 
@@ -67,19 +69,28 @@ def _ray_nodes(surface: bpy.types.Object, colour: SurfaceColour) -> tuple[bpy.ty
     nodes = Nodes(group)
     rays, target = nodes.add("NodeGroupInput"), nodes.add("GeometryNodeObjectInfo", Object=surface)
     origin, direction = nodes.add("FunctionNodeInputVector"), nodes.add("GeometryNodeInputPosition")
-    kind, name = _attribute_of(colour)
-    attribute = nodes.add("GeometryNodeInputNamedAttribute", data_type=kind, Name=name)
-    hit = nodes.add("GeometryNodeRaycast", data_type=kind)
-    hit.inputs["Ray Length"].default_value = _FARTHEST_MM
-    nodes.link(target.outputs["Geometry"], hit.inputs["Target Geometry"])
-    nodes.link(attribute.outputs["Attribute"], hit.inputs["Attribute"])
-    # an unlinked socket would use the position of the point itself
-    nodes.link(origin.outputs["Vector"], hit.inputs["Source Position"])
-    nodes.link(direction.outputs["Position"], hit.inputs["Ray Direction"])
-    image = None if isinstance(colour, VertexColours) else _image_of(surface)
-    rgb, observed = _shade(nodes, hit.outputs["Attribute"], colour, image)
+
+    def cast(kind: Any, name: str) -> bpy.types.Node:
+        attribute = nodes.add("GeometryNodeInputNamedAttribute", data_type=kind, Name=name)
+        hit = nodes.add("GeometryNodeRaycast", data_type=kind)
+        hit.inputs["Ray Length"].default_value = _FARTHEST_MM
+        nodes.link(target.outputs["Geometry"], hit.inputs["Target Geometry"])
+        nodes.link(attribute.outputs["Attribute"], hit.inputs["Attribute"])
+        # an unlinked socket would use the position of the point itself
+        nodes.link(origin.outputs["Vector"], hit.inputs["Source Position"])
+        nodes.link(direction.outputs["Position"], hit.inputs["Ray Direction"])
+        return hit
+
+    hit = cast(*_attribute_of(colour))
+    rgb, observed = _shade(nodes, hit.outputs["Attribute"], colour, surface)
+    if isinstance(colour, VertexColours | TextureAtlas) and colour.source is not None:
+        place = cast(*_attribute_of(colour.source)).outputs["Attribute"]
+        _, seen = _shade(nodes, place, colour.source, surface)
+        observed = nodes.math("MULTIPLY", observed, seen)
     front = nodes.math("LESS_THAN", nodes.dot(hit.outputs["Hit Normal"], direction.outputs["Position"]), 0.0)
-    rgb = nodes.mixed(nodes.math("MULTIPLY", observed, front), NEUTRAL_RGBA, rgb)
+    filled = UNSEEN_ATTRIBUTE in surface.data.attributes
+    other = cast("FLOAT_COLOR", UNSEEN_ATTRIBUTE).outputs["Attribute"] if filled else NEUTRAL_RGBA
+    rgb = nodes.mixed(nodes.math("MULTIPLY", observed, front), other, rgb)
     moved, end = nodes.add("GeometryNodeSetPosition"), nodes.add("NodeGroupOutput")
     nodes.link(rays.outputs[0], moved.inputs["Geometry"])
     nodes.link(nodes.scaled(rgb, hit.outputs["Is Hit"]), moved.inputs["Position"])
@@ -97,16 +108,13 @@ def _attribute_of(colour: SurfaceColour) -> tuple[str, str]:
             return "FLOAT_VECTOR", PROJECTION_ATTRIBUTE
 
 
-def _image_of(surface: bpy.types.Object) -> bpy.types.Image:
-    return surface.data.materials[0].node_tree.nodes[FRAME_IMAGE].image
-
-
 def _shade(
-    nodes: Nodes, attribute: bpy.types.NodeSocket, colour: SurfaceColour, image: bpy.types.Image | None
+    nodes: Nodes, attribute: bpy.types.NodeSocket, colour: SurfaceColour, surface: bpy.types.Object
 ) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
     """Colour and observed flag of a hit, as in :mod:`pipeline.blender.render.material`."""
 
-    def image_lookup(coordinates: bpy.types.NodeSocket) -> bpy.types.Node:
+    def image_lookup(name: str, coordinates: bpy.types.NodeSocket) -> bpy.types.Node:
+        image = surface.data.materials[0].node_tree.nodes[name].image
         node = nodes.add("GeometryNodeImageTexture", Image=image, interpolation="Linear", extension="CLIP")
         nodes.link(coordinates, node.inputs["Vector"])
         return node
@@ -115,14 +123,16 @@ def _shade(
         case VertexColours():
             channels = nodes.add("FunctionNodeSeparateColor")
             nodes.link(attribute, channels.inputs["Color"])
-            return attribute, nodes.math("GREATER_THAN", channels.outputs["Alpha"], OBSERVED_LEAST)
+            return attribute, nodes.math("GREATER_THAN", channels.outputs["Alpha"], least_cover(colour))
         case TextureAtlas():
-            texel = image_lookup(attribute)
-            return texel.outputs["Color"], nodes.math("GREATER_THAN", texel.outputs["Alpha"], OBSERVED_LEAST)
+            texel = image_lookup(ATLAS_IMAGE, attribute)
+            cover = texel.outputs["Alpha"]
+            rgb = nodes.scaled(texel.outputs["Color"], nodes.math("DIVIDE", 1.0, cover))
+            return rgb, nodes.math("GREATER_THAN", cover, least_cover(colour))
         case SourceView():
             separate = nodes.add("ShaderNodeSeparateXYZ")
             nodes.link(attribute, separate.inputs[0])
             depth = separate.outputs["Z"]
-            texel = image_lookup(nodes.scaled(attribute, nodes.math("DIVIDE", 1.0, depth)))
+            texel = image_lookup(FRAME_IMAGE, nodes.scaled(attribute, nodes.math("DIVIDE", 1.0, depth)))
             ratio = nodes.math("MULTIPLY", depth, texel.outputs["Alpha"])
             return texel.outputs["Color"], nodes.math("COMPARE", ratio, 1.0, colour.depth_tolerance)

@@ -33,6 +33,8 @@ class SurfaceScene:
         The Blender data; removed on exit, so that the open file is unchanged.
     raster
         What renders instead of the scene with engine ``"raster"``, otherwise ``None``.
+    camera, colour
+        The intrinsics of the views, and the source of the surface's colour.
     """
 
     def __init__(
@@ -41,6 +43,7 @@ class SurfaceScene:
         camera: PinholeCamera,
         colour: SurfaceColour | None,
         *,
+        unseen: np.ndarray | None = None,
         engine: str = "cycles",
         samples: int = 1,
         filtered: bool = False,
@@ -56,6 +59,8 @@ class SurfaceScene:
             Intrinsics of the views.
         colour
             Source of the surface's colour; ``None`` for geometry alone.
+        unseen
+            ``(V, 3)`` colours of the vertices for what the frame did not see; ``None``: neutral grey.
         engine
             ``"cycles"`` is exact, and so is ``"raster"``, which knows projective colours and single samples only; this
             and the others are rasterisers that need OpenGL.
@@ -78,18 +83,18 @@ class SurfaceScene:
             )
         self._own: list[bpy.types.ID] = []
         with self.owning():
-            self._mesh = mesh
+            self._mesh, self.camera, self.colour = mesh, camera, colour
             self.scene = bpy.data.scenes.new("oneframe")
             self.surface_object = new_mesh_object("surface", mesh)
             self.scene.collection.objects.link(self.surface_object)
-            assign_colour(self.surface_object, mesh, colour, filtered=filtered)
+            assign_colour(self.surface_object, mesh, colour, unseen=unseen, filtered=filtered)
             self.camera_object = new_camera(self.scene, camera, clip_mm=(1.0, 1000.0))
             self.engine = engine
             self.raster: Raster | None = None
             if engine == "raster":
                 if not (colour is None or isinstance(colour, SourceView)) or samples > 1:
                     raise ValueError("expected projective colours and one sample with engine raster, found others")
-                self.raster = Raster(mesh, camera, colour)
+                self.raster = Raster(mesh, camera, colour, unseen)
             _set_exact_colour(self.scene)
             _set_passes(self.scene)
             _set_sampling(self.scene, engine, samples)

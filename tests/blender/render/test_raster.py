@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pipeline.blender.colour.reference_view import reference_view_of
+from pipeline.blender.colour.reference_view import reference_view_of, unseen_colours_of
 from pipeline.blender.render.engines import check_engine, render_view
 from pipeline.blender.render.raster import check_raster
 from pipeline.blender.render.surface_scene import SurfaceScene
@@ -36,13 +36,14 @@ def test_the_frames_own_pose_gives_the_frame_back(bumpy_mesh, oblique_pose, shar
     assert (view.rgb[~view.mask] == 0).all()
 
 
-@pytest.mark.parametrize("turn_deg", [0, 12, 25])
-def test_views_are_those_of_cycles(stepped_mesh, frontal_pose, sharp_image, loaded_case, turn_deg):
+@pytest.mark.parametrize(("turn_deg", "unseen"), [(0, "neutral"), (12, "fill"), (25, "neutral"), (25, "fill")])
+def test_views_are_those_of_cycles(stepped_mesh, frontal_pose, sharp_image, loaded_case, turn_deg, unseen):
     source = reference_view_of(loaded_case(stepped_mesh, sharp_image(CAMERA), frontal_pose, CAMERA))
     pose = frontal_pose @ rigid(rotation_from_vector(np.radians([0.3 * turn_deg, turn_deg, 5])))
     views = {}
     for engine in ("cycles", "raster"):
-        with SurfaceScene(source.mesh, CAMERA, source.view, engine=engine) as scene:
+        colours = unseen_colours_of(source, unseen)
+        with SurfaceScene(source.mesh, CAMERA, source.view, engine=engine, unseen=colours) as scene:
             views[engine] = render_view(scene, pose)
     cycles, raster = views["cycles"], views["raster"]
     assert np.count_nonzero(cycles.mask != raster.mask) <= 2
@@ -51,6 +52,9 @@ def test_views_are_those_of_cycles(stepped_mesh, frontal_pose, sharp_image, load
     assert both.mean() > 0.1
     assert np.quantile(np.abs(cycles.depth_mm - raster.depth_mm)[both], 0.999) < 1e-3
     assert np.quantile(np.abs(cycles.rgb - raster.rgb)[both] * 255, 0.999) < 0.25
+    neither = cycles.mask & raster.mask & ~cycles.observed & ~raster.observed
+    assert neither.any() or turn_deg == 0
+    assert np.abs(cycles.rgb - raster.rgb)[neither].max(initial=0) * 255 < 0.25
 
 
 def test_a_camera_inside_the_surfaces_sphere_sees_what_a_ray_cast_sees(bumpy_mesh, ray_cast):

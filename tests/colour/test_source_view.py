@@ -1,0 +1,169 @@
+"""The rule of what the frame saw: nothing is missed at the background, nothing leaks from it or from another surface."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.colour.source_view import SourceView, continued_by_a_pixel
+from pipeline.colour.vertex_colours import colour_vertices
+from pipeline.dataset.options import DatasetOptions
+from pipeline.projection.z_buffer import rasterise_depth
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.transforms import camera_centre, rigid
+
+CAMERA = PinholeCamera(120, 100, 800.0, 790.0, 61.3, 48.7)
+CAM_FROM_MODEL = rigid(translation=np.array([0.3, -0.2, 300.0]))
+BACKGROUND = (0.0, 0.0, 1.0)
+
+
+def ball(rows: int, radius: float, centre=(0.0, 0.0, 0.0)) -> TriangleMesh:
+    polar, azimuth = np.meshgrid(np.linspace(0.02, np.pi - 0.02, rows + 1), np.linspace(0, 2 * np.pi, 2 * rows + 1))
+    unit = np.stack([np.sin(polar) * np.cos(azimuth), np.cos(polar), np.sin(polar) * np.sin(azimuth)], axis=-1)
+    i = np.arange(polar.size).reshape(polar.shape)
+    a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, 1:].ravel(), i[1:, :-1].ravel()
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]).astype(np.int32)
+    mesh = TriangleMesh(unit.reshape(-1, 3) * radius, faces)
+    outwards = (mesh.face_cross * mesh.vertices[mesh.faces[:, 0]]).sum() > 0
+    return (mesh if outwards else mesh.flipped()).moved(np.asarray(centre))
+
+
+def seen_from_frame(meshes, colours, valid=None) -> tuple[TriangleMesh, SourceView]:
+    """The meshes as one, and a frame that shows each in one colour before a blue background."""
+    ends = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, ends, strict=False)]).astype(np.int32)
+    joined = TriangleMesh(np.concatenate([mesh.vertices for mesh in meshes]), faces)
+    raster = rasterise_depth(joined, CAMERA, CAM_FROM_MODEL)
+    owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])[raster.face]
+    image = np.where((raster.face >= 0)[..., None], np.asarray(colours)[owner], BACKGROUND).astype(np.float32)
+    inverse = raster.inverse_depth.astype(np.float32)
+    if valid is not None:
+        inverse[~valid] = 0
+    return joined, SourceView(CAMERA, CAM_FROM_MODEL, image, inverse, valid)
+
+
+class Points:
+    """Random points of a mesh, evenly over its area, and their angle from the frame's ray."""
+
+    def __init__(self, mesh, count, rng):
+        area = np.linalg.norm(mesh.face_cross, axis=1)
+        face = rng.choice(len(area), count, p=area / area.sum())
+        corners = mesh.vertices[mesh.faces[face]]
+        self.points = np.einsum("nk,nkd->nd", rng.dirichlet([1, 1, 1], count), corners)
+        self.normals = mesh.face_normals[face]
+        towards = camera_centre(CAM_FROM_MODEL) - self.points
+        cosine = (towards * self.normals).sum(axis=1) / np.linalg.norm(towards, axis=1)
+        self.incidence_deg = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+
+
+@pytest.mark.parametrize("rows", [24, 120])
+@pytest.mark.parametrize("diameter_px", [30, 80])
+def test_a_small_ball_before_the_background_is_seen_up_to_its_outline(diameter_px, rows, rng):
+    """Lookups that use background pixels are not lost: those were a quarter of the ball of 30 px."""
+    mesh, view = seen_from_frame([ball(rows, diameter_px / 2 * 300 / 800)], [(1.0, 0.0, 0.0)])
+    points = Points(mesh, 20000, rng)
+    observed = view.observed(points.points, points.normals)
+    assert not observed[points.incidence_deg > view.max_incidence_deg].any()
+    assert observed[points.incidence_deg < 75].all()
+    assert observed[points.incidence_deg < 80].mean() > 0.999
+    assert observed[points.incidence_deg < 87].mean() > 0.98
+    # and without the background's colour
+    np.testing.assert_allclose(view.colours(view.project(points.points[observed])[0])[:, 2], 0, atol=1e-6)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_no_colour_leaks_from_background_or_occluder(seed):
+    """Balls of one colour each, apart in depth, some hiding parts of others."""
+    rng = np.random.default_rng(seed)
+    depths = (-40.0, 0.0, 40.0)
+    centres = [(*rng.uniform(-9, 9, 2), depth) for depth in depths]
+    balls = [ball(int(rng.integers(12, 60)), rng.uniform(4, 9), centre) for centre in centres]
+    colours = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0)]
+    mesh, view = seen_from_frame(balls, colours)
+    start, nearer = 0, []
+    vertices = colour_vertices(mesh, view)
+    for each, colour, centre in zip(balls, colours, centres, strict=True):
+        points = Points(each, 4000, rng)
+        observed = view.observed(points.points, points.normals)
+        found = view.colours(view.project(points.points[observed])[0])
+        # a pixel of another surface passes with the weight a, if a times the relative step is below the tolerance
+        slack = 1.5 * view.depth_tolerance * 300 / 20
+        assert np.abs(found - colour).max(initial=0) <= slack
+        # what a nearer ball hides by more than a pixel was not seen
+        hidden = np.zeros(len(points.points), bool)
+        for middle, radius in nearer:
+            rays = points.points - camera_centre(CAM_FROM_MODEL)
+            rays /= np.linalg.norm(rays, axis=1)[:, None]
+            to = np.asarray(middle) - camera_centre(CAM_FROM_MODEL)
+            gap = np.linalg.norm(to - (rays @ to)[:, None] * rays, axis=1)
+            hidden |= gap < radius - 1.5 * 300 / 790 - 0.05 * radius
+        assert not (observed & hidden).any()
+        nearer.append((centre, np.linalg.norm(each.vertices - centre, axis=1).max()))
+        own = slice(start, start + len(each.vertices))
+        start = own.stop
+        covered = vertices.covered[own]
+        assert np.abs(vertices.rgb[own][covered] - colour).max(initial=0) <= slack
+
+
+def test_masked_pixels_are_no_background(rng):
+    """Lookups beside a mask stay refused: the point itself may be under the instrument."""
+    valid = CAMERA.pixel_grid()[..., 0] < 60
+    mesh, view = seen_from_frame([ball(60, 12.0)], [(1.0, 0.0, 0.0)], valid)
+    points = Points(mesh, 20000, rng)
+    observed = view.observed(points.points, points.normals)
+    pixels, _ = view.project(points.points)
+    assert not (observed & (pixels[:, 0] > 59.001)).any()
+    inside = (points.incidence_deg < 75) & (pixels[:, 0] < 59)
+    assert observed[inside].all()
+    assert inside.sum() > 1000
+
+
+@settings(max_examples=30, deadline=None)
+@given(slopes=st.tuples(st.floats(-3, 3), st.floats(-3, 3)), angle=st.floats(0, 6.28), shift=st.floats(-20, 20))
+def test_a_plane_is_continued_exactly(slopes, angle, shift):
+    """A half-plane with a straight edge: one row of pixels more, on the plane."""
+    grid = CAMERA.pixel_grid()
+    x, y = grid[..., 0] - 60, grid[..., 1] - 50
+    plane = (1 + (slopes[0] * x + slopes[1] * y) / 800) / 300
+    shown = np.cos(angle) * x + np.sin(angle) * y < shift
+    image = np.random.default_rng(0).uniform(0, 1, (*CAMERA.shape_hw, 3)).astype(np.float32)
+    colour, depth = continued_by_a_pixel(image, np.where(shown, plane, 0), ~shown, steepest=19 / 790, same=1e-3)
+    assert np.array_equal(colour[shown], image[shown])
+    assert np.array_equal(depth[shown], plane[shown])
+    added = ~shown & (depth > 0)
+    beside = np.zeros_like(shown)
+    for rows in (-1, 0, 1):
+        for columns in (-1, 0, 1):
+            beside[1:-1, 1:-1] |= shown[1 + rows : 99 + rows, 1 + columns : 119 + columns]
+    inner = np.zeros_like(shown)
+    inner[3:-3, 3:-3] = True
+    assert np.array_equal(added[inner], (beside & ~shown)[inner])
+    np.testing.assert_allclose(depth[added & inner], plane[added & inner], rtol=1e-12)
+
+
+def test_a_vertex_beside_a_step_gets_the_colour_of_its_own_surface():
+    """A wall of fine triangles behind a ball: every vertex in the open is covered, by the wall's colour."""
+    edge = np.linspace(-20, 20, 401)
+    x, y = np.meshgrid(edge, edge)
+    index = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = index[:-1, :-1].ravel(), index[:-1, 1:].ravel(), index[1:, 1:].ravel(), index[1:, :-1].ravel()
+    faces = np.concatenate([np.stack([a, c, b], axis=1), np.stack([a, d, c], axis=1)]).astype(np.int32)
+    wall = TriangleMesh(np.stack([x, y, 40 + 0 * x], axis=-1).reshape(-1, 3), faces)
+    front = ball(60, 6.0)
+    mesh, view = seen_from_frame([wall, front], [(0.0, 1.0, 0.0), (1.0, 0.0, 0.0)])
+    found = colour_vertices(mesh, view)
+    of_wall = slice(0, len(wall.vertices))
+    pixels, _ = view.project(wall.vertices)
+    inside = ((pixels > 0) & (pixels < np.array(CAMERA.size_wh) - 1)).all(axis=1)
+    middle, _ = view.project(np.zeros((1, 3)))
+    clear = inside & (np.linalg.norm(pixels - middle, axis=1) > 6.0 * 800 / 300 * 1.01 + 0.5)
+    assert not found.observed[of_wall][clear].all()
+    assert found.covered[of_wall][clear].all()
+    np.testing.assert_allclose(found.rgb[of_wall][clear], np.tile([0, 1, 0], (clear.sum(), 1)), atol=0.02)
+
+
+def test_the_options_default_is_the_rules():
+    view = SourceView(CAMERA, CAM_FROM_MODEL, np.zeros((100, 120, 3), np.float32), np.zeros((100, 120), np.float32))
+    assert DatasetOptions().max_incidence_deg == view.max_incidence_deg

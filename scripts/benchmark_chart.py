@@ -23,7 +23,7 @@ from typing import TextIO
 import bpy
 
 from pipeline.blender.command_line import ArgumentParser, run_script
-from pipeline.blender.evaluation.render_accuracy import SceneTrials, converged_reference, pyvista_peers
+from pipeline.blender.evaluation.render_accuracy import JUDGED_VIEWS, SceneTrials, converged_reference, pyvista_peers
 from pipeline.blender.evaluation.render_scenes import RenderScene, case_scene, write_bloster
 from pipeline.blender.process import own_output
 from pipeline.blender.render.engines import check_engine, keep_freed_memory
@@ -45,7 +45,7 @@ QUICK = (
     Configuration(samples=8),
     Configuration(colour="vertex"),
 )
-"""What --quick measures; --unseen and --quality are further options to compare, see ``Configuration.more``."""
+"""What --quick measures."""
 CONFIGURATIONS = (
     *QUICK,
     Configuration(colour="texture"),
@@ -53,7 +53,9 @@ CONFIGURATIONS = (
     Configuration(samples=16),
     Configuration(samples=8, colour="texture"),
     Configuration(samples=8, colour="vertex"),
-    Configuration("eevee", samples=8),
+    Configuration(more={"unseen": "fill"}),
+    Configuration("raster", more={"unseen": "fill"}),
+    Configuration("eevee"),
     Configuration("workbench", colour="vertex"),
     Configuration(mesh_px=0.1),
     Configuration(mesh_px=0.5),
@@ -171,7 +173,7 @@ def measure_scene(
     except RunError as error:
         report(f"left out: {error}")
         peers = {}
-    total = rounds * (len(configurations) + len(peers) + 1) + 4
+    total = rounds * (len(configurations) + len(peers) + 1) + JUDGED_VIEWS
     with Progress(total, "measurements", stream=stream) as progress:
         reference = converged_reference(scene, samples, progress.advance)
         with SceneTrials(scene, reference, folder, RENDER_SCRIPT) as trials:

@@ -71,7 +71,9 @@ def test_labels_of_the_chart_cover_neither_each_other_nor_the_frame(tmp_path, mo
     def watched(figure, theme, labels, markers):
         place(figure, theme, labels, markers)
         for axes in figure.axes:
-            boxes.append((axes.get_window_extent(), [text.get_window_extent() for text in axes.texts]))
+            boxes.append(
+                (axes.get_window_extent(), [text.get_window_extent() for text in axes.texts if text.get_text()])
+            )
 
     monkeypatch.setattr(speed_accuracy_chart, "_place", watched)
     speed_accuracy_charts(some_points(), "x", tmp_path / "chart.csv")

@@ -29,7 +29,7 @@ from ..render.engines import render_view
 from ..render.surface_scene import SurfaceScene
 from .render_scenes import RenderScene
 
-JUDGED_VIEWS = 4
+JUDGED_VIEWS = 3
 """Planned views that are compared with the reference."""
 UNTIMED_VIEWS = 4
 """Views at either end of a run during which not all processes work."""

@@ -10,7 +10,7 @@ What is left to the rasteriser is which of two adjacent triangles has a pixel ce
 their edge. Cycles is the proof: :func:`check_raster` renders the frame's own pose and compares it with Cycles' depth.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -32,6 +32,8 @@ LARGEST_FACES = 2**24 - 1
 """Faces are numbered from 1 in single precision, 0 is the background."""
 _ROW = 4096
 """Width of the texture of planes: every OpenGL 4 has twice that."""
+_CORNER_TEXELS = 6
+"""Texels of a face in the texture of corners: three positions and three colours."""
 _SAME_DEPTH, _SAME_PART = 1e-5, 0.999
 """Relative difference of depth from Cycles', and the least part of the frame's surface that keeps it. Of 300 000
 pixels on a bowl of 200 000 triangles, 99.9 % are within 3e-9 and all but 2 within 3e-8."""
@@ -40,16 +42,10 @@ _FACE_VERTEX = """
 void main() {
   gl_Position = clip_from_model * vec4(position, 1.0);
   face = float(gl_VertexID + 1);
-#ifdef FILLED
-  colour = filled;
-#endif
 }
 """
 _FACE_FRAGMENT = """
 void main() {
-#ifdef FILLED
-  unseenColour = vec4(colour, 1.0);
-#endif
   // inverse depth: the same relative precision near and far
   gl_FragDepth = nearest * gl_FragCoord.w;
   faceAndInverseDepth = vec2(face, gl_FragCoord.w);
@@ -63,6 +59,21 @@ vec4 texel_at(ivec2 at) {
   bool inside = all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, textureSize(frame, 0)));
   return inside ? texelFetch(frame, at, 0) : vec4(0.0);
 }
+#if FILLED
+vec3 corner_at(int index) { return texelFetch(corners, ivec2(index % ROW, index / ROW), 0).xyz; }
+vec3 unseen_colour(int number, vec3 point) {
+  int index = number * CORNER_TEXELS;
+  vec3 a = corner_at(index), along = corner_at(index + 1) - a, across = corner_at(index + 2) - a;
+  vec3 normal = cross(along, across);
+  vec2 weight = vec2(dot(cross(point - a, across), normal), dot(cross(along, point - a), normal));
+  weight = clamp(weight / max(dot(normal, normal), 1e-30), 0.0, 1.0);
+  weight /= max(weight.x + weight.y, 1.0);
+  return (1.0 - weight.x - weight.y) * corner_at(index + 3) + weight.x * corner_at(index + 4)
+    + weight.y * corner_at(index + 5);
+}
+#else
+vec3 unseen_colour(int number, vec3 point) { return vec3(NEUTRAL); }
+#endif
 void main() {
   vec2 pixel = floor(gl_FragCoord.xy);
   vec2 drawn = texelFetch(faces, ivec2(pixel), 0).xy;
@@ -79,12 +90,7 @@ void main() {
   if (!(abs(depth * drawn.y - 1.0) < 1e-3)) depth = 1.0 / drawn.y;
   vec3 point = (source_u.xyz * pixel.x + source_v.xyz * pixel.y + source_0.xyz) * depth + epipole.xyz;
   bool seen = slope < 0.0;
-#ifdef FILLED
-  vec3 other = texelFetch(unseen, ivec2(pixel), 0).rgb;
-#else
-  vec3 other = vec3(NEUTRAL);
-#endif
-  vec4 texel = vec4(0.0);
+  vec4 texel = vec4(vec3(NEUTRAL), 0.0);
   // longer normals mark the faces whose front side faces the frame
   if (seen && coloured > 0.0 && dot(plane.xyz, plane.xyz) > 2.0 && point.z > 0.0) {
     vec2 at = clamp(point.xy / point.z, vec2(-2.0), vec2(textureSize(frame, 0)) + 1.0);
@@ -95,7 +101,7 @@ void main() {
   }
   seen = seen && (coloured == 0.0 || abs(point.z * texel.a - 1.0) <= coloured);
   // the sign tells what the frame saw
-  view = vec4(seen && coloured > 0.0 ? texel.rgb : other, seen ? depth : -depth);
+  view = vec4(seen ? texel.rgb : unseen_colour(number, ray * depth + origin.xyz), seen ? depth : -depth);
 }
 """
 _RAYS = ("ray_u", "ray_v", "ray_0", "source_u", "source_v", "source_0", "epipole")
@@ -105,18 +111,20 @@ class Raster:
     """Draws views of a surface with the projective colours of a reference view, or plain for ``None``."""
 
     def __init__(
-        self, mesh: TriangleMesh, camera: PinholeCamera, colour: SourceView | None, unseen: np.ndarray | None = None
+        self,
+        mesh: TriangleMesh,
+        camera: PinholeCamera,
+        colour: SourceView | None,
+        unseen: np.ndarray | None = None,
     ) -> None:
         """Keep the data; OpenGL gets them with the first view.
 
         Parameters
         ----------
-        mesh, camera
+        mesh, camera, unseen
             As for :class:`.SurfaceScene`.
         colour
             The reference view, or ``None`` for geometry alone.
-        unseen
-            ``(V, 3)`` colours of the vertices for what it did not see; ``None``: neutral grey.
 
         Raises
         ------
@@ -183,28 +191,27 @@ class _Drawing:
     ) -> None:
         self._camera, self._colour = camera, colour
         largest = gpu.capabilities.max_texture_size_get()
-        sides = (*camera.size_wh, *(colour.camera.size_wh if colour else ()), -(-len(mesh.faces) // _ROW))
+        texels = len(mesh.faces) * (1 if unseen is None else _CORNER_TEXELS)
+        sides = (*camera.size_wh, *(colour.camera.size_wh if colour else ()), -(-texels // _ROW))
         if max(sides) > largest:
             raise InputError(
                 f"view: expected at most {largest} px a side for this machine's OpenGL, found {max(sides)}; "
                 "use --engine cycles"
             )
-        filled = unseen is not None
-        self._faces_shader, self._view_shader = _face_shader(filled=filled), _view_shader(filled=filled)
-        self._surface, self._screen = _surface_batch(mesh, unseen), _screen_batch()
-        self._planes = _texture(_planes(mesh, colour))
-        self._frame = _texture(
-            np.zeros((1, 1, 4))
-            if colour is None
-            else np.concatenate([colour.continued[0], colour.continued[1][..., None]], axis=2)
-        )
+        self._faces_shader, self._view_shader = _face_shader(), _view_shader(filled=unseen is not None)
+        self._surface, self._screen = _surface_batch(mesh), _screen_batch()
+        frame = np.zeros((1, 1, 4))
+        if colour is not None:
+            image, inverse_depth = colour.continued
+            frame = np.concatenate([image, inverse_depth[..., None]], axis=2)
+        self._textures = {"frame": _texture(frame), "planes": _texture(_planes(mesh, colour))}
+        if unseen is not None:
+            self._textures["corners"] = _texture(_corners(mesh, unseen))
         size = camera.size_wh
         self._faces = gpu.types.GPUTexture(size, format="RG32F")
         self._depth = gpu.types.GPUTexture(size, format="DEPTH_COMPONENT32F")
         self._view = gpu.types.GPUTexture(size, format="RGBA32F")
-        self._unseen = gpu.types.GPUTexture(size, format="RGBA32F") if filled else None
-        drawn = (self._faces,) if self._unseen is None else (self._faces, self._unseen)
-        self._first = gpu.types.GPUFrameBuffer(depth_slot=self._depth, color_slots=drawn)
+        self._first = gpu.types.GPUFrameBuffer(depth_slot=self._depth, color_slots=(self._faces,))
         self._second = gpu.types.GPUFrameBuffer(color_slots=(self._view,))
 
     def draw(self, cam_from_model: np.ndarray, nearest_mm: float) -> np.ndarray:
@@ -226,10 +233,7 @@ class _Drawing:
         with self._second.bind():
             self._view_shader.bind()
             self._set_rays(cam_from_model)
-            textures = {"frame": self._frame, "planes": self._planes, "faces": self._faces}
-            if self._unseen is not None:
-                textures["unseen"] = self._unseen
-            for name, texture in textures.items():
+            for name, texture in (("faces", self._faces), *self._textures.items()):
                 self._view_shader.uniform_sampler(name, texture)
             self._screen.draw(self._view_shader)
             pixels = np.empty((*self._camera.shape_hw, 4), np.float32)
@@ -274,13 +278,23 @@ def _planes(mesh: TriangleMesh, colour: SourceView | None) -> np.ndarray:
     if colour is not None:
         normals[colour.facing_faces(mesh)] *= 2
     normals = normals.astype(np.float32)
-    planes = np.zeros((-(-len(normals) // _ROW) * _ROW, 4), np.float32)
-    planes[: len(normals), :3] = normals
-    planes[: len(normals), 3] = -np.einsum("ij,ij->i", normals.astype(float), corners.mean(axis=1))
-    return planes.reshape(-1, _ROW, 4)
+    offsets = -np.einsum("ij,ij->i", normals.astype(float), corners.mean(axis=1))
+    return _in_rows(np.concatenate([normals, offsets[:, None]], axis=1))
 
 
-def _surface_batch(mesh: TriangleMesh, unseen: np.ndarray | None) -> Any:
+def _corners(mesh: TriangleMesh, colours: np.ndarray) -> np.ndarray:
+    """``(R, 4096, 4)``: positions and colours ``(V, 3)`` of each face's corners."""
+    values = np.concatenate([mesh.vertices[mesh.faces], colours[mesh.faces]], axis=1)
+    return _in_rows(np.pad(values.reshape(-1, 3), ((0, 0), (0, 1))))
+
+
+def _in_rows(texels: np.ndarray) -> np.ndarray:
+    rows = np.zeros((-(-len(texels) // _ROW) * _ROW, 4), np.float32)
+    rows[: len(texels)] = texels
+    return rows.reshape(-1, _ROW, 4)
+
+
+def _surface_batch(mesh: TriangleMesh) -> Any:
     """The faces; the last corner of face i is vertex i, from which OpenGL takes values that are not interpolated."""
     last = mesh.faces[:, 2]
     count = len(last)
@@ -288,29 +302,24 @@ def _surface_batch(mesh: TriangleMesh, unseen: np.ndarray | None) -> Any:
     copy[last[::-1]] = np.arange(count)[::-1]
     others = np.flatnonzero(copy < 0)
     copy[others] = count + np.arange(len(others))
-    order = np.concatenate([last, others])
-    values = {"position": mesh.vertices[order]}
-    if unseen is not None:
-        values["filled"] = unseen[order]
+    positions = mesh.vertices[np.concatenate([last, others])]
     faces = np.stack([copy[mesh.faces[:, 0]], copy[mesh.faces[:, 1]], np.arange(count)], axis=1)
     indices: Any = np.ascontiguousarray(faces, np.int32)
     elements = gpu.types.GPUIndexBuf(type="TRIS", seq=indices)
-    return gpu.types.GPUBatch(type="TRIS", buf=_vertices(values), elem=elements)
+    return gpu.types.GPUBatch(type="TRIS", buf=_vertices("position", positions), elem=elements)
 
 
 def _screen_batch() -> Any:
     """One triangle that covers the image."""
-    return gpu.types.GPUBatch(type="TRIS", buf=_vertices({"corner": np.array([[-1, -1], [3, -1], [-1, 3]])}))
+    return gpu.types.GPUBatch(type="TRIS", buf=_vertices("corner", np.array([[-1, -1], [3, -1], [-1, 3]])))
 
 
-def _vertices(attributes: Mapping[str, np.ndarray]) -> Any:
+def _vertices(name: str, values: np.ndarray) -> Any:
     layout = gpu.types.GPUVertFormat()
-    for name, values in attributes.items():
-        layout.attr_add(id=name, comp_type="F32", len=values.shape[1], fetch_mode="FLOAT")
-    buffer = gpu.types.GPUVertBuf(layout, len(next(iter(attributes.values()))))
-    for name, values in attributes.items():
-        data: Any = np.ascontiguousarray(values, np.float32)
-        buffer.attr_fill(name, data)
+    layout.attr_add(id=name, comp_type="F32", len=values.shape[1], fetch_mode="FLOAT")
+    buffer = gpu.types.GPUVertBuf(layout, len(values))
+    data: Any = np.ascontiguousarray(values, np.float32)
+    buffer.attr_fill(name, data)
     return buffer
 
 
@@ -320,7 +329,7 @@ def _texture(rgba: np.ndarray) -> Any:
     return gpu.types.GPUTexture((rgba.shape[1], rgba.shape[0]), format="RGBA32F", data=buffer)
 
 
-def _face_shader(*, filled: bool) -> Any:
+def _face_shader() -> Any:
     info: Any = gpu.types.GPUShaderCreateInfo()
     info.push_constant("MAT4", "clip_from_model")
     info.push_constant("FLOAT", "nearest")
@@ -329,13 +338,6 @@ def _face_shader(*, filled: bool) -> Any:
     passed.flat("FLOAT", "face")
     info.vertex_out(passed)
     info.fragment_out(0, "VEC2", "faceAndInverseDepth")
-    if filled:
-        info.define("FILLED", "1")
-        info.vertex_in(1, "VEC3", "filled")
-        interpolated: Any = gpu.types.GPUStageInterfaceInfo("oneframe_filled")
-        interpolated.smooth("VEC3", "colour")
-        info.vertex_out(interpolated)
-        info.fragment_out(1, "VEC4", "unseenColour")
     info.depth_write("ANY")
     info.vertex_source(_FACE_VERTEX)
     info.fragment_source(_FACE_FRAGMENT)
@@ -348,13 +350,13 @@ def _view_shader(*, filled: bool) -> Any:
     for name in (*_RAYS, "origin_and_tolerance"):
         info.push_constant("VEC4", name)
     info.define("ROW", str(_ROW))
+    info.define("CORNER_TEXELS", str(_CORNER_TEXELS))
     info.define("NEUTRAL", repr(float(NEUTRAL)))
     info.define("origin", "origin_and_tolerance")
     info.define("coloured", "origin_and_tolerance.w")
     info.vertex_in(0, "VEC2", "corner")
-    if filled:
-        info.define("FILLED", "1")
-    for slot, name in enumerate(("frame", "planes", "faces", *(["unseen"] if filled else []))):
+    info.define("FILLED", str(int(filled)))
+    for slot, name in enumerate(("faces", "frame", "planes", *(("corners",) if filled else ()))):
         info.sampler(slot, "FLOAT_2D", name)
     info.fragment_out(0, "VEC4", "view")
     info.vertex_source(_VIEW_VERTEX)

@@ -106,7 +106,7 @@ def _draw_scene(
             point.ms, error, marker=MARKERS.get(point.colour, "o"), markersize=8, color=colour, linestyle="none",
             markerfacecolor=colour if first else theme.background, markeredgewidth=1.5, zorder=3,
         )  # fmt: skip
-        if first or point.kind == PEER:
+        if first or point.kind == PEER or _colour(point, theme) == theme.muted:
             labels.append((axes, point, error))
     best = sorted((point.ms, error) for (point, error), first in zip(judged, front, strict=True) if first)
     axes.plot(*zip(*best, strict=True), drawstyle="steps-post", color=theme.text, linewidth=1.1, zorder=2)
@@ -180,6 +180,10 @@ def _place(figure: Any, theme: Theme, labels: Sequence[_Label], markers: Sequenc
             if cost < least:
                 best, least = offset, cost
         _move(text, best)
+        if _OFFSETS.index(best) >= len(_DIRECTIONS):
+            # far away: a line leads to the point
+            line = {"arrowstyle": "-", "linewidth": 0.7, "color": _colour(point, theme), "shrinkA": 0, "shrinkB": 5}
+            axes.annotate("", (point.ms, error), best, textcoords="offset points", arrowprops=line)
         taken.append(text.get_window_extent())
 
 

@@ -42,8 +42,8 @@ def test_views_are_those_of_cycles(stepped_mesh, frontal_pose, sharp_image, load
     pose = frontal_pose @ rigid(rotation_from_vector(np.radians([0.3 * turn_deg, turn_deg, 5])))
     views = {}
     for engine in ("cycles", "raster"):
-        filled = unseen_colours_of(source, unseen)
-        with SurfaceScene(source.mesh, CAMERA, source.view, unseen=filled, engine=engine) as scene:
+        colours = unseen_colours_of(source, unseen)
+        with SurfaceScene(source.mesh, CAMERA, source.view, engine=engine, unseen=colours) as scene:
             views[engine] = render_view(scene, pose)
     cycles, raster = views["cycles"], views["raster"]
     assert np.count_nonzero(cycles.mask != raster.mask) <= 2
@@ -53,7 +53,8 @@ def test_views_are_those_of_cycles(stepped_mesh, frontal_pose, sharp_image, load
     assert np.quantile(np.abs(cycles.depth_mm - raster.depth_mm)[both], 0.999) < 1e-3
     assert np.quantile(np.abs(cycles.rgb - raster.rgb)[both] * 255, 0.999) < 0.25
     neither = cycles.mask & raster.mask & ~cycles.observed & ~raster.observed
-    assert np.quantile(np.abs(cycles.rgb - raster.rgb)[neither] * 255, 0.999) < 0.25 if neither.any() else not turn_deg
+    assert neither.any() or turn_deg == 0
+    assert np.abs(cycles.rgb - raster.rgb)[neither].max(initial=0) * 255 < 0.25
 
 
 def test_a_camera_inside_the_surfaces_sphere_sees_what_a_ray_cast_sees(bumpy_mesh, ray_cast):

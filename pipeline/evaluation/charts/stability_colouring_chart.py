@@ -34,7 +34,7 @@ PANELS = (
     Panel("thin walls", "Thin walls", "distance of the sides (pixel footprints)", True, False),
 )
 
-LEGENDS: dict[str, str | tuple[float, float]] = {"mesh density": (0.05, 0.12), "magnification": "upper left"}
+LEGENDS: dict[str, str | tuple[float, float]] = {"mesh density": (0.05, 0.12), "magnification": (0.55, 0.06)}
 """Where there are no points."""
 
 

@@ -254,23 +254,20 @@ def short_number(value: float) -> str:
 
 def heat_map(axes: Any, theme: Theme, cells: Sequence[Cell], *, text: Callable[[Cell], str]) -> None:
     """Draw a box for each (x, y), filled from left to right by outcome as a bar of :func:`outcome_bars` is."""
-    from matplotlib.colors import to_rgb
     from matplotlib.patches import Rectangle
 
     columns, rows = distinct([cell.x for cell in cells]), distinct([cell.y for cell in cells])
     looks = outcome_looks(theme)
     for cell in cells:
         column, row = columns.index(cell.x), rows.index(cell.y)
-        left, behind = 0.0, ""
+        left = 0.0
         for name, part in outcome_parts([cell]).items():
-            colour = looks[name]["color"]
             corner = column - 0.47 + 0.94 * left, row - 0.46
-            axes.add_patch(Rectangle(corner, 0.94 * part, 0.92, facecolor=colour, edgecolor="none", linewidth=0))
-            behind = colour if left <= 0.5 < left + part + 1e-9 else behind
+            axes.add_patch(Rectangle(corner, 0.94 * part, 0.92, linewidth=0, **looks[name]))
             left += part
-        dark = np.dot(to_rgb(behind or theme.grid), (0.2126, 0.7152, 0.0722)) < 0.45
-        ink = "#ffffff" if dark else "#0d1117"
-        axes.text(column, row, text(cell), ha="center", va="center", fontsize=8, color=ink)
+        # the box may have several colours behind the number
+        paper = {"facecolor": theme.background, "edgecolor": "none", "pad": 0.8, "alpha": 0.8}
+        axes.text(column, row, text(cell), ha="center", va="center", fontsize=8, color=theme.text, bbox=paper)
     _category_axis(axes, columns)
     axes.set_yticks(range(len(rows)), [short_number(row) for row in rows])
     axes.set_ylim(-0.5, len(rows) - 0.5)

@@ -106,7 +106,7 @@ class OpenJob:
             source = reference_view_of(self.loaded)
         else:
             mesh = rendered_mesh(self.loaded.mesh, setting, self.job.out)
-            source = rendered_view_of(self.loaded, setting, mesh)
+            source = rendered_view_of(self.loaded, setting.pivot_model, mesh)
         return ViewRenderer(
             self.loaded,
             source,

@@ -1,22 +1,24 @@
 """The cheapest setting whose views stay within the tolerance, found by rendering pilot views.
 
-The pilots are the view that comes nearest to the surface, and others spread over the rest. The surface is reduced step
-by step, the settings are tried in the order of their cost by the fixed model of :mod:`pipeline.dataset.quality`, and
-the first one that holds in all pilots is taken. Its errors there may reach :data:`SAFETY` of the tolerance: that leaves
-room for the views that are no pilots.
+The pilots are the view that comes nearest to the surface, and others spread over the rest. Surfaces are tried from the
+coarsest reduction to the one given, and on each of them the renderings in the order of their cost by the fixed model of
+:mod:`pipeline.dataset.quality`. The first one that holds in all pilots is taken: a reduction that goes too far does so
+for every renderer, and a renderer that shows something else does so on every surface. Its errors may reach
+:data:`SAFETY` of the tolerance, which leaves room for the views that are no pilots.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...dataset.description import view_camera
 from ...dataset.identity import geometry_hash
 from ...dataset.options import DatasetOptions
-from ...dataset.quality import FEW_FACES, REDUCTIONS, Setting, renderings, tolerance_of
+from ...dataset.quality import FEW_FACES, REDUCTIONS, Setting, cost, renderings, tolerance_of
 from ...dataset.view import RenderedView
 from ...dataset.view_error import ViewError, view_error
 from ...surface.mesh import TriangleMesh
@@ -33,9 +35,6 @@ SAFETY = 0.7
 
 LEAST_GAIN = 0.8
 """A reduction that leaves more than this share of the faces is not worth its error."""
-
-Surfaces = list[tuple[tuple[float, ...], TriangleMesh]]
-"""Reductions, mm, and what they leave."""
 
 
 @dataclass(frozen=True)
@@ -85,39 +84,34 @@ def choose_setting(
         poses, nearest_mm = _pilot_poses(exact, options, given_poses)
         truths, exact_ms = _rendered(exact, poses)
     footprint_mm = nearest_mm / max(camera.fx, camera.fy)
-    pixels = camera.width * camera.height
-    surfaces: Surfaces = [((), loaded.mesh)]
-    if len(loaded.mesh.faces) > FEW_FACES * pixels:
-        surfaces += _reduced(loaded.mesh, footprint_mm * tolerance_of(options).outline_px, report)
+    unit_mm = footprint_mm * tolerance_of(options).outline_px
     x, y, z = map(float, source.pivot_model)
-    settings = [
-        Setting(renderer, colour, samples, reductions, len(mesh.faces), (x, y, z), geometry_hash(mesh))
-        for reductions, mesh in surfaces
-        for renderer, colour, samples in renderings(options)
-    ]
-    whole = next(each for each in settings if is_exact(each, options))
-    for setting in sorted(settings, key=lambda each: each.cost(pixels)):
-        if setting == whole:
-            break
-        mesh = dict(surfaces)[setting.reductions_mm]
-        reduced_source = rendered_view_of(loaded, setting, mesh)
-        error = ViewError(0.0, 0.0)
-        with ViewRenderer(loaded, reduced_source, options, given_poses, setting=setting, threads=threads) as renderer:
-            views, milliseconds = _rendered(renderer, poses)
-        for view, truth in zip(views, truths, strict=True):
-            error = error.worst(view_error(view, truth, camera))
-        if error.within(tolerance_of(options), SAFETY):
-            saved = f"a view takes {milliseconds:.0f} ms instead of {exact_ms:.0f} ms here"
-            return Choice(setting, mesh, f"{_described(setting, options, loaded)}; pilot views: {_off(error)}; {saved}")
+    exact_cost = cost("cycles", options.samples, camera, loaded.mesh)
+    for tolerance_mm, mesh in _surfaces(loaded.mesh, camera, unit_mm, report):
+        seen = rendered_view_of(loaded, (x, y, z), mesh)
+        sha256 = geometry_hash(mesh)
+        stand_ins = sorted(renderings(options), key=lambda each: cost(each[0], each[2], camera, mesh))
+        for renderer, colour, samples in stand_ins:
+            setting = Setting(renderer, colour, samples, tolerance_mm, len(mesh.faces), (x, y, z), sha256)
+            if cost(renderer, samples, camera, mesh) >= exact_cost:
+                break
+            with ViewRenderer(loaded, seen, options, given_poses, setting=setting, threads=threads) as cheaper:
+                views, milliseconds = _rendered(cheaper, poses)
+            error = ViewError(0.0, 0.0)
+            for view, truth in zip(views, truths, strict=True):
+                error = error.worst(view_error(view, truth, camera))
+            report(f"{_described(setting, loaded)}: {_off(error)}")
+            if error.within(tolerance_of(options), SAFETY):
+                saved = f"a view takes {milliseconds:.0f} ms instead of {exact_ms:.0f} ms here"
+                return Choice(setting, mesh, f"quality {options.quality}: {_described(setting, loaded)}; {saved}")
+            if (colour, samples) == (options.colour, options.samples):
+                # what is wrong is the surface, with every renderer
+                break
+    faces, sha256 = len(loaded.mesh.faces), geometry_hash(loaded.mesh)
+    whole = Setting("cycles", options.colour, options.samples, 0.0, faces, (x, y, z), sha256)
     return Choice(
         whole, loaded.mesh, f"quality {options.quality}: nothing cheaper than exact views holds the tolerance"
     )
-
-
-def is_exact(setting: Setting, options: DatasetOptions) -> bool:
-    """Whether a setting is what ``--quality exact`` renders."""
-    rendering = (setting.renderer, setting.colour, setting.samples)
-    return not setting.reductions_mm and rendering == ("cycles", options.colour, options.samples)
 
 
 def _pilot_poses(
@@ -149,31 +143,30 @@ def _rendered(renderer: ViewRenderer, poses: list[np.ndarray]) -> tuple[list[Ren
     return views, float(np.median(times)) * 1e3
 
 
-def _reduced(mesh: TriangleMesh, unit_mm: float, report: Callable[[str], None]) -> Surfaces:
-    """Reductions of the surface that are worth it, by the factors :data:`.REDUCTIONS` of a tolerance."""
-    surfaces: Surfaces = []
-    reductions: tuple[float, ...] = ()
-    faces = len(mesh.faces)
-    for factor in REDUCTIONS:
-        # a number of few digits, which every machine writes alike
-        tolerance_mm = float(f"{factor * unit_mm:.3g}")
-        if tolerance_mm > 0:
-            report(f"reducing {len(mesh.faces)} faces by {tolerance_mm:g} mm")
-            mesh, reductions = simplified(mesh, tolerance_mm), (*reductions, tolerance_mm)
-            if len(mesh.faces) <= LEAST_GAIN * faces:
-                surfaces.append((reductions, mesh))
-                faces = len(mesh.faces)
-    return surfaces
+def _surfaces(
+    mesh: TriangleMesh, camera: PinholeCamera, unit_mm: float, report: Callable[[str], None]
+) -> Iterator[tuple[float, TriangleMesh]]:
+    """Reductions of a surface with their tolerances, mm, where they are worth it, and then the surface itself."""
+    if len(mesh.faces) > FEW_FACES * camera.width * camera.height and unit_mm > 0:
+        for factor in REDUCTIONS:
+            # a number of few digits, which every machine writes alike
+            tolerance_mm = float(f"{factor * unit_mm:.3g}")
+            report(f"reducing the surface of {len(mesh.faces)} faces by {tolerance_mm:g} mm")
+            reduced = simplified(mesh, tolerance_mm)
+            if len(reduced.faces) > LEAST_GAIN * len(mesh.faces):
+                break
+            yield tolerance_mm, reduced
+    yield 0.0, mesh
 
 
-def _described(setting: Setting, options: DatasetOptions, loaded: LoadedCase) -> str:
+def _described(setting: Setting, loaded: LoadedCase) -> str:
     rays = "1 sample" if setting.samples == 1 else f"{setting.samples} samples"
     surface = f"the whole surface of {setting.faces} faces"
-    if setting.reductions_mm:
+    if setting.mesh_tolerance_mm > 0:
         within = f"within {setting.mesh_tolerance_mm:.2g} mm of the surface"
         surface = f"{setting.faces} of {len(loaded.mesh.faces)} faces, {within}"
-    return f"quality {options.quality}: {setting.renderer}, {surface}, {setting.colour} colours, {rays}"
+    return f"{setting.renderer}, {surface}, {setting.colour} colours, {rays}"
 
 
 def _off(error: ViewError) -> str:
-    return f"colours at most {error.colour:.2g}/255 off, outlines {error.outline_px:.2g} px"
+    return f"colours at most {error.colour:.2g}/255 off in pilot views, outlines {error.outline_px:.2g} px"

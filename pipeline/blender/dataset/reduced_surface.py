@@ -2,7 +2,6 @@
 
 import io
 import zipfile
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,13 +18,6 @@ from ...surface.simplification import simplified
 from ..colour.reference_view import ReferenceView, colouring_view_of
 
 
-def reduced(mesh: TriangleMesh, reductions_mm: Sequence[float]) -> TriangleMesh:
-    """The mesh after reductions by tolerances in mm, one after the other; the same bytes on every machine."""
-    for tolerance_mm in reductions_mm:
-        mesh = simplified(mesh, tolerance_mm)
-    return mesh
-
-
 def rendered_mesh(given: TriangleMesh, setting: Setting, out: Path) -> TriangleMesh:
     """The mesh that a setting renders: the one given, the one kept in a dataset's folder, or reduced anew.
 
@@ -34,12 +26,12 @@ def rendered_mesh(given: TriangleMesh, setting: Setting, out: Path) -> TriangleM
     RunError
         The reduction does not give the surface of the setting.
     """
-    if not setting.reductions_mm:
+    if setting.mesh_tolerance_mm == 0:
         return given
     kept = _kept(out, setting)
     if kept is not None:
         return kept
-    mesh = reduced(given, setting.reductions_mm)
+    mesh = simplified(given, setting.mesh_tolerance_mm)
     if geometry_hash(mesh) != setting.surface_sha256:
         raise RunError(
             f"{out}: the surface of the dataset cannot be made again by this version; use the version that made it"
@@ -55,7 +47,7 @@ def keep_mesh(mesh: TriangleMesh, setting: Setting, out: Path) -> None:
     OSError
         The file cannot be written.
     """
-    if setting.reductions_mm and not _file(out, setting).exists():
+    if setting.mesh_tolerance_mm > 0 and not _file(out, setting).exists():
         stream = io.BytesIO()
         np.savez(stream, vertices=mesh.vertices, faces=mesh.faces)
         write_bytes_atomically(_file(out, setting), stream.getvalue())
@@ -74,8 +66,8 @@ def _kept(out: Path, setting: Setting) -> TriangleMesh | None:
     return mesh if geometry_hash(mesh) == setting.surface_sha256 else None
 
 
-def rendered_view_of(loaded: LoadedCase, setting: Setting, mesh: TriangleMesh) -> ReferenceView:
-    """The frame's view of the mesh that a setting renders; poses pivot where they do on the surface given.
+def rendered_view_of(loaded: LoadedCase, pivot_model: tuple[float, float, float], mesh: TriangleMesh) -> ReferenceView:
+    """The frame's view of the mesh that a setting renders, with the pivot of the surface given, mm.
 
     Raises
     ------
@@ -83,4 +75,4 @@ def rendered_view_of(loaded: LoadedCase, setting: Setting, mesh: TriangleMesh) -
         No pixel of the frame shows the surface.
     """
     view = colouring_view_of(replace(loaded, mesh=mesh))
-    return replace(view, pivot_model=np.array(setting.pivot_model), raster=None)
+    return replace(view, pivot_model=np.array(pivot_model), raster=None)

@@ -44,7 +44,7 @@ LISTED_KEYS = {"poses_sha256", "depth_scale"}
 QUALITY = {"quality", "tolerance_colour", "tolerance_px"}
 """Options that only the description of a dataset of another quality than exact has, with the setting."""
 SETTING_KEYS = {
-    "renderer", "colour", "samples", "reductions_mm", "mesh_tolerance_mm", "faces", "pivot_model", "surface_sha256",
+    "renderer", "colour", "samples", "mesh_tolerance_mm", "faces", "pivot_model", "surface_sha256",
 }  # fmt: skip
 CAMERA_KEYS = {"width", "height", "fx", "fy", "cx", "cy"}
 ELSEWHERE = {"count", "poses", "video", "video_frames"}
@@ -230,11 +230,10 @@ def _surface_tolerance_mm(setting: Mapping) -> float:
     """The largest distance of the surface in the views from the model, which a quality other than exact states."""
     where = f"{RECORD}: setting"
     require_keys(setting, SETTING_KEYS, where)
-    total = float(numbers(setting, "mesh_tolerance_mm", (), where))
-    parts = numbers(setting, "reductions_mm", None, where)
-    if not (parts >= 0).all() or abs(parts.sum() - total) > 1e-9 * (1 + total):
-        raise DamagedFile(f"{where}: mesh_tolerance_mm is {total:g}, reductions_mm add up to {parts.sum():g}")
-    return total
+    tolerance_mm = float(numbers(setting, "mesh_tolerance_mm", (), where))
+    if tolerance_mm < 0:
+        raise DamagedFile(f"{where}: expected mesh_tolerance_mm of 0 or more, found {tolerance_mm:g}")
+    return tolerance_mm
 
 
 def _camera(given: Mapping) -> PinholeCamera:

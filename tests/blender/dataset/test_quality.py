@@ -100,7 +100,7 @@ def test_the_tolerance_holds_in_views_that_were_no_pilots(fine_case, tmp_path):
         opened = open_job(Job(read_case(fine_case), tmp_path, options, Shard()))
         choice = choose_setting(opened.loaded, options, None, threads=0, report=lambda _: None)
         assert choice.setting.faces < 0.5 * len(opened.loaded.mesh.faces)
-        source = rendered_view_of(opened.loaded, choice.setting, choice.mesh)
+        source = rendered_view_of(opened.loaded, choice.setting.pivot_model, choice.mesh)
         with (
             ViewRenderer(opened.loaded, reference_view_of(opened.loaded), options, None) as exact,
             ViewRenderer(opened.loaded, source, options, None, setting=choice.setting) as cheap,
@@ -148,7 +148,8 @@ def test_only_images_and_the_choice_differ_from_exact_quality(fine_case, referen
     run_here(fine_case, tmp_path, replace(OPTIONS, quality="exact"))
     exact, auto = (json.loads((folder / "dataset.json").read_text()) for folder in (tmp_path, out))
     setting = auto.pop("setting")
-    assert setting["mesh_tolerance_mm"] == pytest.approx(sum(setting["reductions_mm"]))
+    assert setting["mesh_tolerance_mm"] > 0
+    assert setting["faces"] < 0.5 * len(surface(0.25).faces)
     chosen = {auto["options"].pop(name) for name in ("quality", "tolerance_colour", "tolerance_px")}
     assert chosen == {"auto", 0.5, 0.1}
     assert exact == auto
@@ -169,7 +170,7 @@ def test_other_tolerances_and_exact_quality_are_another_dataset(fine_case, refer
 def test_a_coarse_surface_is_not_reduced(tmp_path):
     opened = open_job(Job(read_case(write_case(tmp_path, 2.5)), tmp_path, OPTIONS, Shard()))
     choice = choose_setting(opened.loaded, OPTIONS, None, threads=0, report=lambda _: None)
-    assert choice.setting.reductions_mm == ()
+    assert choice.setting.mesh_tolerance_mm == 0
     assert choice.mesh is opened.loaded.mesh
 
 
@@ -177,7 +178,7 @@ def test_no_tolerance_leaves_exact_views(fine_case, tmp_path):
     options = replace(OPTIONS, tolerance_colour=0.0, tolerance_px=0.0, colour="vertex")
     opened = open_job(Job(read_case(fine_case), tmp_path, options, Shard()))
     choice = choose_setting(opened.loaded, options, None, threads=0, report=lambda _: None)
-    assert (choice.setting.renderer, choice.setting.colour, choice.setting.reductions_mm) == ("cycles", "vertex", ())
+    assert (choice.setting.renderer, choice.setting.colour, choice.setting.mesh_tolerance_mm) == ("cycles", "vertex", 0)
     assert "nothing cheaper" in choice.message
 
 
@@ -219,7 +220,7 @@ def test_views_that_the_rasteriser_would_clip_are_ray_traced(fine_case, tmp_path
     near = np.array(loaded.cam_from_model)
     near[2, 3] = 0.0  # in the middle of the hill
     assert not RasterRenderer(source.mesh, CAMERA, source.view).can_render(near)
-    reduced = rendered_view_of(loaded, choice.setting, choice.mesh)
+    reduced = rendered_view_of(loaded, choice.setting.pivot_model, choice.mesh)
     with ViewRenderer(loaded, reduced, OPTIONS, None, setting=choice.setting) as renderer:
         before = renderer.render(loaded.cam_from_model)
         renderer.render(near)

@@ -10,6 +10,9 @@ from ...errors import InputError
 from ..refinement_basin import RIGHT_IMAGE, RefinementTrial, Tally
 from .page import OURS, WARNING, Theme, note, plain_log_axis, round_ticks, write_chart
 
+LEAST_PX = 0.05
+"""Smaller displacements are drawn as this one."""
+
 
 def refinement_charts(trials: Sequence[RefinementTrial], data: Path) -> list[Path]:
     """Draw the success for each size of the disturbance, and the errors before and after every refinement.
@@ -83,7 +86,8 @@ def _error_panel(axes: Any, theme: Theme, grid: Sequence[RefinementTrial]) -> No
     for name, verdicts, look in kinds:
         chosen = [trial for trial in grid if (trial.right, trial.accepted) == verdicts]
         if chosen:
-            points = np.array([(trial.start_px, trial.error_px) for trial in chosen])
+            # 0, of a start at the truth, has no place on a logarithmic axis
+            points = np.maximum([(trial.start_px, trial.error_px) for trial in chosen], LEAST_PX)
             axes.scatter(*points.T, s=30, alpha=0.75, linewidth=1.1, label=f"{name}: {len(chosen)}", **look)
     axes.set(xscale="log", yscale="log")
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()

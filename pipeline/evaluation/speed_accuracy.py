@@ -68,7 +68,7 @@ class SpeedPoint:
     Attributes
     ----------
     scene, kind, name
-        The scene; :data:`OURS`, :data:`PEER` or :data:`FLOOR`; the configuration in words.
+        The scene; ``OURS``, ``PEER`` or ``FLOOR``; the configuration in words.
     engine, samples, colour, more
         As in :class:`Configuration`; ``more`` as text.
     triangles, processes

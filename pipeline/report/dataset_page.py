@@ -23,7 +23,7 @@ from .page import THREE, asset, html_page, page_footer, page_header, spaced
 from .provenance import provenance_section
 from .surface_model import ColouredSurface, read_surface
 from .thumbnails import PAGE_BYTES, TEXT_PER_BYTE, base64_text, fitting_quality, limited_picture, smaller
-from .view_geometry import SourceView
+from .view_geometry import SourceFrame
 
 OVERLAY = "overlay.png"
 FRAME_BYTES = 600_000
@@ -52,7 +52,7 @@ class _Page:
 
     folder: DatasetFolder
     surface: ColouredSurface | None
-    source: SourceView | None
+    source: SourceFrame | None
     problems: list[str]
 
 
@@ -139,7 +139,7 @@ def _read(folder: DatasetFolder) -> _Page:
     source = None
     if folder.source is not None:
         camera, pose = folder.source
-        source = SourceView.of(camera, pose, None if surface is None else surface.mesh)
+        source = SourceFrame.of(camera, pose, None if surface is None else surface.mesh)
     elif folder.description:
         problems.append("dataset.json: expected the camera and the pose of the frame, found none")
     return _Page(folder, surface, source, problems)
@@ -187,7 +187,7 @@ def _view_data(view: ShownView, page: _Page) -> dict[str, object]:
     return data
 
 
-def _source_data(source: SourceView) -> dict[str, object]:
+def _source_data(source: SourceFrame) -> dict[str, object]:
     camera = source.camera
     return {
         "centre": camera_centre(source.cam_from_model).tolist(),

@@ -15,7 +15,7 @@ ALONG = 160
 
 
 @dataclass(frozen=True)
-class SourceView:
+class SourceFrame:
     """The source frame's camera, and the point that views are described from.
 
     Attributes
@@ -34,7 +34,7 @@ class SourceView:
     pivot_model: np.ndarray
 
     @classmethod
-    def of(cls, camera: PinholeCamera, cam_from_model: np.ndarray, mesh: TriangleMesh | None) -> "SourceView":
+    def of(cls, camera: PinholeCamera, cam_from_model: np.ndarray, mesh: TriangleMesh | None) -> "SourceFrame":
         """Find the pivot on a surface (model frame, mm)."""
         pivot = None if mesh is None else _pivot(camera, cam_from_model, mesh)
         return cls(camera, cam_from_model, np.zeros(3) if pivot is None else pivot)

@@ -1,6 +1,6 @@
 """Masks and depth of a view as one small picture: depth in its colour, lossy; masks in its alpha, exact.
 
-A viewer reads the alpha back as :data:`NO_SURFACE`, :data:`UNSEEN` or :data:`SEEN`. All are nearly opaque, so that no
+A viewer reads the alpha back as ``NO_SURFACE``, ``UNSEEN`` or ``SEEN``. All are nearly opaque, so that no
 browser loses the depth below them. The picture is for looking at, not for measuring.
 """
 

@@ -59,8 +59,8 @@ class SurfaceRays:
 
         Returns
         -------
-        ``(N, 3)`` float32 colours, black without a hit, and ``(N,)`` int8: :data:`MISSED`, :data:`UNSEEN` or
-        :data:`OBSERVED`.
+        ``(N, 3)`` float32 colours, black without a hit, and ``(N,)`` int8: ``MISSED``, ``UNSEEN`` or
+        ``OBSERVED``.
         """
         points, count = self._points, len(directions_model)
         if count == 0:

@@ -42,7 +42,7 @@ class EvaluatedMethod:
 
 @dataclass(frozen=True)
 class Row:
-    """The scores of one view, by :data:`pipeline.evaluation.view_scores.SCORES`; NaN for those that it does not have."""
+    """The scores of a view, see :data:`pipeline.evaluation.view_scores.SCORES`; NaN for those that it does not have."""
 
     case: str
     image: str

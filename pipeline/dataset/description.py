@@ -12,7 +12,6 @@ from ..case.case_file import Case
 from ..case.loaded_case import LoadedCase
 from ..errors import InputError
 from ..files.content import hashed_reading, read_content
-from ..surface.mesh import TriangleMesh
 from .differences import COUNT, DEPTH_SCALE, POSES_HASH
 from .identity import geometry_hash, poses_hash
 from .layout import FORMAT
@@ -59,6 +58,8 @@ def describe(
     *,
     hashes: Mapping[str, str],
     blender: str,
+    radius_mm: float | None = None,
+    geometry_sha256: str | None = None,
     setting: Setting | None = None,
 ) -> dict[str, object]:
     """Describe a dataset: everything that it depends on, or that its users need; JSON types and tuples only.
@@ -73,6 +74,8 @@ def describe(
         SHA-256 of each of the :func:`input_files`, by name.
     blender
         Blender's version.
+    radius_mm, geometry_sha256
+        Of the surface as given, if ``loaded`` has another one.
     setting
         What was chosen, with a quality other than ``exact``.
 
@@ -89,7 +92,10 @@ def describe(
         content["views"] = count  # each pose depends on it
     listed: dict[str, object] = {}
     if poses is not None:
-        listed = {POSES_HASH: poses_hash(poses), DEPTH_SCALE: depth_scale_for(farthest_listed_mm(poses, loaded.mesh))}
+        listed = {
+            POSES_HASH: poses_hash(poses),
+            DEPTH_SCALE: depth_scale_for(farthest_listed_mm(poses, radius_mm or loaded.mesh.radius)),
+        }
     return {
         "format": FORMAT,
         "versions": {"oneframe": __version__, "blender": blender},
@@ -106,7 +112,7 @@ def describe(
         },
         "mesh_from_model": loaded.mesh_from_model.tolist(),
         "mm_per_unit": case.mm_per_unit,
-        "geometry_sha256": geometry_hash(loaded.mesh),
+        "geometry_sha256": geometry_sha256 or geometry_hash(loaded.mesh),
         "structures": {structure.name: list(structure.colour) for structure in case.structures},
         # of the list of poses, the poses themselves count, and only those of the views
         "inputs_sha256": {name: digest for name, digest in hashes.items() if name != POSES},
@@ -137,6 +143,6 @@ def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:
     return camera.resized(width, height)
 
 
-def farthest_listed_mm(poses: np.ndarray, mesh: TriangleMesh) -> float:
-    """A depth that the surface (model frame, mm) does not exceed at listed poses, ``(N, 4, 4)`` cam_from_model, mm."""
-    return float(poses[:, 2, 3].max()) + mesh.radius
+def farthest_listed_mm(poses: np.ndarray, radius_mm: float) -> float:
+    """A depth that a surface of this radius does not exceed at listed poses, ``(N, 4, 4)`` cam_from_model, mm."""
+    return float(poses[:, 2, 3].max()) + radius_mm

@@ -17,7 +17,7 @@ from ...case.loaded_case import LoadedCase
 from ...dataset import layout
 from ...dataset.description import POSES, describe, input_files, object_name
 from ...dataset.folder import Shard
-from ...dataset.identity import identity_of
+from ...dataset.identity import geometry_hash, identity_of
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
 from ...dataset.quality import Setting
@@ -28,7 +28,7 @@ from ...poses.pose_file import read_poses
 from ..case.load_case import load_case
 from ..colour.reference_view import ReferenceView, colouring_view_of, reference_view_of
 from ..process import STDOUT
-from .reduced_surface import rendered_mesh, rendered_view_of
+from .reduced_surface import KeptSurface, rendered_mesh, rendered_view_of
 from .view_renderer import ViewRenderer
 
 IN_FLIGHT = 3
@@ -75,6 +75,8 @@ class OpenJob:
         SHA-256 of the bytes that were read of each input, by its name.
     setting
         How views are rendered, if the quality is not ``exact``.
+    kept
+        The reduced surface of the setting, if it takes the place of the one given in ``loaded``.
     """
 
     job: Job
@@ -83,6 +85,7 @@ class OpenJob:
     messages: tuple[str, ...]
     inputs_sha256: Mapping[str, str]
     setting: Setting | None = None
+    kept: KeptSurface | None = None
 
     @property
     def count(self) -> int:
@@ -105,7 +108,7 @@ class OpenJob:
         if setting is None:
             source = reference_view_of(self.loaded)
         else:
-            mesh = rendered_mesh(self.loaded.mesh, setting, self.job.out)
+            mesh = self.loaded.mesh if self.kept else rendered_mesh(self.loaded.mesh, setting, self.job.out)
             source = rendered_view_of(self.loaded, setting.pivot_model, mesh)
         return ViewRenderer(
             self.loaded,
@@ -113,6 +116,7 @@ class OpenJob:
             self.job.options,
             self.given_poses,
             setting=setting,
+            radius_mm=self.radius_mm,
             identity=self.identity,
             threads=threads,
         )
@@ -124,6 +128,11 @@ class OpenJob:
     @cached_property
     def _given_view(self) -> ReferenceView:
         return colouring_view_of(self.loaded)
+
+    @property
+    def radius_mm(self) -> float:
+        """The radius of the surface as given, about the origin of the model frame."""
+        return self.kept.radius_mm if self.kept else self.loaded.mesh.radius
 
     @cached_property
     def identity(self) -> str:
@@ -139,12 +148,21 @@ class OpenJob:
             self.given_poses,
             hashes=self.inputs_sha256,
             blender=bpy.app.version_string,
+            radius_mm=self.radius_mm,
+            geometry_sha256=self.kept.geometry_sha256 if self.kept else geometry_hash(self.loaded.mesh),
             setting=self.setting,
         )
 
 
-def open_job(job: Job) -> OpenJob:
+def open_job(job: Job, kept: KeptSurface | None = None) -> OpenJob:
     """Read and check all inputs of a job; its case file has been read before.
+
+    Parameters
+    ----------
+    job
+        The job.
+    kept
+        A reduced surface that makes it needless to read the one given.
 
     Raises
     ------
@@ -155,12 +173,14 @@ def open_job(job: Job) -> OpenJob:
     given_poses: np.ndarray | None = None
     messages: list[str] = []
     with hashed_reading() as hashes:
-        loaded = load_case(case)
+        loaded = load_case(case, surface=(kept.mesh, kept.mesh_from_model) if kept else None)
         if POSES in files:
             given_poses, messages = read_poses(
                 files[POSES], mesh_from_model=loaded.mesh_from_model, mm_per_unit=case.mm_per_unit
             )
-    return OpenJob(job, loaded, given_poses, tuple(messages), {name: hashes[path] for name, path in files.items()})
+    known = {case.mesh: kept.file_sha256} if kept else {}
+    sums = {name: known.get(path) or hashes[path] for name, path in files.items()}
+    return OpenJob(job, loaded, given_poses, tuple(messages), sums, kept=kept)
 
 
 def render_views(

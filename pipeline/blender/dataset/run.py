@@ -8,7 +8,7 @@ from typing import TextIO
 
 from ...dataset.checksums import FileSurvey, survey_files
 from ...dataset.folder import RunFolder
-from ...dataset.identity import check_description
+from ...dataset.identity import check_description, geometry_hash
 from ...dataset.layout import RECORD, VIDEO_FILES, other_files, view_kinds
 from ...dataset.quality import Setting, stored_setting
 from ...dataset.survey import Survey, Tally, recorded_views, survey_views
@@ -20,7 +20,7 @@ from ..render.engines import check_engine, keep_freed_memory
 from . import finish
 from .job import Job, OpenJob, available_cores, open_job, render_views, write_error
 from .quality import choose_setting
-from .reduced_surface import keep_mesh
+from .reduced_surface import KeptSurface, keep_surface, kept_surface, rendered_mesh
 from .view_renderer import ViewRenderer
 from .workers import WorkerPool, assigned_views, report_finished
 
@@ -69,13 +69,12 @@ def run(
     opened, mesh = _with_setting(open_job(job), report)
     with RunFolder(job.out, opened.description, job.shard, poses=opened.given_poses) as folder:
         try:
-            if opened.setting is not None and mesh is not None:
-                keep_mesh(mesh, opened.setting, job.out)
             found = _survey(opened, verify=verify)
             for message in found.messages():
                 report(message)
             tally: Tally | None = found.views.tally
             if found.missing or not found.has_tables or found.video_frames is not None:
+                _keep_surface(opened, mesh)
                 tally = _render_missing(opened, found, workers, worker_command, report, stream, progress_seconds)
         except OSError as error:
             raise write_error(error, job.out) from error
@@ -96,7 +95,7 @@ def _with_setting(opened: OpenJob, report: Report) -> tuple[OpenJob, TriangleMes
     options = opened.job.options
     if options.quality == "exact":
         return opened, None
-    setting = _stored(opened)
+    setting = _stored(opened.job)
     if setting is not None:
         return replace(opened, setting=setting), None
     choice = choose_setting(opened.loaded, options, opened.given_poses, threads=available_cores(), report=report)
@@ -104,14 +103,22 @@ def _with_setting(opened: OpenJob, report: Report) -> tuple[OpenJob, TriangleMes
     return replace(opened, setting=choice.setting), choice.mesh
 
 
-def _stored(opened: OpenJob) -> Setting | None:
+def _keep_surface(opened: OpenJob, mesh: TriangleMesh | None) -> None:
+    """Keep the reduced surface of a job's setting for its processes, made again if it is not known."""
+    given, setting, out = opened.loaded, opened.setting, opened.job.out
+    if setting is None or setting.mesh_tolerance_mm == 0 or kept_surface(setting, out) is not None:
+        return
+    mesh = rendered_mesh(given.mesh, setting, out) if mesh is None else mesh
+    geometry, file = geometry_hash(given.mesh), opened.inputs_sha256["surface"]
+    keep_surface(KeptSurface(mesh, given.mesh_from_model, opened.radius_mm, geometry, file), setting, out)
+
+
+def _stored(job: Job) -> Setting | None:
     """The setting of the dataset in the folder, which a run with a quality other than ``exact`` takes over."""
     try:
-        return stored_setting(opened.job.out) if opened.job.options.quality != "exact" else None
+        return stored_setting(job.out) if job.options.quality != "exact" else None
     except OSError as error:
-        raise RunError(
-            f"{opened.job.out}: cannot read {RECORD} ({error.strerror}); choose another folder (--out)"
-        ) from None
+        raise RunError(f"{job.out}: cannot read {RECORD} ({error.strerror}); choose another folder (--out)") from None
 
 
 @dataclass(frozen=True)
@@ -239,8 +246,9 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     # Ctrl-C reaches all processes of a terminal: the parent handles it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     keep_freed_memory()
-    opened = open_job(job)
-    opened = replace(opened, setting=_stored(opened))
+    setting = _stored(job)
+    kept = kept_surface(setting, job.out) if setting is not None and setting.mesh_tolerance_mm > 0 else None
+    opened = replace(open_job(job, kept), setting=setting)
     # the files may have changed since the run began
     check_description(job.out, opened.description, opened.given_poses, may_shrink=False)
     with opened.renderer(threads=_threads(workers)) as renderer:

@@ -14,7 +14,6 @@ from ...dataset.view_record import ViewRecord
 from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose, sampling_doubt
 from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
 from ...projection.silhouette import SilhouetteEdges
-from ...surface.mesh import TriangleMesh
 from ..colour.reference_view import ReferenceView, colour_of, limited_to_incidence, unseen_colours_of
 from ..render.anti_aliasing import EdgeSampler
 from ..render.engines import render_view
@@ -38,6 +37,7 @@ class ViewRenderer:
         given_poses: np.ndarray | None,
         *,
         setting: Setting | None = None,
+        radius_mm: float | None = None,
         identity: str = "",
         threads: int = 0,
     ) -> None:
@@ -53,6 +53,8 @@ class ViewRenderer:
             ``(N, 4, 4)`` explicit ``cam_from_model``, mm, or ``None`` to draw poses.
         setting
             How to render, if not as the options say.
+        radius_mm
+            Radius of the surface as given, if ``loaded`` has another one.
         identity
             Identity of the dataset, for the records of the views.
         threads
@@ -102,7 +104,9 @@ class ViewRenderer:
             min_observed=options.min_observed,
             min_clearance_mm=options.min_clearance_mm,
         )
-        self.depth_scale = depth_scale_for(_farthest_mm(loaded.mesh, source, options, reference, given_poses))
+        self.depth_scale = depth_scale_for(
+            _farthest_mm(radius_mm or loaded.mesh.radius, source, options, reference, given_poses)
+        )
 
     def __enter__(self) -> "ViewRenderer":
         return self
@@ -221,16 +225,16 @@ def _distribution(options: DatasetOptions, reference: ReferencePose, camera: Pin
 
 
 def _farthest_mm(
-    mesh: TriangleMesh,
+    radius_mm: float,
     source: ReferenceView,
     options: DatasetOptions,
     reference: ReferencePose,
     given_poses: np.ndarray | None,
 ) -> float:
     """A depth that the surface hardly ever exceeds in the dataset's views; a view beyond it gets its own scale."""
-    reach = mesh.radius + float(np.linalg.norm(source.pivot_model))
+    reach = radius_mm + float(np.linalg.norm(source.pivot_model))
     if given_poses is not None:
-        return farthest_listed_mm(given_poses, mesh)
+        return farthest_listed_mm(given_poses, radius_mm)
     if options.sampler == "gaussian":
         return reference.distance_mm + reach + 4 * options.sigma_mm
     return reference.distance_mm * max(options.distance_max, 1.0) + reach

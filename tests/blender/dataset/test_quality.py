@@ -12,7 +12,7 @@ from pipeline.blender.colour.reference_view import reference_view_of
 from pipeline.blender.dataset import run as dataset_run
 from pipeline.blender.dataset.job import Job, open_job
 from pipeline.blender.dataset.quality import choose_setting
-from pipeline.blender.dataset.reduced_surface import keep_mesh, rendered_mesh, rendered_view_of
+from pipeline.blender.dataset.reduced_surface import KeptSurface, keep_surface, rendered_mesh, rendered_view_of
 from pipeline.blender.dataset.rerender import CaseRenderer
 from pipeline.blender.dataset.view_renderer import ViewRenderer
 from pipeline.blender.render.raster_view import RasterRenderer
@@ -21,6 +21,7 @@ from pipeline.case.case_file import read_case
 from pipeline.dataset.check.check_dataset import check_dataset
 from pipeline.dataset.check.rerendered import Rerendering
 from pipeline.dataset.folder import Shard
+from pipeline.dataset.identity import geometry_hash
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.options import DatasetOptions
 from pipeline.dataset.quality import renderings, stored_setting, tolerance_of
@@ -134,6 +135,30 @@ def test_resumed_and_sharded_runs_make_the_same_bytes(fine_case, reference, tmp_
     assert tree(out) == before
 
 
+def test_worker_processes_do_without_the_surface_given(fine_case, reference, tmp_path, render_command, run_command):
+    ended = run_command(
+        render_command(
+            fine_case, "--out", tmp_path / "out", "--count", VIEWS, "--seed", 5, "--min-observed", 0.2,
+            "--quality", "auto", "--workers", 3,
+        )
+    )  # fmt: skip
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert tree(tmp_path / "out") == tree(reference[0])
+    opened = open_job(Job(read_case(fine_case), tmp_path, OPTIONS, Shard()))
+    setting = stored_setting(tmp_path / "out")
+    assert setting is not None
+    kept = KeptSurface(
+        rendered_mesh(opened.loaded.mesh, setting, tmp_path),
+        opened.loaded.mesh_from_model,
+        opened.loaded.mesh.radius,
+        geometry_hash(opened.loaded.mesh),
+        opened.inputs_sha256["surface"],
+    )
+    light = open_job(opened.job, kept)
+    assert light.loaded.mesh is kept.mesh
+    assert replace(light, setting=setting).description == replace(opened, setting=setting).description
+
+
 def test_the_checker_accepts_the_dataset_and_renders_it_again(fine_case, reference):
     out, _ = reference
     case = read_case(fine_case)
@@ -195,7 +220,7 @@ def test_the_reduced_surface_is_kept_and_made_again(fine_case, tmp_path):
     choice = choose_setting(opened.loaded, OPTIONS, None, threads=0, report=lambda _: None)
     (tmp_path / ".work").mkdir()
     made = rendered_mesh(opened.loaded.mesh, choice.setting, tmp_path)
-    keep_mesh(choice.mesh, choice.setting, tmp_path)
+    keep_surface(KeptSurface(choice.mesh, opened.loaded.mesh_from_model, 1.0, "", ""), choice.setting, tmp_path)
     (file,) = (tmp_path / ".work").iterdir()
     kept = rendered_mesh(opened.loaded.mesh, choice.setting, tmp_path)
     file.write_bytes(file.read_bytes()[:-100])

@@ -84,13 +84,13 @@ def main(argv: Sequence[str]) -> int:
     )
     stream = own_output()
     if not arguments.redraw:
-        rounds, views, samples = (1, 12, 32) if arguments.quick else (3, 24, 256)
+        rounds, views, along = (1, 12, 5) if arguments.quick else (3, 24, 15)
         rounds = arguments.rounds or rounds
         conditions = current_conditions(
-            {"seed": arguments.seed, "rounds": rounds, "views": views, "reference samples": samples},
+            {"seed": arguments.seed, "rounds": rounds, "views": views, "reference rays": along * along},
             blender=bpy.app.version_string,
         )
-        points = measure(arguments, rounds, views, samples, stream)
+        points = measure(arguments, rounds, views, along, stream)
         with writing(made_folder(arguments.out)):
             write_table(arguments.out, COLUMNS, [point.row() for point in points], conditions)
     points, lines = read_points(arguments.out)
@@ -114,7 +114,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--redraw", action="store_true", help="measure nothing; draw the chart again from --out")
 
 
-def measure(arguments: argparse.Namespace, rounds: int, views: int, samples: int, stream: TextIO) -> list[SpeedPoint]:
+def measure(arguments: argparse.Namespace, rounds: int, views: int, along: int, stream: TextIO) -> list[SpeedPoint]:
     """Measure all scenes."""
 
     def report(text: str) -> None:
@@ -129,7 +129,7 @@ def measure(arguments: argparse.Namespace, rounds: int, views: int, samples: int
             triangles = len(scene.loaded.mesh.faces)
             report(f"{scene.name}: {scene.camera.width}x{scene.camera.height} px, {triangles:,} triangles")
             points += measure_scene(
-                scene, configurations, made_folder(Path(name) / "run" / "x").parent, rounds, samples, report, stream
+                scene, configurations, made_folder(Path(name) / "run" / "x").parent, rounds, along, report, stream
             )
     return points
 
@@ -163,7 +163,7 @@ def measure_scene(
     configurations: Sequence[Configuration],
     folder: Path,
     rounds: int,
-    samples: int,
+    along: int,
     report: Callable[[str], None],
     stream: TextIO,
 ) -> list[SpeedPoint]:
@@ -175,7 +175,7 @@ def measure_scene(
         peers = {}
     total = rounds * (len(configurations) + len(peers) + 1) + JUDGED_VIEWS
     with Progress(total, "measurements", stream=stream) as progress:
-        reference = converged_reference(scene, samples, progress.advance)
+        reference = converged_reference(scene, along, progress.advance)
         with SceneTrials(scene, reference, folder, RENDER_SCRIPT) as trials:
             for number in range(rounds):
                 judge = number == rounds - 1

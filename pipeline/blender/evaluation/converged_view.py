@@ -5,6 +5,8 @@ The frame counts as constant on its pixels, which are means over their squares a
 does: surface that the frame saw, surface that it did not see, or background.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
@@ -12,7 +14,7 @@ from ...colour.vertex_colours import VertexColours
 from ...surface.mesh import TriangleMesh
 from ..render.engines import render_view
 from ..render.material import FILTER_LOOKUPS, SurfaceColour
-from ..render.surface_scene import SurfaceScene
+from ..render.surface_scene import LARGEST_VIEW_PX, SurfaceScene
 
 
 def converged_view(
@@ -37,6 +39,23 @@ def converged_view(
     constant
         Whether the frame counts as constant on its pixels; otherwise it is interpolated, such as one of a finer scene.
     """
+    parts = []
+    # in bands: a view has a largest size
+    rows = max(1, LARGEST_VIEW_PX // (camera.width * along**2))
+    for top in range(0, camera.height, rows):
+        band = replace(camera, height=min(rows, camera.height - top), cy=camera.cy - top)
+        parts.append(_converged_band(mesh, colour, band, cam_from_model, along, constant))
+    return np.concatenate(parts)
+
+
+def _converged_band(
+    mesh: TriangleMesh,
+    colour: SurfaceColour,
+    camera: PinholeCamera,
+    cam_from_model: np.ndarray,
+    along: int,
+    constant: bool,
+) -> np.ndarray:
     fine = camera.resized(camera.width * along, camera.height * along)
     with SurfaceScene(mesh, fine, colour, filtered=True) as scene:
         if constant and not isinstance(colour, VertexColours):

@@ -27,6 +27,7 @@ from ..colour.reference_view import colour_of, vertex_colours_of
 from ..dataset.job import available_cores
 from ..render.engines import render_view
 from ..render.surface_scene import SurfaceScene
+from .converged_view import converged_view
 from .render_scenes import RenderScene
 
 JUDGED_VIEWS = 3
@@ -61,15 +62,15 @@ class Reference:
     judged: int
 
 
-def converged_reference(scene: RenderScene, samples: int, advance: Callable[[], None]) -> Reference:
-    """Render the judged views with many samples per pixel, exact projective colours and the whole surface.
+def converged_reference(scene: RenderScene, along: int, advance: Callable[[], None]) -> Reference:
+    """Render the judged views with many rays per pixel, exact projective colours and the whole surface.
 
     Parameters
     ----------
     scene
         The scene.
-    samples
-        Samples per pixel, for instance 256.
+    along
+        Rays along a pixel's side, see :func:`.converged_view`.
     advance
         Called after each view.
 
@@ -88,14 +89,14 @@ def converged_reference(scene: RenderScene, samples: int, advance: Callable[[], 
     if scene.photographs and not any(index >= scene.planned for index in indices):
         raise RunError(f"{scene.name}: expected photographs of what the frame saw, no photograph shows enough of it")
     views = []
-    with SurfaceScene(scene.source.mesh, scene.camera, colour, samples=samples) as many:
-        for index in indices:
-            if index < scene.planned:
-                rgb = render_view(many, scene.cam_from_model(index)).rgb
-                views.append(to_uint8(rgb).astype(np.float32) / 255)
-                advance()
-            else:
-                views.append(scene.photographs[index - scene.planned])
+    for index in indices:
+        if index < scene.planned:
+            pose = scene.cam_from_model(index)
+            rgb = converged_view(scene.source.mesh, colour, scene.camera, pose, along=along)
+            views.append(to_uint8(rgb).astype(np.float32) / 255)
+            advance()
+        else:
+            views.append(scene.photographs[index - scene.planned])
     return Reference(
         tuple(views),
         tuple(masks[index].observed for index in indices),

@@ -32,7 +32,7 @@ PIXEL_COST, FACE_COST = {"cycles": 0.65, "rasteriser": 0.13}, {"cycles": 0.02, "
 """Microseconds of a core for every pixel and every face, from views of 0.7 million pixels of surfaces of 0.2 and
 2.3 million faces on one machine."""
 
-FEW_FACES = 0.4
+FEW_FACES = 0.2
 """Faces for every pixel of a view up to which pixels cost the rasteriser more: a reduction has little to gain."""
 
 SETTING = "setting"

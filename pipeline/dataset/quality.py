@@ -28,12 +28,12 @@ An outline moves by much less on average than the surface at most: by 0.01 px wh
 the surface of a CT.
 """
 
-PIXEL_COST, FACE_COST = {"cycles": 0.65, "rasteriser": 0.13}, {"cycles": 0.02, "rasteriser": 0.3}
+PIXEL_COST, FACE_COST = {"cycles": 0.65, "z-buffer": 0.13}, {"cycles": 0.02, "z-buffer": 0.3}
 """Microseconds of a core for every pixel and every face, from views of 0.7 million pixels of surfaces of 0.2 and
 2.3 million faces on one machine."""
 
 FEW_FACES = 0.2
-"""Faces for every pixel of a view up to which pixels cost the rasteriser more: a reduction has little to gain."""
+"""Faces for every pixel of a view up to which pixels cost the z-buffer more: a reduction has little to gain."""
 
 SETTING = "setting"
 """The key of the setting in ``dataset.json``."""
@@ -49,7 +49,7 @@ class Setting:
     Attributes
     ----------
     renderer
-        ``"cycles"``, or ``"rasteriser"``: :mod:`pipeline.blender.render.raster_view`.
+        ``"cycles"``, or ``"z-buffer"``: :mod:`pipeline.blender.render.z_buffer_view`.
     colour, samples
         As in the options.
     mesh_tolerance_mm
@@ -146,7 +146,7 @@ def renderings(options: DatasetOptions) -> list[tuple[str, str, int]]:
     # a baked texture shows what the projection does
     colours = dict.fromkeys(("projective" if options.colour == "texture" else options.colour, options.colour))
     samples = dict.fromkeys((1, options.samples))
-    # the rasteriser knows no colours but the frame's
+    # the z-buffer knows no colours but the frame's
     can_raster = "projective" in colours and options.unseen == "neutral"
-    rastered = [("rasteriser", "projective", 1)] if can_raster else []
+    rastered = [("z-buffer", "projective", 1)] if can_raster else []
     return rastered + [("cycles", colour, count) for colour in colours for count in samples]

@@ -18,8 +18,8 @@ from ..colour.reference_view import ReferenceView, colour_of, limited_to_inciden
 from ..render.anti_aliasing import EdgeSampler
 from ..render.engines import render_view
 from ..render.raster import check_raster
-from ..render.raster_view import RasterRenderer
 from ..render.surface_scene import SurfaceScene
+from ..render.z_buffer_view import ZBufferRenderer
 from .view_probe import ViewProbe
 
 SAMPLED_VIEWS = 4
@@ -79,9 +79,9 @@ class ViewRenderer:
             self._colour_mode, self._samples = setting.colour, setting.samples
         self._scene: SurfaceScene | None = None
         self._sampler: EdgeSampler | None = None
-        self._raster: RasterRenderer | None = None
-        if setting is not None and setting.renderer == "rasteriser":
-            self._raster = RasterRenderer(source.mesh, self.camera, source.view)
+        self._z_buffer: ZBufferRenderer | None = None
+        if setting is not None and setting.renderer == "z-buffer":
+            self._z_buffer = ZBufferRenderer(source.mesh, self.camera, source.view)
             with SurfaceScene(source.mesh, self.camera, None) as scene:
                 self._probe = ViewProbe(scene, source, self.camera)
         else:
@@ -177,8 +177,8 @@ class ViewRenderer:
 
     def render(self, cam_from_model: np.ndarray) -> RenderedView:
         """Render any pose (4x4, mm)."""
-        if self._raster is not None and self._raster.can_render(cam_from_model):
-            return self._raster.render(cam_from_model)
+        if self._z_buffer is not None and self._z_buffer.can_render(cam_from_model):
+            return self._z_buffer.render(cam_from_model)
         scene = self._traced_scene()
         return render_view(scene, cam_from_model) if self._sampler is None else self._sampler.render(cam_from_model)
 

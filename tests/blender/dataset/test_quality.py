@@ -15,7 +15,7 @@ from pipeline.blender.dataset.quality import choose_setting
 from pipeline.blender.dataset.reduced_surface import KeptSurface, keep_surface, rendered_mesh, rendered_view_of
 from pipeline.blender.dataset.rerender import CaseRenderer
 from pipeline.blender.dataset.view_renderer import ViewRenderer
-from pipeline.blender.render.raster_view import RasterRenderer
+from pipeline.blender.render.z_buffer_view import ZBufferRenderer
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.case.case_file import read_case
 from pipeline.dataset.check.check_dataset import check_dataset
@@ -115,7 +115,7 @@ def test_the_tolerance_holds_in_views_that_were_no_pilots(fine_case, tmp_path):
 
 def test_resumed_and_sharded_runs_make_the_same_bytes(fine_case, reference, tmp_path):
     out, said = reference
-    assert "quality auto: rasteriser" in said
+    assert "quality auto: z-buffer" in said
     assert not (out / ".work").exists()
     # shards in folders of their own choose for themselves
     parts = [tmp_path / "a", tmp_path / "b"]
@@ -208,9 +208,9 @@ def test_no_tolerance_leaves_exact_views(fine_case, tmp_path):
 
 
 def test_renderings_that_may_stand_in():
-    assert renderings(DatasetOptions()) == [("rasteriser", "projective", 1), ("cycles", "projective", 1)]
+    assert renderings(DatasetOptions()) == [("z-buffer", "projective", 1), ("cycles", "projective", 1)]
     baked = renderings(DatasetOptions(colour="texture", samples=8))
-    assert ("rasteriser", "projective", 1) in baked
+    assert ("z-buffer", "projective", 1) in baked
     assert ("cycles", "texture", 8) in baked
     assert all(each[0] == "cycles" for each in renderings(DatasetOptions(colour="vertex")))
 
@@ -238,13 +238,13 @@ def test_a_damaged_choice_is_refused(tmp_path):
         stored_setting(tmp_path)
 
 
-def test_views_that_the_rasteriser_would_clip_are_ray_traced(fine_case, tmp_path):
+def test_views_that_the_z_buffer_would_clip_are_ray_traced(fine_case, tmp_path):
     opened = open_job(Job(read_case(fine_case), tmp_path, OPTIONS, Shard()))
     loaded, source = opened.loaded, reference_view_of(opened.loaded)
     choice = choose_setting(loaded, OPTIONS, None, threads=0, report=lambda _: None)
     near = np.array(loaded.cam_from_model)
     near[2, 3] = 0.0  # in the middle of the hill
-    assert not RasterRenderer(source.mesh, CAMERA, source.view).can_render(near)
+    assert not ZBufferRenderer(source.mesh, CAMERA, source.view).can_render(near)
     reduced = rendered_view_of(loaded, choice.setting.pivot_model, choice.mesh)
     with ViewRenderer(loaded, reduced, OPTIONS, None, setting=choice.setting) as renderer:
         before = renderer.render(loaded.cam_from_model)
@@ -253,13 +253,13 @@ def test_views_that_the_rasteriser_would_clip_are_ray_traced(fine_case, tmp_path
 
 
 @pytest.mark.parametrize("shape", ["bumpy_mesh", "stepped_mesh"])
-def test_the_rasteriser_sees_what_the_ray_tracer_sees(
+def test_the_z_buffer_sees_what_the_ray_tracer_sees(
     shape, frontal_pose, oblique_pose, sharp_image, loaded_case, request
 ):
     camera = PinholeCamera(160, 120, 800.0, 790.0, 75.5, 62.25)
     loaded = loaded_case(request.getfixturevalue(shape), sharp_image(camera), frontal_pose, camera)
     source = reference_view_of(loaded)
-    raster = RasterRenderer(source.mesh, camera, source.view)
+    raster = ZBufferRenderer(source.mesh, camera, source.view)
     with ViewRenderer(loaded, source, DatasetOptions(), None) as exact:
         for pose in (frontal_pose, oblique_pose):
             traced, view = exact.render(pose), raster.render(pose)

@@ -20,7 +20,7 @@ BLOCK_PX = 1 << 15
 """Pixels that are coloured at once: few enough for a processor's cache."""
 
 
-class RasterRenderer:
+class ZBufferRenderer:
     """Renders views of one surface, coloured by one frame."""
 
     def __init__(self, mesh: TriangleMesh, camera: PinholeCamera, source: SourceView) -> None:

@@ -332,7 +332,11 @@ def damaged_frame(folder: Path) -> None:
 RUNS = {
     "a damaged frame": (damaged_frame, (), "the file is cut off"),
     "a mistyped option": (None, ("--conut", "3"), "command line: unknown argument '--conut'; did you mean '--count'?"),
-    "an unknown engine": (None, ("--engine", "cycle"), "engine: expected cycles or raster or eevee or workbench, found 'cycle'"),
+    "an unknown engine": (
+        None,
+        ("--engine", "cycle"),
+        "engine: expected cycles or raster or eevee or workbench, found 'cycle'",
+    ),
     "a number that is none": (None, ("--count", "many"), "argument --count: invalid number value: 'many'"),
     "no views": (None, ("--count", "0"), "count: expected 1 to 1e+07, found 0"),
     "Workbench with a shader": (None, ("--engine", "workbench"), "add --colour vertex, or use --engine cycles"),

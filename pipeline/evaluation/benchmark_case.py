@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
+from ..case.case_file import Case
+from ..case.case_writer import write_case
 from ..files.content import write_bytes_atomically
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
@@ -52,21 +54,8 @@ def detailed_frame(rng: np.random.Generator) -> np.ndarray:
 def write_benchmark_case(folder: Path, triangles: int = TRIANGLES) -> Path:
     """Write surface, frame and case file into a folder; returns the case file's path."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_ply(folder / "surface.ply", ridged_bowl(triangles))
-    write_bytes_atomically(folder / "frame.png", encode_png(detailed_frame(np.random.default_rng(FRAME_SEED))))
-    case = folder / "case.toml"
-    write_bytes_atomically(
-        case,
-        f"""units = "mm"
-[frame]
-image = "frame.png"
-[camera]
-size = [{FRAME_CAMERA.width}, {FRAME_CAMERA.height}]
-K = {FRAME_CAMERA.k.tolist()}
-[surface]
-mesh = "surface.ply"
-[pose]
-cam_from_mesh = {CAM_FROM_MESH.tolist()}
-""".encode(),
-    )
+    surface, frame, case = (folder / name for name in ("surface.ply", "frame.png", "case.toml"))
+    write_ply(surface, ridged_bowl(triangles))
+    write_bytes_atomically(frame, encode_png(detailed_frame(np.random.default_rng(FRAME_SEED))))
+    write_case(case, Case(case, 1.0, frame, FRAME_CAMERA, None, surface, CAM_FROM_MESH))
     return case

@@ -13,9 +13,11 @@ from ...files.temporary import temporary_folder
 from ..bridge.camera import new_camera, place_camera
 from ..bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
 from ..bridge.image import read_image
-from ..bridge.versions import IS_5, new_node_material
+from ..bridge.versions import new_node_material
+from ..sample.path_tracing import add_ambient_light, set_path_tracing
 
 SUN_STRENGTH, SKY_STRENGTH = 5.0, 0.35
+SKY_COLOR = (0.8, 0.9, 1.0)
 SUN_ANGLE_DEG = 2.0
 """Width of the sun: its shadows have a soft edge."""
 SAMPLES = 4
@@ -57,12 +59,8 @@ def side_lit_photographs(
     """
     with temporary_data(), temporary_folder() as folder:
         scene = bpy.data.scenes.new("side light")
-        _set_render(scene, samples)
-        scene.world = bpy.data.worlds.new("sky")
-        if not IS_5:
-            scene.world.use_nodes = True
-        scene.world.node_tree.nodes["Background"].inputs["Strength"].default_value = SKY_STRENGTH
-        scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.8, 0.9, 1.0, 1.0)
+        set_path_tracing(scene, samples, depth="16")
+        add_ambient_light(scene, SKY_COLOR, SKY_STRENGTH)
         scene.collection.objects.link(_surface(relief))
         sun = bpy.data.objects.new("sun", bpy.data.lights.new("sun", "SUN"))
         sun.data.energy, sun.data.angle = SUN_STRENGTH, np.radians(SUN_ANGLE_DEG)
@@ -99,21 +97,3 @@ def _surface(relief: Relief) -> bpy.types.Object:
     links.new(shader.outputs["BSDF"], output.inputs["Surface"])
     surface.data.materials.append(material)
     return surface
-
-
-def _set_render(scene: bpy.types.Scene, samples: int) -> None:
-    render, cycles = scene.render, scene.cycles
-    render.engine = "CYCLES"
-    render.use_persistent_data = True
-    render.use_compositing = render.use_sequencer = False
-    render.dither_intensity = 0.0
-    render.image_settings.file_format = "PNG"
-    render.image_settings.color_mode, render.image_settings.color_depth = "RGB", "16"
-    scene.display_settings.display_device = "sRGB"
-    scene.view_settings.view_transform, scene.view_settings.look = "Standard", "None"
-    cycles.device, cycles.seed, cycles.samples = "CPU", 0, samples
-    cycles.use_adaptive_sampling = False
-    cycles.use_denoising, cycles.denoiser = True, "OPENIMAGEDENOISE"
-    cycles.denoising_quality = "FAST"
-    cycles.max_bounces = cycles.diffuse_bounces = 1
-    cycles.use_light_tree = cycles.use_auto_tile = False

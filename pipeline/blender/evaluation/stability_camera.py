@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from ...camera.pinhole import FARTHEST_PRINCIPAL_POINT, PinholeCamera
-from ...case.case_file import read_case
+from ...case.case_file import Case, read_case
+from ...case.case_writer import write_case
 from ...case.loaded_case import FARTHEST_MM, MAX_EXTENT_RATIO
 from ...case.precision import EXACT_PX, LONGEST_EXACT_FOCAL_PX, UNIT_ROUNDOFF
 from ...errors import InputError
@@ -183,32 +184,17 @@ def offset_px(mask: np.ndarray, camera: PinholeCamera, pixels: np.ndarray) -> np
 def write_place(folder: Path, place: Place, turn: float) -> tuple[Path, np.ndarray]:
     """A case with this camera and triangle, as files of a user: the case file, and the corners' pixels."""
     mesh, cam_from_mesh, pixels = triangle_in(place, turn)
-    camera = place.camera
-    write_ply(folder / "surface.ply", mesh)
-    grey = np.full((*camera.shape_hw, 3), 120, np.uint8)
-    write_bytes_atomically(folder / "frame.png", encode_png(grey))
-    case = folder / "case.toml"
-    write_bytes_atomically(
-        case,
-        f"""units = "mm"
-[frame]
-image = "frame.png"
-[camera]
-size = [{camera.width}, {camera.height}]
-K = {camera.k.tolist()}
-[surface]
-mesh = "surface.ply"
-[pose]
-cam_from_mesh = {cam_from_mesh.tolist()}
-""".encode(),
-    )
+    surface, frame, case = (folder / name for name in ("surface.ply", "frame.png", "case.toml"))
+    write_ply(surface, mesh)
+    write_bytes_atomically(frame, encode_png(np.full((*place.camera.shape_hw, 3), 120, np.uint8)))
+    write_case(case, Case(case, 1.0, frame, place.camera, None, surface, cam_from_mesh))
     return case, pixels
 
 
 def outcome(folder: Path, place: Place, turn: float, engine: str) -> Outcome:
     """Render a place: the error is that of the edges, px; the value is the error of the depth, mm."""
-    case, pixels = write_place(folder, place, turn)
     try:
+        case, pixels = write_place(folder, place, turn)
         loaded = load_case(read_case(case))
         with SurfaceScene(loaded.mesh, loaded.case.camera, None, engine=engine) as scene:
             rendered = render_view(scene, loaded.cam_from_model)

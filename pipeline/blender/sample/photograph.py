@@ -21,8 +21,9 @@ from ...sample.temporal_bone import SampleSurface
 from ...transforms import inverse_rigid, rigid
 from ..bridge.camera import new_camera, place_camera
 from ..bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
-from ..bridge.versions import IS_5, new_node_material
+from ..bridge.versions import new_node_material
 from ..process import delayed_interrupts
+from .path_tracing import add_ambient_light, set_path_tracing
 
 LAMP_OFFSET_MM = np.array([-13.0, -16.0, 0.0])
 """Position of the lamp next to the lens, ``cam`` axes: about 20 mm off the optical axis."""
@@ -65,7 +66,6 @@ def take_photographs(
     with temporary_data():
         scene = bpy.data.scenes.new("sample photograph")
         _set_render(scene, samples)
-        _add_ambient(scene)
         # centred, so that Blender's single precision is most accurate near the surface
         centre = surface.bone.bounds.mean(axis=0)
         _add_bone(scene, surface, -centre)
@@ -95,39 +95,14 @@ def _png_of_render(scene: bpy.types.Scene) -> bytes:
 
 
 def _set_render(scene: bpy.types.Scene, samples: int) -> None:
-    render, cycles = scene.render, scene.cycles
-    render.engine = "CYCLES"
-    render.use_persistent_data = True
-    render.use_compositing = render.use_sequencer = False
-    render.dither_intensity = 0.0
-    render.image_settings.file_format = "PNG"
-    render.image_settings.color_mode, render.image_settings.color_depth = "RGB", "8"
-    render.image_settings.compression = 30
-    # no dates or names of this computer in the file
-    for stamp in filter(lambda name: name.startswith("use_stamp_"), render.bl_rna.properties.keys()):
-        setattr(render, stamp, False)
-    scene.display_settings.display_device = "sRGB"
-    scene.view_settings.view_transform, scene.view_settings.look = "Standard", "None"
-
-    cycles.device, cycles.seed, cycles.samples = "CPU", 0, samples
-    cycles.use_adaptive_sampling = False
-    cycles.use_denoising, cycles.denoiser = True, "OPENIMAGEDENOISE"
+    set_path_tracing(scene, samples, depth="8")
+    cycles = scene.cycles
+    scene.render.image_settings.compression = 30
     cycles.denoising_input_passes, cycles.denoising_prefilter = "RGB_ALBEDO_NORMAL", "NONE"
-    cycles.denoising_quality = "FAST"
-    cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces = 1, 1, 0
+    cycles.glossy_bounces = 0
     cycles.caustics_reflective = cycles.caustics_refractive = False
     cycles.sample_clamp_indirect = 2.0
-    cycles.use_light_tree = False
-    cycles.use_auto_tile = False
-
-
-def _add_ambient(scene: bpy.types.Scene) -> None:
-    scene.world = bpy.data.worlds.new("operating room")
-    if not IS_5:
-        scene.world.use_nodes = True
-    background = scene.world.node_tree.nodes["Background"]
-    background.inputs["Color"].default_value = (*AMBIENT_COLOR, 1)
-    background.inputs["Strength"].default_value = AMBIENT_STRENGTH
+    add_ambient_light(scene, AMBIENT_COLOR, AMBIENT_STRENGTH)
     scene.world.cycles.sampling_method = "NONE"
 
 

@@ -26,10 +26,10 @@ from pipeline.blender.evaluation.render_scaling import measure_anti_aliasing, me
 from pipeline.blender.evaluation.render_speed import measure_speed, measure_start, measure_workers
 from pipeline.blender.process import own_output
 from pipeline.blender.render.engines import keep_freed_memory
-from pipeline.evaluation.benchmark_case import VIEW_CAMERA
 from pipeline.evaluation.charts.page import chart_outputs, require_matplotlib
 from pipeline.evaluation.charts.render_speed_chart import render_speed_charts
-from pipeline.evaluation.render_times import read_render_times
+from pipeline.evaluation.scenes.benchmark_case import VIEW_CAMERA
+from pipeline.evaluation.trials.render_times import read_render_times
 from pipeline.files.content import write_bytes_atomically
 from pipeline.files.kinds import Kind, json_object
 from pipeline.files.outputs import Output, check_outputs, made_folder, writing

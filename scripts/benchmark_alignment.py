@@ -29,7 +29,7 @@ from pipeline.blender.process import own_output
 from pipeline.case.case_file import read_case
 from pipeline.evaluation.charts.landmark_chart import case_chart, landmark_accuracy_charts
 from pipeline.evaluation.charts.page import chart_outputs, require_matplotlib
-from pipeline.evaluation.landmark_accuracy import (
+from pipeline.evaluation.trials.landmark_accuracy import (
     VisibleSurface,
     figures_to_json,
     measure_landmarks,

@@ -33,7 +33,7 @@ from pipeline.evaluation.charts.page import chart_outputs, require_matplotlib
 from pipeline.evaluation.charts.speed_accuracy_chart import speed_accuracy_charts
 from pipeline.evaluation.conditions import current_conditions
 from pipeline.evaluation.measured_table import write_table
-from pipeline.evaluation.speed_accuracy import COLUMNS, POINTS, Configuration, SpeedPoint, read_points
+from pipeline.evaluation.trials.speed_accuracy import COLUMNS, POINTS, Configuration, SpeedPoint, read_points
 from pipeline.files.outputs import Output, check_outputs, made_folder, writing
 from pipeline.progress import Progress
 from pipeline.sample.temporal_bone import sample_surface

@@ -26,7 +26,7 @@ from pipeline.blender.evaluation.evaluation_run import evaluation_run, run_evalu
 from pipeline.blender.evaluation.methods import DEFAULT, chosen_methods
 from pipeline.blender.process import own_output
 from pipeline.blender.sample.sample_case import HELD_OUT, write_sample_case
-from pipeline.evaluation.evaluation_scenes import LOADERS, CaseFiles
+from pipeline.evaluation.scenes.evaluation_scenes import LOADERS, CaseFiles
 from pipeline.sample.temporal_bone import MICROSCOPE, sample_surface
 
 QUICK_PHOTOGRAPHS = 2

@@ -34,14 +34,14 @@ from pipeline.blender.evaluation.side_lit_photographs import side_lit_scenes
 from pipeline.case.case_file import read_case
 from pipeline.evaluation.charts.page import chart_outputs, require_matplotlib
 from pipeline.evaluation.charts.refinement_chart import refinement_charts
-from pipeline.evaluation.refinement_basin import (
+from pipeline.evaluation.scenes.refinement_scenes import RefinementScene, bloster_scenes, case_scene, lmo_scenes
+from pipeline.evaluation.trials.refinement_basin import (
     disturbances,
     read_trials,
     run_trials,
     summary,
     trials_to_csv,
 )
-from pipeline.evaluation.refinement_scenes import RefinementScene, bloster_scenes, case_scene, lmo_scenes
 from pipeline.files.content import write_bytes_atomically
 from pipeline.files.kinds import Kind, csv_table
 from pipeline.files.outputs import check_outputs, companion, made_folder, writing

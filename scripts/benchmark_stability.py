@@ -31,7 +31,7 @@ from pipeline.blender.sample.sample_case import write_sample_case
 from pipeline.evaluation.charts.page import require_matplotlib
 from pipeline.evaluation.charts.stability_charts import draw_topic, topic_outputs
 from pipeline.evaluation.conditions import current_conditions
-from pipeline.evaluation.refinement_scenes import case_scene
+from pipeline.evaluation.scenes.refinement_scenes import case_scene
 from pipeline.evaluation.stability import landmarks, refinement, sampling
 from pipeline.evaluation.stability.cells import Task, cells_kind, read_cells, write_cells
 from pipeline.files.outputs import check_outputs, companion, made_folder, writing

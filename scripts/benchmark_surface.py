@@ -26,7 +26,7 @@ import numpy as np
 from pipeline.blender.command_line import ArgumentParser, run_script
 from pipeline.blender.process import own_output
 from pipeline.errors import RunError
-from pipeline.evaluation.surface_accuracy import ACCURACY_HEAD, measure_shapes, write_synthetic_bone
+from pipeline.evaluation.trials.surface_accuracy import ACCURACY_HEAD, measure_shapes, write_synthetic_bone
 from pipeline.files.content import write_bytes_atomically
 from pipeline.files.kinds import Kind, json_object
 from pipeline.files.outputs import Output, check_outputs, made_folder, writing

@@ -110,7 +110,7 @@ def _redraw(out: Path) -> int:
     with explained_imports():
         from ..evaluation.charts.evaluation_chart import evaluation_charts
         from ..evaluation.charts.page import chart_outputs, require_matplotlib
-        from ..evaluation.evaluation_record import read_evaluation
+        from ..evaluation.record.evaluation_record import read_evaluation
         from ..files.outputs import check_outputs
     require_matplotlib()
     record = out / "evaluation.json"

@@ -15,7 +15,7 @@ from pipeline.alignment.landmarks.covariance import (
 from pipeline.alignment.landmarks.reprojection import Correspondences, apply_twist
 from pipeline.alignment.landmarks.solver import solve_pose
 from pipeline.camera.pinhole import PinholeCamera
-from pipeline.evaluation.landmark_trials import MICROSCOPE, box_trial
+from pipeline.evaluation.trials.landmark_trials import MICROSCOPE, box_trial
 from pipeline.transforms import nearest_rotation, rigid, rotation_from_vector, transform_points
 
 WIDE = PinholeCamera(1000, 800, 700.0, 690.0, 480.0, 410.0)

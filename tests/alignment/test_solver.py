@@ -10,7 +10,7 @@ from pipeline.alignment.landmarks.reprojection import apply_twist, jacobian_at, 
 from pipeline.alignment.landmarks.solver import UndeterminedPose, solve_pose
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.errors import InputError
-from pipeline.evaluation.landmark_trials import MICROSCOPE, box_trial, run_trials
+from pipeline.evaluation.trials.landmark_trials import MICROSCOPE, box_trial, run_trials
 from pipeline.transforms import (
     nearest_rotation,
     rigid,

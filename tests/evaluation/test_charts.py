@@ -17,12 +17,19 @@ from pipeline.evaluation.charts.page import DPI, THEMES, round_ticks
 from pipeline.evaluation.charts.refinement_chart import refinement_charts
 from pipeline.evaluation.charts.render_speed_chart import render_speed_charts
 from pipeline.evaluation.conditions import current_conditions
-from pipeline.evaluation.evaluation_record import Bound, EvaluatedCase, EvaluatedMethod, Evaluation, Row, summarised
-from pipeline.evaluation.landmark_accuracy import ErrorQuantiles, LandmarkAccuracy, LandmarkFigures
-from pipeline.evaluation.landmark_trials import PEERS as SOLVERS
-from pipeline.evaluation.refinement_basin import RefinementTrial, trials_to_csv
-from pipeline.evaluation.render_times import PEERS, RenderTimes
-from pipeline.evaluation.view_scores import SCORES
+from pipeline.evaluation.record.evaluation_record import (
+    Bound,
+    EvaluatedCase,
+    EvaluatedMethod,
+    Evaluation,
+    Row,
+    summarised,
+)
+from pipeline.evaluation.scores.view_scores import SCORES
+from pipeline.evaluation.trials.landmark_accuracy import ErrorQuantiles, LandmarkAccuracy, LandmarkFigures
+from pipeline.evaluation.trials.landmark_trials import PEERS as SOLVERS
+from pipeline.evaluation.trials.refinement_basin import RefinementTrial, trials_to_csv
+from pipeline.evaluation.trials.render_times import PEERS, RenderTimes
 
 matplotlib = pytest.importorskip("matplotlib")
 ROOT = Path(__file__).resolve().parents[2]

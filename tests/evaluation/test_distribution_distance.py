@@ -5,8 +5,8 @@ import pytest
 from scipy.linalg import sqrtm
 
 from pipeline.errors import InputError
-from pipeline.evaluation.distribution_distance import frechet_distance, kernel_distance
-from pipeline.evaluation.inception import FEATURES, SIDE_PX, Inception
+from pipeline.evaluation.scores.distribution_distance import frechet_distance, kernel_distance
+from pipeline.evaluation.scores.inception import FEATURES, SIDE_PX, Inception
 
 
 def features(rng: np.random.Generator, count: int, size: int, shift: float = 0.0) -> np.ndarray:

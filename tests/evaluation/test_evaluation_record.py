@@ -8,9 +8,8 @@ import pytest
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.errors import InputError
 from pipeline.evaluation.conditions import current_conditions
-from pipeline.evaluation.confidence import mean_interval
-from pipeline.evaluation.evaluation_notes import evaluation_notes
-from pipeline.evaluation.evaluation_record import (
+from pipeline.evaluation.record.evaluation_notes import evaluation_notes
+from pipeline.evaluation.record.evaluation_record import (
     Distribution,
     EvaluatedCase,
     EvaluatedMethod,
@@ -20,11 +19,12 @@ from pipeline.evaluation.evaluation_record import (
     read_evaluation,
     summarised,
 )
-from pipeline.evaluation.evaluation_tables import latex_summary, markdown_summary
-from pipeline.evaluation.exposure import colour_gain
-from pipeline.evaluation.reachable_scores import jittered_pose, perfect_view
-from pipeline.evaluation.registration import registered
-from pipeline.evaluation.view_scores import SCORES
+from pipeline.evaluation.record.evaluation_tables import latex_summary, markdown_summary
+from pipeline.evaluation.scores.confidence import mean_interval
+from pipeline.evaluation.scores.exposure import colour_gain
+from pipeline.evaluation.scores.reachable_scores import jittered_pose, perfect_view
+from pipeline.evaluation.scores.registration import registered
+from pipeline.evaluation.scores.view_scores import SCORES
 from pipeline.transforms import transform_points
 
 OURS, PEER = "ours, projective, cycles", "paper's & 100 %"

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import InputError
-from pipeline.evaluation.landmark_accuracy import (
+from pipeline.evaluation.trials.landmark_accuracy import (
     LandmarkFigures,
     VisibleSurface,
     accuracy,
@@ -17,7 +17,7 @@ from pipeline.evaluation.landmark_accuracy import (
     read_figures,
     solve_time,
 )
-from pipeline.evaluation.landmark_trials import (
+from pipeline.evaluation.trials.landmark_trials import (
     MICROSCOPE,
     PEERS,
     PoseErrors,

@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.case.case_file import read_case
 from pipeline.errors import InputError
-from pipeline.evaluation.refinement_basin import (
+from pipeline.evaluation.scenes.refinement_scenes import (
+    LMO_OBJECTS,
+    RefinementScene,
+    bloster_scenes,
+    case_scene,
+    lmo_scenes,
+    visible_points,
+)
+from pipeline.evaluation.trials.refinement_basin import (
     RIGHT_IMAGE,
     WRONG_IMAGES,
     Disturbance,
@@ -24,14 +32,6 @@ from pipeline.evaluation.refinement_basin import (
     run_trials,
     summary,
     trials_to_csv,
-)
-from pipeline.evaluation.refinement_scenes import (
-    LMO_OBJECTS,
-    RefinementScene,
-    bloster_scenes,
-    case_scene,
-    lmo_scenes,
-    visible_points,
 )
 from pipeline.images.png import encode_png
 from pipeline.surface.mesh import TriangleMesh

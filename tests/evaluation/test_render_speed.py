@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from pipeline.case.case_file import read_case
 from pipeline.errors import InputError
-from pipeline.evaluation.benchmark_case import (
+from pipeline.evaluation.baseline.pyvista_baseline import pyvista_renderer
+from pipeline.evaluation.scenes.benchmark_case import (
     CAM_FROM_MESH,
     FRAME_CAMERA,
     VIEW_CAMERA,
@@ -18,8 +19,7 @@ from pipeline.evaluation.benchmark_case import (
     ridged_bowl,
     write_benchmark_case,
 )
-from pipeline.evaluation.pyvista_baseline import pyvista_renderer
-from pipeline.evaluation.render_times import LIT_PEER, PEERS, RenderTimes, read_render_times
+from pipeline.evaluation.trials.render_times import LIT_PEER, PEERS, RenderTimes, read_render_times
 from pipeline.projection.z_buffer import rasterise_depth
 from pipeline.surface.mesh_reader import read_mesh
 from pipeline.transforms import rigid, rotation_from_vector

@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.evaluation.charts.speed_accuracy_chart import speed_accuracy_charts
 from pipeline.evaluation.conditions import Conditions
 from pipeline.evaluation.measured_table import write_table
-from pipeline.evaluation.speed_accuracy import COLUMNS, FLOOR, OURS, PEER, SpeedPoint, pareto_front, read_points
+from pipeline.evaluation.trials.speed_accuracy import COLUMNS, FLOOR, OURS, PEER, SpeedPoint, pareto_front, read_points
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "benchmark_chart.py"
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.evaluation.surface_accuracy import OURS, PEER, SHAPES, measure_shapes, write_synthetic_bone
+from pipeline.evaluation.trials.surface_accuracy import OURS, PEER, SHAPES, measure_shapes, write_synthetic_bone
 from pipeline.volume.bone import bone_voxels
 from pipeline.volume.isosurface import isosurface
 from pipeline.volume.volume_reader import read_volume

@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.evaluation.edge_measures import edge_measures
-from pipeline.evaluation.exposure import colour_gain, corrected
-from pipeline.evaluation.registration import registered
-from pipeline.evaluation.similarity import segmented_similarity, similarity
-from pipeline.evaluation.view_scores import SCORES, scores_of
+from pipeline.evaluation.scores.edge_measures import edge_measures
+from pipeline.evaluation.scores.exposure import colour_gain, corrected
+from pipeline.evaluation.scores.registration import registered
+from pipeline.evaluation.scores.similarity import segmented_similarity, similarity
+from pipeline.evaluation.scores.view_scores import SCORES, scores_of
 
 HEIGHT, WIDTH = 180, 240
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from skimage.measure import marching_cubes
 
-from pipeline.evaluation.surface_accuracy import scanned
+from pipeline.evaluation.trials.surface_accuracy import scanned
 from pipeline.surface.mesh import TriangleMesh
 from pipeline.transforms import rigid, transform_points
 from pipeline.volume.cell_table import EDGES, cell_table

@@ -9,7 +9,7 @@ from ...case.loaded_case import LoadedCase
 from ...dataset.view import RenderedView
 from ...errors import InputError
 from ...evaluation.photographs import PosedPhotograph
-from ...evaluation.similarity import Similarity, similarity
+from ...evaluation.scores.similarity import Similarity, similarity
 from ..colour.reference_view import colour_of, reference_view_of
 from ..render.engines import render_view
 from ..render.surface_scene import SurfaceScene

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...dataset.options import DatasetOptions
-from ...evaluation.confidence import mean_interval
-from ...evaluation.distribution_distance import FEWEST_IMAGES, FID_IMAGES, frechet_distance, kernel_distance
-from ...evaluation.evaluation_record import ALL, Bound, Distribution, Row
-from ...evaluation.inception import Inception
-from ...evaluation.reachable_scores import JITTERS, perfect_view
-from ...evaluation.view_scores import SCORES, scores_of
+from ...evaluation.record.evaluation_record import ALL, Bound, Distribution, Row
+from ...evaluation.scores.confidence import mean_interval
+from ...evaluation.scores.distribution_distance import FEWEST_IMAGES, FID_IMAGES, frechet_distance, kernel_distance
+from ...evaluation.scores.inception import Inception
+from ...evaluation.scores.reachable_scores import JITTERS, perfect_view
+from ...evaluation.scores.view_scores import SCORES, scores_of
 from ...poses.distributions import Cone, ReferencePose
 from ..colour.reference_view import ReferenceView, reference_view_of
 from ..dataset.job import available_cores

@@ -12,9 +12,11 @@ from ...errors import InputError
 from ...evaluation.charts.evaluation_chart import evaluation_charts
 from ...evaluation.charts.page import chart_outputs
 from ...evaluation.conditions import Conditions, current_conditions
-from ...evaluation.evaluation_notes import evaluation_notes
-from ...evaluation.evaluation_pictures import Crop, crop_of, labelled_grid, tile
-from ...evaluation.evaluation_record import (
+from ...evaluation.measured_table import write_table
+from ...evaluation.picture_names import picture_names
+from ...evaluation.record.evaluation_notes import evaluation_notes
+from ...evaluation.record.evaluation_pictures import Crop, crop_of, labelled_grid, tile
+from ...evaluation.record.evaluation_record import (
     EVALUATION,
     EvaluatedCase,
     EvaluatedMethod,
@@ -23,7 +25,7 @@ from ...evaluation.evaluation_record import (
     evaluation_bytes,
     summarised,
 )
-from ...evaluation.evaluation_tables import (
+from ...evaluation.record.evaluation_tables import (
     FRAME_COLUMNS,
     FRAMES,
     LATEX,
@@ -32,8 +34,6 @@ from ...evaluation.evaluation_tables import (
     latex_summary,
     markdown_summary,
 )
-from ...evaluation.measured_table import write_table
-from ...evaluation.picture_names import picture_names
 from ...files.content import write_bytes_atomically
 from ...files.kinds import PNG
 from ...files.outputs import Output, check_outputs, companion, made_folder, writing

@@ -6,9 +6,9 @@ from typing import TextIO
 
 from ...case.case_file import read_case
 from ...errors import RunError
-from ...evaluation.evaluation_record import ALL
-from ...evaluation.inception import Inception
 from ...evaluation.photographs import read_photographs
+from ...evaluation.record.evaluation_record import ALL
+from ...evaluation.scores.inception import Inception
 from ...progress import Progress
 from ..case.load_case import load_case
 from .evaluate import Settings, steps

@@ -13,8 +13,8 @@ from ...camera.pinhole import PinholeCamera
 from ...colour.vertex_colours import VertexColours
 from ...dataset.options import COLOURS, UNSEEN
 from ...errors import InputError
-from ...evaluation.projected_colours import projected_colours
-from ...evaluation.pyvista_baseline import pyvista_renderer
+from ...evaluation.baseline.projected_colours import projected_colours
+from ...evaluation.baseline.pyvista_baseline import pyvista_renderer
 from ...files.keys import nearest_name
 from ...images.pixel_values import to_uint8
 from ...transforms import transform_points

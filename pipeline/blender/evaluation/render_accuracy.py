@@ -17,10 +17,10 @@ import numpy as np
 
 from ...dataset.layout import ViewPaths
 from ...errors import RunError
-from ...evaluation.pyvista_baseline import pyvista_renderer
-from ...evaluation.render_times import LIT_PEER, PLAIN_PEER, UNLIT_PEER
-from ...evaluation.similarity import Similarity, similarity
-from ...evaluation.speed_accuracy import ENGINE_NAMES, FLOOR, OURS, PEER, Configuration, SpeedPoint
+from ...evaluation.baseline.pyvista_baseline import pyvista_renderer
+from ...evaluation.scores.similarity import Similarity, similarity
+from ...evaluation.trials.render_times import LIT_PEER, PLAIN_PEER, UNLIT_PEER
+from ...evaluation.trials.speed_accuracy import ENGINE_NAMES, FLOOR, OURS, PEER, Configuration, SpeedPoint
 from ...images.pixel_values import to_uint8
 from ..bridge.image import read_image
 from ..colour.reference_view import colour_of, vertex_colours_of

@@ -9,7 +9,7 @@ import numpy as np
 from skimage.metrics import structural_similarity
 
 from ...errors import RunError
-from ...evaluation.benchmark_case import TRIANGLES, VIEW_CAMERA, write_benchmark_case
+from ...evaluation.scenes.benchmark_case import TRIANGLES, VIEW_CAMERA, write_benchmark_case
 from ...images.pixel_values import to_uint8
 from ..dataset.job import available_cores, render_views
 from ..dataset.view_renderer import ViewRenderer

@@ -14,7 +14,7 @@ from ...dataset.folder import Shard
 from ...dataset.options import DatasetOptions
 from ...errors import InputError
 from ...evaluation.photographs import read_photographs
-from ...evaluation.refinement_scenes import bloster_scenes
+from ...evaluation.scenes.refinement_scenes import bloster_scenes
 from ...files.content import write_bytes_atomically
 from ...files.outputs import made_folder
 from ...surface.mesh_writer import write_ply

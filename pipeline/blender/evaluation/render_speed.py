@@ -13,9 +13,9 @@ from ...case.case_file import read_case
 from ...dataset.folder import Shard
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
-from ...evaluation.benchmark_case import VIEW_CAMERA, write_benchmark_case
-from ...evaluation.pyvista_baseline import pyvista_renderer
-from ...evaluation.render_times import LIT_PEER, PLAIN_PEER, UNLIT_PEER, RenderTimes
+from ...evaluation.baseline.pyvista_baseline import pyvista_renderer
+from ...evaluation.scenes.benchmark_case import VIEW_CAMERA, write_benchmark_case
+from ...evaluation.trials.render_times import LIT_PEER, PLAIN_PEER, UNLIT_PEER, RenderTimes
 from ...images.pixel_values import to_uint8
 from ..colour.reference_view import vertex_colours_of
 from ..dataset.job import Job, OpenJob, available_cores, open_job

@@ -7,8 +7,8 @@ import numpy as np
 from mathutils import Matrix
 
 from ...camera.pinhole import PinholeCamera
-from ...evaluation.refinement_scenes import RefinementScene, visible_points
-from ...evaluation.side_lit_relief import CAMERA, Relief, SideLitShot, relief, side_lit_shots
+from ...evaluation.scenes.refinement_scenes import RefinementScene, visible_points
+from ...evaluation.scenes.side_lit_relief import CAMERA, Relief, SideLitShot, relief, side_lit_shots
 from ...files.temporary import temporary_folder
 from ..bridge.camera import new_camera, place_camera
 from ..bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data

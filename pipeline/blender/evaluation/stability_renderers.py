@@ -22,7 +22,7 @@ from ...dataset.folder import Shard
 from ...dataset.options import DatasetOptions
 from ...dataset.view import RenderedView
 from ...errors import InputError, RunError
-from ...evaluation.benchmark_case import CAM_FROM_MESH, write_benchmark_case
+from ...evaluation.scenes.benchmark_case import CAM_FROM_MESH, write_benchmark_case
 from ...evaluation.stability.cells import Cell, Limit, Outcome, Task
 from ...images.pixel_values import to_uint8
 from ...surface.mesh import MOST_FACES, checked_mesh

@@ -1,13 +1,14 @@
 """Scenes whose renders stand for photographs: path traced by Cycles, denoised, under a uniform ambient light."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 import bpy
 
 from ..bridge.versions import IS_5
 
 
-def set_path_tracing(scene: bpy.types.Scene, samples: int, *, depth: str) -> None:
+def set_path_tracing(scene: bpy.types.Scene, samples: int, *, depth: Literal["8", "16"]) -> None:
     """Set a scene up to render sRGB PNGs with one bounce of light, the same ones every time.
 
     Parameters
@@ -17,7 +18,7 @@ def set_path_tracing(scene: bpy.types.Scene, samples: int, *, depth: str) -> Non
     samples
         Paths per pixel before denoising.
     depth
-        Bits of a channel: "8" or "16".
+        Bits of a channel.
     """
     render, cycles = scene.render, scene.cycles
     render.engine = "CYCLES"
@@ -39,11 +40,13 @@ def set_path_tracing(scene: bpy.types.Scene, samples: int, *, depth: str) -> Non
     cycles.use_light_tree = cycles.use_auto_tile = False
 
 
-def add_ambient_light(scene: bpy.types.Scene, rgb: Sequence[float], strength: float) -> None:
-    """Give a scene a world of one colour (linear)."""
-    scene.world = bpy.data.worlds.new("ambient light")
+def add_ambient_light(scene: bpy.types.Scene, rgb: Sequence[float], strength: float) -> bpy.types.World:
+    """Give a scene a world of one colour (linear), which is returned."""
+    world = bpy.data.worlds.new("ambient light")
+    scene.world = world
     if not IS_5:
-        scene.world.use_nodes = True
-    background = scene.world.node_tree.nodes["Background"]
+        world.use_nodes = True
+    background = world.node_tree.nodes["Background"]
     background.inputs["Color"].default_value = (*rgb, 1)
     background.inputs["Strength"].default_value = strength
+    return world

@@ -102,8 +102,7 @@ def _set_render(scene: bpy.types.Scene, samples: int) -> None:
     cycles.glossy_bounces = 0
     cycles.caustics_reflective = cycles.caustics_refractive = False
     cycles.sample_clamp_indirect = 2.0
-    add_ambient_light(scene, AMBIENT_COLOR, AMBIENT_STRENGTH)
-    scene.world.cycles.sampling_method = "NONE"
+    add_ambient_light(scene, AMBIENT_COLOR, AMBIENT_STRENGTH).cycles.sampling_method = "NONE"
 
 
 def _add_lamp(scene: bpy.types.Scene) -> bpy.types.Object:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..evaluation_notes import where_peers_lead
-from ..evaluation_record import ALL, Evaluation
+from ..record.evaluation_notes import where_peers_lead
+from ..record.evaluation_record import ALL, Evaluation
 from .page import OURS, WARNING, Theme, note, write_chart
 
 PANELS = {

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..landmark_accuracy import ErrorQuantiles, LandmarkAccuracy, LandmarkFigures
+from ..trials.landmark_accuracy import ErrorQuantiles, LandmarkAccuracy, LandmarkFigures
 from .page import OURS, PEER, WARNING, Theme, note, plain_log_axis, round_ticks, write_chart
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
-from ..refinement_basin import RIGHT_IMAGE, RefinementTrial, Tally
+from ..trials.refinement_basin import RIGHT_IMAGE, RefinementTrial, Tally
 from .page import OURS, WARNING, Theme, note, plain_log_axis, round_ticks, write_chart
 
 LEAST_PX = 0.05

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from ..render_times import LIT_PEER, UNLIT_PEER, RenderTimes
+from ..trials.render_times import LIT_PEER, UNLIT_PEER, RenderTimes
 from .page import OURS, WARNING, Theme, note, plain_log_axis, round_ticks, write_chart
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..speed_accuracy import ENGINE_NAMES, FLOOR, PEER, SpeedPoint, pareto_front
+from ..trials.speed_accuracy import ENGINE_NAMES, FLOOR, PEER, SpeedPoint, pareto_front
 from . import page
 from .page import Theme, note, plain_log_axis, round_ticks, write_chart
 

@@ -22,7 +22,7 @@ from ...alignment.landmarks.degeneracy import (
 from ...alignment.landmarks.solver import FEW_CORRESPONDENCES, LARGE_NOISE_RATIO, solve_pose
 from ...camera.pinhole import PinholeCamera
 from ...transforms import nearest_rotation, rigid, rotation_from_vector, transform_points
-from ..landmark_trials import LandmarkTrial, pose_error, refined_sqpnp_pose
+from ..trials.landmark_trials import LandmarkTrial, pose_error, refined_sqpnp_pose
 from .cells import NO_LIMIT, Cell, Limit, Outcome, Task
 
 TOPIC = "pnp"

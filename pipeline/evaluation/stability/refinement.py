@@ -15,8 +15,8 @@ import numpy as np
 from ...alignment.refinement.refine import refine_pose
 from ...alignment.refinement.verdict import MAX_ROTATION_DEG
 from ...transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points, turned_about
-from ..refinement_basin import displacement_px
-from ..refinement_scenes import RefinementScene
+from ..scenes.refinement_scenes import RefinementScene
+from ..trials.refinement_basin import displacement_px
 from .cells import NO_LIMIT, Cell, Limit, Outcome, Task
 
 TOPIC = "refinement"

@@ -20,7 +20,7 @@ from ...poses.distributions import Cone, PoseDistribution, ReferencePose
 from ...projection.z_buffer import rasterise_depth
 from ...surface.mesh import TriangleMesh
 from ...transforms import camera_centre, inverse_rigid, transform_points
-from ..benchmark_case import CAM_FROM_MESH, VIEW_CAMERA, ridged_bowl
+from ..scenes.benchmark_case import CAM_FROM_MESH, VIEW_CAMERA, ridged_bowl
 from .cells import Cell, Limit, Outcome, Task
 
 TOPIC = "sampling"

@@ -13,8 +13,8 @@ from pipeline.blender.evaluation.methods import METHODS, chosen_methods
 from pipeline.blender.sample.sample_case import write_sample_case
 from pipeline.commands import evaluate
 from pipeline.errors import InputError
-from pipeline.evaluation.evaluation_record import read_evaluation
-from pipeline.evaluation.view_scores import SCORES
+from pipeline.evaluation.record.evaluation_record import read_evaluation
+from pipeline.evaluation.scores.view_scores import SCORES
 from pipeline.images.image_header import PNG_SIGNATURE
 from pipeline.sample.temporal_bone import MICROSCOPE, sample_surface
 

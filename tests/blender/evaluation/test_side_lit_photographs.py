@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.alignment.refinement.cast_shadows import directional_light
 from pipeline.blender.evaluation.side_lit_photographs import side_lit_photographs, side_lit_scenes
-from pipeline.evaluation.side_lit_relief import CAMERA, relief, side_lit_shots
+from pipeline.evaluation.scenes.side_lit_relief import CAMERA, relief, side_lit_shots
 from pipeline.projection.z_buffer import rasterise_depth
 from pipeline.transforms import transform_points
 

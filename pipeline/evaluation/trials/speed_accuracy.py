@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from .measured_table import measured_table, read_table
+from ...errors import InputError
+from ..measured_table import measured_table, read_table
 
 OURS, PEER, FLOOR = "ours", "peer", "floor"
 """Complete views on disk; another program's picture in memory; a part of our work alone, which has no error."""

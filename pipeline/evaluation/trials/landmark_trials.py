@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..alignment.landmarks.candidates import UNDISTORTED
-from ..alignment.landmarks.degeneracy import UndeterminedPose
-from ..alignment.landmarks.solver import solve_pose
-from ..camera.pinhole import PinholeCamera
-from ..transforms import nearest_rotation, rigid, rotation_angle_deg, transform_points
+from ...alignment.landmarks.candidates import UNDISTORTED
+from ...alignment.landmarks.degeneracy import UndeterminedPose
+from ...alignment.landmarks.solver import solve_pose
+from ...camera.pinhole import PinholeCamera
+from ...transforms import nearest_rotation, rigid, rotation_angle_deg, transform_points
 
 MICROSCOPE = PinholeCamera(1920, 1080, 12_800.0, 12_800.0, 960.0, 540.0)
 DISTANCE_MM = 300.0

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
-from ..surface.mesh import TriangleMesh
-from ..transforms import rigid, rotation_from_vector
+from ...camera.pinhole import PinholeCamera
+from ...surface.mesh import TriangleMesh
+from ...transforms import rigid, rotation_from_vector
 
 SIZE_MM = (230.0, 200.0)
 SPACING_MM = 0.6

@@ -8,8 +8,8 @@ costs. What light and highlights do when the lens moves is not in it: this is a 
 import cv2
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
-from ..transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
+from ...camera.pinhole import PinholeCamera
+from ...transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 from .exposure import corrected
 
 JITTERS = 4

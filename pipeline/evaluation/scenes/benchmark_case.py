@@ -4,15 +4,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
-from ..case.case_file import Case
-from ..case.case_writer import write_case
-from ..files.content import write_bytes_atomically
-from ..images.pixel_values import to_uint8
-from ..images.png import encode_png
-from ..surface.mesh import TriangleMesh
-from ..surface.mesh_writer import write_ply
-from ..transforms import rigid
+from ...camera.pinhole import PinholeCamera
+from ...case.case_file import Case
+from ...case.case_writer import write_case
+from ...files.content import write_bytes_atomically
+from ...images.pixel_values import to_uint8
+from ...images.png import encode_png
+from ...surface.mesh import TriangleMesh
+from ...surface.mesh_writer import write_ply
+from ...transforms import rigid
 
 VIEW_CAMERA = PinholeCamera(640, 480, 3200.0, 3190.0, 322.5, 236.0)
 """The camera of the rendered views."""

@@ -3,10 +3,10 @@
 import math
 from collections.abc import Sequence
 
-from ..files.kinds import Kind, beginning
+from ...files.kinds import Kind, beginning
+from ..measured_table import measured_table
+from ..scores.view_scores import SCORES, is_better
 from .evaluation_record import ALL, Evaluation
-from .measured_table import measured_table
-from .view_scores import SCORES, is_better
 
 FRAME_COLUMNS = ("case", "image", "method", *SCORES)
 FRAMES = measured_table("the scores of an evaluation", FRAME_COLUMNS)

@@ -11,17 +11,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..camera.distortion import undistort
-from ..camera.pinhole import PinholeCamera
-from ..case.case_file import read_case
-from ..errors import InputError
-from ..files.content import read_content
-from ..files.tables import parsed_json
-from ..images.image_check import check_image_file
-from ..projection.z_buffer import rasterise_depth
-from ..surface.mesh import TriangleMesh
-from ..surface.mesh_reader import read_mesh
-from ..transforms import inverse_rigid, nearest_rotation, rigid, transform_points
+from ...camera.distortion import undistort
+from ...camera.pinhole import PinholeCamera
+from ...case.case_file import read_case
+from ...errors import InputError
+from ...files.content import read_content
+from ...files.tables import parsed_json
+from ...images.image_check import check_image_file
+from ...projection.z_buffer import rasterise_depth
+from ...surface.mesh import TriangleMesh
+from ...surface.mesh_reader import read_mesh
+from ...transforms import inverse_rigid, nearest_rotation, rigid, transform_points
 
 LMO_OBJECTS = (1, 5, 6, 8, 9, 12)
 """The objects of LM-O without symmetry."""

@@ -5,10 +5,10 @@ from importlib import import_module
 
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
-from ..errors import RunError
-from ..surface.mesh import TriangleMesh
-from ..transforms import inverse_rigid
+from ...camera.pinhole import PinholeCamera
+from ...errors import RunError
+from ...surface.mesh import TriangleMesh
+from ...transforms import inverse_rigid
 
 
 def pyvista_renderer(

@@ -12,19 +12,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
-from ..case.case_file import Case
-from ..case.case_writer import write_case
-from ..errors import InputError
-from ..files.content import read_content, write_bytes_atomically
-from ..files.tables import parsed_json
-from ..images.image_check import check_image_file
-from ..images.png import encode_png
-from ..projection.z_buffer import inverse_depth_of
-from ..surface.mesh import TriangleMesh
-from ..surface.mesh_reader import read_mesh
-from ..surface.mesh_writer import write_ply
-from ..transforms import nearest_rotation, rigid
+from ...camera.pinhole import PinholeCamera
+from ...case.case_file import Case
+from ...case.case_writer import write_case
+from ...errors import InputError
+from ...files.content import read_content, write_bytes_atomically
+from ...files.tables import parsed_json
+from ...images.image_check import check_image_file
+from ...images.png import encode_png
+from ...projection.z_buffer import inverse_depth_of
+from ...surface.mesh import TriangleMesh
+from ...surface.mesh_reader import read_mesh
+from ...surface.mesh_writer import write_ply
+from ...transforms import nearest_rotation, rigid
 from .refinement_scenes import LMO_OBJECTS
 
 CaseFiles = tuple[Path, Path]

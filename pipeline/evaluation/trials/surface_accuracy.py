@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from skimage.measure import marching_cubes
 
-from ..transforms import transform_points
-from ..volume.isosurface import isosurface
-from ..volume.volume import VoxelGrid
+from ...transforms import transform_points
+from ...volume.isosurface import isosurface
+from ...volume.volume import VoxelGrid
 
 LEVEL_HU = 300.0
 SPACING_MM = (0.5, 0.5, 0.8)

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from ..files.content import read_content
-from ..files.kinds import Kind, json_object
-from ..files.tables import parsed_json
-from .conditions import Conditions
-from .confidence import mean_interval
-from .view_scores import SCORES
+from ...errors import InputError
+from ...files.content import read_content
+from ...files.kinds import Kind, json_object
+from ...files.tables import parsed_json
+from ..conditions import Conditions
+from ..scores.confidence import mean_interval
+from ..scores.view_scores import SCORES
 
 FORMAT = "oneframe evaluation 1"
 EVALUATION = Kind("an evaluation", json_object("format", "rows", "summary", "bound"))
@@ -42,7 +42,7 @@ class EvaluatedMethod:
 
 @dataclass(frozen=True)
 class Row:
-    """The scores of a view, see :data:`pipeline.evaluation.view_scores.SCORES`; NaN for those that it does not have."""
+    """The scores of a view, see :data:`.SCORES`; NaN for those that it does not have."""
 
     case: str
     image: str

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..alignment.landmarks.solver import UndeterminedPose, solve_pose
-from ..camera.pinhole import PinholeCamera
-from ..errors import InputError
-from ..files.content import read_content
-from ..files.tables import parsed_json
+from ...alignment.landmarks.solver import UndeterminedPose, solve_pose
+from ...camera.pinhole import PinholeCamera
+from ...errors import InputError
+from ...files.content import read_content
+from ...files.tables import parsed_json
 from .landmark_trials import MICROSCOPE, LandmarkTrial, PoseErrors, box_trial, run_trials, surface_trial
 
 ASSUMED_SIGMA_PX = 2.0

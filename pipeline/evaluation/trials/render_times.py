@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from ..files.content import read_content
-from ..files.tables import parsed_json
+from ...errors import InputError
+from ...files.content import read_content
+from ...files.tables import parsed_json
 
 LIT_PEER = "PyVista, 8x MSAA, default light"
 UNLIT_PEER = "PyVista, 8x MSAA, no light"

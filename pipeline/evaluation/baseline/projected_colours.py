@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
-from ..images.pixel_values import sample_bilinear
-from ..surface.mesh import TriangleMesh
-from ..transforms import transform_points
+from ...camera.pinhole import PinholeCamera
+from ...images.pixel_values import sample_bilinear
+from ...surface.mesh import TriangleMesh
+from ...transforms import transform_points
 
 
 def projected_colours(

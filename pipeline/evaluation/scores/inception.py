@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..errors import InputError
-from ..files.content import read_content
+from ...errors import InputError
+from ...files.content import read_content
 
 SIDE_PX = 299
 FEATURES = 2048

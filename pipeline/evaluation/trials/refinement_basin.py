@@ -15,11 +15,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..alignment.refinement.refine import refine_pose
-from ..errors import InputError
-from ..files.content import decoded, read_content
-from ..transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points, turned_about
-from .refinement_scenes import RefinementScene
+from ...alignment.refinement.refine import refine_pose
+from ...errors import InputError
+from ...files.content import decoded, read_content
+from ...transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points, turned_about
+from ..scenes.refinement_scenes import RefinementScene
 
 WRONG_IMAGES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "mirrored": lambda image: image[:, ::-1],

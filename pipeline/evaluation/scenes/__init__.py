@@ -1,0 +1,1 @@
+"""In: published data sets, or a random generator. Out: cases, photographs and poses that measurements are made on."""

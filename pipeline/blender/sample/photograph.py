@@ -17,10 +17,13 @@ from ...files.content import write_bytes_atomically
 from ...files.outputs import writing
 from ...files.signature import signed
 from ...files.temporary import temporary_folder, unwritable_temporary
+from ...images.pixel_values import to_uint8
+from ...images.png import encode_png
 from ...sample.temporal_bone import SampleSurface
 from ...transforms import inverse_rigid, rigid
 from ..bridge.camera import new_camera, place_camera
 from ..bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
+from ..bridge.image import read_image
 from ..bridge.versions import new_node_material
 from ..process import delayed_interrupts
 from .path_tracing import add_ambient_light, set_path_tracing
@@ -89,7 +92,8 @@ def _png_of_render(scene: bpy.types.Scene) -> bytes:
         try:
             # unlike render.filepath, this path is literal: # and {} have no special meaning
             bpy.data.images["Render Result"].save_render(str(path), scene=scene)
-            return path.read_bytes()
+            # encoded anew: Cycles writes its render times into the file
+            return encode_png(to_uint8(read_image(path)[0]))
         except (RuntimeError, OSError) as error:
             raise unwritable_temporary(" ".join(str(error).split())) from None
 
@@ -97,7 +101,7 @@ def _png_of_render(scene: bpy.types.Scene) -> bytes:
 def _set_render(scene: bpy.types.Scene, samples: int) -> None:
     set_path_tracing(scene, samples, depth="8")
     cycles = scene.cycles
-    scene.render.image_settings.compression = 30
+    scene.render.image_settings.compression = 0
     cycles.denoising_input_passes, cycles.denoising_prefilter = "RGB_ALBEDO_NORMAL", "NONE"
     cycles.glossy_bounces = 0
     cycles.caustics_reflective = cycles.caustics_refractive = False

@@ -21,6 +21,7 @@ from ...transforms import transform_points
 from ..colour.reference_view import ReferenceView, colour_of, unseen_colours_of
 from ..render.engines import check_engine, render_view
 from ..render.material import SurfaceColour
+from ..render.raster import check_raster
 from ..render.surface_scene import SurfaceScene
 
 Render = Callable[[np.ndarray], np.ndarray]
@@ -67,6 +68,7 @@ METHODS = {
     method.key: method
     for method in (
         *(_ours(colour, engine, unseen) for unseen in UNSEEN for engine in ("cycles", "eevee") for colour in COLOURS),
+        *(_ours("projective", "raster", unseen) for unseen in UNSEEN),
         _ours("vertex", "workbench"),
         Method("paper-pyvista", "paper (PyVista)", PAPER, "pyvista"),
         Method("paper-cycles", "paper's colours (Cycles)", PAPER, "cycles"),
@@ -148,6 +150,11 @@ def opened(
         Intrinsics of the views.
     poses
         All poses that will be rendered, for the clipping planes of renderers that have fixed ones.
+
+    Raises
+    ------
+    RunError
+        This machine's OpenGL does not draw what Cycles does, which ``raster`` relies on.
     """
     if method.renderer == "pyvista":
         view = source.view
@@ -157,6 +164,8 @@ def opened(
         )
         yield lambda pose: render(pose).astype(np.float32) / 255
         return
+    if method.renderer == "raster":
+        check_raster(source.mesh, source.view)
     unseen = unseen_colours_of(source, method.unseen)
     with SurfaceScene(source.mesh, camera, _colour(method, source), unseen=unseen, engine=method.renderer) as scene:
         yield lambda pose: render_view(scene, pose).rgb

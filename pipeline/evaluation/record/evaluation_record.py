@@ -164,6 +164,8 @@ def evaluation_bytes(evaluation: Evaluation) -> bytes:
             {"name": each.name, "peer": each.peer, **({"skipped": each.skipped} if each.skipped else {})}
             for each in evaluation.methods
         ],
+        # for whoever shows the file
+        "scores": SCORES,
         "rows": [{"case": r.case, "image": r.image, "method": r.method, **r.scores} for r in evaluation.rows],
         "summary": [asdict(entry) for entry in evaluation.summary],
         "distribution": [asdict(entry) for entry in evaluation.distribution],

@@ -58,6 +58,7 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_command):
     assert ran == ["ours, projective, cycles", "ours, projective, fill, cycles", "paper's colours (Cycles)"]
     assert [method["peer"] for method in record["methods"]] == [False, False, True, True]
     assert record["distribution"] == []
+    assert record["scores"] == SCORES
     rows = {(row["case"], row["image"], row["method"]): row for row in record["rows"]}
     assert len(rows) == 2 * 3 * 3
     name = record["cases"][0]["name"]

@@ -61,6 +61,9 @@ CONFIGURATIONS = (
     Configuration(mesh_px=0.5),
     Configuration("raster", mesh_px=0.1),
     Configuration("raster", mesh_px=0.5),
+    Configuration(more={"quality": "auto"}),
+    Configuration(more={"quality": "draft"}),
+    Configuration(samples=8, more={"quality": "auto"}),
     Configuration(processes=1),
     Configuration("raster", processes=1),
 )

@@ -16,6 +16,7 @@ import bpy
 import numpy as np
 
 from ...dataset.layout import ViewPaths
+from ...dataset.quality import stored_setting
 from ...errors import RunError
 from ...evaluation.baseline.pyvista_baseline import pyvista_renderer
 from ...evaluation.scores.similarity import Similarity, similarity
@@ -150,9 +151,12 @@ class SceneTrials:
         if judge:
             views = [read_image(paths[index].file("rgb"))[0] for index in self._reference.indices]
             self._judge(configuration.name, views)
+        setting, engine = stored_setting(out), configuration.engine
+        if setting is not None:
+            engine, triangles = setting.renderer, setting.faces
         shutil.rmtree(out)
         self._points[configuration.name] = lambda ms: SpeedPoint(
-            self._scene.name, OURS, configuration.name, ENGINE_NAMES[configuration.engine], configuration.samples,
+            self._scene.name, OURS, configuration.name, ENGINE_NAMES.get(engine, engine), configuration.samples,
             configuration.colour, " ".join(f"{name}={value}" for name, value in configuration.more.items()),
             triangles, configuration.processes or cores, *ms, **self._judged.get(configuration.name, {}),
         )  # fmt: skip

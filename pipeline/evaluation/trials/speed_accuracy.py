@@ -43,7 +43,9 @@ class Configuration:
     @property
     def name(self) -> str:
         """What distinguishes it, for people."""
-        parts = [ENGINE_NAMES.get(self.engine, self.engine), self.colour]
+        # with a quality, the engine is chosen by measuring
+        parts = [] if "quality" in self.more else [ENGINE_NAMES.get(self.engine, self.engine)]
+        parts.append(self.colour)
         parts.append(f"{self.samples} samples" if self.samples > 1 else "1 sample")
         if self.mesh_px:
             parts.append(f"mesh to {self.mesh_px:g} px")
@@ -70,7 +72,7 @@ class SpeedPoint:
     scene, kind, name
         The scene; ``OURS``, ``PEER`` or ``FLOOR``; the configuration in words.
     engine, samples, colour, more
-        As in :class:`Configuration`; ``more`` as text.
+        As in :class:`Configuration`, in words; ``more`` as text. With ``quality`` the engine that was chosen.
     triangles, processes
         Of the surface; processes that share the cores.
     ms, ms_least, ms_most

@@ -126,7 +126,7 @@ SWEEPS = (
         Limit("MAX_EXTENT_RATIO", MAX_EXTENT_RATIO * 640 / 3200 / 2),
     ),
 )
-ENGINES = ("cycles", "workbench", "eevee")
+ENGINES = ("cycles", "raster", "workbench", "eevee")
 EEVEE_SWEEPS = ("principal point", "clip range")
 """Eevee takes a second a view in software, so it is measured where it may differ from Workbench."""
 

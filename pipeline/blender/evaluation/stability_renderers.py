@@ -56,7 +56,12 @@ SCALING = ("first view", "time", "memory")
 REPORT = "scaling "
 """Begins the line of a process that measures."""
 ROOT = Path(__file__).resolve().parents[3]
-RASTERISERS = ("workbench", "eevee")
+RASTERISERS = ("raster", "workbench", "eevee")
+
+
+def _colour(engine: str) -> str:
+    """The colour mode in which an engine is measured: the projection, or what it has instead."""
+    return "projective" if engine in ("cycles", "raster") else "vertex"
 
 
 def _renderer(folder: Path, triangles: int, **options: object) -> ViewRenderer:
@@ -112,10 +117,10 @@ def measure_samples(folder: Path, distance: float, *, quick: bool) -> list[Cell]
 
 
 def measure_rasteriser(folder: Path, engine: str, tilt_deg: float) -> list[Cell]:
-    """A rasteriser against Cycles with vertex colours: colours, depth and silhouettes, by tilt."""
+    """A rasteriser against Cycles with the same colours: colours, depth and silhouettes, by tilt."""
     views = {}
     for name in ("cycles", engine):
-        with _renderer(folder, COARSE_TRIANGLES, engine=name, colour="vertex") as renderer:
+        with _renderer(folder, COARSE_TRIANGLES, engine=name, colour=_colour(engine)) as renderer:
             views[name] = renderer.render(_pose(renderer, tilt_deg=tilt_deg))
     exact, found = views["cycles"], views[engine]
     both = exact.mask & found.mask
@@ -162,8 +167,8 @@ def measure_triangles(folder: Path, engine: str, triangles: int) -> list[Cell]:
 def report_scaling(folder: Path, engine: str, triangles: int) -> None:
     """Render some views of the case for :func:`measure_triangles`, print what it took, and end the process."""
     keep_freed_memory()
-    start, colour = time.perf_counter(), "projective" if engine == "cycles" else "vertex"
-    with _renderer(folder, triangles, engine=engine, colour=colour) as renderer:
+    start = time.perf_counter()
+    with _renderer(folder, triangles, engine=engine, colour=_colour(engine)) as renderer:
         renderer.render(_pose(renderer))
         first, seconds = time.perf_counter() - start, []
         for index in range(TIMED_VIEWS):
@@ -201,7 +206,7 @@ def tasks(folder: Path, *, quick: bool) -> Iterator[Task]:
 
     ``folder`` is for temporary files. Engines that cannot render here are left out.
     """
-    rasterisers = [engine for engine in RASTERISERS[: 1 if quick else 2] if not reason_against(engine)]
+    rasterisers = [engine for engine in (RASTERISERS[:1] if quick else RASTERISERS) if not reason_against(engine)]
     for distance in DISTANCES[-1:] if quick else DISTANCES:
         yield partial(measure_samples, folder, distance, quick=quick)
     for engine, tilt_deg in itertools.product(rasterisers, TILTS_DEG[:: 4 if quick else 1]):

@@ -71,7 +71,7 @@ def _draw_offsets(axes: Any, theme: Theme, cells: Sequence[Cell]) -> None:
             )
     log_y(axes, FLOOR_PX / 2, HIGHEST_PX)
     axes.axhline(EXACT_PX, color=theme.series[1], linewidth=1, linestyle=(0, (1, 2)))
-    axes.set_xticks(range(len(engines)), engines)
+    axes.set_xticks(range(len(engines)), engines, rotation=15)
     axes.tick_params(axis="x", length=0, labelsize=9)
     axes.grid(axis="y", linewidth=0.8)
     axes.set_title("Sub-pixel offset of the picture")

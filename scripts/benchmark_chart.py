@@ -87,7 +87,7 @@ def main(argv: Sequence[str]) -> int:
     )
     stream = own_output()
     if not arguments.redraw:
-        rounds, views, along = (1, 12, 5) if arguments.quick else (3, 24, 15)
+        rounds, views, along = (1, 12, 5) if arguments.quick else (2, 24, 11)
         rounds = arguments.rounds or rounds
         conditions = current_conditions(
             {"seed": arguments.seed, "rounds": rounds, "views": views, "reference rays": along * along},
@@ -111,7 +111,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--bloster", metavar="DIR", type=Path, help="another scene: the photographs of bloster")
     parser.add_argument("--without-sample", action="store_true", help="leave the built-in sample case out")
-    parser.add_argument("--rounds", metavar="N", type=int, help="alternating rounds (default 3; 1 with --quick)")
+    parser.add_argument("--rounds", metavar="N", type=int, help="alternating rounds (default 2; 1 with --quick)")
     parser.add_argument("--seed", metavar="N", type=int, default=0, help="seed of the poses (default 0)")
     parser.add_argument("--quick", action="store_true", help="few configurations and views, one round")
     parser.add_argument("--redraw", action="store_true", help="measure nothing; draw the chart again from --out")

@@ -147,9 +147,11 @@ class ONEFRAME_PT_dataset_run(_DatasetPanel, bpy.types.Panel):
 
 def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> None:
     progress = job.progress
+    # rendering pilot views, and what they led to
+    choice = next((line.capitalize() for line in reversed(job.lines) if line.startswith("quality ")), "")
     if job.running:
         if progress is None:
-            layout.progress(factor=0.0, text="Starting background Blender")
+            layout.progress(factor=0.0, text=choice or "Starting background Blender")
         else:
             left = f", {progress.left} left" if progress.left else ""
             text = f"{progress.count} / {progress.total} {progress.noun}{left}"
@@ -164,6 +166,8 @@ def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> 
         draw_text(layout, job.error, icon="ERROR")
     else:
         draw_text(layout, job.lines[-1] if job.lines else str(job.out), icon="CHECKMARK")
+        if choice:
+            draw_text(layout, choice, icon="INFO")
 
 
 _CLASSES = (

@@ -13,6 +13,8 @@ SMOOTHING = 0.05
 """Standard deviation of the smoothing, relative to the longer side of the compared part."""
 LEAST_SMOOTHING_PX = 6.0
 MARGIN_PX = 24
+NARROW_PX = 10.0
+"""Standard deviation below which blurs are made at full size."""
 FILL_PX = 8.0
 """Width of the blur that continues both images beyond the compared part: an edge at its border would be a false cue."""
 TEXTURE_PX = 3.0
@@ -135,7 +137,13 @@ def _grey(image: np.ndarray) -> np.ndarray:
 
 
 def _blurred(values: np.ndarray, sigma: float) -> np.ndarray:
-    return cv2.GaussianBlur(values.astype(np.float32), (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+    """Blurred; a wide blur of a reduced image, which differs little and takes a tenth of the time."""
+    values = values.astype(np.float32)
+    factor = max(int(sigma / NARROW_PX), 1)
+    size = tuple(max(length // factor, 1) for length in values.shape[1::-1])
+    reduced = values if factor == 1 else cv2.resize(values, size, interpolation=cv2.INTER_AREA)
+    blurred = cv2.GaussianBlur(reduced, (0, 0), sigma / factor, borderType=cv2.BORDER_CONSTANT)
+    return blurred if factor == 1 else cv2.resize(blurred, values.shape[1::-1])
 
 
 def _box(mask: np.ndarray) -> tuple[slice, slice]:

@@ -3,6 +3,7 @@
 Methods are opened one after the other, so that only one scene is in memory; scoring runs in threads beside the renders.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -84,9 +85,9 @@ class Findings:
     without_overlap: list[tuple[str, str]] = field(default_factory=list)
 
 
-def steps(cases: Sequence[EvaluationCase], methods: int) -> int:
-    """Number of steps that :func:`evaluate_case` reports for all cases."""
-    return sum(len(case.photographs) for case in cases) * (methods + 2)
+def steps_px(case: EvaluationCase, methods: int) -> list[int]:
+    """Pixels of the photograph of each step of :func:`evaluate_case`."""
+    return [math.prod(case.loaded.case.camera.size_wh)] * len(case.photographs) * (methods + 2)
 
 
 def evaluate_case(

@@ -1,5 +1,6 @@
 """An evaluation as a folder: scores, summaries, the paper's figure, pairs of novel views, pictures and charts."""
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -41,7 +42,7 @@ from ...files.signature import signed
 from ...images.contact_sheet import downscaled
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
-from .evaluate import Findings, NovelView, Settings, View, bounds, distributions, evaluate_case, shown_numbers
+from .evaluate import Findings, NovelView, Settings, View, bounds, distributions, evaluate_case, shown_numbers, steps_px
 from .evaluation_case import EvaluationCase
 from .methods import Method
 
@@ -108,15 +109,15 @@ def check_evaluation(run: EvaluationRun, inputs: Mapping[str, Path]) -> None:
     check_outputs(outputs, {**inputs, **photographs})
 
 
-def write_evaluation(run: EvaluationRun, advance: Callable[[], None]) -> tuple[Evaluation, list[str]]:
+def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tuple[Evaluation, list[str]]:
     """Evaluate all cases and write the folder; pictures as they are made, the record last.
 
     Parameters
     ----------
     run
         Checked by :func:`check_evaluation`.
-    advance
-        Called after each step, see :func:`.steps`.
+    reach
+        Gets the share of the work, 0..1, that is finished.
 
     Returns
     -------
@@ -130,6 +131,14 @@ def write_evaluation(run: EvaluationRun, advance: Callable[[], None]) -> tuple[E
         A file cannot be written.
     """
     findings, gallery = Findings(), _Gallery(run)
+    # what a step takes depends on the size of the photograph
+    steps = [steps_px(case, len(run.settings.methods)) for case in run.cases]
+    shares = itertools.accumulate(itertools.chain.from_iterable(steps))
+    total = sum(map(sum, steps))
+
+    def advance() -> None:
+        reach(next(shares) / total)
+
     for case in run.cases:
         evaluate_case(case, run.settings, findings, advance=advance, show=gallery.add, show_novel=gallery.add_novel)
     if all(np.isnan(row.scores["ssim_whole"]) for row in findings.rows):

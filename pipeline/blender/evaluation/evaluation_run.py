@@ -9,9 +9,9 @@ from ...errors import RunError
 from ...evaluation.photographs import read_photographs
 from ...evaluation.record.evaluation_record import ALL
 from ...evaluation.scores.inception import Inception
-from ...progress import Progress
+from ...progress import ShareProgress
 from ..case.load_case import load_case
-from .evaluate import Settings, steps
+from .evaluate import Settings
 from .evaluation_case import named_cases
 from .evaluation_files import FIGURE, MARKDOWN_FILE, EvaluationRun, check_evaluation, write_evaluation
 from .methods import Method, skipped_because
@@ -86,8 +86,8 @@ def run_evaluation(run: EvaluationRun, inputs: Mapping[str, Path], *, stream: Te
     check_evaluation(run, inputs)
     for method, reason in run.skipped.items():
         yield f"{method.name}: skipped, {reason}"
-    with Progress(steps(run.cases, len(run.settings.methods)), "views", stream=stream) as progress:
-        evaluation, notes = write_evaluation(run, progress.advance)
+    with ShareProgress("of the evaluation", stream=stream) as progress:
+        evaluation, notes = write_evaluation(run, progress.reach)
     case = ALL if len(run.cases) > 1 else run.cases[0].name
     for ran in evaluation.ran:
         means = [evaluation.mean(case, ran.name, f"ssim_{part}") for part in ("whole", "surface", "observed")]

@@ -69,23 +69,25 @@ def _collected_passes() -> Iterator[list[dict[str, np.ndarray]]]:
     """Collect the passes of Cycles renders inside the block.
 
     Only the engine itself can read a render result. Cycles is an engine written in Python around a library, and Blender
-    looks up its ``render`` at every call. So this block replaces that method by one that also reads the result.
+    looks up its ``render_frame_finish`` at every call. So this block replaces that method by one that also reads the
+    result.
     """
     import cycles
 
-    engine, original = cycles.CyclesRender, cycles.CyclesRender.render
+    engine, original = cycles.CyclesRender, cycles.CyclesRender.render_frame_finish
     results: list[dict[str, np.ndarray]] = []
 
-    def render_and_read(self: bpy.types.RenderEngine, depsgraph: bpy.types.Depsgraph) -> None:
-        original(self, depsgraph)
+    def finish_and_read(self: bpy.types.RenderEngine) -> None:
+        # views of more than 8192 px are rendered in tiles, which are put together here
+        original(self)
         result = self.get_result()
         results.append({p.name: _pass_array(p, result.resolution_y) for p in result.layers[0].passes})
 
-    engine.render = render_and_read
+    engine.render_frame_finish = finish_and_read
     try:
         yield results
     finally:
-        engine.render = original
+        engine.render_frame_finish = original
 
 
 def _pass_array(render_pass: bpy.types.RenderPass, height: int) -> np.ndarray:

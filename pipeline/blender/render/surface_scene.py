@@ -21,7 +21,9 @@ POINT_FILTER_PX = 0.01
 """Width of the pixel filter with one sample: practically the pixel's centre (0 is not allowed)."""
 
 LARGEST_VIEW_PX = 8192**2
-"""Cycles renders larger images in tiles of at most 8192 x 8192 px through files, from which results cannot be read."""
+"""Pixels of a view: with its passes it takes 7 GB."""
+LARGEST_SIDE_PX = 16_384
+"""Of a view by Eevee or Workbench: with more, OpenGL has no memory, and Eevee shows nothing without an error."""
 
 
 class SurfaceScene:
@@ -74,12 +76,18 @@ class SurfaceScene:
         Raises
         ------
         InputError
-            Views of more than :data:`LARGEST_VIEW_PX`; a surface too large for engine ``"raster"``.
+            Views of more than :data:`LARGEST_VIEW_PX`, or :data:`LARGEST_SIDE_PX` by a rasteriser; a surface too large
+            for engine ``"raster"``.
         """
         if camera.width * camera.height > LARGEST_VIEW_PX:
             raise InputError(
                 f"view: expected at most {LARGEST_VIEW_PX / 1e6:.0f} million pixels, found {camera.width}x"
                 f"{camera.height}; use a smaller frame or --scale"
+            )
+        if engine in ("eevee", "workbench") and max(camera.size_wh) > LARGEST_SIDE_PX:
+            raise InputError(
+                f"view: expected at most {LARGEST_SIDE_PX} px a side with engine {engine}, found {camera.width}x"
+                f"{camera.height}; use --engine cycles or --scale"
             )
         self._own: list[bpy.types.ID] = []
         with self.owning():

@@ -11,7 +11,7 @@ from .stability_panels import answer_legend, distinct, in_sweep, lines, log_axes
 
 SCALING = (
     ("first view", "Time to the first view", "s", (0.1, 300)),
-    ("time", "Time of a view", "s", (0.005, 20)),
+    ("time", "Time of a view", "s", (0.002, 20)),
     ("memory", "Memory", "MB at the peak", (100, 30_000)),
 )
 

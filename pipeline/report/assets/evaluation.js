@@ -21,6 +21,8 @@ const scores = [...new Set([...data.rows.flatMap(Object.keys), ...data.summary.m
 const PREFERRED = ['ssim_whole', 'ssim_surface', 'ssim_observed', 'psnr_observed', 'error_observed', 'ssim_aligned', 'flow_px', 'edge_f'];
 const main = PREFERRED.filter((score) => scores.includes(score));
 const mainScores = main.length > 2 ? main : scores.slice(0, 8);
+// as many as fit beside the pictures
+const FRAME_SCORES = 6;
 const digitsOf = (score) => {
     const values = [...data.rows.map((row) => row[score]), ...data.summary.filter((row) => row.score === score).map(({ mean }) => mean)];
     const most = Math.max(0, ...values.filter(Number.isFinite).map(Math.abs));
@@ -124,7 +126,7 @@ function select(place, focus = false) {
     const rows = data.rows.filter((row) => row.case === frame.case && row.image === frame.image);
     const best = bestOf(rows);
     byId('frame-scores').replaceChildren(...(rows.length ? [createTable({
-        caption: `Scores of ${frame.image}`, rows, columns: [{ key: 'method', name: 'Method' }, ...mainScores.map(column)],
+        caption: `Scores of ${frame.image}`, rows, columns: [{ key: 'method', name: 'Method' }, ...mainScores.slice(0, FRAME_SCORES).map(column)],
         best: (row, key) => rows.length > 1 && isBest(row[key], best[key], key),
     })] : []));
 }

@@ -42,7 +42,7 @@ class EvaluatedMethod:
 
 @dataclass(frozen=True)
 class Row:
-    """The scores of a view, see :data:`.SCORES`; NaN for those that it does not have."""
+    """The scores of a view, see :mod:`pipeline.evaluation.scores.view_scores`; NaN for those that it does not have."""
 
     case: str
     image: str

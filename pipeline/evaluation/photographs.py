@@ -30,15 +30,18 @@ def read_photographs(path: Path, loaded: LoadedCase) -> list[PosedPhotograph]:
     Raises
     ------
     InputError
-        The file is missing or not such a list, an image is no file name, or a pose is not rigid.
+        The file is missing or not such a list, it is empty or too long, an image is no file name, or a pose is not rigid.
     """
     entries = parsed_json(read_content(path, "a list of photographs", most=LARGEST_FILE), path.name)
     if not isinstance(entries, list) or not all(isinstance(e, dict) and "image" in e for e in entries):
         raise InputError(
             f'{path.name}: expected a list of {{"image": ..., "cam_from_mesh": ...}}, found something else'
         )
-    if len(entries) > MOST_PHOTOGRAPHS:
-        raise InputError(f"{path.name}: expected up to {MOST_PHOTOGRAPHS} photographs, found {len(entries)}; split it")
+    if not 0 < len(entries) <= MOST_PHOTOGRAPHS:
+        raise InputError(
+            f"{path.name}: expected 1 to {MOST_PHOTOGRAPHS} photographs, found {len(entries)}; "
+            + ("split it" if entries else "list some")
+        )
     photographs = []
     for number, entry in enumerate(entries):
         key = pose_key(entry, f"{path.name}: entry {number}: ")

@@ -1,0 +1,54 @@
+"""Lists of photographs: poses in the mesh's frame and units become poses of the model; what is no list is refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.errors import InputError
+from pipeline.evaluation.photographs import MOST_PHOTOGRAPHS, read_photographs
+from pipeline.transforms import inverse_rigid, rigid, rotation_from_vector
+
+CAMERA = PinholeCamera(64, 48, 300.0, 300.0, 31.5, 23.5)
+MESH_FROM_MODEL = rigid(rotation_from_vector(np.array([0.2, -0.1, 0.4])), np.array([20.0, -7.0, 3.0]))
+
+
+@pytest.fixture
+def loaded(loaded_case, bumpy_mesh, frontal_pose):
+    image = np.zeros((48, 64, 3), np.float32)
+    return loaded_case(bumpy_mesh, image, frontal_pose, CAMERA, mesh_from_model=MESH_FROM_MODEL, mm_per_unit=1000.0)
+
+
+def listed(pose: object, image: object = "a.png") -> dict:
+    return {"image": image, "cam_from_mesh": pose}
+
+
+def test_poses_are_those_of_the_model_in_millimetres(tmp_path, loaded, oblique_pose):
+    in_metres = oblique_pose @ inverse_rigid(MESH_FROM_MODEL)
+    in_metres[:3, 3] /= 1000
+    path = tmp_path / "list.json"
+    path.write_text(json.dumps([listed(in_metres.tolist())]))
+    (photograph,) = read_photographs(path, loaded)
+    assert photograph.path == tmp_path / "a.png"
+    np.testing.assert_allclose(photograph.cam_from_model, oblique_pose, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("[]", f"expected 1 to {MOST_PHOTOGRAPHS} photographs, found 0; list some"),
+        ("{}", "expected a list of"),
+        ('["a.png"]', "expected a list of"),
+        (json.dumps([listed(np.eye(4).tolist())] * (MOST_PHOTOGRAPHS + 1)), "found 10001; split it"),
+        (json.dumps([listed(np.eye(4).tolist(), "")]), "entry 0: image: expected a file name, found ''"),
+        (json.dumps([listed((2 * np.eye(4)).tolist())]), "entry 0: cam_from_mesh"),
+        ('[{"image": "a.png"}]', "entry 0: "),
+        ("[", "expected JSON"),
+    ],
+)
+def test_what_is_no_list_of_photographs_is_refused(tmp_path, loaded, content, message):
+    path = tmp_path / "list.json"
+    path.write_text(content)
+    with pytest.raises(InputError, match=message):
+        read_photographs(path, loaded)

@@ -30,7 +30,8 @@ def read_photographs(path: Path, loaded: LoadedCase) -> list[PosedPhotograph]:
     Raises
     ------
     InputError
-        The file is missing or not such a list, it is empty or too long, an image is no file name, or a pose is not rigid.
+        The file is missing or not such a list, it is empty or too long, an image is no file name, or a pose is not
+        rigid.
     """
     entries = parsed_json(read_content(path, "a list of photographs", most=LARGEST_FILE), path.name)
     if not isinstance(entries, list) or not all(isinstance(e, dict) and "image" in e for e in entries):

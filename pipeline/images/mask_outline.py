@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .mask_box import mask_box
+
 LARGEST_SHIFT_PX = 0.7
 """Farthest that smoothing moves a point from the middle of its pixel's side."""
 
@@ -50,11 +52,11 @@ def outlines(mask: np.ndarray, *, sigma_px: float) -> list[Outline]:
         Standard deviation of the smoothing along the curve. It is corrected once for what it takes away from bends
         (Taubin, "A signal processing approach to fair surface design", SIGGRAPH 1995).
     """
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if len(rows) == 0:
+    if not mask.any():
         return []
-    corner = np.array([columns[0], rows[0]])
-    inner, side = _sides(mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1])
+    rows, columns = mask_box(mask)
+    corner = np.array([columns.start, rows.start])
+    inner, side = _sides(mask[rows, columns])
     following = _following(inner, side).tolist()
     curves: list[list[int]] = []
     seen = bytearray(len(side))

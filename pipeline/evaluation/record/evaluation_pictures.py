@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ...images.mask_box import mask_box
+
 TILE_WH = (320, 240)
 GAP_PX, LABEL_PX = 6, 26
 INK, PAPER = (0.12, 0.14, 0.16), 1.0
@@ -28,8 +30,8 @@ def crop_of(mask: np.ndarray) -> Crop:
     """The part of an image around an ``(H, W)`` bool mask; the whole image where it is empty."""
     height, width = mask.shape
     if mask.any():
-        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-        left, right, top, bottom = columns[0], columns[-1] + 1, rows[0], rows[-1] + 1
+        rows, columns = mask_box(mask)
+        left, right, top, bottom = columns.start, columns.stop, rows.start, rows.stop
     else:
         left, right, top, bottom = 0, width, 0, height
     across, down = CROP_MARGIN * (right - left), CROP_MARGIN * (bottom - top)

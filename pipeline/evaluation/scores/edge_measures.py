@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ...images.mask_box import mask_box
+
 SCALE_PX = 1.0
 """Standard deviation of the Gaussian whose derivatives are the gradients: noise of single pixels is no edge."""
 BORDER_PX = 4
@@ -46,8 +48,7 @@ def edge_measures(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> 
     nothing = EdgeMeasures(*[float("nan")] * 4)
     if not mask.any():
         return nothing
-    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    box = mask_box(mask)
     real, synthetic, mask = real[box], synthetic[box], mask[box]
     kernel = np.ones((2 * BORDER_PX + 1,) * 2, np.uint8)
     inside = cv2.erode(mask.astype(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(0,)) > 0

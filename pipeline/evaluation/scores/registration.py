@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ...images.mask_box import mask_box
+
 SMOOTHING = 0.05
 """Standard deviation of the smoothing, relative to the longer side of the compared part."""
 LEAST_SMOOTHING_PX = 6.0
@@ -59,9 +61,7 @@ def registered(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> Reg
     ValueError
         The mask is empty.
     """
-    if not mask.any():
-        raise ValueError("expected a mask with pixels in it, found an empty one")
-    box = _box(mask)
+    box = mask_box(mask, MARGIN_PX)
     flow = _smooth_flow(_grey(real[box]), _grey(synthetic[box]), mask[box])
     height, width = flow.shape[:2]
     v, u = np.mgrid[:height, :width].astype(np.float32)
@@ -144,12 +144,3 @@ def _blurred(values: np.ndarray, sigma: float) -> np.ndarray:
     reduced = values if factor == 1 else cv2.resize(values, size, interpolation=cv2.INTER_AREA)
     blurred = cv2.GaussianBlur(reduced, (0, 0), sigma / factor, borderType=cv2.BORDER_CONSTANT)
     return blurred if factor == 1 else cv2.resize(blurred, values.shape[1::-1])
-
-
-def _box(mask: np.ndarray) -> tuple[slice, slice]:
-    """The rows and columns of a mask with a margin."""
-    slices = []
-    for axis, size in ((1, mask.shape[0]), (0, mask.shape[1])):
-        found = np.flatnonzero(mask.any(axis=axis))
-        slices.append(slice(max(int(found[0]) - MARGIN_PX, 0), min(int(found[-1]) + MARGIN_PX + 1, size)))
-    return slices[0], slices[1]

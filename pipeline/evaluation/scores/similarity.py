@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from skimage.metrics import structural_similarity
 
+from ...images.mask_box import mask_box
+
 WINDOW_PX = 7
 """Side of SSIM's window (Wang et al. 2004; scikit-image's default)."""
 
@@ -46,7 +48,7 @@ def similarity(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> Sim
         Shapes that differ, or an empty mask.
     """
     _check(real, synthetic, mask)
-    box = _box(mask)
+    box = mask_box(mask, WINDOW_PX)
     real, synthetic, mask = real[box], synthetic[box], mask[box]
     shown = np.where(mask[..., None], synthetic, real)
     difference = real[mask].astype(float) - synthetic[mask]
@@ -70,7 +72,8 @@ def segmented_similarity(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarr
         As :func:`similarity`.
     """
     _check(real, synthetic, mask)
-    box, everything = _box(mask), mask.size
+    # outside, SSIM is 1
+    box, everything = mask_box(mask, WINDOW_PX), mask.size
     inside = mask[box][..., None]
     real, synthetic = np.where(inside, real[box], 0), np.where(inside, synthetic[box], 0)
     found = _ssim_map(real, synthetic)
@@ -100,14 +103,3 @@ def _correlation(a: np.ndarray, b: np.ndarray) -> float:
 def _check(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> None:
     if real.shape != synthetic.shape or mask.shape != real.shape[:2]:
         raise ValueError(f"expected images and mask of one size, found {real.shape}, {synthetic.shape}, {mask.shape}")
-    if not mask.any():
-        raise ValueError("expected a mask with pixels in it, found an empty one")
-
-
-def _box(mask: np.ndarray) -> tuple[slice, slice]:
-    """The rows and columns of a mask with a margin of a window: outside them SSIM is 1."""
-    slices = []
-    for axis, size in ((1, mask.shape[0]), (0, mask.shape[1])):
-        found = np.flatnonzero(mask.any(axis=axis))
-        slices.append(slice(max(int(found[0]) - WINDOW_PX, 0), min(int(found[-1]) + WINDOW_PX + 1, size)))
-    return slices[0], slices[1]

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 
 import bpy
 import numpy as np
@@ -155,18 +156,27 @@ def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
 
 
 def check_engine(engine: str) -> None:
-    """Check by a trial render in a separate process that an engine works on this machine.
-
-    Without an OpenGL context Blender does not report an error: the process ends at once, while it sets up OpenGL, by a
-    segmentation fault (5.2, also in ``gpu.init()``) or an abort (4.5).
+    """Check that an engine works on this machine.
 
     Raises
     ------
     InputError
         The engine cannot render.
     """
-    if engine == "cycles":
-        return
+    if engine != "cycles" and not _has_opengl():
+        raise InputError(
+            f"--engine {engine}: expected an OpenGL context, Blender gets none on this machine; "
+            "install Mesa's software OpenGL (libegl1, libgl1-mesa-dri) or a graphics driver, or use --engine cycles"
+        )
+
+
+@cache
+def _has_opengl() -> bool:
+    """Whether Blender gets an OpenGL context, by a trial render in a separate process.
+
+    Without a context Blender does not report an error: the process ends at once, while it sets up OpenGL, by a
+    segmentation fault (5.2, also in ``gpu.init()``) or an abort (4.5).
+    """
     trial = (
         f"import bpy; scene = bpy.context.scene; scene.render.engine = {ENGINE_IDS['workbench']!r}; "
         f"scene.render.resolution_x = scene.render.resolution_y = 8; bpy.ops.render.render(); print({_TRIAL_ENDED!r})"
@@ -175,11 +185,7 @@ def check_engine(engine: str) -> None:
     if not bpy.app.module:
         command = [bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", trial]
     ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
-    if _TRIAL_ENDED not in ended.stdout:
-        raise InputError(
-            f"--engine {engine}: expected an OpenGL context, Blender gets none on this machine; "
-            "install Mesa's software OpenGL (libegl1, libgl1-mesa-dri) or a graphics driver, or use --engine cycles"
-        )
+    return _TRIAL_ENDED in ended.stdout
 
 
 def keep_freed_memory() -> None:

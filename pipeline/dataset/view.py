@@ -1,7 +1,6 @@
 """One view of a dataset: the rendered arrays, and their encoding as the view's files and record."""
 
 import io
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -186,7 +185,7 @@ def file_sums(paths: ViewPaths, files: dict[str, bytes]) -> dict[str, FileSum]:
 def write_view(paths: ViewPaths, files: dict[str, bytes], record: ViewRecord) -> None:
     """Write a view's files and then its record: a view with a record is finished, also after a loss of power."""
     _write({paths.file(kind): data for kind, data in files.items()})
-    _write({paths.file("frame"): (json.dumps(record.to_json(), separators=(",", ":")) + "\n").encode()})
+    _write({paths.file("frame"): record.to_bytes()})
 
 
 def _write(files: Mapping[Path, bytes]) -> None:

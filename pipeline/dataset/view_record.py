@@ -3,6 +3,7 @@
 It is written last, so a view with a record is complete. All tables are made from the records.
 """
 
+import json
 import re
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -107,6 +108,10 @@ class ViewRecord:
             "files": sums_to_json(self.files),
             "rle_counts": list(self.rle_counts),
         }
+
+    def to_bytes(self) -> bytes:
+        """The content of the file."""
+        return (json.dumps(self.to_json(), separators=(",", ":")) + "\n").encode()
 
     @classmethod
     def from_json(cls, content: object, where: str) -> "ViewRecord":

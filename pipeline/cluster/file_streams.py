@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from distributed import Client, Worker
 
@@ -25,8 +25,8 @@ _READ, _WRITE, _KEEP = "oneframe_read", "oneframe_write", "oneframe_keep"
 class WorkerFolder:
     """A folder on a worker that the run's machine reads from, or fills: one object for each name and process."""
 
-    _opened: dict[str, "WorkerFolder"] = {}
-    _opening = threading.Lock()
+    _opened: ClassVar[dict[str, "WorkerFolder"]] = {}
+    _opening: ClassVar = threading.Lock()
 
     def __init__(self, root: Path) -> None:
         """A folder that need not exist yet."""

@@ -4,12 +4,13 @@ import json
 from pathlib import Path
 
 import pytest
-from .synthetic_dataset import description_of, make_dataset
 
 from pipeline.dataset.gathered_view import gather_view
 from pipeline.dataset.identity import identity_of
 from pipeline.dataset.layout import ViewPaths, view_kinds
 from pipeline.errors import RunError
+
+from .synthetic_dataset import description_of, make_dataset
 
 IDENTITY, KINDS = identity_of(description_of()), view_kinds(float_depth=True)
 

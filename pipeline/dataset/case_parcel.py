@@ -47,7 +47,7 @@ class CaseParcel:
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     @property
-    def bytes(self) -> int:
+    def size(self) -> int:
         """Size of all files together."""
         return sum(known.bytes for known in self.sums.values())
 

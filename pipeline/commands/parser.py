@@ -11,6 +11,8 @@ from ..errors import RunError
 PACKAGES = {
     "bpy": "Blender (bpy), which needs Python 3.11 or 3.13",
     "cv2": "OpenCV",
+    "dask": "Dask",
+    "distributed": "Dask (distributed)",
     "scipy": "SciPy",
     "skimage": "scikit-image",
     "shtab": "shtab",

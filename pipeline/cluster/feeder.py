@@ -10,7 +10,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from distributed import Future
@@ -20,6 +20,7 @@ from .. import __version__
 from ..dataset.chunks import next_chunk, time_budget
 from ..errors import InputError, RunError
 from .call import Call
+from .gathering import MOST_WAITING, Gatherer
 from .orders import Beat, Order, Outcome
 from .sources import WorkerSource
 from .workers_seen import WorkersSeen
@@ -56,14 +57,20 @@ class Tally:
         Items that were handed out again because a process or a worker was lost.
     orders
         Number of orders that came back.
+    not_gathered
+        Items that could not be brought here and were handed out again.
+    hosts
+        Number of items that are on each machine.
     workers
-        Number of workers that did any.
+        The workers that did any.
     """
 
     done: int = 0
     found: int = 0
     again: int = 0
     orders: int = 0
+    not_gathered: int = 0
+    hosts: Counter[str] = field(default_factory=Counter)
     workers: set[str] = field(default_factory=set)
 
 
@@ -93,6 +100,7 @@ class Feeder:
         pace: Pace | None = None,
         show: Callable[[int, str], None] = lambda _done, _state: None,
         note: Callable[[str], None] = lambda _text: None,
+        gatherer: Gatherer | None = None,
     ) -> None:
         """Prepare a run.
 
@@ -114,12 +122,14 @@ class Feeder:
             Gets the number of items done and the state of the workers, often.
         note
             Gets a line for the user, when something happens that matters.
+        gatherer
+            Brings here what is done; until then it does not count as done.
         """
         self._source, self._call, self._client = source, call, source.client
         self._run, self._task, self._job, self._noun = run, task, dict(job), noun
         self._todo = deque(items)
         self._pace = pace or Pace()
-        self._show, self._note = show, note
+        self._show, self._note, self._gatherer = show, note, gatherer
         self._placed: dict[int, _Placed] = {}
         self._number = 0
         self._suspects: deque[int] = deque()
@@ -152,14 +162,15 @@ class Feeder:
         self._client.subscribe_topic(topic, self._hear)
         try:
             next_look = since = time.monotonic()
-            while (self._todo or self._suspects or self._placed) and not self._stopped.is_set():
+            while self._is_unfinished() and not self._stopped.is_set():
                 now = time.monotonic()
                 if now >= next_look:
                     self._look(now, since)
                     next_look = time.monotonic() + self._pace.look
                 self._place()
                 self._take_news(min(0.5, self._pace.look))
-                self._show(len(self._finished) + sum(p.done for p in self._placed.values()), self.state())
+                self._take_back()
+                self._show(self._shown(), self.state())
             return self.tally
         finally:
             self._abandon()
@@ -170,9 +181,25 @@ class Feeder:
         again = f"; {self.tally.again} {self._noun}s again" if self.tally.again else ""
         return self.workers.state(time.monotonic()) + again
 
+    def found_before(self, outcome: Outcome) -> None:
+        """Take over, before :meth:`run`, what a worker has from an earlier run."""
+        held = {*outcome.found}.intersection(self._todo) - self._finished
+        self._todo = deque(item for item in self._todo if item not in held)
+        self._take_done(replace(outcome, found=tuple(sorted(held))))
+
+    def _is_unfinished(self) -> bool:
+        return bool(self._todo or self._suspects or self._placed or (self._gatherer and self._gatherer.waiting))
+
+    def _shown(self) -> int:
+        if self._gatherer:
+            return len(self._finished) - self._gatherer.waiting
+        return len(self._finished) + sum(p.done for p in self._placed.values())
+
     # --- out
 
     def _place(self) -> None:
+        if self._gatherer and self._gatherer.waiting > MOST_WAITING:
+            return
         allowed = self.workers.allowed()
         slots = max(self.workers.slots, self._source.expected)
         if allowed is not None and not allowed:
@@ -253,9 +280,7 @@ class Feeder:
         self.tally.orders += 1
         if outcome.wrong_input:
             raise InputError(outcome.wrong_input)
-        self._finished.update(outcome.finished, outcome.found)
-        self.tally.done += len(outcome.finished)
-        self.tally.found += len(outcome.found)
+        self._take_done(outcome)
         if outcome.finished:
             self.tally.workers.add(outcome.worker)
             # recent orders count more
@@ -275,6 +300,23 @@ class Feeder:
         for item in outcome.crashed:
             self._crashed(item, f"{outcome.lost[-1] if outcome.lost else 'a process'} on {outcome.host}")
         self._todo.extendleft(reversed(outcome.left))
+
+    def _take_done(self, outcome: Outcome) -> None:
+        self._finished.update(outcome.finished, outcome.found)
+        self.tally.done += len(outcome.finished)
+        self.tally.found += len(outcome.found)
+        self.tally.hosts[outcome.host] += len(outcome.finished) + len(outcome.found)
+        if self._gatherer:
+            self._gatherer.take(outcome)
+
+    def _take_back(self) -> None:
+        """What could not be brought here goes out again."""
+        for item, why in self._gatherer.given_back() if self._gatherer else ():
+            if not self.tally.not_gathered:
+                self._note(f"{self._noun} {item} could not be gathered and is done again: {why}")
+            self.tally.not_gathered += 1
+            self._finished.discard(item)
+            self._todo.appendleft(item)
 
     def _crashed(self, item: int, how: str) -> None:
         self._crashes[item] += 1

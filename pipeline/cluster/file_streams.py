@@ -6,7 +6,6 @@ never through the scheduler. A worker gives and takes only what lies in folders 
 
 import asyncio
 import os
-import shutil
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from distributed import Client, Worker
+from distributed.comm import CommClosedError
 
 from ..dataset.checksums import FileSum, sum_of_file
 from ..errors import RunError
@@ -31,7 +31,7 @@ class WorkerFolder:
     def __init__(self, root: Path) -> None:
         """A folder that need not exist yet."""
         self.root = root
-        self.asked = False
+        self.asked_by: set[str] = set()
         self._changed = time.monotonic()
         self._is_whole = threading.Event()
         if root.is_dir():
@@ -54,13 +54,14 @@ class WorkerFolder:
         """Where files are until all of them have arrived."""
         return self.root.with_name(f"{self.root.name}.partial")
 
-    def wait(self, stalled_seconds: float) -> bool:
-        """Wait until all files have arrived; False if nothing has come for this long."""
-        self._changed = time.monotonic()
-        while not self._is_whole.wait(0.1):
-            if time.monotonic() - self._changed > stalled_seconds:
-                return False
-        return True
+    def wait(self, seconds: float) -> bool:
+        """Wait until all files have arrived, or for this time; whether they have."""
+        return self._is_whole.wait(seconds)
+
+    @property
+    def idle_seconds(self) -> float:
+        """Time since anything has arrived, or since the folder was opened."""
+        return time.monotonic() - self._changed
 
     def read(self, name: str, offset: int) -> bytes:
         """A block of a file; an empty one at its end."""
@@ -77,33 +78,32 @@ class WorkerFolder:
             stream.write(data)
         self._changed = time.monotonic()
 
-    def keep(self, sums: Mapping[str, FileSum]) -> str | None:
+    def keep(self, sums: Mapping[str, FileSum]) -> str:
         """Take the files as whole if their hashes are these; else what is wrong, as a clause."""
         for name, known in sums.items():
             if sum_of_file(self.partial / name) != known:
                 return f"{name} did not arrive as it was sent"
         os.replace(self.partial, self.root)
         self._is_whole.set()
-        return None
-
-    def remove(self) -> None:
-        """Remove the folder and everything in it."""
-        self._is_whole.clear()
-        for folder in (self.root, self.partial):
-            shutil.rmtree(folder, ignore_errors=True)
+        return ""
 
 
 async def _read(folder: str, name: str, offset: int) -> bytes:
     return await asyncio.to_thread(WorkerFolder.named(folder).read, name, offset)
 
 
-async def _write(folder: str, name: str, offset: int, data: Any) -> None:
+async def _write(folder: str, name: str, offset: int, data: Any) -> bool:
     await asyncio.to_thread(WorkerFolder.named(folder).write, name, offset, bytes(data))
+    return True
 
 
-async def _keep(folder: str, sums: Mapping[str, tuple[str, int]]) -> str | None:
+async def _keep(folder: str, sums: Mapping[str, tuple[str, int]]) -> str:
     known = {name: FileSum(*values) for name, values in sums.items()}
     return await asyncio.to_thread(WorkerFolder.named(folder).keep, known)
+
+
+class OutOfReach(RunError):
+    """No file can be exchanged with a worker: it has gone or begun anew, or no connection to it is possible."""
 
 
 def read_from_worker(client: Client, address: str, folder: str, name: str) -> Iterator[bytes]:
@@ -111,8 +111,10 @@ def read_from_worker(client: Client, address: str, folder: str, name: str) -> It
 
     Raises
     ------
+    OutOfReach
+        The worker cannot be reached from here, or no longer has the folder.
     RunError
-        The worker cannot be reached from here, or cannot read the file.
+        The worker cannot read the file.
     """
     offset = 0
     while True:
@@ -135,8 +137,10 @@ def fill_on_worker(
 
     Raises
     ------
+    OutOfReach
+        The worker cannot be reached from here, or no longer has the folder.
     RunError
-        The worker cannot be reached from here, or cannot keep the files.
+        The worker cannot keep the files.
     """
     for name, (_, blocks) in files.items():
         offset = 0
@@ -154,8 +158,17 @@ def _called(client: Client, address: str, operation: str, **arguments: object) -
         return await getattr(client.rpc(address), operation)(**arguments)
 
     try:
-        return client.sync(call)
+        answer = client.sync(call)
+    except FileNotFoundError as error:
+        raise RunError(f"{address}: {error.filename} is not there") from None
+    except (KeyError, CommClosedError, ConnectionError, TimeoutError) as error:
+        reason = "it has begun anew" if isinstance(error, KeyError) else str(error) or "no connection"
+        raise OutOfReach(f"{address}: cannot exchange files with this worker ({reason})") from None
     except OSError as error:
-        # a closed connection is one too
-        reason = error.strerror or str(error) or "no connection"
-        raise RunError(f"{address}: cannot exchange files with this worker ({reason})") from None
+        # Dask reports a failed connection as a plain one
+        kind = RunError if error.errno else OutOfReach
+        raise kind(f"{address}: cannot exchange files with this worker ({error.strerror or error})") from None
+    if answer is None:
+        # a worker's process that has not opened any folder does not know the operation
+        raise OutOfReach(f"{address}: cannot exchange files with this worker (it has begun anew)")
+    return answer

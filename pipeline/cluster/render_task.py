@@ -13,9 +13,12 @@ from typing import Any, Protocol
 from ..blender.command_line import EXIT_INPUT, EXIT_RUN, blender_command
 from ..blender.dataset.render_process import AHEAD, RenderProcess
 from ..dataset.folder import run_token
-from ..dataset.survey import is_finished
-from . import render_processes
+from ..dataset.layout import occupied_views
+from ..dataset.survey import is_finished, survey_views
+from ..errors import RunError
+from . import render_processes, worker_places
 from .orders import Order, Outcome
+from .worker_places import Machine, SentCase
 
 _ROOT = Path(__file__).resolve().parents[2]
 _SCRIPT = _ROOT / "scripts" / "render_dataset.py"
@@ -52,7 +55,7 @@ class RenderJob:
     Attributes
     ----------
     case, out
-        The case file and the dataset's folder, as the workers see them.
+        The case file and the dataset's folder, as the workers see them; an empty ``out`` is a temporary folder.
     arguments
         The options of the run, as a command line.
     identity, kinds
@@ -69,6 +72,10 @@ class RenderJob:
         A Blender program that renders, instead.
     limits
         When a process is given up.
+    description
+        Content of ``dataset.json`` for workers with folders of their own; ``None`` if they share that of the run.
+    sent
+        The case that is sent to workers, which replaces ``case``.
     """
 
     case: str
@@ -82,6 +89,8 @@ class RenderJob:
     command: tuple[str, ...] = ()
     blender: str | None = None
     limits: Limits = field(default_factory=Limits)
+    description: Mapping[str, Any] | None = None
+    sent: SentCase | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The JSON object."""
@@ -91,17 +100,15 @@ class RenderJob:
     def from_json(cls, content: Mapping[str, Any]) -> "RenderJob":
         """Read what :meth:`to_json` gives."""
         lists = {name: tuple(content[name]) for name in ("arguments", "kinds", "damaged", "command")}
-        return cls(**{**content, **lists, "limits": Limits(**content["limits"])})
+        sent = None if content["sent"] is None else SentCase(**content["sent"])
+        return cls(**{**content, **lists, "limits": Limits(**content["limits"]), "sent": sent})
 
 
-class Surroundings(Protocol):
+class Surroundings(Machine, Protocol):
     """The worker, as a task sees it."""
 
     address: str
     host: str
-
-    def beat(self, state: str, done: int) -> None:
-        """Tell that the order goes on."""
 
     def is_closing(self) -> bool:
         """Whether the worker is about to end."""
@@ -117,8 +124,10 @@ def perform(order: Order, worker: Surroundings) -> Outcome:
     """
     job = RenderJob.from_json(order.job)
     outcome = Outcome(order.number, worker.address, worker.host)
-    if why := _invisible_folder(order.run, job) or _unusable_program(job):
-        return replace(outcome, refused=why)
+    try:
+        job = _on_this_worker(order.run, job, worker)
+    except RunError as error:
+        return replace(outcome, refused=str(error))
     damaged = {*job.damaged}
     found = tuple(
         view
@@ -203,33 +212,72 @@ def _after_end(run: str, process: RenderProcess, outcome: Outcome, hung: str) ->
     return replace(back, lost=(f"a render process {how} before it rendered",))
 
 
-def _invisible_folder(run: str, job: RenderJob) -> str:
-    """Why the dataset's folder is not the run's, if it is not."""
+def held(order: Order, worker: Surroundings) -> Outcome:
+    """The finished views in the worker's own folder, as found ones; the order's items do not matter."""
+    job = RenderJob.from_json(order.job)
+    outcome = Outcome(order.number, worker.address, worker.host)
+    try:
+        folder = _folder(order.run, job, worker)
+        views = range(occupied_views(folder))
+        survey = survey_views(folder, views, job.description or {}, job.kinds)
+    except RunError as error:
+        return replace(outcome, refused=str(error))
+    return replace(outcome, found=tuple(sorted(survey.finished)))
+
+
+def end_run(run: str) -> None:
+    """End the processes of a run, and unlock its folder."""
+    render_processes.end_run(run)
+    worker_places.end_run(run)
+
+
+def _on_this_worker(run: str, job: RenderJob, worker: Surroundings) -> RenderJob:
+    """The job with this worker's paths.
+
+    Raises
+    ------
+    RunError
+        Why this worker can do nothing of it.
+    """
+    _check_program(job)
+    job = replace(job, out=str(_folder(run, job, worker)))
+    if job.sent is not None:
+        case, arguments = worker_places.sent_case(run, job.sent, worker)
+        job = replace(job, case=case, arguments=(*job.arguments, *arguments))
+    return job
+
+
+def _folder(run: str, job: RenderJob, worker: Surroundings) -> Path:
+    if job.description is not None:
+        return worker_places.own_folder(run, job.out, job.identity, job.description, worker)
+    _check_visible(run, job)
+    return Path(job.out)
+
+
+def _check_visible(run: str, job: RenderJob) -> None:
+    """Check that the dataset's folder is the run's."""
     token = run_token(Path(job.out), run)
     if run in _seen:
-        return ""
+        return
     give_up = time.monotonic() + job.limits.look
     while not token.exists():
         if time.monotonic() > give_up:
             what = "has no such folder" if not Path(job.out).is_dir() else "has another folder of this name"
-            return (
+            raise RunError(
                 f"it does not see the folder that {job.client} writes to: {job.out}; the machine {what}. Mount the "
-                "shared folder there at the same path, or choose one that all machines see (--out)"
+                "shared folder there at the same path, choose one that all machines see (--out), or let workers write "
+                "to folders of their own (--gather, or --out-on-workers)"
             )
         time.sleep(min(0.2, job.limits.look))
     _seen.add(run)
-    return ""
 
 
-def _unusable_program(job: RenderJob) -> str:
-    if job.blender is None:
-        return ""
-    if not _SCRIPT.is_file():
-        return (
+def _check_program(job: RenderJob) -> None:
+    if job.blender is not None and not _SCRIPT.is_file():
+        raise RunError(
             f"it has no {_SCRIPT}, which a Blender program needs; install OneFrame there from a checkout "
             "(pip install --editable), or leave out --blender-on-workers"
         )
-    return ""
 
 
 def _command(job: RenderJob) -> list[str]:

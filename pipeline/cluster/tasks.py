@@ -2,9 +2,11 @@
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
-from . import render_processes, render_task
+from . import render_task
+from .file_streams import WorkerFolder
 from .orders import Order, Outcome
 
 BEAT_SECONDS = 2.0
@@ -30,6 +32,19 @@ class DaskSurroundings:
         message = {"number": self._order.number, "worker": self.address, "state": state, "done": done}
         self._worker.log_event(topic_of(self._order.run), message)
 
+    @property
+    def local_folder(self) -> Path:
+        """Its folder for temporary files."""
+        return Path(self._worker.local_directory)
+
+    def open_folder(self, name: str, root: Path) -> WorkerFolder:
+        """Let the run's machine read or fill a folder."""
+        return WorkerFolder.open(self._worker, name, root)
+
+    def ask_for_case(self, folder: str) -> None:
+        """Ask the run's machine to fill an opened folder with the case."""
+        self._worker.log_event(case_topic_of(self._order.run), {"worker": self.address, "folder": folder})
+
     def is_closing(self) -> bool:
         """Whether the worker is about to end."""
         return self._worker.status.name in ("closing", "closed", "closing_gracefully", "stopping")
@@ -40,7 +55,15 @@ def topic_of(run: str) -> str:
     return f"oneframe-{run}"
 
 
-TASKS: dict[str, Callable[[Order, render_task.Surroundings], Outcome]] = {"render": render_task.perform}
+def case_topic_of(run: str) -> str:
+    """The topic under which workers ask for the case of a run."""
+    return f"{topic_of(run)}-case"
+
+
+TASKS: dict[str, Callable[[Order, render_task.Surroundings], Outcome]] = {
+    "render": render_task.perform,
+    "held": render_task.held,
+}
 """What can be ordered."""
 
 
@@ -52,4 +75,4 @@ def perform(text: str, worker: Any, host: str) -> str:
 
 def end_run(run: str) -> None:
     """End what a run still does on this worker."""
-    render_processes.end_run(run)
+    render_task.end_run(run)

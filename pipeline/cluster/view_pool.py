@@ -8,15 +8,23 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from ..case.case_file import read_case
+from ..dataset.case_parcel import case_parcel
 from ..dataset.folder import run_token
 from ..dataset.missing_views import MissingViews
 from ..dataset.options import option_arguments
 from ..errors import InputError, RunError
 from ..progress import Progress
 from .call import ANSWER, END
+from .case_sender import CaseSender
 from .feeder import Feeder, Pace
+from .gathering import Gatherer
+from .held_views import held_views
+from .places_on_workers import PlacesOnWorkers
 from .render_task import Limits, RenderJob
 from .sources import WorkerSource
+from .tasks import case_topic_of
+from .worker_places import SentCase
 
 ENDING_SECONDS = 2.0
 """Longest time that telling the workers to end may take: the command that is stopped ends soon."""
@@ -30,6 +38,7 @@ class ClusterPool:
         source: WorkerSource,
         *,
         own_command: Sequence[str],
+        places: PlacesOnWorkers | None = None,
         blender: str | None = None,
         limits: Limits | None = None,
         pace: Pace | None = None,
@@ -42,6 +51,8 @@ class ClusterPool:
             The workers.
         own_command
             Starts the render command on this machine; taken for workers on it.
+        places
+            Where workers find the case and write to; that of the run, which they see as well, if left out.
         blender
             A Blender program on the workers' machines that renders there.
         limits, pace
@@ -49,7 +60,10 @@ class ClusterPool:
         """
         self._source, self._blender = source, blender
         self._command = tuple(own_command) if source.on_this_machine else ()
+        self._places = places or PlacesOnWorkers()
         self._limits, self._pace = limits or Limits(), pace
+        self._gatherer: Gatherer | None = None
+        self._sender: CaseSender | None = None
         self._run = secrets.token_hex(8)
         self._token: Path | None = None
         self._feeder: Feeder | None = None
@@ -61,21 +75,29 @@ class ClusterPool:
     def start(self, missing: MissingViews, progress: Progress) -> None:
         """Begin, in the background: see :meth:`pipeline.dataset.missing_views.ViewPool.start`."""
         out = Path(os.path.abspath(missing.out))
+        client, places = self._source.client, self._places
+        arguments, sent = self._case(missing, progress)
         job = RenderJob(
-            case=os.path.abspath(missing.case),
-            out=str(out),
-            arguments=tuple(_absolute(option_arguments(missing.options))),
+            case=places.case or os.path.abspath(missing.case),
+            out=(places.out or "") if places.are_own else str(out),
+            arguments=tuple(arguments),
             identity=missing.identity,
             kinds=missing.kinds,
-            damaged=tuple(sorted(missing.damaged)),
+            # in a folder of the worker's own, nothing is known to be damaged
+            damaged=() if places.are_own else tuple(sorted(missing.damaged)),
             threads=self._source.threads,
             client=platform.node(),
             command=self._command,
             blender=self._blender,
             limits=self._limits,
+            description=missing.description if places.are_own else None,
+            sent=sent,
         )
         self._token = run_token(out, self._run)
         self._token.touch()
+        if places.gather:
+            self._gatherer = Gatherer(client, self._run, out, missing.identity, missing.kinds)
+        self._out = out
         self._feeder = Feeder(
             self._source,
             ANSWER,
@@ -86,24 +108,53 @@ class ClusterPool:
             pace=self._pace,
             show=lambda done, state: progress.update(missing.finished + done, state),
             note=progress.note,
+            gatherer=self._gatherer,
         )
-        self._thread = threading.Thread(target=self._feed, args=(self._feeder,), daemon=True)
+        self._thread = threading.Thread(target=self._feed, args=(self._feeder, job), daemon=True)
         self._thread.start()
 
-    def wait(self) -> None:
+    def _case(self, missing: MissingViews, progress: Progress) -> tuple[list[str], SentCase | None]:
+        """The options for the workers, and the case that is sent to them, if it is."""
+        arguments, places = option_arguments(missing.options), self._places
+        mark = "--poses="
+        if places.send_case:
+            parcel = case_parcel(read_case(missing.case), missing.options)
+            topic = case_topic_of(self._run)
+            self._sender = CaseSender(self._source.client, topic, parcel, progress.note)
+            sent = SentCase(parcel.sha256, parcel.poses)
+            return [text for text in arguments if not text.startswith(mark)], sent
+        return [
+            mark + places.poses(text[len(mark) :], missing.case) if text.startswith(mark) else text
+            for text in arguments
+        ], None
+
+    def wait(self) -> bool:
         """Wait until all views are on disk: see :meth:`pipeline.dataset.missing_views.ViewPool.wait`."""
-        if self._thread is not None and self._feeder is not None:
-            self._thread.join()
-            if self._failure is not None:
-                raise self._failure
-            self._is_done = True
-            self.messages += _told(self._feeder)
+        if self._thread is None or self._feeder is None:
+            return True
+        self._thread.join()
+        if self._failure is not None:
+            raise self._failure
+        self.messages += _told(self._feeder, self._gatherer, self._sender)
+        if self._places.are_own and self._gatherer is None:
+            hosts = ", ".join(f"{host} ({count})" for host, count in self._feeder.tally.hosts.most_common(8))
+            self.messages.append(
+                f"the views are in {self._places.out} of {hosts}; copy what is in these folders into {self._out} and "
+                "run the same command without --cluster: it writes the tables"
+            )
+            return False
+        return True
 
     def stop(self) -> None:
         """End all that still renders, at once."""
         if self._feeder is None or self._thread is None:
             return
         self._feeder.stop()
+        if self._gatherer is not None:
+            self._gatherer.stop()
+        if self._sender is not None:
+            with suppress(OSError, RuntimeError, ValueError):
+                self._sender.stop()
         ending = threading.Thread(target=self._end_processes, daemon=True)
         ending.start()
         ending.join(ENDING_SECONDS)
@@ -117,8 +168,11 @@ class ClusterPool:
         with suppress(OSError, RuntimeError):
             self._source.client.run(END.function, *END.arguments(self._run), wait=False, on_error="ignore")
 
-    def _feed(self, feeder: Feeder) -> None:
+    def _feed(self, feeder: Feeder, job: RenderJob) -> None:
         try:
+            if self._places.are_own:
+                for outcome in held_views(self._source.client, self._run, job):
+                    feeder.found_before(outcome)
             feeder.run()
         except (InputError, RunError) as error:
             self._failure = error
@@ -126,12 +180,7 @@ class ClusterPool:
             self._failure = error
 
 
-def _absolute(arguments: list[str]) -> list[str]:
-    mark = "--poses="
-    return [mark + os.path.abspath(text.removeprefix(mark)) if text.startswith(mark) else text for text in arguments]
-
-
-def _told(feeder: Feeder) -> list[str]:
+def _told(feeder: Feeder, gatherer: Gatherer | None, sender: CaseSender | None) -> list[str]:
     tally, workers = feeder.tally, feeder.workers
     lost = sum(feeder.lost_processes.values())
     clauses = [f"{tally.done} views rendered by {len(tally.workers)} workers in {tally.orders} orders"]
@@ -140,4 +189,9 @@ def _told(feeder: Feeder) -> list[str]:
     clauses += [f"{lost} render process{'es' * (lost != 1)} lost"] * bool(lost)
     clauses += [f"{workers.lost} worker{'s' * (workers.lost != 1)} lost"] * bool(workers.lost)
     clauses += [f"{workers.refused} worker{'s' * (workers.refused != 1)} refused"] * bool(workers.refused)
+    if gatherer is not None:
+        clauses.append(f"{gatherer.bytes / 1e6:.0f} MB gathered")
+        clauses += [f"{tally.not_gathered} could not be gathered"] * bool(tally.not_gathered)
+    if sender is not None:
+        clauses.append(f"the case was sent to {sender.sent} worker{'s' * (sender.sent != 1)}")
     return ["; ".join(clauses)]

@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import TextIO
 
 from ..blender.command_line import end_with_input
@@ -73,6 +73,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--blender-on-workers", metavar="PROGRAM", help="with --cluster ADDRESS: the Blender program that renders on "
         "the workers' machines (default: the bpy module in the workers' Python)"
     )  # fmt: skip
+    machines.add_argument(
+        "--gather", action="store_true", help="with --cluster: workers that do not share DIR render into folders of "
+        "their own, and each finished view is fetched from there"
+    )  # fmt: skip
+    machines.add_argument(
+        "--out-on-workers", metavar="DIR", help="with --cluster: the workers' own folder, instead of a temporary one; "
+        "without --gather, the views stay there"
+    )  # fmt: skip
+    machines.add_argument(
+        "--case-on-workers", metavar="FILE", help="with --cluster: path of the same case on the workers' machines"
+    )
+    machines.add_argument("--send-case", action="store_true", help="with --cluster: send the case to each worker, once")
     machines.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     machines.add_argument("--threads", type=int, default=0, help=argparse.SUPPRESS)
     # for a program that runs this command and shows its progress
@@ -94,11 +106,22 @@ def main(argv: Sequence[str], prog: str = "oneframe render", *, own_command: Seq
 
 def _check_cluster(arguments: argparse.Namespace) -> None:
     if arguments.cluster is None:
-        if arguments.blender_on_workers is not None:
-            raise InputError(
-                "command line: --blender-on-workers: expected with --cluster only; add it, or leave out both"
-            )
+        for name in ("blender_on_workers", "gather", "out_on_workers", "case_on_workers", "send_case"):
+            if getattr(arguments, name):
+                flag = "--" + name.replace("_", "-")
+                raise InputError(f"command line: {flag}: expected with --cluster only; add it, or leave out both")
         return
+    if arguments.send_case and arguments.case_on_workers:
+        raise InputError(
+            "command line: expected one of --send-case and --case-on-workers, found both; leave one of them out"
+        )
+    for name in ("out_on_workers", "case_on_workers"):
+        path = getattr(arguments, name)
+        if path is not None and not (PurePosixPath(path).is_absolute() or PureWindowsPath(path).is_absolute()):
+            raise InputError(
+                f"command line: --{name.replace('_', '-')}: expected an absolute path, found {path!r}; workers have "
+                "current folders of their own"
+            )
     if arguments.workers:
         raise InputError(
             f"command line: --cluster: expected without --workers, found --workers {arguments.workers}; the cluster's "
@@ -156,8 +179,12 @@ def _pool(arguments: argparse.Namespace, own_command: Sequence[str], output: Tex
         yield None
         return
     with explained_imports():
+        from ..cluster.places_on_workers import PlacesOnWorkers
         from ..cluster.sources import open_source
         from ..cluster.view_pool import ClusterPool
     with open_source(arguments.cluster) as source:
         output.write(f"{source.about}\n")
-        yield ClusterPool(source, own_command=own_command, blender=arguments.blender_on_workers)
+        places = PlacesOnWorkers(
+            arguments.case_on_workers, arguments.send_case, arguments.out_on_workers, arguments.gather
+        )
+        yield ClusterPool(source, own_command=own_command, places=places, blender=arguments.blender_on_workers)

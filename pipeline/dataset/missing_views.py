@@ -1,5 +1,6 @@
 """What a run asks of whoever renders its missing views elsewhere, such as on the workers of a cluster."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -18,6 +19,8 @@ class MissingViews:
         The case file and the dataset's folder.
     options
         The options of the run.
+    description
+        The content of ``dataset.json``: see :func:`pipeline.dataset.description.describe`.
     identity
         The identity of the dataset: see :func:`pipeline.dataset.identity.identity_of`.
     kinds
@@ -33,6 +36,7 @@ class MissingViews:
     case: Path
     out: Path
     options: DatasetOptions
+    description: Mapping[str, object]
     identity: str
     kinds: tuple[str, ...]
     finished: int
@@ -49,8 +53,12 @@ class ViewPool(Protocol):
     def start(self, missing: MissingViews, progress: Progress) -> None:
         """Begin, in the background."""
 
-    def wait(self) -> None:
+    def wait(self) -> bool:
         """Wait until all views are on disk.
+
+        Returns
+        -------
+        Whether they are in the run's folder; else the messages say where.
 
         Raises
         ------

@@ -88,7 +88,7 @@ def run(
     if tally is not None:
         for message in (*tally.messages(opened.count), f"dataset of {opened.count} views: {job.out}"):
             report(message)
-    else:
+    elif job.shard.count > 1:
         report(
             f"shard {job.shard.index}/{job.shard.count}: {len(opened.views)} views are finished; when all shards are "
             "in one folder, run the same command without --shard to write the tables"
@@ -166,6 +166,7 @@ def _missing_views(opened: OpenJob, found: _Found) -> MissingViews:
         job.case.path,
         job.out,
         job.options,
+        opened.description,
         opened.identity,
         view_kinds(float_depth=job.options.float_depth),
         len(found.views.finished),
@@ -217,13 +218,16 @@ def _render_missing(
                     progress.note(doubt)
                 if found.missing or not found.has_tables:
                     finish.write_model_files(opened, renderer)
+                    are_here = True
                     if elsewhere and found.missing:
-                        elsewhere.wait()
+                        are_here = elsewhere.wait()
                     else:
                         render_views(renderer, out, pool.views(), lambda _index: progress.advance())
                     progress.close()
                     for message in elsewhere.messages if elsewhere else ():
                         report(message)
+                    if not are_here:
+                        return None
                     tally = _write_tables(opened, renderer, report)
                     # the description is written by the folder, which forgets its sum
                     written += set(other_files(opened.count)) - {RECORD}

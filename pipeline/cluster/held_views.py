@@ -1,0 +1,43 @@
+"""What the workers have in their own folders from an earlier run, asked before anything is rendered."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+
+from distributed import Client, wait
+
+from .. import __version__
+from .call import ANSWER
+from .orders import Order, Outcome
+from .render_task import RenderJob
+
+ASK_SECONDS = 120.0
+"""A worker that has not answered after this time is not waited for: what it has is found, or rendered again."""
+
+
+def held_views(client: Client, run: str, job: RenderJob) -> Iterator[Outcome]:
+    """One outcome for each worker that is there and has views, with these as found ones."""
+    workers = [*client.nthreads()]
+    asked = Order(0, run, "held", __version__, job.to_json(), (0,), 0.0)
+    orders = [replace(asked, number=-1 - place) for place in range(len(workers))]
+    futures = [
+        client.submit(
+            ANSWER.function,
+            *ANSWER.arguments(order.to_text()),
+            key=f"held-{run}-{-order.number}",
+            workers=[worker],
+            pure=False,
+        )
+        for worker, order in zip(workers, orders, strict=True)
+    ]
+    if not futures:
+        return
+    with suppress(TimeoutError):
+        wait(futures, timeout=ASK_SECONDS)
+    for future in futures:
+        # others refuse the first order too, and it says why
+        if future.status == "finished":
+            outcome = Outcome.from_text(future.result())
+            if outcome.found:
+                yield outcome
+    client.cancel(futures, force=True)

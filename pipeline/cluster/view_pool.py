@@ -16,7 +16,7 @@ from ..progress import Progress
 from .call import ANSWER, END
 from .feeder import Feeder, Pace
 from .render_task import Limits, RenderJob
-from .sources import WorkerSource
+from .sources import WorkerSource, is_connected, losing_scheduler
 
 ENDING_SECONDS = 2.0
 """Longest time that telling the workers to end may take: the command that is stopped ends soon."""
@@ -104,9 +104,10 @@ class ClusterPool:
         if self._feeder is None or self._thread is None:
             return
         self._feeder.stop()
-        ending = threading.Thread(target=self._end_processes, daemon=True)
-        ending.start()
-        ending.join(ENDING_SECONDS)
+        if is_connected(self._source.client):
+            ending = threading.Thread(target=self._end_processes, daemon=True)
+            ending.start()
+            ending.join(ENDING_SECONDS)
         self._thread.join(ENDING_SECONDS)
         if self._token is not None:
             with suppress(OSError):
@@ -114,8 +115,9 @@ class ClusterPool:
 
     def _end_processes(self) -> None:
         # workers that have gone in the meantime have ended theirs
-        with suppress(OSError, RuntimeError):
-            self._source.client.run(END.function, *END.arguments(self._run), wait=False, on_error="ignore")
+        client = self._source.client
+        with losing_scheduler(client):
+            client.run(END.function, *END.arguments(self._run), on_error="ignore")
 
     def _feed(self, feeder: Feeder) -> None:
         try:

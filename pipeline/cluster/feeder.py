@@ -22,7 +22,7 @@ from ..errors import InputError, RunError
 from .call import Call
 from .gathering import MOST_WAITING, Gatherer
 from .orders import Beat, Order, Outcome
-from .sources import WorkerSource
+from .sources import WorkerSource, is_connected, losing_scheduler
 from .workers_seen import WorkersSeen
 
 ORDERS_PER_SLOT = 2
@@ -30,6 +30,7 @@ MOST_CRASHES = 3
 """An item at which this many processes have ended stops the run."""
 MOST_FAILURES = 3
 """Orders that may fail by a defect before the run stops."""
+SHOW_SECONDS = 0.2
 AGAIN = "what is finished is safe: run the same command again to continue"
 
 
@@ -55,6 +56,8 @@ class Tally:
         Items that orders did, and those that they found done after a worker was lost.
     again
         Items that were handed out again because a process or a worker was lost.
+    twice
+        Items that two workers did, because the first one seemed to be lost.
     orders
         Number of orders that came back.
     not_gathered
@@ -68,6 +71,7 @@ class Tally:
     done: int = 0
     found: int = 0
     again: int = 0
+    twice: int = 0
     orders: int = 0
     not_gathered: int = 0
     hosts: Counter[str] = field(default_factory=Counter)
@@ -137,6 +141,7 @@ class Feeder:
         self._failures = 0
         self._timed, self._timed_seconds = 0.0, 0.0
         self._news: queue.SimpleQueue[int | Beat | None] = queue.SimpleQueue()
+        self._topic, self._is_heard = f"oneframe-{run}", False
         self._stopped = threading.Event()
         self._finished: set[int] = set()
         self.workers = WorkersSeen(source, self._pace.silence)
@@ -158,10 +163,8 @@ class Feeder:
         RunError
             All workers refuse, the scheduler has gone, or an item ends every process.
         """
-        topic = f"oneframe-{self._run}"
-        self._client.subscribe_topic(topic, self._hear)
         try:
-            next_look = since = time.monotonic()
+            next_look = next_show = since = time.monotonic()
             while self._is_unfinished() and not self._stopped.is_set():
                 now = time.monotonic()
                 if now >= next_look:
@@ -170,11 +173,14 @@ class Feeder:
                 self._place()
                 self._take_news(min(0.5, self._pace.look))
                 self._take_back()
-                self._show(self._shown(), self.state())
+                if time.monotonic() >= next_show or not self._placed:
+                    self._show(self._shown(), self.state())
+                    next_show = time.monotonic() + SHOW_SECONDS
             return self.tally
         finally:
             self._abandon()
-            self._client.unsubscribe_topic(topic)
+            with losing_scheduler(self._client):
+                self._client.unsubscribe_topic(self._topic)
 
     def state(self) -> str:
         """The state of the workers, in a few words."""
@@ -202,7 +208,7 @@ class Feeder:
             return
         allowed = self.workers.allowed()
         slots = max(self.workers.slots, self._source.expected)
-        if allowed is not None and not allowed:
+        if not is_connected(self._client) or (allowed is not None and not allowed):
             return
         orders: list[Order] = []
         while len(self._placed) + len(orders) < ORDERS_PER_SLOT * slots and (self._todo or self._suspects):
@@ -210,13 +216,18 @@ class Feeder:
         if not orders:
             return
         rows = [self._call.arguments(order.to_text()) for order in orders]
-        futures = self._client.map(
-            self._call.function,
-            *([*column] for column in zip(*rows, strict=True)),
-            key=[f"{self._task}-{self._run}-{order.number}" for order in orders],
-            workers=None if allowed is None else sorted(allowed),
-            pure=False,
-        )
+        futures: list[Future] = []
+        with losing_scheduler(self._client):
+            futures = self._client.map(
+                self._call.function,
+                *([*column] for column in zip(*rows, strict=True)),
+                key=[f"{self._task}-{self._run}-{order.number}" for order in orders],
+                workers=None if allowed is None else sorted(allowed),
+                pure=False,
+            )
+        if not futures:
+            self._todo.extendleft(item for order in reversed(orders) for item in reversed(order.items))
+            return
         for order, future in zip(orders, futures, strict=True):
             self._placed[order.number] = _Placed(order, future, allowed)
             future.add_done_callback(lambda _future, number=order.number: self._news.put(number))
@@ -253,11 +264,11 @@ class Feeder:
             if isinstance(result, str):
                 self._take(Outcome.from_text(result), p.order)
             else:
-                self._take_failure(p.order, result)
+                self._take_failure(p, result)
         for p in placed:
             if p not in done:
                 error = p.future.exception() if p.future.status == "error" else None
-                self._take_failure(p.order, error)
+                self._take_failure(p, error)
 
     def _results(self, futures: list[Future]) -> list[Any]:
         """Their results, or the exception where one cannot be had: its worker may just have gone."""
@@ -280,6 +291,7 @@ class Feeder:
         self.tally.orders += 1
         if outcome.wrong_input:
             raise InputError(outcome.wrong_input)
+        self.tally.twice += len(self._finished.intersection(outcome.finished))
         self._take_done(outcome)
         if outcome.finished:
             self.tally.workers.add(outcome.worker)
@@ -327,10 +339,10 @@ class Feeder:
             )
         self._suspects.append(item)
 
-    def _take_failure(self, order: Order, error: BaseException | None) -> None:
+    def _take_failure(self, placed: _Placed, error: BaseException | None) -> None:
         """An order without an outcome: its workers died, the scheduler forgot it, or there is a defect."""
-        left = [item for item in order.items if item not in self._finished]
-        self.tally.again += len(left)
+        left = [item for item in placed.order.items if item not in self._finished]
+        self._count_again(placed, len(left))
         if isinstance(error, KilledWorker):
             if len(left) == 1:
                 self._crashed(left[0], "the workers died")
@@ -347,6 +359,11 @@ class Feeder:
             raise RunError(f"the workers cannot do orders ({text}); {AGAIN}")
         self._note(f"an order failed and is done again ({text})")
 
+    def _count_again(self, placed: _Placed, items: int) -> None:
+        # an order that nobody has begun has cost nothing
+        if placed.begun_on:
+            self.tally.again += max(0, items - placed.done)
+
     def _hear(self, event: tuple[float, Mapping[str, Any]]) -> None:
         self._news.put(Beat(**event[1]))
 
@@ -361,6 +378,12 @@ class Feeder:
 
     def _look(self, now: float, since: float) -> None:
         """Who has joined, left or fallen silent; orders that nobody can do any more go out again."""
+        if not is_connected(self._client):
+            self._is_heard = False
+        elif not self._is_heard:
+            # at first, and if another scheduler has taken the place of the lost one
+            self._client.subscribe_topic(self._topic, self._hear)
+            self._is_heard = True
         for text in self.workers.look(now):
             self._note(text)
         self.workers.check(now, since, self._pace.no_worker, self._pace.gone, self._note)
@@ -373,15 +396,18 @@ class Feeder:
             for p in self._placed.values()
             if p.begun_on in silent or (p.allowed is not None and allowed is not None and not p.allowed & allowed)
         ]
-        if stuck:
-            self._client.cancel([p.future for p in stuck], force=True)
+        self._cancel(stuck)
         for p in stuck:
             del self._placed[p.order.number]
-            self.tally.again += len(p.order.items)
+            self._count_again(p, len(p.order.items))
             self._todo.extendleft(reversed(p.order.items))
 
     def _abandon(self) -> None:
         placed = [*self._placed.values()]
         self._placed.clear()
-        if placed and self._client.status == "running":
-            self._client.cancel([p.future for p in placed], force=True)
+        self._cancel(placed)
+
+    def _cancel(self, placed: list[_Placed]) -> None:
+        if placed and is_connected(self._client):
+            with losing_scheduler(self._client):
+                self._client.cancel([p.future for p in placed], force=True)

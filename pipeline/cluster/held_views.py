@@ -1,10 +1,11 @@
 """What the workers have in their own folders from an earlier run, asked before anything is rendered."""
 
+import time
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 
-from distributed import Client, wait
+from distributed import CancelledError, Client
+from distributed.scheduler import KilledWorker
 
 from .. import __version__
 from .call import ANSWER
@@ -32,12 +33,13 @@ def held_views(client: Client, run: str, job: RenderJob) -> Iterator[Outcome]:
     ]
     if not futures:
         return
-    with suppress(TimeoutError):
-        wait(futures, timeout=ASK_SECONDS)
+    give_up = time.monotonic() + ASK_SECONDS
     for future in futures:
-        # others refuse the first order too, and it says why
-        if future.status == "finished":
-            outcome = Outcome.from_text(future.result())
-            if outcome.found:
-                yield outcome
+        try:
+            outcome = Outcome.from_text(future.result(timeout=max(0.0, give_up - time.monotonic())))
+        except (OSError, RuntimeError, CancelledError, KilledWorker):
+            # whatever it is, the worker's first order meets it too, and then it is reported
+            continue
+        if outcome.found:
+            yield outcome
     client.cancel(futures, force=True)

@@ -17,11 +17,20 @@ _lock = threading.Lock()
 _free: dict[str, list[tuple[float, RenderProcess]]] = defaultdict(list)
 _busy: dict[str, set[RenderProcess]] = defaultdict(set)
 _ended: set[str] = set()
+_folders: dict[str, str] = {}
 _sweeper: list[threading.Thread] = []
 
 
-def take(run: str) -> RenderProcess | None:
-    """A free process of a run, the last one used; ``None`` if there is none."""
+def take(run: str, folder: str) -> RenderProcess | None:
+    """A free process of a run, the last one used; ``None`` if there is none.
+
+    One run at a time writes to a folder. So those that wrote there before have died, and their processes end.
+    """
+    with _lock:
+        former = [other for other, its in _folders.items() if its == folder and other != run]
+        _folders[run] = folder
+    for other in former:
+        end_run(other)
     with _lock:
         while _free[run]:
             _, process = _free[run].pop()
@@ -56,6 +65,7 @@ def end_run(run: str) -> None:
     """End all processes of a run, at once."""
     with _lock:
         _ended.add(run)
+        _folders.pop(run, None)
         processes = [*_busy.pop(run, ()), *(process for _, process in _free.pop(run, ()))]
     for process in processes:
         process.kill()

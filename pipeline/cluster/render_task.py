@@ -138,7 +138,7 @@ def perform(order: Order, worker: Surroundings) -> Outcome:
     outcome = replace(outcome, found=found)
     if not views:
         return outcome
-    process = render_processes.take(order.run)
+    process = render_processes.take(order.run, job.out)
     if process is None:
         worker.beat("starting", len(found))
         try:

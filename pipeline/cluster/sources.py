@@ -119,8 +119,9 @@ def connected_client(address: str) -> Iterator[Client]:
         client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError, RuntimeError) as error:
         port = address.rstrip("/").rpartition(":")[2]
-        # Dask puts the reason into the cause
-        why = " ".join(str(error.__cause__ or error).split()) or type(error).__name__
+        # Dask puts the system's reason at the end of the cause's text
+        text = " ".join(str(error.__cause__ or error).split())
+        why = text.rpartition("] ")[2] if "[Errno" in text else text[:200] or "no answer"
         raise RunError(
             f"--cluster: expected a Dask scheduler at {address}, found none within {CONNECT_SECONDS:.0f} s ({why}); "
             f"start it (dask scheduler --port {port}) and workers (dask worker {address}), or correct the address"
@@ -129,6 +130,22 @@ def connected_client(address: str) -> Iterator[Client]:
         yield client
     finally:
         client.close(timeout=2)
+
+
+def is_connected(client: Client) -> bool:
+    """Whether the client has a connection to its scheduler; Dask restores a lost one if it can."""
+    return bool(client.status == "running")
+
+
+@contextmanager
+def losing_scheduler(client: Client) -> Iterator[None]:
+    """Wrap calls of a scheduler, which may go at any moment: that is no error here, :func:`is_connected` tells it."""
+    try:
+        yield
+    except Exception as error:
+        # a client that has just been closed raises whatever its parts raise
+        if is_connected(client) and not isinstance(error, OSError | TimeoutError):
+            raise
 
 
 @contextmanager

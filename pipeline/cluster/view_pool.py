@@ -22,7 +22,7 @@ from .gathering import Gatherer
 from .held_views import held_views
 from .places_on_workers import PlacesOnWorkers
 from .render_task import Limits, RenderJob
-from .sources import WorkerSource
+from .sources import WorkerSource, is_connected, losing_scheduler
 from .tasks import case_topic_of
 from .worker_places import SentCase
 
@@ -152,12 +152,12 @@ class ClusterPool:
         self._feeder.stop()
         if self._gatherer is not None:
             self._gatherer.stop()
-        if self._sender is not None:
-            with suppress(OSError, RuntimeError, ValueError):
+        if is_connected(self._source.client):
+            if self._sender is not None:
                 self._sender.stop()
-        ending = threading.Thread(target=self._end_processes, daemon=True)
-        ending.start()
-        ending.join(ENDING_SECONDS)
+            ending = threading.Thread(target=self._end_processes, daemon=True)
+            ending.start()
+            ending.join(ENDING_SECONDS)
         self._thread.join(ENDING_SECONDS)
         if self._token is not None:
             with suppress(OSError):
@@ -165,8 +165,9 @@ class ClusterPool:
 
     def _end_processes(self) -> None:
         # workers that have gone in the meantime have ended theirs
-        with suppress(OSError, RuntimeError):
-            self._source.client.run(END.function, *END.arguments(self._run), wait=False, on_error="ignore")
+        client = self._source.client
+        with losing_scheduler(client):
+            client.run(END.function, *END.arguments(self._run), on_error="ignore")
 
     def _feed(self, feeder: Feeder, job: RenderJob) -> None:
         try:
@@ -186,6 +187,7 @@ def _told(feeder: Feeder, gatherer: Gatherer | None, sender: CaseSender | None) 
     clauses = [f"{tally.done} views rendered by {len(tally.workers)} workers in {tally.orders} orders"]
     clauses += [f"{tally.found} found finished after a worker was lost"] * bool(tally.found)
     clauses += [f"{tally.again} handed out again"] * bool(tally.again)
+    clauses += [f"{tally.twice} rendered twice"] * bool(tally.twice)
     clauses += [f"{lost} render process{'es' * (lost != 1)} lost"] * bool(lost)
     clauses += [f"{workers.lost} worker{'s' * (workers.lost != 1)} lost"] * bool(workers.lost)
     clauses += [f"{workers.refused} worker{'s' * (workers.refused != 1)} refused"] * bool(workers.refused)

@@ -24,7 +24,8 @@ _SHARDS = 1 << 31
 """So many workers may lock one folder side by side."""
 
 _lock = threading.Lock()
-_own: dict[str, RunFolder] = {}
+_locked: dict[tuple[Path, str], RunFolder] = {}
+_used: dict[str, tuple[Path, str]] = {}
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ def sent_case(run: str, case: SentCase, machine: Machine) -> tuple[str, Sequence
 
 
 def own_folder(run: str, out: str, identity: str, description: Mapping[str, object], machine: Machine) -> Path:
-    """The worker's own folder for a run, locked until :func:`end_run`.
+    """The worker's own folder for a run, locked until :func:`end_run` of the last run that uses it.
 
     Parameters
     ----------
@@ -110,19 +111,22 @@ def own_folder(run: str, out: str, identity: str, description: Mapping[str, obje
     """
     folder = Path(out) if out else machine.local_folder / f"oneframe-dataset-{identity[:16]}"
     with _lock:
-        if run not in _own:
+        if run in _used:
+            return folder
+        if (folder, identity) not in _locked:
             try:
                 shard = Shard(secrets.randbelow(_SHARDS), _SHARDS)
-                _own[run] = RunFolder(folder, json.loads(json.dumps(description)), shard)
+                _locked[folder, identity] = RunFolder(folder, json.loads(json.dumps(description)), shard)
             except RunError as error:
                 raise RunError(str(error).replace("(--out)", "(--out-on-workers)")) from None
-            machine.open_folder(run, folder)
+        _used[run] = folder, identity
+        machine.open_folder(run, folder)
     return folder
 
 
 def end_run(run: str) -> None:
-    """Unlock the folder of a run."""
+    """Unlock the folder of a run, unless another one uses it."""
     with _lock:
-        folder = _own.pop(run, None)
-    if folder is not None:
-        folder.__exit__(None, None, None)
+        used = _used.pop(run, None)
+        if used is not None and used not in _used.values():
+            _locked.pop(used).__exit__(None, None, None)

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 
 from ..errors import RunError
-from .sources import WorkerSource
+from .sources import WorkerSource, is_connected, losing_scheduler
 
 RECENT_SECONDS = 15.0
 """A worker that has not been heard of for longer than this does nothing."""
@@ -16,14 +16,14 @@ class WorkersSeen:
     def __init__(self, source: WorkerSource, silence: float) -> None:
         """Know of none yet; one that has not given a sign of life for ``silence`` seconds is silent."""
         self._source, self._silence = source, silence
-        self._threads: dict[str, int] = {}
+        self._threads: Mapping[str, int] = {}
         self._refused: dict[str, str] = {}
         self._told: set[tuple[str, str]] = set()
         self._silent: set[str] = set()
         self._states: dict[str, tuple[str, float]] = {}
         self._lost: set[str] = set()
         self._answered = 0.0
-        self._waits_told = False
+        self._waits_told = self._is_lost = False
         self._none_since: float | None = None
         self.reasons: list[str] = []
         """Why workers were refused, as sentences."""
@@ -71,9 +71,11 @@ class WorkersSeen:
 
     def look(self, now: float) -> list[str]:
         """Ask the scheduler who is there; lines to tell."""
-        try:
-            found: dict[str, int] = dict(self._source.client.nthreads())
-        except (OSError, TimeoutError, RuntimeError):
+        client, found = self._source.client, None
+        if is_connected(client):
+            with losing_scheduler(client):
+                found = dict(client.nthreads())
+        if found is None:
             return []
         self._answered = now
         gone = self._threads.keys() - found.keys()
@@ -102,11 +104,19 @@ class WorkersSeen:
         RunError
             The scheduler has gone, or all workers refuse.
         """
-        if now - max(self._answered, since) > gone:
+        client = self._source.client
+        if client.status == "closed" or now - max(self._answered, since) > gone:
             raise RunError(
-                f"the scheduler {self._source.address} no longer answers; the finished part is safe: start the "
+                f"the scheduler {self._source.address} no longer answers; what is finished is safe: start the "
                 "scheduler and run the same command again to continue"
             )
+        if is_connected(client) == self._is_lost:
+            self._is_lost = not self._is_lost
+            note(
+                f"the scheduler {self._source.address} " + ("does not answer: waiting" if self._is_lost else "is back")
+            )
+        if self._is_lost:
+            return
         usable = self._threads.keys() - self._refused.keys()
         if usable:
             self._waits_told, self._none_since = False, None

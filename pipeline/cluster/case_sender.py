@@ -1,8 +1,7 @@
 """The case, sent to each worker that asks for it."""
 
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
 
 from distributed import Client
 
@@ -16,23 +15,18 @@ AT_A_TIME = 4
 
 
 class CaseSender:
-    """Answers the workers' calls for the case; on Dask's topic of the run's case."""
+    """Sends a case to workers, in the background."""
 
-    def __init__(self, client: Client, topic: str, parcel: CaseParcel, note: Callable[[str], None]) -> None:
-        """Listen from now on; ``note`` gets a line if sending fails."""
-        self._client, self._topic, self._parcel, self._note = client, topic, parcel, note
+    def __init__(self, client: Client, parcel: CaseParcel, note: Callable[[str], None]) -> None:
+        """Prepare; ``note`` gets a line if sending fails."""
+        self._client, self._parcel, self._note = client, parcel, note
         self._slots = threading.BoundedSemaphore(AT_A_TIME)
         self.sent = 0
         """Number of workers that have the case."""
-        client.subscribe_topic(topic, self._hear)
 
-    def stop(self) -> None:
-        """Answer no more."""
-        self._client.unsubscribe_topic(self._topic)
-
-    def _hear(self, event: tuple[float, Mapping[str, Any]]) -> None:
-        # in Dask's loop, which must not wait
-        threading.Thread(target=self._send, kwargs=dict(event[1]), daemon=True).start()
+    def send(self, worker: str, folder: str) -> None:
+        """Begin to fill an opened folder of a worker; returns at once."""
+        threading.Thread(target=self._send, args=(worker, folder), daemon=True).start()
 
     def _send(self, worker: str, folder: str) -> None:
         files: dict[str, tuple[FileSum, Iterable[bytes]]] = {

@@ -20,6 +20,7 @@ from .. import __version__
 from ..dataset.chunks import next_chunk, time_budget
 from ..errors import InputError, RunError
 from .call import Call
+from .case_sender import CaseSender
 from .gathering import MOST_WAITING, Gatherer
 from .orders import Beat, Order, Outcome
 from .sources import WorkerSource, is_connected, losing_scheduler
@@ -28,6 +29,8 @@ from .workers_seen import WorkersSeen
 ORDERS_PER_SLOT = 2
 MOST_CRASHES = 3
 """An item at which this many processes have ended stops the run."""
+MOST_UNREACHED = 3
+"""A worker from which nothing could be gathered so often is refused."""
 MOST_FAILURES = 3
 """Orders that may fail by a defect before the run stops."""
 SHOW_SECONDS = 0.2
@@ -63,7 +66,7 @@ class Tally:
     not_gathered
         Items that could not be brought here and were handed out again.
     hosts
-        Number of items that are on each machine.
+        Number of items that are on each machine, by its name and address.
     workers
         The workers that did any.
     """
@@ -74,7 +77,7 @@ class Tally:
     twice: int = 0
     orders: int = 0
     not_gathered: int = 0
-    hosts: Counter[str] = field(default_factory=Counter)
+    hosts: Counter[tuple[str, str]] = field(default_factory=Counter)
     workers: set[str] = field(default_factory=set)
 
 
@@ -105,6 +108,7 @@ class Feeder:
         show: Callable[[int, str], None] = lambda _done, _state: None,
         note: Callable[[str], None] = lambda _text: None,
         gatherer: Gatherer | None = None,
+        sender: CaseSender | None = None,
     ) -> None:
         """Prepare a run.
 
@@ -128,12 +132,14 @@ class Feeder:
             Gets a line for the user, when something happens that matters.
         gatherer
             Brings here what is done; until then it does not count as done.
+        sender
+            Sends the case to workers that ask for it.
         """
         self._source, self._call, self._client = source, call, source.client
         self._run, self._task, self._job, self._noun = run, task, dict(job), noun
         self._todo = deque(items)
         self._pace = pace or Pace()
-        self._show, self._note, self._gatherer = show, note, gatherer
+        self._show, self._note, self._gatherer, self._sender = show, note, gatherer, sender
         self._placed: dict[int, _Placed] = {}
         self._number = 0
         self._suspects: deque[int] = deque()
@@ -179,8 +185,9 @@ class Feeder:
             return self.tally
         finally:
             self._abandon()
-            with losing_scheduler(self._client):
-                self._client.unsubscribe_topic(self._topic)
+            if self._is_heard:
+                with losing_scheduler(self._client):
+                    self._client.unsubscribe_topic(self._topic)
 
     def state(self) -> str:
         """The state of the workers, in a few words."""
@@ -317,18 +324,30 @@ class Feeder:
         self._finished.update(outcome.finished, outcome.found)
         self.tally.done += len(outcome.finished)
         self.tally.found += len(outcome.found)
-        self.tally.hosts[outcome.host] += len(outcome.finished) + len(outcome.found)
+        address = outcome.worker.rpartition("/")[2].rpartition(":")[0]
+        self.tally.hosts[outcome.host, address] += len(outcome.finished) + len(outcome.found)
         if self._gatherer:
             self._gatherer.take(outcome)
 
     def _take_back(self) -> None:
         """What could not be brought here goes out again."""
-        for item, why in self._gatherer.given_back() if self._gatherer else ():
+        if self._gatherer is None:
+            return
+        for ungathered in self._gatherer.given_back():
             if not self.tally.not_gathered:
-                self._note(f"{self._noun} {item} could not be gathered and is done again: {why}")
+                self._note(f"{self._noun} {ungathered.view} is not gathered and is done again: {ungathered.why}")
             self.tally.not_gathered += 1
-            self._finished.discard(item)
-            self._todo.appendleft(item)
+            self._finished.discard(ungathered.view)
+            self._todo.appendleft(ungathered.view)
+            if self._gatherer.failures[ungathered.worker] >= MOST_UNREACHED:
+                text = self.workers.refuse(
+                    ungathered.worker,
+                    ungathered.worker,
+                    "this machine cannot connect to it, though the scheduler can; open the worker's port (dask worker "
+                    "--worker-port), or let the views stay there (--out-on-workers without --gather)",
+                )
+                if text:
+                    self._note(text)
 
     def _crashed(self, item: int, how: str) -> None:
         self._crashes[item] += 1
@@ -365,7 +384,12 @@ class Feeder:
             self.tally.again += max(0, items - placed.done)
 
     def _hear(self, event: tuple[float, Mapping[str, Any]]) -> None:
-        self._news.put(Beat(**event[1]))
+        """Take an event of the run's topic, in Dask's loop."""
+        content = event[1]
+        if "folder" not in content:
+            self._news.put(Beat(**content))
+        elif self._sender is not None:
+            self._sender.send(**content)
 
     def _take_beat(self, beat: Beat) -> None:
         now = time.monotonic()

@@ -2,8 +2,10 @@
 
 import queue
 import threading
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 from distributed import Client
@@ -20,6 +22,15 @@ MOST_WAITING = 2000
 """With more finished views than this on the workers, no further orders go out."""
 
 
+@dataclass(frozen=True)
+class Ungathered:
+    """A view that could not be fetched from a worker, and why."""
+
+    view: int
+    worker: str
+    why: str
+
+
 class Gatherer:
     """Fetches the views of outcomes, in the background."""
 
@@ -30,7 +41,9 @@ class Gatherer:
         self._lock = threading.Lock()
         self._waiting: set[int] = set()
         self._out_of_reach: set[str] = set()
-        self._back: queue.SimpleQueue[tuple[int, str]] = queue.SimpleQueue()
+        self.failures: Counter[str] = Counter()
+        """How often a worker was out of reach after it had sent an outcome."""
+        self._back: queue.SimpleQueue[Ungathered] = queue.SimpleQueue()
         self._failure: OSError | None = None
         self.bytes = 0
         """Number of bytes fetched."""
@@ -50,8 +63,8 @@ class Gatherer:
                 self._waiting.add(view)
             self._threads.submit(self._fetch, outcome.worker, view)
 
-    def given_back(self) -> Iterator[tuple[int, str]]:
-        """Views that could not be fetched, and why; they have to be rendered again.
+    def given_back(self) -> Iterator[Ungathered]:
+        """Views that could not be fetched; they have to be rendered again.
 
         Raises
         ------
@@ -62,12 +75,12 @@ class Gatherer:
             raise self._failure
         while True:
             try:
-                view, why = self._back.get_nowait()
+                ungathered = self._back.get_nowait()
             except queue.Empty:
                 return
             with self._lock:
-                self._waiting.discard(view)
-            yield view, why
+                self._waiting.discard(ungathered.view)
+            yield ungathered
 
     def stop(self) -> None:
         """Fetch no further views."""
@@ -82,10 +95,12 @@ class Gatherer:
         try:
             size = gather_view(ViewPaths(self._out, view), self._identity, self._kinds, read)
         except OutOfReach as error:
-            self._out_of_reach.add(worker)
-            self._back.put((view, str(error)))
+            with self._lock:
+                self.failures[worker] += worker not in self._out_of_reach
+                self._out_of_reach.add(worker)
+            self._back.put(Ungathered(view, worker, str(error)))
         except RunError as error:
-            self._back.put((view, str(error)))
+            self._back.put(Ungathered(view, worker, str(error)))
         except OSError as error:
             # it stays among the waiting ones, so that the run cannot end before it is raised
             self._failure = error

@@ -43,7 +43,7 @@ class DaskSurroundings:
 
     def ask_for_case(self, folder: str) -> None:
         """Ask the run's machine to fill an opened folder with the case."""
-        self._worker.log_event(case_topic_of(self._order.run), {"worker": self.address, "folder": folder})
+        self._worker.log_event(topic_of(self._order.run), {"worker": self.address, "folder": folder})
 
     def is_closing(self) -> bool:
         """Whether the worker is about to end."""
@@ -53,11 +53,6 @@ class DaskSurroundings:
 def topic_of(run: str) -> str:
     """The topic of a run's signs of life."""
     return f"oneframe-{run}"
-
-
-def case_topic_of(run: str) -> str:
-    """The topic under which workers ask for the case of a run."""
-    return f"{topic_of(run)}-case"
 
 
 TASKS: dict[str, Callable[[Order, render_task.Surroundings], Outcome]] = {

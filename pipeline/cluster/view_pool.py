@@ -23,9 +23,10 @@ from .held_views import held_views
 from .places_on_workers import PlacesOnWorkers
 from .render_task import Limits, RenderJob
 from .sources import WorkerSource, is_connected, losing_scheduler
-from .tasks import case_topic_of
 from .worker_places import SentCase
 
+MOST_NAMED = 50
+"""Machines with views that are named at the end."""
 ENDING_SECONDS = 2.0
 """Longest time that telling the workers to end may take: the command that is stopped ends soon."""
 
@@ -109,6 +110,7 @@ class ClusterPool:
             show=lambda done, state: progress.update(missing.finished + done, state),
             note=progress.note,
             gatherer=self._gatherer,
+            sender=self._sender,
         )
         self._thread = threading.Thread(target=self._feed, args=(self._feeder, job), daemon=True)
         self._thread.start()
@@ -119,8 +121,7 @@ class ClusterPool:
         mark = "--poses="
         if places.send_case:
             parcel = case_parcel(read_case(missing.case), missing.options)
-            topic = case_topic_of(self._run)
-            self._sender = CaseSender(self._source.client, topic, parcel, progress.note)
+            self._sender = CaseSender(self._source.client, parcel, progress.note)
             sent = SentCase(parcel.sha256, parcel.poses)
             return [text for text in arguments if not text.startswith(mark)], sent
         return [
@@ -137,7 +138,9 @@ class ClusterPool:
             raise self._failure
         self.messages += _told(self._feeder, self._gatherer, self._sender)
         if self._places.are_own and self._gatherer is None:
-            hosts = ", ".join(f"{host} ({count})" for host, count in self._feeder.tally.hosts.most_common(8))
+            counts = self._feeder.tally.hosts.most_common()
+            hosts = ", ".join(f"{host} {address} ({count})" for (host, address), count in counts[:MOST_NAMED])
+            hosts += f" and {len(counts) - MOST_NAMED} more" if len(counts) > MOST_NAMED else ""
             self.messages.append(
                 f"the views are in {self._places.out} of {hosts}; copy what is in these folders into {self._out} and "
                 "run the same command without --cluster: it writes the tables"
@@ -153,8 +156,6 @@ class ClusterPool:
         if self._gatherer is not None:
             self._gatherer.stop()
         if is_connected(self._source.client):
-            if self._sender is not None:
-                self._sender.stop()
             ending = threading.Thread(target=self._end_processes, daemon=True)
             ending.start()
             ending.join(ENDING_SECONDS)
@@ -184,8 +185,9 @@ class ClusterPool:
 def _told(feeder: Feeder, gatherer: Gatherer | None, sender: CaseSender | None) -> list[str]:
     tally, workers = feeder.tally, feeder.workers
     lost = sum(feeder.lost_processes.values())
-    clauses = [f"{tally.done} views rendered by {len(tally.workers)} workers in {tally.orders} orders"]
-    clauses += [f"{tally.found} found finished after a worker was lost"] * bool(tally.found)
+    many = len(tally.workers)
+    clauses = [f"{tally.done} views rendered by {many} worker{'s' * (many != 1)} in {tally.orders} orders"]
+    clauses += [f"{tally.found} found finished on a disk"] * bool(tally.found)
     clauses += [f"{tally.again} handed out again"] * bool(tally.again)
     clauses += [f"{tally.twice} rendered twice"] * bool(tally.twice)
     clauses += [f"{lost} render process{'es' * (lost != 1)} lost"] * bool(lost)

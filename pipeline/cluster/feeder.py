@@ -414,17 +414,28 @@ class Feeder:
         silent = self.workers.silent(
             now, {p.begun_on: p.heard for p in sorted(self._placed.values(), key=lambda p: p.heard) if p.begun_on}
         )
-        allowed = self.workers.allowed()
+        allowed, waiting = self.workers.allowed(), self._waiting_at(silent)
         stuck = [
             p
             for p in self._placed.values()
-            if p.begun_on in silent or (p.allowed is not None and allowed is not None and not p.allowed & allowed)
+            if p.begun_on in silent
+            or p.future.key in waiting
+            or (p.allowed is not None and allowed is not None and not p.allowed & allowed)
         ]
         self._cancel(stuck)
         for p in stuck:
             del self._placed[p.order.number]
             self._count_again(p, len(p.order.items))
             self._todo.extendleft(reversed(p.order.items))
+
+    def _waiting_at(self, workers: Iterable[str]) -> set[str]:
+        """Keys of the orders that Dask has sent to workers, begun or not."""
+        found: set[str] = set()
+        if workers:
+            with losing_scheduler(self._client):
+                for keys in self._client.processing(workers=[*workers]).values():
+                    found.update(keys)
+        return found
 
     def _abandon(self) -> None:
         placed = [*self._placed.values()]

@@ -10,6 +10,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -432,7 +433,8 @@ class Feeder:
         """Keys of the orders that Dask has sent to workers, begun or not."""
         found: set[str] = set()
         if workers:
-            with losing_scheduler(self._client):
+            # one of them may leave at this moment
+            with losing_scheduler(self._client), suppress(KeyError):
                 for keys in self._client.processing(workers=[*workers]).values():
                     found.update(keys)
         return found

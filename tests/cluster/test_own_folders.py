@@ -90,7 +90,7 @@ def test_views_stay_on_workers_and_are_found_there(case, reference, tmp_path, re
     assert run_command(plain).returncode == 0
     assert_same(out, reference)
     command = render_command(case, "--out", gathered, "--count", VIEWS, *flags, "--gather")
-    assert f"0 orders; {VIEWS} found finished on a disk; 0 MB gathered" in run_command(command).stdout
+    assert f"0 orders; {VIEWS} found finished on a disk; 1 MB gathered" in run_command(command).stdout
     assert_same(gathered, reference)
 
 

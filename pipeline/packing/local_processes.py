@@ -1,19 +1,22 @@
 """Shards packed by several processes of this machine."""
 
-import multiprocessing
 import os
-import signal
+import pickle
+import subprocess
+import sys
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing.sharedctypes import Synchronized
-from typing import Any
+from pathlib import Path
+from queue import SimpleQueue
+from typing import BinaryIO, cast
 
 from ..errors import RunError
 from .shard import PackedShard, ShardOrder, pack_shard
 
-POLL_SECONDS = 0.2
+_ROOT = Path(__file__).resolve().parents[2]
+_Message = PackedShard | Exception | None
+"""A finished shard, what stopped one, or ``None`` for a view."""
 
 
 def packed_locally(
@@ -26,84 +29,91 @@ def packed_locally(
     orders
         The shards.
     on_view
-        Called here after each view that any process has packed.
+        Called after each view that any process has packed.
     workers
         Number of processes; 0 for one a core.
 
     Raises
     ------
     RunError
-        A shard cannot be packed; those that were given before are there.
+        A shard cannot be packed; those that are finished have been given before.
     """
-    workers = min(workers or os.cpu_count() or 1, len(orders))
+    workers = min(workers or _cores(), len(orders))
     if workers <= 1:
         for order in orders:
             yield pack_shard(order, on_view)
         return
-    # a forked process would inherit locks of other threads
-    context = multiprocessing.get_context("spawn")
-    views = context.Value("q", 0)
-    pool = ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(views,))
+    messages: SimpleQueue[_Message] = SimpleQueue()
+    waiting = deque(orders)
+    processes = [_started() for _ in range(workers)]
+    threads = [threading.Thread(target=_serve, args=(child, waiting, messages)) for child in processes]
+    for thread in threads:
+        thread.start()
+    failure: Exception | None = None
+    left = len(orders)
     try:
-        waiting = {pool.submit(_pack, order) for order in orders}
-        shown = 0
-        while waiting:
-            done, waiting = wait(waiting, POLL_SECONDS, FIRST_COMPLETED)
-            while shown < views.value:
-                shown += 1
+        while left and failure is None:
+            message = messages.get()
+            if message is None:
                 on_view()
-            yield from map(_result, done)
+            elif isinstance(message, PackedShard):
+                left -= 1
+                yield message
+            else:
+                failure = message
     finally:
-        _stop(pool)
+        waiting.clear()
+        for child in processes:
+            # what it has begun leaves nothing but a temporary file
+            child.kill()
+            child.wait()
+        for thread in threads:
+            thread.join()
+    if failure is not None:
+        while not messages.empty():
+            message = messages.get()
+            if isinstance(message, PackedShard):
+                yield message
+        raise failure
 
 
-def _result(future: Future[PackedShard]) -> PackedShard:
-    try:
-        return future.result()
-    except BrokenProcessPool:
-        raise RunError(
-            "a process that packs was killed, perhaps for lack of memory; the shards packed so far are safe: run the "
-            "same command again, with fewer --workers if need be"
-        ) from None
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _stop(pool: ProcessPoolExecutor) -> None:
-    """End the processes at once: what they have begun leaves nothing but a temporary file."""
-    processes = list((pool._processes or {}).values())
-    pool.shutdown(wait=False, cancel_futures=True)
-    for process in processes:
-        process.terminate()
-    for process in processes:
-        process.join()
+def _started() -> subprocess.Popen[bytes]:
+    paths = [str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return subprocess.Popen(
+        [sys.executable, "-m", f"{__package__}.packing_process"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        # threads of OpenBLAS take memory each
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"},
+        # Ctrl-C is for this process, which ends the others
+        start_new_session=True,
+    )
 
 
-_views: "Synchronized[Any] | None" = None
-
-
-def _begin(views: "Synchronized[Any]") -> None:
-    """In a process of the pool: count views, leave signals to the parent, and end when it is gone."""
-    global _views
-    _views = views
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    if hasattr(signal, "SIGXFSZ"):
-        # a file beyond the limit (ulimit -f) is an error like a full disk
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
-def _pack(order: ShardOrder) -> PackedShard:
-    return pack_shard(order, _count)
-
-
-def _count() -> None:
-    if _views is not None:
-        with _views.get_lock():
-            _views.value += 1
+def _serve(child: subprocess.Popen[bytes], waiting: "deque[ShardOrder]", messages: "SimpleQueue[_Message]") -> None:
+    """In a thread of its own: give orders to a process and pass on what it reports, until there are no more orders."""
+    given, reports = cast(BinaryIO, child.stdin), cast(BinaryIO, child.stdout)
+    with given, reports:
+        try:
+            while waiting:
+                pickle.dump(waiting.popleft(), given)
+                given.flush()
+                while (message := pickle.load(reports)) is None:
+                    messages.put(None)
+                messages.put(message)
+        except IndexError:
+            return  # another thread was quicker, or the run has ended
+        except (EOFError, OSError, pickle.UnpicklingError):
+            messages.put(
+                RunError(
+                    "a process that packs has been killed, perhaps for lack of memory; the shards packed so far are "
+                    "safe: run the same command again, with fewer --workers if need be"
+                )
+            )
+        except Exception as error:  # raised by the main thread, which waits for a message
+            messages.put(error)

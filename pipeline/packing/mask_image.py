@@ -25,7 +25,10 @@ def decoded_mask(data: bytes, where: str) -> np.ndarray:
         if kind != [8, 0, 0, 0, 0] or not 0 < width * height <= _MOST_PIXELS:
             raise ValueError
         # no more than the header announces, whatever the data hold
-        content = zlib.decompressobj().decompress(data[41 : 41 + length], height * (1 + width))
+        stream = zlib.decompressobj()
+        content = stream.decompress(data[41 : 41 + length], height * (1 + width))
+        if stream.decompress(stream.unconsumed_tail, 1) or not stream.eof:
+            raise ValueError
         rows = np.frombuffer(content, np.uint8).reshape(height, 1 + width)
         if rows[:, 0].any():
             raise ValueError

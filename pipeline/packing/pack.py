@@ -12,9 +12,9 @@ from ..dataset.checksums import sum_of_file
 from ..dataset.layout import ViewPaths
 from ..errors import InputError
 from ..files.content import create_folder, write_bytes_atomically, written_file
-from ..files.outputs import writing
 from ..files.tables import write_json
 from ..progress import LINE_SECONDS, Progress
+from .disk import writing_pack
 from .layout import COPIED, INFO, KEY_TO_SHARD, MANIFEST, TABLES, TARGETS, VIEWS_PER_SHARD, shard_name, view_key
 from .local_processes import packed_locally
 from .manifest import MOST_IN_SHARD, Manifest
@@ -83,7 +83,7 @@ def pack_dataset(
             len(plan.views), "views packed", finished=done, stream=stream, line_seconds=progress_seconds
         ) as progress:
             for shard in engine(orders, progress.advance):
-                with writing(out / shard_name(shard.number)):
+                with writing_pack(out / shard_name(shard.number)):
                     folder.keep(shard)
                 shards[shard.number] = shard
         manifest = Manifest(
@@ -111,19 +111,19 @@ def shard_orders(source: Source, out: Path, plan: Plan) -> list[ShardOrder]:
 def _write_tables(source: Source, out: Path, manifest: Manifest) -> Manifest:
     """Write everything but the shards; gives the manifest, with the sums of these files."""
     for name in COPIED:
-        with writing(out / name):
+        with writing_pack(out / name):
             create_folder((out / name).parent)
             with (source.root / name).open("rb") as content, written_file(out / name) as stream:
                 shutil.copyfileobj(content, stream)
     keys = {view_key(ViewPaths(out, view)): shard.number for shard in manifest.shards for view in shard.views}
-    with writing(out / KEY_TO_SHARD):
+    with writing_pack(out / KEY_TO_SHARD):
         write_bytes_atomically(out / KEY_TO_SHARD, (json.dumps(keys) + "\n").encode())
-    with writing(out / TARGETS):
+    with writing_pack(out / TARGETS):
         write_test_targets(out, sorted(source.targets.intersection(manifest.views)))
-    with writing(out / INFO):
+    with writing_pack(out / INFO):
         write_bytes_atomically(out / INFO, pack_info(source.description, manifest))
     manifest = replace(manifest, files={name: sum_of_file(out / name) for name in TABLES})
-    with writing(out / MANIFEST):
+    with writing_pack(out / MANIFEST):
         write_json(out / MANIFEST, manifest.to_json())
     return manifest
 

@@ -87,9 +87,7 @@ class PackFolder:
                 for name in _names(path / folder):
                     if partial_name(name) is not None:
                         (path / folder / name).unlink(missing_ok=True)
-            if self._known_plan() != plan.to_json():
-                (path / MANIFEST).unlink(missing_ok=True)
-                write_bytes_atomically(self._work / PLAN, (json.dumps(plan.to_json()) + "\n").encode())
+            self._begin()
         except (Busy, FileNotFoundError):
             self._stack.close()
             raise RunError(
@@ -116,9 +114,8 @@ class PackFolder:
     def finished(self) -> list[PackedShard]:
         """The shards of the plan that are there, by their sums in ``.work`` or in the manifest, and their sizes."""
         found = []
-        known: dict[int, PackedShard] = {}
-        with suppress(InputError):
-            known = {shard.number: shard for shard in read_manifest(self.path).shards}
+        complete = (self.path / MANIFEST).is_file()
+        known = {shard.number: shard for shard in read_manifest(self.path).shards} if complete else {}
         for number, views in enumerate(self._plan.shard_views()):
             with suppress(OSError, InputError):
                 where = str(self._sum_file(number))
@@ -143,6 +140,18 @@ class PackFolder:
                 (self._work / name).unlink(missing_ok=True)
         with suppress(OSError):  # it holds files of somebody else
             self._work.rmdir()
+
+    def _begin(self) -> None:
+        """Write the plan, unless the pack is complete; one that grows is complete no longer, and keeps its shards."""
+        manifest = self.path / MANIFEST
+        if manifest.is_file():
+            known = read_manifest(self.path)
+            if known.views == self._plan.views:
+                return
+            for shard in known.shards:
+                self.keep(shard)
+        write_bytes_atomically(self._work / PLAN, (json.dumps(self._plan.to_json()) + "\n").encode())
+        manifest.unlink(missing_ok=True)
 
     def _sum_file(self, number: int) -> Path:
         return self._work / f"{shard_name(number)}.json"

@@ -7,19 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-import numpy as np
-
 from ..dataset.bop import scene_entries
 from ..dataset.checksums import FileSum, sum_of
-from ..dataset.coco import run_lengths
 from ..dataset.layout import ViewPaths
 from ..dataset.view_record import ViewRecord, read_record
 from ..errors import InputError, RunError
 from ..files.content import written_file
-from ..files.outputs import writing
 from .colour_loss import ColourLoss
+from .disk import writing_pack
 from .layout import MASKS, shard_name, view_key
 from .mask_image import decoded_mask
+from .mask_runs import mask_json
 from .tar import write_end, write_member
 
 
@@ -91,7 +89,7 @@ def pack_shard(order: ShardOrder, on_view: Callable[[], None] = lambda: None) ->
     """
     path = order.folder / shard_name(order.number)
     loss = ColourLoss()
-    with writing(path), written_file(path) as stream:
+    with writing_pack(path), written_file(path) as stream:
         hashed = _Hashed(stream)
         for index in order.views:
             paths = ViewPaths(order.root, index)
@@ -176,11 +174,6 @@ def _masks(paths: ViewPaths, record: ViewRecord) -> Iterator[tuple[str, bytes]]:
                 raise RunError(str(error)) from None
             known[data] = mask_json(mask)
         yield kind, known[data]
-
-
-def mask_json(mask: np.ndarray) -> bytes:
-    """An ``(H, W)`` bool mask of the only object as uncompressed run lengths, as BOP's reader takes them."""
-    return _json({"0": {"counts": run_lengths(mask), "size": mask.shape}})
 
 
 def _json(content: object) -> bytes:

@@ -71,18 +71,26 @@ def member_places(read_at: ReadAt, where: str) -> dict[str, tuple[int, int]]:
         offset += BLOCK + size + -size % BLOCK
 
 
+_EMPTY = tarfile.TarInfo("").tobuf(tarfile.USTAR_FORMAT)
+_NAME, _SIZE, _CHECKSUM = slice(0, 100), slice(124, 136), slice(148, 156)
+
+
 def _parsed(header: bytes, where: str) -> tuple[str, int]:
-    """Name and size of a member, from its header."""
+    """Name and size of a member, from a header that is exactly as :func:`write_member` writes it."""
+    expected = bytearray(_EMPTY)
     try:
+        name, size = header[_NAME].rstrip(b"\0").decode("ascii"), int(header[_SIZE][:-1], 8)
+        expected[_NAME], expected[_SIZE] = header[_NAME], b"%011o\0" % size
         # the checksum counts itself as blanks
-        total = sum(header) - sum(header[148:156]) + 8 * 32
-        if header[257:263] == b"ustar\0" and int(header[148:154], 8) == total and header[156:157] == b"0":
-            return header[: header.index(0)].decode("ascii"), int(header[124:135], 8)
+        expected[_CHECKSUM] = b" " * 8
+        expected[_CHECKSUM] = b"%06o\0 " % sum(expected)
     except ValueError:
-        pass
-    raise InputError(
-        f"{where}: expected a shard as oneframe pack writes it, found a damaged one; copy or pack it again"
-    )
+        name, size = "", 0
+    if not name or header != expected:
+        raise InputError(
+            f"{where}: expected a shard as oneframe pack writes it, found a damaged one; copy or pack it again"
+        )
+    return name, size
 
 
 def ordered_names(keys: Iterable[str], suffixes: Iterable[str]) -> list[str]:

@@ -1,6 +1,5 @@
 """Whether a pack is whole: its hashes, its shards as another library reads them, and each view beside its dataset."""
 
-import io
 import json
 import tarfile
 from collections.abc import Iterator
@@ -21,6 +20,7 @@ from .colour_loss import ColourLoss
 from .layout import KEY_TO_SHARD, MANIFEST, MASKS, TABLES, TARGETS, WORK, member_suffixes, shard_name, view_key
 from .manifest import Manifest, read_manifest
 from .mask_image import decoded_mask
+from .mask_runs import mask_columns
 from .pack_folder import is_own_name
 from .shard import PackedShard
 from .source import Description, Source, open_source, read_description
@@ -213,7 +213,7 @@ class _ShardCheck:
                     same = json.loads(data) == self._entry(paths, SCENE_TABLES[suffix])
                 elif kind in MASKS:
                     image = decoded_mask(paths.file(kind).read_bytes(), paths.relative(kind))
-                    same = np.array_equal(image, mask_of(data))
+                    same = np.array_equal(image, mask_columns(data, image.shape, suffix).T)
                 elif suffix == "rgb.jpg":
                     # only here: without JPEG, packing needs no OpenCV
                     from .jpeg import jpeg_loss
@@ -238,19 +238,3 @@ class _ShardCheck:
             self._tables = {name: known for name, known in self._tables.items() if Path(name).parent == path.parent}
             self._tables[str(path)] = json.loads(path.read_bytes())
         return self._tables[str(path)][str(paths.image_id)]
-
-
-def mask_of(data: bytes) -> np.ndarray:
-    """The ``(H, W)`` bool mask of a member.
-
-    Raises
-    ------
-    ValueError, KeyError, TypeError
-        It is no mask as BOP has it.
-    """
-    entry = json.load(io.BytesIO(data))["0"]
-    height, width = entry["size"]
-    counts = np.array(entry["counts"], np.int64)
-    if (counts < 0).any() or counts.sum() != height * width:
-        raise ValueError("the runs are not as long as the image")
-    return np.repeat(np.arange(len(counts)) % 2 == 1, counts).reshape(width, height).T

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
+from ..packing.mask_runs import mask_columns
 
 Shape = tuple[int, int]
 """Height and width in px."""
@@ -70,18 +71,8 @@ def decoded_run_lengths(data: bytes, shape: Shape, where: str) -> np.ndarray:
     InputError
         Damaged, or of another size.
     """
-    try:
-        entry = json.loads(data)["0"]
-        counts, size = np.array(entry["counts"], np.int64), tuple(entry["size"])
-    except (ValueError, KeyError, TypeError, OverflowError):
-        raise _damaged(where) from None
-    height, width = shape
-    if size != shape or counts.ndim != 1 or (counts < 0).any() or counts.sum() != height * width:
-        raise _damaged(where)
-    values = np.arange(len(counts), dtype=np.uint8) & 1
-    # column by column; OpenCV transposes in blocks
-    columns = np.repeat(values, counts).reshape(width, height)
-    return cv2.transpose(columns).view(bool)
+    # OpenCV transposes in blocks
+    return cv2.transpose(mask_columns(data, shape, where)).view(bool)
 
 
 def parsed(data: bytes, where: str) -> Any:

@@ -184,7 +184,7 @@ def test_a_changed_view_is_refused_and_finished_shards_are_kept(kind, copied, pa
     sound = path.read_bytes()
     path.write_bytes(sound[:30] + b"!" + sound[31:])
     with pytest.raises(RunError, match=f"{path}: expected .*; (or )?remove "):
-        pack(copied, tmp_path / "out")
+        pack(copied, tmp_path / "out", engine=partial(packed_locally, workers=1))
     assert {*tree(tmp_path / "out")} == {
         ".work/lock", ".work/plan.json", ".work/shard-000000.tar.json", "shard-000000.tar"
     }  # fmt: skip

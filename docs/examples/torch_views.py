@@ -44,9 +44,9 @@ class Views(TorchDataset):
 class StreamedViews(IterableDataset):
     """Views shard by shard: for packs on a shared disk, which is read from beginning to end.
 
-    Each worker of a DataLoader gets shards of its own, so make at least as many shards as workers. Call set_epoch before
-    each epoch: shards come in another order then. Views are mixed among the next ``buffer`` ones, which are read from
-    the file only when their turn comes.
+    Each worker of a DataLoader gets shards of its own, so make at least as many shards as workers. Call set_epoch
+    before each epoch: shards come in another order then. Views are mixed among the next ``buffer`` ones, which are read
+    from the file only when their turn comes.
     """
 
     def __init__(

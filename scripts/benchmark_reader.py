@@ -89,10 +89,11 @@ def measure(root: Path, folder: Path, views: int, rounds: int, quality: int) -> 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     with ThreadPoolExecutor(cores) as pool:
         shares = [range(first, len(numbers), cores) for first in range(cores)]
-        ways[f"pack, {cores} threads"] = {
-            what: lambda parts=parts: list(pool.map(lambda share: read(pack, share, parts), shares))
-            for what, parts in PARTS.items()
-        }
+
+        def read_by_threads(parts: Sequence[str]) -> None:
+            list(pool.map(lambda share: read(pack, share, parts), shares))
+
+        ways[f"pack, {cores} threads"] = {what: partial(read_by_threads, parts) for what, parts in PARTS.items()}
         best: dict[str, dict[str, float]] = {name: dict.fromkeys(parts, 0.0) for name, parts in ways.items()}
         for _ in range(rounds):
             for name, parts in ways.items():

@@ -26,7 +26,7 @@ class Dataset(Sequence[View]):
     def __init__(
         self, files: ViewFiles, description: Description, views: Sequence[int], shards: Sequence[range]
     ) -> None:
-        """See :func:`open_dataset`."""
+        """See :func:`~pipeline.reader.dataset.open_dataset`."""
         self._files, self._description, self._views, self._shards = files, description, views, tuple(shards)
 
     def __len__(self) -> int:
@@ -83,7 +83,7 @@ class Dataset(Sequence[View]):
         return self._shards
 
 
-def open_dataset(path: str | os.PathLike[str]) -> Dataset:
+def open_dataset(path: str | Path) -> Dataset:
     """Open the folder of a dataset or of a pack; images are not read before they are asked for.
 
     Parameters

@@ -4,8 +4,10 @@ Source: thodan/bop_toolkit, bop_toolkit_lib/dataset/bop_imagewise.py and bop_web
 """
 
 import re
+from pathlib import PurePosixPath
 
 from ..dataset.layout import MODEL_FILES, RECORD, ViewPaths
+from ..files.content import partial_name
 
 FORMAT = "oneframe pack 1"
 """Name and version of the layout, in ``pack.json``."""
@@ -20,6 +22,8 @@ COPIED = (RECORD, "camera.json", *MODEL_FILES)
 TABLES = (*COPIED, TARGETS, INFO, KEY_TO_SHARD)
 """The files of a pack beside its shards that the manifest has sums of."""
 
+DESKTOP_FILES = ("Thumbs.db", "desktop.ini")
+
 MASKS = ("mask", "mask_visib", "mask_observed")
 VIEWS_PER_SHARD = 1000
 """As in BOP's own packs."""
@@ -33,6 +37,16 @@ def shard_name(number: int) -> str:
 def is_shard(name: str) -> bool:
     """Whether a shard has such a name."""
     return re.fullmatch(r"shard-[0-9]{6,}\.tar", name) is not None
+
+
+def is_note(name: str) -> bool:
+    """Whether a file beside the shards is one that people add and no reader takes for data, as beside a dataset.
+
+    Such as LICENSE, README.md, notes.txt, .gitattributes.
+    """
+    path = PurePosixPath(name)
+    hidden = name.startswith(".") and name != WORK and partial_name(name) is None
+    return len(path.parts) == 1 and (hidden or path.suffix.lower() in ("", ".md", ".txt") or name in DESKTOP_FILES)
 
 
 def view_key(paths: ViewPaths) -> str:

@@ -18,7 +18,7 @@ from ..dataset.lock import Busy, FileLock
 from ..errors import InputError, RunError
 from ..files.content import create_folder, partial_name, write_bytes_atomically
 from ..files.tables import parsed_json
-from .layout import MANIFEST, TABLES, WORK, is_shard, shard_name
+from .layout import MANIFEST, TABLES, WORK, is_note, is_shard, shard_name
 from .manifest import from_runs, read_manifest, shard_from_json, shard_to_json, to_runs
 from .shard import PackedShard
 
@@ -186,7 +186,7 @@ class PackFolder:
                     f"{min(others or {WORK})}); choose another folder (--out)"
                 )
             return
-        foreign = sorted(name for name in names if not is_own_name(name))
+        foreign = sorted(name for name in names if not (is_own_name(name) or is_note(name)))
         if foreign:
             raise RunError(
                 f"{self.path}: expected only the files of a pack, found {foreign[0]}; move it elsewhere, or choose "

@@ -17,7 +17,18 @@ from ..errors import InputError, RunError
 from ..files.tables import parsed_json
 from ..progress import Progress
 from .colour_loss import ColourLoss
-from .layout import KEY_TO_SHARD, MANIFEST, MASKS, TABLES, TARGETS, WORK, member_suffixes, shard_name, view_key
+from .layout import (
+    KEY_TO_SHARD,
+    MANIFEST,
+    MASKS,
+    TABLES,
+    TARGETS,
+    WORK,
+    is_note,
+    member_suffixes,
+    shard_name,
+    view_key,
+)
 from .manifest import Manifest, read_manifest
 from .mask_image import decoded_mask
 from .mask_runs import mask_columns
@@ -113,7 +124,7 @@ def _check_tables(folder: Path, manifest: Manifest, findings: Findings) -> None:
     known_names = {MANIFEST, *manifest.files, *shards, *(str(Path(name).parent) for name in manifest.files)}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
-        if name not in known_names and not path.is_dir():
+        if name not in known_names and not path.is_dir() and not is_note(name):
             own = is_own_name(name) and name not in shards
             findings.add(FOREIGN, f"{name}: {'this pack has no such shard' if own else 'no pack has such a file'}")
     with suppress(InputError, OSError):

@@ -218,10 +218,10 @@ def test_other_files_and_packs_are_refused(dataset, copied, copied_pack, tmp_pat
         pack(dataset, other)
     with pytest.raises(RunError, match="it has 3 views a shard, now 2 are asked for"):
         pack(dataset, copied_pack, views_per_shard=2)
-    (copied_pack / "notes.txt").write_text("mine")
-    with pytest.raises(RunError, match=r"expected only the files of a pack, found notes\.txt"):
+    (copied_pack / "scan.dcm").write_text("mine")
+    with pytest.raises(RunError, match=r"expected only the files of a pack, found scan\.dcm"):
         pack(dataset, copied_pack)
-    (copied_pack / "notes.txt").unlink()
+    (copied_pack / "scan.dcm").unlink()
     with pytest.raises(RunError, match="expected a new or empty folder or a pack to resume"):
         pack(dataset, copied)
     # the pack of another dataset

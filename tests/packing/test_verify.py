@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from pipeline.dataset.checksums import sum_of_file
 from pipeline.errors import InputError
+from pipeline.packing.pack import pack_dataset
 from pipeline.packing.tar import member_places, write_end, write_member
 from pipeline.packing.verify import verify_pack
 
@@ -153,6 +154,14 @@ def test_what_is_no_pack_is_a_sentence(dataset, copied_pack, tmp_path):
     (copied_pack / ".work").mkdir()
     with pytest.raises(InputError, match="an unfinished one; run the command that packs it again"):
         verify_pack(copied_pack)
+
+
+def test_notes_beside_the_shards_are_no_damage(dataset, copied_pack):
+    for name in ("README.md", "LICENSE", ".gitattributes"):
+        (copied_pack / name).write_text("mine")
+    assert findings(copied_pack) == []
+    pack_dataset(dataset, copied_pack, views_per_shard=3, stream=io.StringIO())
+    assert (copied_pack / "LICENSE").read_text() == "mine"
 
 
 def test_tar_itself_reads_a_shard(packed):

@@ -10,10 +10,10 @@ from ..errors import InputError
 from ..files.content import read_content
 from ..files.tables import parsed_json
 from .colour_loss import ColourLoss, total_loss
-from .layout import FORMAT, MANIFEST, shard_name
+from .layout import FORMAT, MANIFEST, MOST_VIEWS, shard_name
 from .shard import PackedShard
 
-LARGEST_VIEW = 1 << 40
+LARGEST_NUMBER = 1 << 50
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,8 @@ def shard_to_json(shard: PackedShard) -> dict[str, object]:
     return content | ({"loss": shard.loss.to_json()} if shard.loss.values else {})
 
 
-def shard_from_json(number: int, content: object, where: str) -> PackedShard:
-    """Read it again.
+def shard_from_json(number: int, content: object, where: str, most: int = MOST_VIEWS) -> PackedShard:
+    """Read it again, with at most so many views.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def shard_from_json(number: int, content: object, where: str) -> PackedShard:
     loss = entry.content.get("loss")
     return PackedShard(
         number,
-        from_runs(entry.content.get("views"), where),
+        from_runs(entry.content.get("views"), where, most),
         entry.sum(),
         ColourLoss() if loss is None else ColourLoss.from_json(loss, where),
     )
@@ -116,11 +116,16 @@ def read_manifest(folder: Path) -> Manifest:
         raise InputError(
             f"{path}: expected the format {FORMAT!r}, found {found}; use the version of OneFrame that made it"
         )
+    if manifest.integer("count") > MOST_VIEWS:
+        raise InputError(f"{path}: expected at most {MOST_VIEWS} views, found {manifest.integer('count')}; {AGAIN}")
     shards, files, rgb = manifest.table("shards"), manifest.table("files"), manifest.table("rgb")
     names = [shard_name(number) for number in range(len(shards))]
     if not names or list(shards) != names:
         raise InputError(f"{path}: expected shards from {shard_name(0)} on, found others; {AGAIN}")
-    found_shards = tuple(shard_from_json(number, shards[name], f"{path}: {name}") for number, name in enumerate(names))
+    found_shards, left = [], manifest.integer("count")
+    for number, name in enumerate(names):
+        found_shards.append(shard_from_json(number, shards[name], f"{path}: {name}", most=left))
+        left -= len(found_shards[-1].views)
     views = [view for shard in found_shards for view in shard.views]
     if len(set(views)) != len(views) or manifest.integer("count") != len(views):
         raise InputError(f"{path}: expected each view in one shard, and count to be their number; {AGAIN}")
@@ -132,7 +137,7 @@ def read_manifest(folder: Path) -> Manifest:
         views_per_shard=manifest.integer("views_per_shard"),
         jpeg_quality=quality,
         opencv=None if version is None else str(version),
-        shards=found_shards,
+        shards=tuple(found_shards),
         files={name: _Entry(content, f"{path}: {name}").sum() for name, content in files.items()},
     )
 
@@ -151,8 +156,8 @@ def to_runs(views: Sequence[int]) -> list[list[int]]:
     return runs
 
 
-def from_runs(runs: object, where: str) -> tuple[int, ...]:
-    """The numbers of :func:`to_runs`.
+def from_runs(runs: object, where: str, most: int = MOST_VIEWS) -> tuple[int, ...]:
+    """The numbers of :func:`to_runs`, at most so many.
 
     Raises
     ------
@@ -161,13 +166,9 @@ def from_runs(runs: object, where: str) -> tuple[int, ...]:
     """
     if not isinstance(runs, list) or not runs or not all(map(_is_run, runs)):
         raise InputError(f"{where}: expected views as pairs of a first and a last number; {AGAIN}")
-    if sum(last - first + 1 for first, last in runs) > MOST_IN_SHARD:
-        raise InputError(f"{where}: expected at most {MOST_IN_SHARD} views in a shard; {AGAIN}")
+    if sum(last - first + 1 for first, last in runs) > most:
+        raise InputError(f"{where}: expected at most {most} views, found more; {AGAIN}")
     return tuple(view for first, last in runs for view in range(first, last + 1))
-
-
-MOST_IN_SHARD = 1_000_000
-"""Views: their headers alone would have gigabytes."""
 
 
 class _Entry:
@@ -196,7 +197,7 @@ class _Entry:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= LARGEST_VIEW
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= LARGEST_NUMBER
 
 
 def _is_run(run: object) -> bool:

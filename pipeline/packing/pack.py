@@ -15,9 +15,20 @@ from ..files.content import create_folder, write_bytes_atomically, written_file
 from ..files.tables import write_json
 from ..progress import LINE_SECONDS, Progress
 from .disk import writing_pack
-from .layout import COPIED, INFO, KEY_TO_SHARD, MANIFEST, TABLES, TARGETS, VIEWS_PER_SHARD, shard_name, view_key
+from .layout import (
+    COPIED,
+    INFO,
+    KEY_TO_SHARD,
+    MANIFEST,
+    MOST_VIEWS,
+    TABLES,
+    TARGETS,
+    VIEWS_PER_SHARD,
+    shard_name,
+    view_key,
+)
 from .local_processes import packed_locally
-from .manifest import MOST_IN_SHARD, Manifest
+from .manifest import Manifest
 from .pack_folder import PackFolder, Plan
 from .pack_info import pack_info
 from .shard import PackedShard, ShardOrder
@@ -63,8 +74,8 @@ def pack_dataset(
         A view is damaged, or the pack cannot be written; finished shards are kept.
     """
     _check_folders(root, out)
-    if not 1 <= views_per_shard <= MOST_IN_SHARD:
-        raise InputError(f"--views-per-shard: expected 1 to {MOST_IN_SHARD} views, found {views_per_shard}")
+    if not 1 <= views_per_shard <= MOST_VIEWS:
+        raise InputError(f"--views-per-shard: expected 1 to {MOST_VIEWS} views, found {views_per_shard}")
     if jpeg_quality is not None and not 1 <= jpeg_quality <= 100:
         raise InputError(f"--jpeg: expected a quality from 1 to 100, found {jpeg_quality}")
     source = open_source(root)

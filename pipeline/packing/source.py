@@ -17,9 +17,7 @@ from ..dataset.view_ranges import view_ranges
 from ..errors import InputError
 from ..files.content import read_content
 from ..files.tables import parsed_json
-from .layout import COPIED, TARGETS
-
-MOST_VIEWS = 10_000_000
+from .layout import COPIED, MOST_VIEWS, TARGETS
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from .layout import (
     KEY_TO_SHARD,
     MANIFEST,
     MASKS,
+    MOST_VIEWS,
     TABLES,
     TARGETS,
     WORK,
@@ -138,7 +139,7 @@ def _check_tables(folder: Path, manifest: Manifest, findings: Findings) -> None:
         }:
             findings.add(DAMAGED, f"{KEY_TO_SHARD}: it names other views or shards than {MANIFEST}")
     with suppress(InputError, OSError, KeyError, TypeError):
-        per_scene = len(scene_views(0, 10_000_000))
+        per_scene = len(scene_views(0, MOST_VIEWS))
         targets = parsed_json((folder / TARGETS).read_bytes(), TARGETS)
         if not {each["scene_id"] * per_scene + each["im_id"] for each in targets} <= set(manifest.views):
             findings.add(DAMAGED, f"{TARGETS}: it names views that the pack does not hold")
@@ -224,7 +225,8 @@ class _ShardCheck:
                     same = json.loads(data) == self._entry(paths, SCENE_TABLES[suffix])
                 elif kind in MASKS:
                     image = decoded_mask(paths.file(kind).read_bytes(), paths.relative(kind))
-                    same = np.array_equal(image, mask_columns(data, image.shape, suffix).T)
+                    height, width = image.shape
+                    same = np.array_equal(image, mask_columns(data, (height, width), suffix).T)
                 elif suffix == "rgb.jpg":
                     # only here: without JPEG, packing needs no OpenCV
                     from .jpeg import jpeg_loss

@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
+from ..images.image_check import MOST_SCANS
+from ..images.image_header import image_header
 from ..packing.mask_runs import mask_columns
 
 Shape = tuple[int, int]
@@ -22,7 +24,7 @@ def decoded_rgb(data: bytes, shape: Shape, where: str) -> np.ndarray:
     InputError
         Damaged, or of another size.
     """
-    return _checked(_decoded(data, cv2.IMREAD_COLOR_RGB), (*shape, 3), np.uint8, where)
+    return _checked(_decoded(data, cv2.IMREAD_COLOR_RGB, shape, where), (*shape, 3), np.uint8, where)
 
 
 def decoded_depth(data: bytes, depth_scale: float, shape: Shape, where: str) -> np.ndarray:
@@ -33,7 +35,7 @@ def decoded_depth(data: bytes, depth_scale: float, shape: Shape, where: str) -> 
     InputError
         Damaged, or of another size.
     """
-    units = _checked(_decoded(data, cv2.IMREAD_UNCHANGED), shape, np.uint16, where)
+    units = _checked(_decoded(data, cv2.IMREAD_UNCHANGED, shape, where), shape, np.uint16, where)
     return np.multiply(units, np.float32(depth_scale), dtype=np.float32)
 
 
@@ -60,7 +62,7 @@ def decoded_mask_image(data: bytes, shape: Shape, where: str) -> np.ndarray:
     InputError
         Damaged, or of another size.
     """
-    return _checked(_decoded(data, cv2.IMREAD_UNCHANGED), shape, np.uint8, where) != 0
+    return _checked(_decoded(data, cv2.IMREAD_UNCHANGED, shape, where), shape, np.uint8, where) != 0
 
 
 def decoded_run_lengths(data: bytes, shape: Shape, where: str) -> np.ndarray:
@@ -89,9 +91,15 @@ def parsed(data: bytes, where: str) -> Any:
         raise _damaged(where) from None
 
 
-def _decoded(data: bytes, flags: int) -> np.ndarray | None:
-    content = np.frombuffer(data, np.uint8)
-    return cv2.imdecode(content, flags) if len(content) else None
+def _decoded(data: bytes, flags: int, shape: Shape, where: str) -> np.ndarray | None:
+    try:
+        header = image_header(data)
+    except ValueError:
+        raise _damaged(where) from None
+    # before memory is taken for any size that a header claims
+    if (header.height, header.width) != shape or header.scans > MOST_SCANS:
+        raise _damaged(where)
+    return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
 
 
 def _checked(array: np.ndarray | None, shape: tuple[int, ...], dtype: type, where: str) -> np.ndarray:

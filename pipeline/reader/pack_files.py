@@ -100,7 +100,8 @@ class PackFiles:
                     f"{path}: expected the member {name}, found none; check the pack (oneframe pack --verify)"
                 )
             offset, size = places[name]
-            data = shard.read_at(offset, size)
+            # a size that a header claims, before memory is taken for it
+            data = shard.read_at(offset, size) if offset + size <= shard.size else b""
         except OSError as error:
             raise InputError(
                 f"{path}: expected a shard of the pack, cannot read it ({error.strerror}); copy or pack it again"
@@ -129,6 +130,7 @@ class _Shard:
         self._descriptor = -1
         self._descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0))
         self._lock = threading.Lock()
+        self.size = os.fstat(self._descriptor).st_size
 
     def __del__(self) -> None:
         if self._descriptor >= 0:

@@ -7,8 +7,11 @@ import os
 import pickle
 import re
 import shutil
+import struct
 import subprocess
 import sys
+import tarfile
+import zlib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -18,6 +21,7 @@ import pytest
 
 from pipeline.dataset.layout import ViewPaths
 from pipeline.errors import InputError
+from pipeline.images.png import encode_png
 from pipeline.packing.pack import pack_dataset
 from pipeline.reader import Dataset, View, open_dataset
 from pipeline.reader.pack_files import MOST_OPEN
@@ -64,7 +68,7 @@ def test_arrays_are_those_of_the_files(opened, dataset):  # noqa: F811
             "rgb": ("uint8", (48, 64, 3)), "depth_mm": ("float32", (48, 64)), "mask": ("bool", (48, 64)),
             "observed": ("bool", (48, 64)), "k": ("float64", (3, 3)), "cam_from_model": ("float64", (4, 4)),
         }  # fmt: skip
-        assert all(array.flags.c_contiguous for array in arrays(view).values())
+        assert all(array.flags.c_contiguous and array.flags.writeable for array in arrays(view).values())
 
 
 def test_depth_without_float_depth_is_the_image_times_its_scale(copied, tmp_path):  # noqa: F811
@@ -201,6 +205,34 @@ def test_damaged_members_are_sentences(place, copied_pack):  # noqa: F811
             except InputError as error:
                 if path.name not in str(error):
                     raise
+
+
+def test_claims_take_no_memory(copied, copied_pack):  # noqa: F811
+    """An image of 60000 x 60000 px in a hundred bytes, a member of 8 GB, a manifest of a trillion views."""
+    huge = bytearray(encode_png(np.zeros((48, 64, 3), np.uint8)))
+    huge[16:24] = struct.pack(">II", 60_000, 60_000)
+    huge[29:33] = struct.pack(">I", zlib.crc32(huge[12:29]))
+    ViewPaths(copied, 0).file("rgb").write_bytes(huge)
+    with pytest.raises(InputError, match=r"rgb/000000\.png: expected a file of a view"):
+        open_dataset(copied)[0].rgb  # noqa: B018
+    path = ViewPaths(copied, 0).file("depth_mm")
+    path.write_bytes(path.read_bytes().replace(b"(48, 64), }    ", b"(999999999,), }"))
+    with pytest.raises(InputError, match=r"depth_mm/000000\.npy: expected a file of a view"):
+        open_dataset(copied)[0].depth_mm  # noqa: B018
+    shard = copied_pack / "shard-000000.tar"
+    entry = tarfile.TarInfo("000000_000000.camera.json")
+    entry.size = 8**11 - 1
+    shard.write_bytes(entry.tobuf(tarfile.USTAR_FORMAT) + shard.read_bytes()[512:])
+    with pytest.raises(InputError, match=r"shard-000000\.tar: expected a whole shard"):
+        open_dataset(copied_pack)[0].k  # noqa: B018
+    path = copied_pack / "pack.json"
+    text = path.read_text()
+    for count in (4, 10**12):
+        content = json.loads(text)
+        content["shards"]["shard-000000.tar"]["views"] = [[0, 10**12]]
+        path.write_text(json.dumps(content | {"count": count}))
+        with pytest.raises(InputError, match=r"pack\.json: .*expected at most [0-9]+ views, found"):
+            open_dataset(copied_pack)
 
 
 def test_damaged_files_are_sentences(copied):  # noqa: F811

@@ -47,7 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="store RGB as JPEG of this quality, 1 to 100; what that loses is reported (needs OpenCV)",
     )  # fmt: skip
     work = parser.add_argument_group("work")
-    work.add_argument("--workers", metavar="N", type=int, default=0, help="number of processes (default: one per core)")
+    work.add_argument(
+        "--workers",
+        metavar="N",
+        type=int,
+        default=0,
+        help="number of processes, or with --verify of threads (default: one per core)",
+    )
     work.add_argument(
         "--verify", action="store_true", help="pack nothing: compare the pack with its hashes and with DIR"
     )
@@ -75,8 +81,10 @@ def run(arguments: argparse.Namespace) -> int:
     output = own_output()
     if arguments.verify:
         with explained_imports():
+            from ..packing.local_processes import available_cores
             from ..packing.verify import verify_pack
-        report = verify_pack(arguments.out, arguments.dataset, stream=output)
+        threads = arguments.workers or available_cores()
+        report = verify_pack(arguments.out, arguments.dataset, threads=threads, stream=output)
         for line in (*report.findings.shown(), report.summary()):
             output.write(line + "\n")
         return EXIT_WRONG if report.findings else 0

@@ -25,7 +25,6 @@ from pipeline.images.png import encode_png
 from pipeline.packing.pack import pack_dataset
 from pipeline.reader import Dataset, View, open_dataset
 from pipeline.reader.pack_files import MOST_OPEN
-from tests.packing.conftest import copied, copied_pack, dataset, packed  # noqa: F401
 
 PARTS = ("rgb", "depth_mm", "mask", "observed", "k", "cam_from_model")
 ROOT = Path(__file__).resolve().parents[2]
@@ -42,11 +41,11 @@ def assert_same(one: View, other: View) -> None:
 
 
 @pytest.fixture(params=["folder", "pack"])
-def opened(request, dataset, packed) -> Dataset:  # noqa: F811
+def opened(request, dataset, packed) -> Dataset:
     return open_dataset(dataset if request.param == "folder" else packed)
 
 
-def test_arrays_are_those_of_the_files(opened, dataset):  # noqa: F811
+def test_arrays_are_those_of_the_files(opened, dataset):
     scene = dataset / "train_synt" / "000000"
     tables = {name: json.loads((scene / f"scene_{name}.json").read_text()) for name in ("camera", "gt", "gt_info")}
     for place, view in enumerate(opened):
@@ -71,7 +70,7 @@ def test_arrays_are_those_of_the_files(opened, dataset):  # noqa: F811
         assert all(array.flags.c_contiguous and array.flags.writeable for array in arrays(view).values())
 
 
-def test_depth_without_float_depth_is_the_image_times_its_scale(copied, tmp_path):  # noqa: F811
+def test_depth_without_float_depth_is_the_image_times_its_scale(copied, tmp_path):
     """As bop_toolkit computes it."""
     path = copied / "dataset.json"
     path.write_text(path.read_text().replace('"float_depth": true', '"float_depth": false'))
@@ -94,7 +93,7 @@ def test_it_is_a_sequence(opened):
     assert places == [*range(4)]
 
 
-def test_chosen_views_keep_their_order_and_numbers(dataset, tmp_path):  # noqa: F811
+def test_chosen_views_keep_their_order_and_numbers(dataset, tmp_path):
     pack_dataset(dataset, tmp_path / "out", views=[3, 0, 2], views_per_shard=2, stream=io.StringIO())
     chosen, whole = open_dataset(tmp_path / "out"), open_dataset(dataset)
     assert [*chosen.views] == [3, 0, 2]
@@ -139,7 +138,7 @@ def test_processes_share_it(method, opened):
 
 
 @pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="no list of open files on this system")
-def test_few_files_are_open_and_none_after_closing(dataset, tmp_path):  # noqa: F811
+def test_few_files_are_open_and_none_after_closing(dataset, tmp_path):
     def open_shards() -> int:
         found = 0
         for path in Path("/proc/self/fd").iterdir():
@@ -175,13 +174,13 @@ def test_few_files_are_open_and_none_after_closing(dataset, tmp_path):  # noqa: 
         (lambda pack: (pack / "dataset.json").write_text("{}"), "expected the format 'oneframe dataset 2'"),
     ],
 )  # fmt: skip
-def test_a_damaged_pack_is_a_sentence(harm, message, copied_pack):  # noqa: F811
+def test_a_damaged_pack_is_a_sentence(harm, message, copied_pack):
     harm(copied_pack)
     with pytest.raises(InputError, match=message):
         open_dataset(copied_pack)
 
 
-def test_what_is_no_dataset_is_a_sentence(copied, tmp_path):  # noqa: F811
+def test_what_is_no_dataset_is_a_sentence(copied, tmp_path):
     for path in (tmp_path / "nothing", tmp_path, copied / "dataset.json"):
         with pytest.raises(InputError, match=f"{re.escape(str(path))}: expected the folder of a dataset or a pack"):
             open_dataset(path)
@@ -191,7 +190,7 @@ def test_what_is_no_dataset_is_a_sentence(copied, tmp_path):  # noqa: F811
 
 
 @pytest.mark.parametrize("place", range(0, 40, 4))
-def test_damaged_members_are_sentences(place, copied_pack):  # noqa: F811
+def test_damaged_members_are_sentences(place, copied_pack):
     """A shard of the right size with other bytes: values, or a sentence that names the shard."""
     path = copied_pack / "shard-000000.tar"
     data = bytearray(path.read_bytes())
@@ -207,7 +206,7 @@ def test_damaged_members_are_sentences(place, copied_pack):  # noqa: F811
                     raise
 
 
-def test_claims_take_no_memory(copied, copied_pack):  # noqa: F811
+def test_claims_take_no_memory(copied, copied_pack):
     """An image of 60000 x 60000 px in a hundred bytes, a member of 8 GB, a manifest of a trillion views."""
     huge = bytearray(encode_png(np.zeros((48, 64, 3), np.uint8)))
     huge[16:24] = struct.pack(">II", 60_000, 60_000)
@@ -235,7 +234,7 @@ def test_claims_take_no_memory(copied, copied_pack):  # noqa: F811
             open_dataset(copied_pack)
 
 
-def test_damaged_files_are_sentences(copied):  # noqa: F811
+def test_damaged_files_are_sentences(copied):
     shutil.rmtree(copied / "train_synt/000000/depth_mm")
     for kind in ("rgb", "mask_visib", "mask_observed"):
         file = ViewPaths(copied, 1).file(kind)

@@ -82,6 +82,11 @@ class Progress:
             self._stream.flush()
 
     @property
+    def count(self) -> int:
+        """Number of finished items."""
+        return self._count
+
+    @property
     def seconds_per_item(self) -> float:
         """Mean time of the items finished since the start, in s; 0 before the first."""
         done = self._count - self._first

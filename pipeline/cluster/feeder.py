@@ -110,6 +110,7 @@ class Feeder:
         note: Callable[[str], None] = lambda _text: None,
         gatherer: Gatherer | None = None,
         sender: CaseSender | None = None,
+        on_outcome: Callable[[Outcome], None] = lambda _outcome: None,
     ) -> None:
         """Prepare a run.
 
@@ -135,11 +136,14 @@ class Feeder:
             Brings here what is done; until then it does not count as done.
         sender
             Sends the case to workers that ask for it.
+        on_outcome
+            Gets every outcome.
         """
         self._source, self._call, self._client = source, call, source.client
         self._run, self._task, self._job, self._noun = run, task, dict(job), noun
         self._todo = deque(items)
         self._pace = pace or Pace()
+        self._on_outcome = on_outcome
         self._show, self._note, self._gatherer, self._sender = show, note, gatherer, sender
         self._placed: dict[int, _Placed] = {}
         self._number = 0
@@ -301,6 +305,7 @@ class Feeder:
             raise InputError(outcome.wrong_input)
         self.tally.twice += len(self._finished.intersection(outcome.finished))
         self._take_done(outcome)
+        self._on_outcome(outcome)
         if outcome.finished:
             self.tally.workers.add(outcome.worker)
             # recent orders count more

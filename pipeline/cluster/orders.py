@@ -74,6 +74,8 @@ class Outcome:
         Time that the finished items took.
     lost
         How processes were lost.
+    results
+        What the task says of the items that are done or found; JSON types only.
     """
 
     number: int
@@ -87,6 +89,7 @@ class Outcome:
     crashed: tuple[int, ...] = ()
     seconds: float = 0.0
     lost: tuple[str, ...] = ()
+    results: tuple[Any, ...] = ()
 
     def to_text(self) -> str:
         """The outcome as JSON."""
@@ -96,7 +99,7 @@ class Outcome:
     def from_text(cls, text: str) -> "Outcome":
         """Read what :meth:`to_text` has written."""
         content = json.loads(text)
-        lists = ("finished", "found", "left", "crashed", "lost")
+        lists = ("finished", "found", "left", "crashed", "lost", "results")
         return cls(**{**content, **{name: tuple(content[name]) for name in lists if name in content}})
 
 

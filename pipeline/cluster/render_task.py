@@ -12,19 +12,18 @@ from typing import Any, Protocol
 
 from ..blender.command_line import EXIT_INPUT, EXIT_RUN, blender_command
 from ..blender.dataset.render_process import AHEAD, RenderProcess
-from ..dataset.folder import run_token
 from ..dataset.layout import occupied_views
 from ..dataset.survey import is_finished, survey_views
 from ..errors import RunError
 from . import render_processes, worker_places
 from .orders import Order, Outcome
+from .visible_folder import check_visible
 from .worker_places import Machine, SentCase
 
 _ROOT = Path(__file__).resolve().parents[2]
 _SCRIPT = _ROOT / "scripts" / "render_dataset.py"
 _MOST_FAILED_STARTS = 3
 
-_seen: set[str] = set()
 _failed_starts: dict[str, list[str]] = {}
 
 
@@ -250,26 +249,12 @@ def _on_this_worker(run: str, job: RenderJob, worker: Surroundings) -> RenderJob
 def _folder(run: str, job: RenderJob, worker: Surroundings) -> Path:
     if job.description is not None:
         return worker_places.own_folder(run, job.out, job.identity, job.description, worker)
-    _check_visible(run, job)
+    instead = (
+        "choose one that all machines see (--out), or let workers write to folders of their own (--gather, or "
+        "--out-on-workers)"
+    )
+    check_visible(run, job.out, job.client, job.limits.look, instead)
     return Path(job.out)
-
-
-def _check_visible(run: str, job: RenderJob) -> None:
-    """Check that the dataset's folder is the run's."""
-    token = run_token(Path(job.out), run)
-    if run in _seen:
-        return
-    give_up = time.monotonic() + job.limits.look
-    while not token.exists():
-        if time.monotonic() > give_up:
-            what = "has no such folder" if not Path(job.out).is_dir() else "has another folder of this name"
-            raise RunError(
-                f"it does not see the folder that {job.client} writes to: {job.out}; the machine {what}. Mount the "
-                "shared folder there at the same path, choose one that all machines see (--out), or let workers write "
-                "to folders of their own (--gather, or --out-on-workers)"
-            )
-        time.sleep(min(0.2, job.limits.look))
-    _seen.add(run)
 
 
 def _check_program(job: RenderJob) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from . import render_task
+from . import pack_task, render_task
 from .file_streams import WorkerFolder
 from .orders import Order, Outcome
 
@@ -58,6 +58,7 @@ def topic_of(run: str) -> str:
 TASKS: dict[str, Callable[[Order, render_task.Surroundings], Outcome]] = {
     "render": render_task.perform,
     "held": render_task.held,
+    "pack": pack_task.perform,
 }
 """What can be ordered."""
 

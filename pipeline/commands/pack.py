@@ -2,9 +2,11 @@
 
 import argparse
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any, TextIO
 
 from ..blender.process import own_output
 from ..errors import InputError
@@ -19,6 +21,7 @@ EPILOG = """examples:
   %(prog)s dataset --out packed
   %(prog)s dataset --out packed --views-per-shard 500 --jpeg 95
   %(prog)s dataset --out packed --verify    (compare every view with the dataset)
+  %(prog)s dataset --out packed --cluster tcp://host:8786
   %(prog)s --out packed --verify            (hashes and members; needs no dataset)
 
 Run the same command again to continue a stopped run, or to add the views that the dataset has got since. The bytes do
@@ -55,6 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="number of processes, or with --verify of threads (default: one per core)",
     )
     work.add_argument(
+        "--cluster", metavar="ADDRESS|local:N", help="pack on the workers of a Dask cluster, which see both folders"
+    )
+    work.add_argument(
         "--verify", action="store_true", help="pack nothing: compare the pack with its hashes and with DIR"
     )
     # for a program that runs this command and shows its progress
@@ -66,6 +72,9 @@ def main(argv: Sequence[str], prog: str = "oneframe pack") -> int:
     arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
     if arguments.workers < 0:
         raise InputError(f"command line: --workers: expected 0 (one per core) or more, found {arguments.workers}")
+    if arguments.cluster is not None and (arguments.verify or arguments.workers):
+        other = "--verify" if arguments.verify else "--workers"
+        raise InputError(f"command line: --cluster: expected without {other}; leave one of the two out")
     if arguments.dataset is None and not arguments.verify:
         raise InputError("command line: expected the folder of the dataset, DIR; only --verify works without it")
     try:
@@ -89,17 +98,17 @@ def run(arguments: argparse.Namespace) -> int:
             output.write(line + "\n")
         return EXIT_WRONG if report.findings else 0
     with explained_imports():
-        from ..packing.local_processes import packed_locally
         from ..packing.pack import pack_dataset
-    manifest = pack_dataset(
-        arguments.dataset,
-        arguments.out,
-        views_per_shard=arguments.views_per_shard,
-        jpeg_quality=arguments.jpeg,
-        engine=partial(packed_locally, workers=arguments.workers),
-        stream=output,
-        progress_seconds=arguments.progress_seconds,
-    )
+    with _engine(arguments, output) as engine:
+        manifest = pack_dataset(
+            arguments.dataset,
+            arguments.out,
+            views_per_shard=arguments.views_per_shard,
+            jpeg_quality=arguments.jpeg,
+            engine=engine,
+            stream=output,
+            progress_seconds=arguments.progress_seconds,
+        )
     if manifest.jpeg_quality is not None:
         output.write(f"RGB as JPEG of quality {manifest.jpeg_quality}: {manifest.loss}\n")
     size = sum(shard.sum.bytes for shard in manifest.shards)
@@ -107,3 +116,19 @@ def run(arguments: argparse.Namespace) -> int:
         f"pack of {len(manifest.views)} views, {size / 1e6:.0f} MB in {len(manifest.shards)} shards: {arguments.out}\n"
     )
     return 0
+
+
+@contextmanager
+def _engine(arguments: argparse.Namespace, output: TextIO) -> Iterator[Callable[..., Iterable[Any]]]:
+    """What packs: processes of this machine, or the workers of a cluster."""
+    with explained_imports():
+        from ..packing.pack import on_this_machine
+    if arguments.cluster is None:
+        yield on_this_machine(arguments.workers)
+        return
+    with explained_imports():
+        from ..cluster.pack_engine import packed_by_cluster
+        from ..cluster.sources import open_source
+    with open_source(arguments.cluster) as source:
+        output.write(f"{source.about}\n")
+        yield partial(packed_by_cluster, source=source)

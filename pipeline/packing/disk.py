@@ -8,13 +8,17 @@ from pathlib import Path
 from ..errors import RunError
 
 
+class PackWriteError(RunError):
+    """A file of a pack cannot be written on this machine."""
+
+
 @contextmanager
 def writing_pack(path: Path) -> Iterator[None]:
     """Turn an OSError inside the block, which writes a file of a pack and nothing else, into a sentence.
 
     Raises
     ------
-    RunError
+    PackWriteError
         The file or its folder cannot be written.
     """
     try:
@@ -22,9 +26,9 @@ def writing_pack(path: Path) -> Iterator[None]:
     except OSError as error:
         safe = "the shards packed so far are safe"
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise RunError(
+            raise PackWriteError(
                 f"{path.parent}: the disk is full; {safe}: free space and run the same command again"
             ) from None
-        raise RunError(
+        raise PackWriteError(
             f"{path}: cannot write the file ({error.strerror}); {safe}: correct this and run the same command again"
         ) from None

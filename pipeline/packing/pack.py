@@ -34,8 +34,13 @@ from .pack_info import pack_info
 from .shard import PackedShard, ShardOrder
 from .source import Source, open_source
 
-Engine = Callable[[Sequence[ShardOrder], Callable[[], None]], Iterable[PackedShard]]
-"""Packs shards by :func:`.pack_shard` anywhere, gives each as soon as it is there, and calls back after each view."""
+Engine = Callable[[Sequence[ShardOrder], Progress], Iterable[PackedShard]]
+"""Packs shards by :func:`.pack_shard` anywhere, gives each as soon as it is there, and counts views."""
+
+
+def on_this_machine(workers: int = 0) -> Engine:
+    """An engine of so many processes: see :func:`.packed_locally`."""
+    return lambda orders, progress: packed_locally(orders, progress.advance, workers=workers)
 
 
 def pack_dataset(
@@ -45,7 +50,7 @@ def pack_dataset(
     views: Sequence[int] | None = None,
     views_per_shard: int = VIEWS_PER_SHARD,
     jpeg_quality: int | None = None,
-    engine: Engine = packed_locally,
+    engine: Engine | None = None,
     stream: TextIO | None = None,
     progress_seconds: float = LINE_SECONDS,
 ) -> Manifest:
@@ -62,7 +67,7 @@ def pack_dataset(
     jpeg_quality
         Compress RGB as JPEG, 1..100.
     engine
-        What packs the shards.
+        What packs the shards; one process a core of this machine if left out.
     stream, progress_seconds
         Of the progress.
 
@@ -93,7 +98,7 @@ def pack_dataset(
         with Progress(
             len(plan.views), "views packed", finished=done, stream=stream, line_seconds=progress_seconds
         ) as progress:
-            for shard in engine(orders, progress.advance):
+            for shard in (engine or on_this_machine())(orders, progress):
                 with writing_pack(out / shard_name(shard.number)):
                     folder.keep(shard)
                 shards[shard.number] = shard

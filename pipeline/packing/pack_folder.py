@@ -16,7 +16,7 @@ from types import TracebackType
 from ..dataset.layout import MODEL_FOLDERS
 from ..dataset.lock import Busy, FileLock
 from ..errors import InputError, RunError
-from ..files.content import create_folder, partial_name, write_bytes_atomically
+from ..files.content import create_folder, partial_name, read_content, write_bytes_atomically
 from ..files.tables import parsed_json
 from .layout import MANIFEST, TABLES, WORK, is_note, is_shard, shard_name
 from .manifest import from_runs, read_manifest, shard_from_json, shard_to_json, to_runs
@@ -83,10 +83,7 @@ class PackFolder:
             create_folder(self._work)
             lock = FileLock(self._work / "lock", shared=False)
             self._stack.callback(lock.release)
-            for folder in ("", *MODEL_FOLDERS, WORK):
-                for name in _names(path / folder):
-                    if partial_name(name) is not None:
-                        (path / folder / name).unlink(missing_ok=True)
+            self._remove_partial()
             self._begin()
         except (Busy, FileNotFoundError):
             self._stack.close()
@@ -117,24 +114,21 @@ class PackFolder:
         complete = (self.path / MANIFEST).is_file()
         known = {shard.number: shard for shard in read_manifest(self.path).shards} if complete else {}
         for number, views in enumerate(self._plan.shard_views()):
-            with suppress(OSError, InputError):
-                where = str(self._sum_file(number))
-                known[number] = shard_from_json(number, parsed_json(self._sum_file(number).read_bytes(), where), where)
-            shard = known.get(number)
-            with suppress(OSError):
-                size = (self.path / shard_name(number)).stat().st_size
-                if shard is not None and shard.views == views and shard.sum.bytes == size:
-                    found.append(shard)
+            shard = kept_shard(self.path, number, views, known.get(number))
+            if shard is not None:
+                found.append(shard)
         return found
 
     def keep(self, shard: PackedShard) -> None:
         """Note that a shard has been written."""
-        write_bytes_atomically(self._sum_file(shard.number), (json.dumps(shard_to_json(shard)) + "\n").encode())
+        keep_shard(self.path, shard)
 
     def finish(self) -> None:
         """Remove what only an unfinished pack needs."""
         if os.name == "nt":
             self._stack.close()  # Windows removes no open files
+        # killed processes on other machines may have left some
+        self._remove_partial()
         for name in _names(self._work):
             if re.fullmatch(_WORK_FILES, name):
                 (self._work / name).unlink(missing_ok=True)
@@ -153,8 +147,11 @@ class PackFolder:
         write_bytes_atomically(self._work / PLAN, (json.dumps(self._plan.to_json()) + "\n").encode())
         manifest.unlink(missing_ok=True)
 
-    def _sum_file(self, number: int) -> Path:
-        return self._work / f"{shard_name(number)}.json"
+    def _remove_partial(self) -> None:
+        for folder in ("", *MODEL_FOLDERS, WORK):
+            for name in _names(self.path / folder):
+                if partial_name(name) is not None:
+                    (self.path / folder / name).unlink(missing_ok=True)
 
     def _known_plan(self) -> Mapping[str, object] | None:
         """The plan of the pack in the folder; ``None`` if there is none."""
@@ -200,6 +197,54 @@ class PackFolder:
             )
 
 
+def keep_shard(folder: Path, shard: PackedShard) -> None:
+    """Note in the folder of an unfinished pack that a shard has been written.
+
+    Raises
+    ------
+    OSError
+        The note cannot be written.
+    """
+    write_bytes_atomically(_sum_file(folder, shard.number), (json.dumps(shard_to_json(shard)) + "\n").encode())
+
+
+def kept_shard(
+    folder: Path, number: int, views: tuple[int, ...], known: PackedShard | None = None
+) -> PackedShard | None:
+    """A shard that is there with the size that :func:`keep_shard` has noted; ``None`` if it must be packed.
+
+    ``known`` stands in for the note.
+    """
+    path = _sum_file(folder, number)
+    with suppress(OSError, InputError):
+        known = shard_from_json(number, parsed_json(path.read_bytes(), str(path)), str(path))
+    with suppress(OSError):
+        size = (folder / shard_name(number)).stat().st_size
+        if known is not None and known.views == views and known.sum.bytes == size:
+            return known
+    return None
+
+
+def read_plan(folder: Path) -> Plan:
+    """The plan of an unfinished pack.
+
+    Raises
+    ------
+    InputError
+        Missing or damaged.
+    """
+    path = folder / WORK / PLAN
+    content = parsed_json(read_content(path, "the plan of a pack", str(path)), str(path))
+    try:
+        return Plan(**{**content, "views": from_runs(content["views"], str(path))})
+    except (TypeError, KeyError):
+        raise InputError(f"{path}: expected the plan of a pack, found something else; pack it again") from None
+
+
+def _sum_file(folder: Path, number: int) -> Path:
+    return folder / WORK / f"{shard_name(number)}.json"
+
+
 def is_own_name(name: str) -> bool:
     """Whether a pack has a file or a folder of this name in its folder."""
     name = partial_name(name) or name
@@ -227,7 +272,7 @@ def _differences(known: Mapping[str, object], plan: Plan) -> list[str]:
     return changes
 
 
-_WORK_FILES = r"plan\.json|shard-[0-9]{6,}\.tar\.json|lock(\.[0-9a-f]{16}\.(claim|new))?|\.partial-.*"
+_WORK_FILES = r"run-[0-9a-f]{16}|plan\.json|shard-[0-9]{6,}\.tar\.json|lock(\.[0-9a-f]{16}\.(claim|new))?|\.partial-.*"
 
 
 def _names(folder: Path) -> Sequence[str]:

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -80,10 +79,13 @@ def test_a_killed_process_is_a_sentence(dataset, tmp_path):
         for child in children(os.getpid()):
             os.kill(child, signal.SIGKILL)
 
-    engine = partial(packed_locally, workers=2)
     with pytest.raises(RunError, match="a process that packs has been killed"):
         pack_dataset(
-            dataset, tmp_path, views_per_shard=1, stream=io.StringIO(), engine=lambda orders, _: engine(orders, kill)
+            dataset,
+            tmp_path,
+            views_per_shard=1,
+            stream=io.StringIO(),
+            engine=lambda orders, _: packed_locally(orders, kill, workers=2),
         )
 
 

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import tarfile
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 
 import cv2
@@ -18,8 +17,7 @@ import pytest
 
 from pipeline.dataset.bop import write_test_targets
 from pipeline.errors import InputError, RunError
-from pipeline.packing.local_processes import packed_locally
-from pipeline.packing.pack import pack_dataset
+from pipeline.packing.pack import on_this_machine, pack_dataset
 from pipeline.packing.shard import PackedShard, pack_shard
 from pipeline.packing.verify import verify_pack
 
@@ -87,13 +85,13 @@ def test_a_pack_needs_no_other_folder(dataset, packed, tmp_path):
 def test_the_same_bytes_whoever_packs(dataset, packed, tmp_path):
     """Any number of processes, any order of the shards, another place, and again over what is there."""
 
-    def backwards(orders, on_view) -> Iterator[PackedShard]:
+    def backwards(orders, progress) -> Iterator[PackedShard]:
         for order in reversed(orders):
-            yield pack_shard(order, on_view)
+            yield pack_shard(order, progress.advance)
 
     expected = pack(dataset, tmp_path / "one", views_per_shard=1)
     elsewhere = Path(shutil.copytree(dataset, tmp_path / "moved" / "dataset"))
-    assert pack(elsewhere, tmp_path / "three", views_per_shard=1, engine=partial(packed_locally, workers=3)) == expected
+    assert pack(elsewhere, tmp_path / "three", views_per_shard=1, engine=on_this_machine(3)) == expected
     assert pack(dataset, tmp_path / "back", views_per_shard=1, engine=backwards) == expected
     before = (tmp_path / "one" / "shard-000000.tar").stat().st_mtime_ns
     assert pack(dataset, tmp_path / "one", views_per_shard=1) == expected
@@ -184,7 +182,7 @@ def test_a_changed_view_is_refused_and_finished_shards_are_kept(kind, copied, pa
     sound = path.read_bytes()
     path.write_bytes(sound[:30] + b"!" + sound[31:])
     with pytest.raises(RunError, match=f"{path}: expected .*; (or )?remove "):
-        pack(copied, tmp_path / "out", engine=partial(packed_locally, workers=1))
+        pack(copied, tmp_path / "out", engine=on_this_machine(1))
     assert {*tree(tmp_path / "out")} == {
         ".work/lock", ".work/plan.json", ".work/shard-000000.tar.json", "shard-000000.tar"
     }  # fmt: skip
@@ -234,10 +232,10 @@ def test_other_files_and_packs_are_refused(dataset, copied, copied_pack, tmp_pat
 
 
 def test_two_packers_at_once_are_refused(dataset, tmp_path):
-    def engine(orders, on_view):
+    def engine(orders, progress):
         with pytest.raises(RunError, match="another process packs into this folder"):
             pack(dataset, tmp_path / "out")
-        yield from packed_locally(orders, on_view, workers=1)
+        yield from on_this_machine(1)(orders, progress)
 
     assert "pack.json" in pack(dataset, tmp_path / "out", engine=engine)
 

@@ -31,7 +31,7 @@ def test_workers_pack_the_same_bytes(dataset, tmp_path, run_command):
     with (tmp_path / "log").open("w") as stream:
         pack_dataset(dataset, tmp_path / "here", views_per_shard=1, stream=stream)
     command = [sys.executable, ROOT / "scripts/pack_dataset.py", dataset, "--out", tmp_path / "there"]
-    ended = run_command([*command, "--views-per-shard", 1, "--cluster", "local:2"])
+    ended = run_command([*map(str, command), "--views-per-shard", "1", "--cluster", "local:2"])
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "4 shards packed by" in ended.stdout
     assert "4/4 views packed" in ended.stdout

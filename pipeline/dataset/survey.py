@@ -167,7 +167,7 @@ def is_finished(root: Path, index: int, identity: str, kinds: Sequence[str]) -> 
     for kind in kinds:
         with suppress(FileNotFoundError):
             sizes[paths.relative(kind)] = paths.file(kind).stat().st_size
-    return record.identity == identity and _wrong_size(record, {*map(paths.relative, kinds)}, sizes) is None
+    return record.identity == identity and _wrong_size(record, [*map(paths.relative, kinds)], sizes) is None
 
 
 def recorded_views(root: Path, count: int) -> int:

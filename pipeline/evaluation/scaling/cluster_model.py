@@ -1,8 +1,8 @@
 """A model of many workers that share the views of a run: events in time, no process and no pixel.
 
 It hands views out by the very policy of the engine (:func:`pipeline.dataset.chunks.next_chunk`), with the measured cost
-of scheduling, and beside it by two others: a fixed shard a worker, and one view an order. Workers differ in speed, start
-late, fail and are preempted.
+of scheduling, and beside it by two others: a fixed shard a worker, and one view an order. Workers differ in speed,
+start late, fail and are preempted.
 """
 
 import heapq
@@ -70,6 +70,8 @@ class Cluster:
         Failures, preemptions.
     target_seconds
         Time that an order should take, s.
+    orders_held
+        Orders that a worker holds: 1, the one that it does, or 2 with one that waits for it, as Dask does by default.
     """
 
     workers: int
@@ -83,6 +85,12 @@ class Cluster:
     view_spread: float = 0.0
     interruptions: tuple[Interruptions, ...] = ()
     target_seconds: float = TARGET_SECONDS
+    orders_held: int = 1
+
+    def durations(self, views: int, seconds_per_view: float, generator: np.random.Generator) -> np.ndarray:
+        """``(views,)`` times of the views at speed 1, s, of this mean whatever their spread."""
+        factors = np.exp(self.view_spread * generator.standard_normal(views) - self.view_spread**2 / 2)
+        return seconds_per_view * factors
 
     def speeds(self, generator: np.random.Generator) -> np.ndarray:
         """``(workers,)`` speeds; 1 is a worker that needs a view's own time."""
@@ -124,9 +132,8 @@ def run_model(
     cluster: Cluster, policy: Policy, views: int, seconds_per_view: float, generator: np.random.Generator
 ) -> ModelledRun:
     """Let the workers of a cluster render ``views`` views of a mean time, s, at speed 1."""
-    # mean 1 whatever the spread
-    own = np.exp(cluster.view_spread * generator.standard_normal(views) - cluster.view_spread**2 / 2)
-    model = _Model(cluster, policy, seconds_per_view * own, cluster.speeds(generator), generator)
+    durations = cluster.durations(views, seconds_per_view, generator)
+    model = _Model(cluster, policy, durations, cluster.speeds(generator), generator)
     return model.shards() if policy is Policy.SHARDS else model.run()
 
 
@@ -135,8 +142,9 @@ class _Worker:
     speed: float
     stops: float = np.inf
     way: int = 0
-    is_ready: bool = False
     lives: int = 0
+    has_room: bool = False
+    waiting: deque[tuple[int, int]] = field(default_factory=deque)
 
 
 @dataclass
@@ -163,6 +171,7 @@ class _Model:
         self.order_seconds = self.cluster.order_seconds + self.cluster.order_seconds_per_worker * self.cluster.workers
         self.workers = [_Worker(float(speed)) for speed in self.speeds]
         self.idle: deque[int] = deque()
+        self.room: deque[int] = deque()
         self.stock: deque[tuple[int, int]] = deque()
         self.serial = count()
         self.rates = np.array([1 / kind.mean_seconds for kind in self.cluster.interruptions])
@@ -183,7 +192,7 @@ class _Model:
 
     def _starts(self, number: int, when: float) -> None:
         worker = self.workers[number]
-        worker.is_ready, worker.lives = False, worker.lives + 1
+        worker.lives += 1
         begin = when + self.cluster.start_seconds
         worker.stops, worker.way = self._interruption(when)
         if worker.stops < begin:
@@ -200,7 +209,6 @@ class _Model:
 
     def _is_ready(self, number: int, life: int) -> None:
         if self.workers[number].lives == life:
-            self.workers[number].is_ready = True
             if self.workers[number].stops < np.inf:
                 self._at(self.workers[number].stops, self._stops_idle, number, life)
             self.idle.append(number)
@@ -212,9 +220,14 @@ class _Model:
             self._goes(number, 0, 0)
 
     def _hand_out(self) -> None:
-        """Give waiting orders to idle workers, and make new ones: the client keeps some a worker ahead."""
+        """Give orders to idle workers, then to those with room; and make new ones: the client keeps some ahead."""
         while self.idle and self.stock:
             self._begin(self.idle.popleft(), *self.stock.popleft())
+        while self.room and self.stock:
+            worker = self.workers[self.room.popleft()]
+            if worker.has_room:
+                worker.has_room = False
+                worker.waiting.append(self.stock.popleft())
         while self.left and self.placed < ORDERS_PER_SLOT * self.cluster.workers:
             self._order()
 
@@ -241,6 +254,9 @@ class _Model:
 
     def _begin(self, number: int, first: int, stop: int) -> None:
         worker = self.workers[number]
+        if self.cluster.orders_held > 1 and not worker.has_room:
+            worker.has_room = True
+            self.room.append(number)
         ends = self.now + np.cumsum(self.durations[first:stop]) / worker.speed
         # no view is begun after the budget, nor the first one left out
         begins = ends[:-1] < self.now + time_budget(target_seconds=self.cluster.target_seconds)
@@ -258,7 +274,12 @@ class _Model:
         self.timed = 0.98 * self.timed + (done - first)
         self.timed_seconds = 0.98 * self.timed_seconds + (self.now - begun)
         self._give_back(done, stop)
-        self.idle.append(number)
+        worker = self.workers[number]
+        if worker.waiting:
+            self._begin(number, *worker.waiting.popleft())
+        else:
+            worker.has_room = False
+            self.idle.append(number)
         self._hand_out()
 
     def _is_interrupted(self, number: int, first: int, done: int, stop: int) -> None:
@@ -266,10 +287,13 @@ class _Model:
         self._goes(number, done, stop)
 
     def _goes(self, number: int, first: int, stop: int) -> None:
-        kind = self.cluster.interruptions[self.workers[number].way]
-        self.workers[number].is_ready = False
-        if stop > first:
-            self._at(self.now + kind.notice_seconds, self._is_noticed, first, stop)
+        worker = self.workers[number]
+        kind = self.cluster.interruptions[worker.way]
+        worker.has_room = False
+        orders = [*worker.waiting, *([(first, stop)] * (stop > 0))]
+        worker.waiting.clear()
+        for order in orders:
+            self._at(self.now + kind.notice_seconds, self._is_noticed, *order)
         self._at(self.now + float(self.generator.exponential(kind.away_seconds)), self._comes_back, number)
 
     def _is_noticed(self, first: int, stop: int) -> None:

@@ -69,17 +69,17 @@ class StandIn:
     seed: int = 0
     orders_held: int = 1
 
-    def modelled(self, workers: int, **costs: float) -> Cluster:
-        """The same in the model; ``costs`` are further attributes of :class:`.Cluster`."""
+    def modelled(self, workers: int, *, order_seconds: float = 0.0) -> Cluster:
+        """The same in the model, with what an order costs, s."""
         return Cluster(
             workers,
+            order_seconds=order_seconds,
             spread=self.spread,
             slow_share=self.slow_share,
             slow_factor=self.slow_factor,
             view_spread=self.view_spread,
             target_seconds=self.target_seconds,
             orders_held=self.orders_held,
-            **costs,
         )
 
     def times(self, workers: int) -> tuple[np.ndarray, np.ndarray]:

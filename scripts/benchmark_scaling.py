@@ -139,7 +139,8 @@ def measure_agreement(workers: Sequence[int], seed: int) -> list[Figures]:
     Raises
     ------
     RunError
-        They differ by more than :data:`TOLERANCE`.
+        They differ by more than :data:`TOLERANCE`. Where a second order waits at each worker, the model is an upper
+        bound: Dask sometimes takes it away from a slow worker again, the model never.
     """
     found: list[Figures] = []
     for number in workers:
@@ -157,8 +158,12 @@ def measure_agreement(workers: Sequence[int], seed: int) -> list[Figures]:
                 {"workers": number, "orders_held": held, "engine_s": run.seconds, "model_s": modelled.seconds,
                  "engine_orders": run.orders, "model_orders": modelled.orders}
             )  # fmt: skip
-            print(f"  {number} workers: engine {run.seconds:.2f} s, model {modelled.seconds:.2f} s", flush=True)
-            if abs(modelled.seconds / run.seconds - 1) > TOLERANCE:
+            print(
+                f"  {number} workers, {held} orders held: engine {run.seconds:.2f} s, model {modelled.seconds:.2f} s",
+                flush=True,
+            )
+            ratio = modelled.seconds / run.seconds
+            if ratio < 1 - TOLERANCE or (held == 1 and ratio > 1 + TOLERANCE):
                 raise RunError(
                     f"{number} workers: expected engine and model to agree within {TOLERANCE:.0%}, found {found[-1]}; "
                     "repeat it on a machine that does nothing else"

@@ -227,6 +227,16 @@ def main(kind: str, *arguments: str) -> None:
     dask.config.set({"distributed.scheduler.worker-ttl": None, "distributed.admin.tick.limit": "600s"})
     if kind == "scheduler":
         dask.config.set({"distributed.scheduler.worker-saturation": float(arguments[0])})
+    else:
+        # each would look at all threads of its process a hundred times a second
+        dask.config.set(
+            {
+                "distributed.worker.profile.enabled": False,
+                "distributed.worker.profile.interval": "1h",
+                "distributed.worker.profile.cycle": "1h",
+                "distributed.admin.system-monitor.interval": "1h",
+            }
+        )
     threading.Thread(target=lambda: (sys.stdin.read(), os._exit(0)), daemon=True).start()
     TASKS[TASK] = perform
     asyncio.run(_scheduler() if kind == "scheduler" else _workers(arguments[0], json.loads(arguments[1])))

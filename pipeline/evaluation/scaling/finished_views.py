@@ -72,6 +72,10 @@ def write_finished_views(root: Path, count: int, *, processes: int = 1) -> Itera
     description = finished_description(count)
     (root / RECORD).write_bytes(description_bytes(description))
     scenes = range(scene_count(count))
+    if processes == 1:
+        for scene in scenes:
+            yield _write_scene(root, scene, count, identity_of(description))
+        return
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
         yield from pool.map(_write_scene, repeat(root), scenes, repeat(count), repeat(identity_of(description)))
 

@@ -181,7 +181,7 @@ def model(views: int, engine: Sequence[Figures], seed: int, *, quick: bool) -> l
     """Efficiency at every number of workers."""
     if not engine:
         raise InputError("model: expected the engine's figures, found none; measure them before, or leave out --only")
-    cost = OrderCost.fitted([run["workers"] for run in engine], [run["order_seconds"] for run in engine])
+    cost = OrderCost(tuple(run["workers"] for run in engine), tuple(run["order_seconds"] for run in engine))
     numbers, targets = ((1, 10, 100), (15.0,)) if quick else (WORKERS, (15.0, 60.0))
     total = len(SECONDS_PER_VIEW) * len(numbers) * (2 + 2 * len(targets))
     points = []

@@ -5,7 +5,6 @@ would take, or only says so. What is left is what handing out views costs.
 """
 
 import asyncio
-import io
 import json
 import os
 import subprocess
@@ -129,10 +128,12 @@ def run_engine(workers: int, stand_in: StandIn, *, processes: int = 2) -> Engine
     """
     with ExitStack() as stack:
         stack.enter_context(quiet_dask())
-        scheduler, address = stack.enter_context(_child("scheduler", str(stand_in.orders_held)))
-        for first in range(processes):
-            if numbers := [*range(first, workers, processes)]:
-                stack.enter_context(_child("workers", address, json.dumps(numbers)))
+        scheduler = stack.enter_context(_child("scheduler", str(stand_in.orders_held)))
+        address = _first_line(scheduler)
+        shares = [[*range(first, workers, processes)] for first in range(min(processes, workers))]
+        children = [stack.enter_context(_child("workers", address, json.dumps(share))) for share in shares]
+        for child in children:
+            _first_line(child)
         client = stack.enter_context(connected_client(address))
         client.wait_for_workers(workers, timeout=300)
         source = WorkerSource(client, "simulated", address, False, workers, True, "")
@@ -145,7 +146,7 @@ def run_engine(workers: int, stand_in: StandIn, *, processes: int = 2) -> Engine
             items=range(stand_in.views),
             pace=Pace(order=stand_in.target_seconds),
         )
-        begin, own, other = time.perf_counter(), time.process_time(), _processor_seconds(scheduler)
+        begin, own, other = time.perf_counter(), time.process_time(), _processor_seconds(scheduler.pid)
         tally = feeder.run()
         run = EngineRun(
             workers,
@@ -153,9 +154,9 @@ def run_engine(workers: int, stand_in: StandIn, *, processes: int = 2) -> Engine
             tally.orders,
             time.perf_counter() - begin,
             time.process_time() - own,
-            _processor_seconds(scheduler) - other,
+            _processor_seconds(scheduler.pid) - other,
             peak_mb(),
-            peak_mb(scheduler),
+            peak_mb(scheduler.pid),
         )
     if tally.done != stand_in.views:
         raise RunError(f"simulated workers: expected {stand_in.views} views done, found {tally.done}")
@@ -199,8 +200,8 @@ def _processor_seconds(process: int) -> float:
 
 
 @contextmanager
-def _child(*arguments: str) -> Iterator[tuple[int, str]]:
-    """A process that runs :func:`main` until the context ends: its number, and the line that it begins with."""
+def _child(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """A process that runs :func:`main` until the context ends."""
     process = subprocess.Popen(
         [sys.executable, "-m", "pipeline.cluster.simulated_workers", *arguments],
         stdin=subprocess.PIPE,
@@ -210,13 +211,18 @@ def _child(*arguments: str) -> Iterator[tuple[int, str]]:
         env=os.environ | {"PYTHONPATH": os.pathsep.join([str(_ROOT), *filter(None, sys.path)])},
     )
     try:
-        line = (process.stdout or io.StringIO()).readline().strip()
-        if not line:
-            raise RunError(f"simulated workers: the process of the {arguments[0]} ended with code {process.wait()}")
-        yield process.pid, line
+        yield process
     finally:
         process.kill()
         process.wait()
+
+
+def _first_line(child: subprocess.Popen[str]) -> str:
+    """What a child process says when it is ready."""
+    line = child.stdout.readline().strip() if child.stdout else ""
+    if not line:
+        raise RunError(f"simulated workers: a process ended with code {child.wait()} before it was ready")
+    return line
 
 
 def main(kind: str, *arguments: str) -> None:

@@ -82,10 +82,12 @@ def test_longer_orders_help_a_scheduler_that_is_at_its_limit():
     assert long.seconds < 0.7 * short.seconds
 
 
-def test_cost_of_orders_is_a_line_over_the_workers():
-    cost = OrderCost.fitted([1, 10, 100], [0.0021, 0.003, 0.012])
-    assert (cost.fixed, cost.per_worker) == (pytest.approx(0.002), pytest.approx(0.0001))
-    assert OrderCost.fitted([10, 100], [0.004, 0.002]) == OrderCost(pytest.approx(0.003), 0.0)
+def test_cost_of_orders_is_that_which_was_measured_and_grows_beyond():
+    cost = OrderCost((1, 10, 1000), (0.005, 0.001, 0.002))
+    assert [cost.at(number) for number in (1, 10, 1000)] == pytest.approx([0.005, 0.001, 0.002])
+    assert cost.at(100) == pytest.approx(0.0015)
+    assert cost.at(1990) == pytest.approx(0.003)
+    assert OrderCost((1, 10), (0.002, 0.001)).at(100) == 0.001
 
 
 def test_a_resume_scan_finds_the_views_and_what_is_damaged(tmp_path: Path):

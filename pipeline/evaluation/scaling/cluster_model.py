@@ -58,8 +58,6 @@ class Cluster:
         Time that a worker needs before its first view, each time it starts, s.
     order_seconds, view_seconds
         Time of scheduler and client for an order, and for each view in it, s. They do one order at a time.
-    order_seconds_per_worker
-        What ``order_seconds`` grows by with each worker, s: more workers are looked after.
     spread
         Standard deviation of the logarithm of the workers' speeds (lognormal).
     slow_share, slow_factor
@@ -78,7 +76,6 @@ class Cluster:
     start_seconds: float = 0.0
     order_seconds: float = 0.0
     view_seconds: float = 0.0
-    order_seconds_per_worker: float = 0.0
     spread: float = 0.0
     slow_share: float = 0.0
     slow_factor: float = 1.0
@@ -168,7 +165,6 @@ class _Model:
         self.todo: deque[tuple[int, int]] = deque([(0, len(self.durations))])
         self.left = self.unfinished = len(self.durations)
         self.finished = np.zeros(len(self.durations), np.int32)
-        self.order_seconds = self.cluster.order_seconds + self.cluster.order_seconds_per_worker * self.cluster.workers
         self.workers = [_Worker(float(speed)) for speed in self.speeds]
         self.idle: deque[int] = deque()
         self.room: deque[int] = deque()
@@ -243,7 +239,7 @@ class _Model:
         self.left -= stop - first
         self.placed += 1
         self.orders += 1
-        cost = self.order_seconds + self.cluster.view_seconds * (stop - first)
+        cost = self.cluster.order_seconds + self.cluster.view_seconds * (stop - first)
         self.server_free = max(self.now, self.server_free) + cost
         self.server_busy += cost
         self._at(self.server_free, self._is_placed, first, stop)

@@ -17,21 +17,21 @@ SECONDS_PER_VIEW = (1.0, 10.0)
 
 @dataclass(frozen=True)
 class OrderCost:
-    """Time of scheduler and client for an order: ``fixed`` and ``per_worker``, s."""
+    """Measured time of scheduler and client for an order, s, at some numbers of workers, in rising order."""
 
-    fixed: float
-    per_worker: float
+    workers: tuple[int, ...]
+    seconds: tuple[float, ...]
 
-    @classmethod
-    def fitted(cls, workers: Sequence[int], seconds: Sequence[float]) -> "OrderCost":
-        """The straight line through measured times of an order, s, that is nearest relative to each of them."""
-        if len(workers) < 2:
-            return cls(seconds[0], 0.0)
-        weights = 1 / np.array(seconds)
-        slope, fixed = np.polyfit(workers, seconds, 1, w=weights)
-        if slope <= 0 or fixed <= 0:
-            return cls(float(np.mean(seconds)), 0.0)
-        return cls(float(fixed), float(slope))
+    def at(self, workers: int) -> float:
+        """The time at any number of workers, s: interpolated over its logarithm.
+
+        Beyond the largest measured number it grows as between the last two, but never falls.
+        """
+        most = self.workers[-1]
+        if workers <= most or len(self.workers) < 2:
+            return float(np.interp(np.log(workers), np.log(self.workers), self.seconds))
+        slope = (self.seconds[-1] - self.seconds[-2]) / (most - self.workers[-2])
+        return self.seconds[-1] + max(0.0, slope) * (workers - most)
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,7 @@ def real_cluster(workers: int, cost: OrderCost, *, target_seconds: float) -> Clu
     return Cluster(
         workers,
         start_seconds=START_SECONDS,
-        order_seconds=cost.fixed,
-        order_seconds_per_worker=cost.per_worker,
+        order_seconds=cost.at(workers),
         spread=0.2,
         slow_share=0.05,
         slow_factor=10.0,
@@ -78,8 +77,7 @@ def alike_cluster(workers: int, cost: OrderCost, *, target_seconds: float) -> Cl
     return Cluster(
         workers,
         start_seconds=START_SECONDS,
-        order_seconds=cost.fixed,
-        order_seconds_per_worker=cost.per_worker,
+        order_seconds=cost.at(workers),
         target_seconds=target_seconds,
     )
 

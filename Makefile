@@ -9,7 +9,7 @@ PYTHON ?= $(shell scripts/dev/find_python.sh 3.13 3.11)
 PLATFORM ?= all
 RUN = $(VENV)/bin/python
 
-.PHONY: setup demo extension dist addon-dev test test-outside lint bench chart bench-alignment bench-surface evaluate stability docs screenshots clean
+.PHONY: setup demo extension dist addon-dev test test-outside lint bench chart bench-alignment bench-scaling bench-surface evaluate stability docs screenshots clean
 .DEFAULT_GOAL := demo
 
 # the environment: Blender as a module, the commands, what tests and checks need; again when pyproject.toml has changed
@@ -74,6 +74,11 @@ bench-alignment: setup
 	@test -f demo/case/case.toml || $(RUN) scripts/make_sample.py --out demo/case
 	$(RUN) scripts/benchmark_alignment.py --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.json
 	$(RUN) scripts/benchmark_refinement.py demo/case/case.toml --out demo/bench --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
+
+# 100 000 views and up to 1 000 simulated workers, and a model of 10 000, in demo/bench; SCALING_FLAGS=--quick: a minute
+bench-scaling: setup
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts,cluster]"
+	$(RUN) scripts/benchmark_scaling.py --out demo/bench/scaling.json $(SCALING_FLAGS)
 
 # errors of the surface from CT beside scikit-image's, and what a 512³ CT takes, in demo/bench
 bench-surface: setup

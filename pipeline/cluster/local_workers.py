@@ -96,6 +96,8 @@ def main(count: int) -> None:
             "distributed.scheduler.worker-ttl": "30s",
             "distributed.scheduler.allowed-failures": 10,
             "distributed.admin.tick.limit": "60s",
+            # a worker holds the order that it does and no other: behind a slow one, an order would wait until the end
+            "distributed.scheduler.worker-saturation": 1.0,
         }
     )
     cluster = LocalCluster(

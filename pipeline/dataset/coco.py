@@ -31,16 +31,16 @@ def compressed_counts(counts: Sequence[int]) -> str:
     Every number is the difference to the run before the last one, in groups of 5 bits, the lowest first, with a sixth
     bit if more follow. Source: cocodataset/cocoapi, ``rleToString`` in common/maskApi.c.
     """
-    characters = []
-    for place, count in enumerate(counts):
-        rest = count - counts[place - 2] if place > 2 else count
-        more = True
-        while more:
-            bits, rest = rest & 31, rest >> 5
-            # the highest bit of the last group is the sign
-            more = rest != (-1 if bits & 16 else 0)
-            characters.append(chr(48 + (bits | 32 if more else bits)))
-    return "".join(characters)
+    values = np.array(counts, np.int64)
+    values[3:] -= values[1:-2].copy()
+    # bits of the absolute value, of -v - 1 for a negative one, and one of sign
+    size = values ^ (values >> 63)
+    shifts = 5 * np.arange(max(1, -(-(int(np.max(size, initial=0)).bit_length() + 1) // 5)))
+    groups = (values[:, None] >> shifts) & 31
+    # a group is needed if what is left before it is more than the sign of the group below
+    needed = np.concatenate([np.ones((len(values), 1), bool), size[:, None] >> (shifts[1:] - 1) > 0], axis=1)
+    more = np.concatenate([needed[:, 1:], np.zeros((len(values), 1), bool)], axis=1)
+    return (48 + (groups | 32 * more))[needed].astype(np.uint8).tobytes().decode()
 
 
 def coco_table(

@@ -63,9 +63,15 @@ class ViewPaths:
 
     def relative(self, kind: str) -> str:
         """Path of one of the view's files relative to the dataset's folder, with forward slashes."""
-        gt = "_000000" if kind in ("mask", "mask_visib", "mask_observed") else ""
-        suffix = {"frame": ".json", "depth_mm": ".npy"}.get(kind, ".png")
-        return f"{scene_folder(self.scene_id)}/{kind}/{self.image_id:06d}{gt}{suffix}"
+        # called for every file of every view of a survey
+        scene, image = divmod(self.index, VIEWS_PER_SCENE)
+        return f"{scene_folder(scene)}/{kind}/{image:06d}{_ENDINGS.get(kind, '.png')}"
+
+
+_ENDINGS = {"frame": ".json", "depth_mm": ".npy"} | dict.fromkeys(
+    ("mask", "mask_visib", "mask_observed"), "_000000.png"
+)
+"""Ends of the names of files that hold more than a picture of the view, or something else."""
 
 
 def view_kinds(*, float_depth: bool) -> tuple[str, ...]:

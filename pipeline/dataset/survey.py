@@ -134,7 +134,7 @@ def survey_views(
             if poses is not None and not np.array_equal(record.cam_from_model, poses[index]):
                 other_poses.append(index)
                 continue
-            problem = _wrong_size(record, {paths.relative(kind) for kind in kinds}, sizes)
+            problem = _wrong_size(record, [paths.relative(kind) for kind in kinds], sizes)
             if problem:
                 damaged[index] = problem
             else:
@@ -167,7 +167,7 @@ def is_finished(root: Path, index: int, identity: str, kinds: Sequence[str]) -> 
     for kind in kinds:
         with suppress(FileNotFoundError):
             sizes[paths.relative(kind)] = paths.file(kind).stat().st_size
-    return record.identity == identity and _wrong_size(record, {*map(paths.relative, kinds)}, sizes) is None
+    return record.identity == identity and _wrong_size(record, [*map(paths.relative, kinds)], sizes) is None
 
 
 def recorded_views(root: Path, count: int) -> int:
@@ -209,8 +209,9 @@ def _advice(root: Path, views: Iterable[int]) -> str:
     )
 
 
-def _wrong_size(record: ViewRecord, expected: set[str], sizes: dict[str, int]) -> str | None:
-    if record.files.keys() != expected:
+def _wrong_size(record: ViewRecord, expected: list[str], sizes: dict[str, int]) -> str | None:
+    # in this order unless somebody else wrote the record
+    if [*record.files] != expected and record.files.keys() != {*expected}:
         return "its record lists other files"
     for name, known in record.files.items():
         if name not in sizes:

@@ -6,7 +6,7 @@ It is written last, so a view with a record is complete. All tables are made fro
 import json
 import re
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -163,25 +163,41 @@ def read_record(paths: ViewPaths, *, with_mask: bool = True) -> ViewRecord:
         Missing, damaged, or of another view; the message names the file.
     """
     path = paths.file("frame")
+    where = str(path)
     try:
-        data = read_content(path, "the record of a view", str(path))
-        head, mark, tail = data.partition(_RUN_LENGTHS)
-        if mark and not with_mask:
-            if tail[-3:] != b"]}\n" or tail[:-3].translate(None, b"0123456789,"):
-                raise InputError(f"{path}: expected the record of a view, found a damaged one")
-            data = head + _RUN_LENGTHS + b"]}"
-        record = ViewRecord.from_json(parsed_json(data, str(path)), str(path))
+        data = read_content(path, "the record of a view", where)
+        record = ViewRecord.from_json(_parsed(data, where, with_mask=with_mask), where)
     except InputError as error:
         raise RunError(f"{error}; or remove the file and {_AGAIN}") from None
     if record.index != paths.index:
         raise RunError(
-            f"{path}: expected the record of view {paths.index}, found that of view {record.index}; "
+            f"{where}: expected the record of view {paths.index}, found that of view {record.index}; "
             f"remove the file and {_AGAIN}"
         )
     return record
 
 
 _RUN_LENGTHS = b',"rle_counts":['
+
+
+def _parsed(data: bytes, where: str, *, with_mask: bool) -> Any:
+    """Parse a record; its thousands of run lengths, which come last, apart from the rest: they are only digits."""
+    head, mark, tail = data.partition(_RUN_LENGTHS)
+    only_digits = tail[-3:] == b"]}\n" and not tail[:-3].translate(None, b"0123456789,")
+    if not mark or (with_mask and not only_digits):
+        return parsed_json(data, where)
+    if not only_digits:
+        raise InputError(f"{where}: expected the record of a view, found a damaged one")
+    # too large numbers are refused whatever they are read as
+    content = parsed_json(head + _RUN_LENGTHS + b"]}", where, parse_int=int)
+    if with_mask:
+        try:
+            content["rle_counts"] = json.loads(b"[" + tail[:-2])
+        except ValueError as error:
+            raise InputError(
+                f"{where}: expected JSON, found a mistake: {error}; correct it or write it again"
+            ) from None
+    return content
 
 
 LARGEST_NUMBER = 1e15
@@ -197,57 +213,78 @@ class _Fields:
             raise RunError(f"{where}: expected the record of a view, found {content!r}; remove the file and {_AGAIN}")
         self._content, self._where = content, where
 
-    def _checked(self, key: str, fits: bool, expected: str) -> Any:
-        if fits:
-            return self._content[key]
+    def _unexpected(self, key: str, expected: str) -> RunError:
         found = repr(self._content[key])[:60] if key in self._content else "no such key"
-        raise RunError(f"{self._where}: expected {key} to be {expected}, found {found}; remove the file and {_AGAIN}")
+        return RunError(f"{self._where}: expected {key} to be {expected}, found {found}; remove the file and {_AGAIN}")
 
     def object(self, key: str) -> "_Fields":
-        return _Fields(self._checked(key, isinstance(self._content.get(key), dict), "an object"), self._where)
+        value = self._content.get(key)
+        if isinstance(value, dict):
+            return _Fields(value, self._where)
+        raise self._unexpected(key, "an object")
 
     def integer(self, key: str) -> int:
-        return self._checked(key, _is_integer(self._content.get(key)), "a whole number")
+        value = self._content.get(key)
+        if _is_integer(value):
+            return value
+        raise self._unexpected(key, "a whole number")
 
     def number(self, key: str) -> float:
-        return float(self._checked(key, _is_number(self._content.get(key)), "a number"))
+        value = self._content.get(key)
+        if _is_number(value):
+            return float(value)
+        raise self._unexpected(key, "a number")
 
     def numbers(self, key: str, count: int) -> list[float]:
         values = self._content.get(key)
-        fits = isinstance(values, list) and len(values) == count and all(map(_is_number, values))
-        return self._checked(key, fits, f"{count} numbers")
+        if isinstance(values, list) and len(values) == count and all(map(_is_number, values)):
+            return values
+        raise self._unexpected(key, f"{count} numbers")
 
     def integers(self, key: str) -> tuple[int, ...]:
         values = self._content.get(key)
-        return tuple(self._checked(key, isinstance(values, list) and all(map(_is_integer, values)), "whole numbers"))
+        # thousands of them: without a call for each
+        if isinstance(values, list) and (
+            not values
+            or ({*map(type, values)} == {int} and -LARGEST_NUMBER <= min(values) <= max(values) <= LARGEST_NUMBER)
+        ):
+            return tuple(values)
+        raise self._unexpected(key, "whole numbers")
 
     def box(self, key: str) -> Box:
-        x, y, width, height = self._checked(key, len(self.integers(key)) == 4, "4 whole numbers")
-        return x, y, width, height
+        values = self.integers(key)
+        if len(values) == 4:
+            x, y, width, height = values
+            return x, y, width, height
+        raise self._unexpected(key, "4 whole numbers")
 
     def hash(self, key: str) -> str:
-        return self._checked(key, _is_hash(self._content.get(key)), "64 hexadecimal digits")
+        value = self._content.get(key)
+        if _is_hash(value):
+            return value
+        raise self._unexpected(key, "64 hexadecimal digits")
 
     def files(self, key: str) -> dict[str, FileSum]:
-        entries = self._content.get(key)
-        fits = isinstance(entries, dict) and all(
-            isinstance(entry, dict) and _is_hash(entry.get("sha256")) and _is_integer(entry.get("bytes"))
-            for entry in entries.values()
-        )
-        checked = self._checked(key, fits, "sha256 and bytes by name of a file")
-        return {name: FileSum(entry["sha256"], entry["bytes"]) for name, entry in checked.items()}
+        entries, sums = self._content.get(key), {}
+        for name, entry in entries.items() if isinstance(entries, dict) else ((key, entries),):
+            digest, size = (entry.get("sha256"), entry.get("bytes")) if isinstance(entry, dict) else (None, None)
+            if not (_is_hash(digest) and _is_integer(size)):
+                raise self._unexpected(key, "sha256 and bytes by name of a file")
+            sums[name] = FileSum(digest, size)
+        return sums
 
 
 _HASH = re.compile("[0-9a-f]{64}")
 
 
-def _is_hash(value: object) -> bool:
+def _is_hash(value: object) -> TypeGuard[str]:
     return isinstance(value, str) and _HASH.fullmatch(value) is not None
 
 
-def _is_integer(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
+def _is_integer(value: object) -> TypeGuard[int]:
+    return type(value) is int and -LARGEST_NUMBER <= value <= LARGEST_NUMBER
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_NUMBER
+def _is_number(value: object) -> TypeGuard[float]:
+    # one after the other: twice as quick as isinstance with a union
+    return (type(value) is float or type(value) is int) and -LARGEST_NUMBER <= value <= LARGEST_NUMBER

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from ...colour.vertex_colours import colour_vertices
-from ...dataset.bop import is_test_target, write_camera, write_models, write_scene, write_test_targets
+from ...dataset.bop import write_camera, write_models, write_scene
 from ...dataset.checksums import Checksums, FileSurvey, read_checksums, write_checksums
 from ...dataset.dataset_info import write_dataset_info
-from ...dataset.layout import VIDEO_FILES, ViewPaths, other_files, scene_count, scene_folder, scene_views
-from ...dataset.pose_tables import POSE_COLUMNS, pose_cells, write_poses
+from ...dataset.layout import VIDEO_FILES, ViewPaths, other_files, scene_folder
+from ...dataset.pose_tables import POSE_COLUMNS, pose_cells
 from ...dataset.survey import Tally
-from ...dataset.view_record import ViewRecord, read_record
+from ...dataset.view_tables import scene_records, write_view_tables
 from ...errors import RunError
 from ...files.content import create_folder, write_bytes_atomically
 from ...files.tables import write_csv
@@ -49,13 +49,12 @@ def write_finished_scenes(job: OpenJob, renderer: ViewRenderer) -> None:
     for scene in sorted({ViewPaths(job.job.out, index).scene_id for index in job.views}):
         # a record of another shard may be missing or damaged
         with suppress(RunError):
-            write_scene(job.job.out, _scene_records(job, scene), renderer.camera, job.object_name)
+            records = scene_records(job.job.out, scene, job.count, job.identity)
+            write_scene(job.job.out, records, renderer.camera, job.object_name)
 
 
 def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
     """Write the tables of a complete dataset, its overlay and its contact sheet.
-
-    Every record is read once, and those of one scene are in memory at a time.
 
     Returns
     -------
@@ -66,21 +65,18 @@ def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
     RunError
         A record is missing, damaged or of another run.
     """
-    out, camera, tally, targets = job.job.out, renderer.camera, Tally(), []
-    mesh, depth_scale = job.model_of(renderer).mesh, renderer.depth_scale
-
-    def records() -> Iterator[ViewRecord]:
-        for scene in range(scene_count(job.count)):
-            in_scene = _scene_records(job, scene)
-            write_scene(out, in_scene, camera, job.object_name)
-            for record in in_scene:
-                tally.add(record)
-                if is_test_target(record):
-                    targets.append(record.index)
-                yield record
-
-    write_poses(out, records(), camera, job.loaded.mesh_from_model, bounds=mesh.bounds, depth_scale=depth_scale)
-    write_test_targets(out, targets)
+    out, camera, mesh = job.job.out, renderer.camera, job.model_of(renderer).mesh
+    depth_scale = renderer.depth_scale
+    tally = write_view_tables(
+        out,
+        job.count,
+        job.identity,
+        camera,
+        job.loaded.mesh_from_model,
+        object_name=job.object_name,
+        bounds=mesh.bounds,
+        depth_scale=depth_scale,
+    )
     write_dataset_info(out, job.object_name, job.count, camera, mesh, depth_scale)
     write_overlay(job, renderer)
     chosen = np.unique(np.linspace(0, job.count - 1, min(SHEET_VIEWS, job.count)).round().astype(int))
@@ -88,20 +84,6 @@ def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
     sheet = contact_sheet(images, columns=min(SHEET_COLUMNS, len(images)), tile_width=SHEET_TILE_PX)
     write_bytes_atomically(out / "contact_sheet.png", encode_png(to_uint8(sheet)))
     return tally
-
-
-def _scene_records(job: OpenJob, scene: int) -> list[ViewRecord]:
-    records = []
-    for index in scene_views(scene, job.count):
-        paths = ViewPaths(job.job.out, index)
-        record = read_record(paths)
-        if record.identity != job.identity:
-            raise RunError(
-                f"{paths.file('frame')}: expected a view of this run, found one of another; "
-                "do not change the folder during a run, and run the same command again"
-            )
-        records.append(record)
-    return records
 
 
 def video_to_render(job: OpenJob, files: FileSurvey) -> int | None:

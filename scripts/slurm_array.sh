@@ -41,28 +41,31 @@ requeue() {
     echo "$name: back into the queue, $reason $((times + 1)) of at most $most"
     trap 'exit 1' TERM
     # Slurm stops this script
-    scontrol requeue "$SLURM_JOB_ID" && { sleep 300 & wait; }
+    scontrol requeue "$job" && { sleep 300 & wait; }
     return 1
 }
 
 # SUBMISSION STATE SHARDS CASE COMMAND...
 task() {
     local submission=$1 shards=$3 case=$4 stopped='' code child='' shard=() sentence
-    state=$2 name=tables
+    state=$2 name=tables job=$SLURM_JOB_ID
     shift 4
     if [ -n "${SLURM_ARRAY_TASK_ID:-}" ]; then
+        # the number of one of them is also that of the whole array
+        job=${SLURM_ARRAY_JOB_ID}_$SLURM_ARRAY_TASK_ID
         name=shard-$SLURM_ARRAY_TASK_ID shard=(--shard "$SLURM_ARRAY_TASK_ID/$shards")
     fi
     if [ "$(cat "$state/submission" 2>/dev/null)" != "$submission" ]; then
         sentence="node ${SLURMD_NODENAME:-$HOSTNAME} does not see ${state%.slurm} as the submitting machine does; choose a \
 folder that all nodes share (--out)"
         # the log is not there either: where Slurm would put it, and with the job
-        echo "error: $sentence" >"${SLURM_SUBMIT_DIR:-.}/slurm-$SLURM_JOB_ID.out"
-        scontrol update "JobId=$SLURM_JOB_ID" "Comment=$sentence"
+        echo "error: $sentence" >"slurm-$SLURM_JOB_ID.out"
+        scontrol update "JobId=$job" "Comment=$sentence"
         exit 2
     fi
+    rm -f "$state/$name.failed"
     exec >>"$state/$name.log" 2>&1
-    echo "--- $name: job $SLURM_JOB_ID on ${SLURMD_NODENAME:-$HOSTNAME}, $(date '+%F %T'), start $((${SLURM_RESTART_COUNT:-0} + 1))"
+    echo "--- $name: job $job on ${SLURMD_NODENAME:-$HOSTNAME}, $(date '+%F %T'), start $((${SLURM_RESTART_COUNT:-0} + 1))"
     if ! cd "$SLURM_SUBMIT_DIR" || [ ! -r "$case" ]; then
         code=2
         echo "error: $case: node ${SLURMD_NODENAME:-$HOSTNAME} cannot read it; put the case on a folder that all nodes share"
@@ -79,7 +82,7 @@ folder that all nodes share (--out)"
         exit 0
     fi
     echo "$name: ended with code $code"
-    [ "$code" -le 128 ] || sleep 1 # the signal that ended it may be on its way here too
+    [ "$code" != 143 ] || sleep 1 # the signal that ended it may be on its way here too
     case $stopped in
         slurm) exit "$code" ;; # preempted, requeued or cancelled: Slurm knows what comes next
         time) requeue time-limit "$TIME_LIMITS" ;;

@@ -13,6 +13,8 @@ A folder is a stage, in the order in which data flows; its files are the nouns o
 ``colour``                what the frame saw, on the surface
 ``poses``                 new camera poses
 ``dataset``               views on disk, their tables, and the check of both
+``packing``               a dataset as WebDataset shards
+``reader``                a dataset or a pack, view by view as arrays
 ``evaluation``            how good it is
 ``sample``                the built-in case
 ``blender``               the same topics, where they need Blender
@@ -21,8 +23,8 @@ A folder is a stage, in the order in which data flows; its files are the nouns o
 
 Below them lie ``files`` and ``images``, :mod:`pipeline.transforms` (the conventions, as code), ``progress`` and
 ``errors``. Everything is pure (numpy and the standard library; ``cv2``, ``skimage`` and ``scipy`` only in ``video``,
-``volume``, ``sample``, ``alignment``, ``evaluation`` and ``dataset.check``) except :mod:`pipeline.blender` and the
-commands that call it.
+``volume``, ``sample``, ``alignment``, ``evaluation``, ``reader``, ``packing.jpeg`` and ``dataset.check``) except
+:mod:`pipeline.blender` and the commands that call it.
 """
 
 __version__ = "0.1.0"

@@ -144,6 +144,9 @@ def test_the_installed_program_renders_with_workers_and_checks(run_installed, wr
     ended = run_installed("oneframe", "check", "out", "--views", "0")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "dataset of 4 views: complete and consistent" in ended.stdout
+    ended = run_installed("oneframe", "pack", "out", "--out", "packed", "--views-per-shard", "2", "--workers", "2")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert run_installed("oneframe", "pack", "out", "--out", "packed", "--verify").returncode == 0
     ended = run_installed("oneframe", "report", "out", "--out", "page.html", "--case", "case/case.toml")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert b"complete and consistent" in (tmp_path / "page.html").read_bytes()

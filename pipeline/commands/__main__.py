@@ -15,8 +15,8 @@ from ..files.keys import nearest_name
 from .parser import explained_imports, fill_parser
 
 COMMANDS = (
-    "surface", "sample", "frames", "case", "align", "overlay", "render", "check", "compare", "evaluate", "report",
-    "colour",
+    "surface", "sample", "frames", "case", "align", "overlay", "render", "check", "pack", "compare", "evaluate",
+    "report", "colour",
 )  # fmt: skip
 """The modules of this package that are commands, in the order of the data flow."""
 

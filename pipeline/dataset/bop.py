@@ -86,20 +86,30 @@ def write_scene(root: Path, records: Sequence[ViewRecord], camera: PinholeCamera
     scene_camera, scene_gt, scene_gt_info = {}, {}, {}
     for path, record in zip(paths, records, strict=True):
         key = str(path.image_id)
-        scene_camera[key] = {
-            "cam_K": camera.k.ravel().tolist(),
-            "depth_scale": record.depth_scale,
-            # the model frame is the world: one object that never moves
-            "cam_R_w2c": record.cam_r_m2c,
-            "cam_t_w2c": record.cam_t_m2c,
-        }
-        scene_gt[key] = [{"cam_R_m2c": record.cam_r_m2c, "cam_t_m2c": record.cam_t_m2c, "obj_id": OBJECT_ID}]
-        scene_gt_info[key] = [asdict(record.gt_info)]
+        scene_camera[key], scene_gt[key], scene_gt_info[key] = scene_entries(record, camera.k.ravel().tolist())
     folder = paths[0].scene
     _write_rows(folder / "scene_camera.json", scene_camera)
     _write_rows(folder / "scene_gt.json", scene_gt)
     _write_rows(folder / "scene_gt_info.json", scene_gt_info)
     write_json(folder / "scene_gt_coco.json", coco_table(paths, records, camera, object_name), indent=None)
+
+
+def scene_entries(
+    record: ViewRecord, k: Sequence[float]
+) -> tuple[dict[str, object], list[dict[str, object]], list[dict[str, object]]]:
+    """The entries of a view in ``scene_camera.json``, ``scene_gt.json`` and ``scene_gt_info.json``.
+
+    ``k`` are its intrinsics row by row, in px.
+    """
+    camera = {
+        "cam_K": list(k),
+        "depth_scale": record.depth_scale,
+        # the model frame is the world: one object that never moves
+        "cam_R_w2c": record.cam_r_m2c,
+        "cam_t_w2c": record.cam_t_m2c,
+    }
+    truth = {"cam_R_m2c": record.cam_r_m2c, "cam_t_m2c": record.cam_t_m2c, "obj_id": OBJECT_ID}
+    return camera, [truth], [asdict(record.gt_info)]
 
 
 def is_test_target(record: ViewRecord) -> bool:

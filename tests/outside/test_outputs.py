@@ -380,6 +380,7 @@ FAILING = {
     "align": "align /no/case.toml",
     "overlay": "overlay /no/case.toml --out /no/overlay.png",
     "render": "render /no/case.toml --out /no/out", "check": "check /no/dataset",
+    "pack": "pack /no/dataset --out /no/packed",
     "report": "report /no/dataset --out /no/report.html",
     "compare": "compare /no/case.toml /no/list.json --out /no/out",
     "evaluate": "evaluate /no/case.toml /no/list.json --out /no/out",

@@ -1,0 +1,101 @@
+"""The command ``oneframe pack``."""
+
+import argparse
+import os
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+from ..blender.process import own_output
+from ..errors import InputError
+from ..progress import LINE_SECONDS
+from .parser import command_parser, explained_imports
+
+EXIT_WRONG = 1
+
+ABOUT = "Pack a dataset for training: WebDataset shards in BOP's layout, which stream and need no other folder."
+"""The first sentence of its help, not a docstring: ``python -OO`` drops these."""
+EPILOG = """examples:
+  %(prog)s dataset --out packed
+  %(prog)s dataset --out packed --views-per-shard 500 --jpeg 95
+  %(prog)s dataset --out packed --verify    (compare every view with the dataset)
+  %(prog)s --out packed --verify            (hashes and members; needs no dataset)
+
+Run the same command again to continue a stopped run, or to add the views that the dataset has got since. The bytes do
+not depend on who packs; those of JPEG depend on the version of OpenCV.
+
+Exit code of --verify: 0 whole; 1 something is wrong; 2 no pack, or wrong arguments. To repair a pack, remove the shards
+and files that it names and pack again.
+"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this command."""
+    with explained_imports():
+        from ..packing.layout import VIEWS_PER_SHARD
+    parser.add_argument("dataset", metavar="DIR", type=Path, nargs="?", help="folder of the complete dataset")
+    parser.add_argument(
+        "--out", metavar="PACKED", type=Path, required=True, help="folder of the pack; an unfinished one is resumed"
+    )
+    content = parser.add_argument_group("content")
+    content.add_argument(
+        "--views-per-shard", metavar="N", type=int, default=VIEWS_PER_SHARD,
+        help="views in each tar file (default %(default)s)",
+    )  # fmt: skip
+    content.add_argument(
+        "--jpeg", metavar="QUALITY", type=int,
+        help="store RGB as JPEG of this quality, 1 to 100; what that loses is reported (needs OpenCV)",
+    )  # fmt: skip
+    work = parser.add_argument_group("work")
+    work.add_argument("--workers", metavar="N", type=int, default=0, help="number of processes (default: one per core)")
+    work.add_argument(
+        "--verify", action="store_true", help="pack nothing: compare the pack with its hashes and with DIR"
+    )
+    # for a program that runs this command and shows its progress
+    work.add_argument("--progress-seconds", type=float, default=LINE_SECONDS, help=argparse.SUPPRESS)
+
+
+def main(argv: Sequence[str], prog: str = "oneframe pack") -> int:
+    """Parse the arguments and run."""
+    arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
+    if arguments.workers < 0:
+        raise InputError(f"command line: --workers: expected 0 (one per core) or more, found {arguments.workers}")
+    if arguments.dataset is None and not arguments.verify:
+        raise InputError("command line: expected the folder of the dataset, DIR; only --verify works without it")
+    try:
+        return run(arguments)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("stopped; run the same command again to continue") from None
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Pack the dataset, or verify the pack."""
+    # the arrays are small: numpy's BLAS threads would only take memory
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    output = own_output()
+    if arguments.verify:
+        with explained_imports():
+            from ..packing.verify import verify_pack
+        report = verify_pack(arguments.out, arguments.dataset, stream=output)
+        for line in (*report.findings.shown(), report.summary()):
+            output.write(line + "\n")
+        return EXIT_WRONG if report.findings else 0
+    with explained_imports():
+        from ..packing.local_processes import packed_locally
+        from ..packing.pack import pack_dataset
+    manifest = pack_dataset(
+        arguments.dataset,
+        arguments.out,
+        views_per_shard=arguments.views_per_shard,
+        jpeg_quality=arguments.jpeg,
+        engine=partial(packed_locally, workers=arguments.workers),
+        stream=output,
+        progress_seconds=arguments.progress_seconds,
+    )
+    if manifest.jpeg_quality is not None:
+        output.write(f"RGB as JPEG of quality {manifest.jpeg_quality}: {manifest.loss}\n")
+    size = sum(shard.sum.bytes for shard in manifest.shards)
+    output.write(
+        f"pack of {len(manifest.views)} views, {size / 1e6:.0f} MB in {len(manifest.shards)} shards: {arguments.out}\n"
+    )
+    return 0

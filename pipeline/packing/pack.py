@@ -1,0 +1,164 @@
+"""A whole pack: what is missing of it is packed, and then its tables are written."""
+
+import json
+import shutil
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TextIO
+
+from ..dataset.bop import write_test_targets
+from ..dataset.checksums import sum_of_file
+from ..dataset.layout import ViewPaths
+from ..errors import InputError
+from ..files.content import create_folder, write_bytes_atomically, written_file
+from ..files.tables import write_json
+from ..progress import LINE_SECONDS, Progress
+from .disk import writing_pack
+from .layout import (
+    COPIED,
+    INFO,
+    KEY_TO_SHARD,
+    MANIFEST,
+    MOST_VIEWS,
+    TABLES,
+    TARGETS,
+    VIEWS_PER_SHARD,
+    shard_name,
+    view_key,
+)
+from .local_processes import packed_locally
+from .manifest import Manifest
+from .pack_folder import PackFolder, Plan
+from .pack_info import pack_info
+from .shard import PackedShard, ShardOrder
+from .source import Source, open_source
+
+Engine = Callable[[Sequence[ShardOrder], Callable[[], None]], Iterable[PackedShard]]
+"""Packs shards by :func:`.pack_shard` anywhere, gives each as soon as it is there, and calls back after each view."""
+
+
+def pack_dataset(
+    root: Path,
+    out: Path,
+    *,
+    views: Sequence[int] | None = None,
+    views_per_shard: int = VIEWS_PER_SHARD,
+    jpeg_quality: int | None = None,
+    engine: Engine = packed_locally,
+    stream: TextIO | None = None,
+    progress_seconds: float = LINE_SECONDS,
+) -> Manifest:
+    """Pack a dataset, or go on where an earlier run of the same pack was stopped.
+
+    Parameters
+    ----------
+    root, out
+        The folders of the complete dataset and of the pack.
+    views
+        The views in the order in which they are packed; all of them, as they are numbered, if left out.
+    views_per_shard
+        How many a shard has; the last one may have fewer.
+    jpeg_quality
+        Compress RGB as JPEG, 1..100.
+    engine
+        What packs the shards.
+    stream, progress_seconds
+        Of the progress.
+
+    Raises
+    ------
+    InputError
+        No complete dataset, folders within each other, or views that the dataset does not have.
+    RunError
+        A view is damaged, or the pack cannot be written; finished shards are kept.
+    """
+    _check_folders(root, out)
+    if not 1 <= views_per_shard <= MOST_VIEWS:
+        raise InputError(f"--views-per-shard: expected 1 to {MOST_VIEWS} views, found {views_per_shard}")
+    if jpeg_quality is not None and not 1 <= jpeg_quality <= 100:
+        raise InputError(f"--jpeg: expected a quality from 1 to 100, found {jpeg_quality}")
+    source = open_source(root)
+    plan = Plan(
+        identity=source.description.identity,
+        views_per_shard=views_per_shard,
+        jpeg_quality=jpeg_quality,
+        opencv=None if jpeg_quality is None else _opencv_version(),
+        views=_checked_views(views, source.description.count),
+    )
+    with PackFolder(out, plan) as folder:
+        shards = {shard.number: shard for shard in folder.finished()}
+        done = sum(len(shard.views) for shard in shards.values())
+        orders = [order for order in shard_orders(source, out, plan) if order.number not in shards]
+        with Progress(
+            len(plan.views), "views packed", finished=done, stream=stream, line_seconds=progress_seconds
+        ) as progress:
+            for shard in engine(orders, progress.advance):
+                with writing_pack(out / shard_name(shard.number)):
+                    folder.keep(shard)
+                shards[shard.number] = shard
+        manifest = Manifest(
+            plan.identity,
+            plan.views_per_shard,
+            plan.jpeg_quality,
+            plan.opencv,
+            tuple(shards[number] for number in range(len(plan.shard_views()))),
+            {},
+        )
+        manifest = _write_tables(source, out, manifest)
+        folder.finish()
+    return manifest
+
+
+def shard_orders(source: Source, out: Path, plan: Plan) -> list[ShardOrder]:
+    """The orders of all shards of a pack."""
+    k = tuple(float(value) for value in source.description.camera.k.ravel())
+    return [
+        ShardOrder(source.root, out, number, views, plan.identity, k, plan.jpeg_quality)
+        for number, views in enumerate(plan.shard_views())
+    ]
+
+
+def _write_tables(source: Source, out: Path, manifest: Manifest) -> Manifest:
+    """Write everything but the shards; gives the manifest, with the sums of these files."""
+    for name in COPIED:
+        with writing_pack(out / name):
+            create_folder((out / name).parent)
+            with (source.root / name).open("rb") as content, written_file(out / name) as stream:
+                shutil.copyfileobj(content, stream)
+    keys = {view_key(ViewPaths(out, view)): shard.number for shard in manifest.shards for view in shard.views}
+    with writing_pack(out / KEY_TO_SHARD):
+        write_bytes_atomically(out / KEY_TO_SHARD, (json.dumps(keys) + "\n").encode())
+    with writing_pack(out / TARGETS):
+        write_test_targets(out, sorted(source.targets.intersection(manifest.views)))
+    with writing_pack(out / INFO):
+        write_bytes_atomically(out / INFO, pack_info(source.description, manifest))
+    manifest = replace(manifest, files={name: sum_of_file(out / name) for name in TABLES})
+    with writing_pack(out / MANIFEST):
+        write_json(out / MANIFEST, manifest.to_json())
+    return manifest
+
+
+def _check_folders(root: Path, out: Path) -> None:
+    whole, packed = root.resolve(), out.resolve()
+    if whole == packed or whole in packed.parents or packed in whole.parents:
+        raise InputError(
+            f"{out}: expected a folder for the pack beside that of the dataset ({root}), found one within the other; "
+            "choose another folder (--out)"
+        )
+
+
+def _checked_views(views: Sequence[int] | None, count: int) -> tuple[int, ...]:
+    if views is None:
+        return tuple(range(count))
+    chosen = tuple(int(view) for view in views)
+    if not chosen or len(set(chosen)) != len(chosen) or min(chosen) < 0 or max(chosen) >= count:
+        raise InputError(f"views to pack: expected different numbers from 0 to {count - 1}, found others or none")
+    return chosen
+
+
+def _opencv_version() -> str:
+    # only now: without JPEG, packing needs no OpenCV
+    from .jpeg import VERSION
+
+    return VERSION

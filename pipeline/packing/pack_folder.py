@@ -1,0 +1,237 @@
+"""The folder of a pack while it is written: one writer, one plan that never changes, shards whole or not at all.
+
+The plan and the sums of finished shards are in ``.work``, which is removed when the pack is complete. Nothing is ever
+removed but files that packing writes itself, by their names.
+"""
+
+import json
+import os
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+
+from ..dataset.layout import MODEL_FOLDERS
+from ..dataset.lock import Busy, FileLock
+from ..errors import InputError, RunError
+from ..files.content import create_folder, partial_name, write_bytes_atomically
+from ..files.tables import parsed_json
+from .layout import MANIFEST, TABLES, WORK, is_note, is_shard, shard_name
+from .manifest import from_runs, read_manifest, shard_from_json, shard_to_json, to_runs
+from .shard import PackedShard
+
+PLAN = "plan.json"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a pack holds.
+
+    Attributes
+    ----------
+    identity
+        Of the dataset.
+    views_per_shard
+        The last shard may have fewer.
+    jpeg_quality, opencv
+        As in :class:`.Manifest`.
+    views
+        The views in their order.
+    """
+
+    identity: str
+    views_per_shard: int
+    jpeg_quality: int | None
+    opencv: str | None
+    views: tuple[int, ...]
+
+    def shard_views(self) -> list[tuple[int, ...]]:
+        """The views of each shard."""
+        step = self.views_per_shard
+        return [self.views[first : first + step] for first in range(0, len(self.views), step)]
+
+    def to_json(self) -> dict[str, object]:
+        """The JSON object of the file."""
+        return {
+            "identity": self.identity,
+            "views_per_shard": self.views_per_shard,
+            "jpeg_quality": self.jpeg_quality,
+            "opencv": self.opencv,
+            "views": to_runs(self.views),
+        }
+
+
+class PackFolder:
+    """Exclusive access to the folder of a pack; use as a context manager."""
+
+    def __init__(self, path: Path, plan: Plan) -> None:
+        """Create or enter the folder.
+
+        Raises
+        ------
+        RunError
+            The folder cannot be written to, holds something else or another pack, or is in use. Nothing in it has been
+            touched then.
+        """
+        self.path, self._plan = path, plan
+        self._work = path / WORK
+        self._stack = ExitStack()
+        try:
+            self._check()
+            create_folder(self._work)
+            lock = FileLock(self._work / "lock", shared=False)
+            self._stack.callback(lock.release)
+            for folder in ("", *MODEL_FOLDERS, WORK):
+                for name in _names(path / folder):
+                    if partial_name(name) is not None:
+                        (path / folder / name).unlink(missing_ok=True)
+            self._begin()
+        except (Busy, FileNotFoundError):
+            self._stack.close()
+            raise RunError(
+                f"{path}: another process packs into this folder; wait for it, stop it, or choose another folder "
+                "(--out)"
+            ) from None
+        except OSError as error:
+            self._stack.close()
+            raise RunError(
+                f"{path}: cannot write to the folder ({error.strerror}); choose another folder (--out)"
+            ) from None
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def __enter__(self) -> "PackFolder":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    def finished(self) -> list[PackedShard]:
+        """The shards of the plan that are there, by their sums in ``.work`` or in the manifest, and their sizes."""
+        found = []
+        complete = (self.path / MANIFEST).is_file()
+        known = {shard.number: shard for shard in read_manifest(self.path).shards} if complete else {}
+        for number, views in enumerate(self._plan.shard_views()):
+            with suppress(OSError, InputError):
+                where = str(self._sum_file(number))
+                known[number] = shard_from_json(number, parsed_json(self._sum_file(number).read_bytes(), where), where)
+            shard = known.get(number)
+            with suppress(OSError):
+                size = (self.path / shard_name(number)).stat().st_size
+                if shard is not None and shard.views == views and shard.sum.bytes == size:
+                    found.append(shard)
+        return found
+
+    def keep(self, shard: PackedShard) -> None:
+        """Note that a shard has been written."""
+        write_bytes_atomically(self._sum_file(shard.number), (json.dumps(shard_to_json(shard)) + "\n").encode())
+
+    def finish(self) -> None:
+        """Remove what only an unfinished pack needs."""
+        if os.name == "nt":
+            self._stack.close()  # Windows removes no open files
+        for name in _names(self._work):
+            if re.fullmatch(_WORK_FILES, name):
+                (self._work / name).unlink(missing_ok=True)
+        with suppress(OSError):  # it holds files of somebody else
+            self._work.rmdir()
+
+    def _begin(self) -> None:
+        """Write the plan, unless the pack is complete; one that grows is complete no longer, and keeps its shards."""
+        manifest = self.path / MANIFEST
+        if manifest.is_file():
+            known = read_manifest(self.path)
+            if known.views == self._plan.views:
+                return
+            for shard in known.shards:
+                self.keep(shard)
+        write_bytes_atomically(self._work / PLAN, (json.dumps(self._plan.to_json()) + "\n").encode())
+        manifest.unlink(missing_ok=True)
+
+    def _sum_file(self, number: int) -> Path:
+        return self._work / f"{shard_name(number)}.json"
+
+    def _known_plan(self) -> Mapping[str, object] | None:
+        """The plan of the pack in the folder; ``None`` if there is none."""
+        path = self._work / PLAN
+        if path.is_file():
+            try:
+                return dict(parsed_json(path.read_bytes(), str(path)))
+            except (InputError, TypeError, ValueError):
+                raise RunError(
+                    f"{path}: expected the plan of a pack, found a damaged file; remove the folder of the pack, or "
+                    "choose another one (--out)"
+                ) from None
+        if (self.path / MANIFEST).is_file():
+            known = read_manifest(self.path)
+            return Plan(known.identity, known.views_per_shard, known.jpeg_quality, known.opencv, known.views).to_json()
+        return None
+
+    def _check(self) -> None:
+        """Check that the folder holds nothing, or the pack of this plan or of its first views."""
+        if not self.path.exists():
+            return
+        names = set(_names(self.path))
+        known = self._known_plan()
+        if known is None:
+            others = {name for name in names if name != WORK}
+            if others or any(not re.fullmatch(_WORK_FILES, name) for name in _names(self._work)):
+                raise RunError(
+                    f"{self.path}: expected a new or empty folder or a pack to resume, found other files (such as "
+                    f"{min(others or {WORK})}); choose another folder (--out)"
+                )
+            return
+        foreign = sorted(name for name in names if not (is_own_name(name) or is_note(name)))
+        if foreign:
+            raise RunError(
+                f"{self.path}: expected only the files of a pack, found {foreign[0]}; move it elsewhere, or choose "
+                "another folder (--out)"
+            )
+        changes = _differences(known, self._plan)
+        if changes:
+            raise RunError(
+                f"{self.path}: the folder holds another pack ({changes[0]}); undo the change to resume it, or choose "
+                "another folder (--out)"
+            )
+
+
+def is_own_name(name: str) -> bool:
+    """Whether a pack has a file or a folder of this name in its folder."""
+    name = partial_name(name) or name
+    return name in (MANIFEST, WORK, *MODEL_FOLDERS, *TABLES) or is_shard(name)
+
+
+def _differences(known: Mapping[str, object], plan: Plan) -> list[str]:
+    changes = []
+    if known.get("identity") != plan.identity:
+        changes.append("it was made from another dataset")
+    quality = known.get("jpeg_quality")
+    if quality != plan.jpeg_quality:
+        was, now = ("PNG" if value is None else f"JPEG of quality {value}" for value in (quality, plan.jpeg_quality))
+        changes.append(f"its RGB is {was}, now {now} is asked for")
+    if known.get("opencv") != plan.opencv and quality == plan.jpeg_quality:
+        changes.append(f"OpenCV {known.get('opencv')} compressed its RGB, this is {plan.opencv}")
+    if known.get("views_per_shard") != plan.views_per_shard:
+        changes.append(f"it has {known.get('views_per_shard')} views a shard, now {plan.views_per_shard} are asked for")
+    try:
+        views = from_runs(known.get("views"), PLAN)
+    except InputError:
+        return [*changes, "its plan is damaged"]
+    if views != plan.views[: len(views)]:
+        changes.append("it holds other views, or in another order; a pack may only get more views at its end")
+    return changes
+
+
+_WORK_FILES = r"plan\.json|shard-[0-9]{6,}\.tar\.json|lock(\.[0-9a-f]{16}\.(claim|new))?|\.partial-.*"
+
+
+def _names(folder: Path) -> Sequence[str]:
+    try:
+        return os.listdir(folder)
+    except FileNotFoundError:
+        return []

@@ -1,0 +1,75 @@
+"""``dataset_info.md`` of a pack: what its readers need to be told, with its own figures."""
+
+from ..dataset.layout import OBJECT_ID
+from ..dataset.view_ranges import view_ranges
+from .layout import member_suffixes
+from .manifest import Manifest
+from .source import Description
+
+_MEANING = {
+    "camera.json": "`cam_K`, `depth_scale`, world-to-camera pose",
+    "gt.json": "`cam_R_m2c` (row by row), `cam_t_m2c` in mm, `obj_id`",
+    "gt_info.json": "boxes (x, y, width, height), pixel counts, visible fraction",
+    "mask.json": "the surface, as uncompressed run lengths (RLE)",
+    "mask_visib.json": "the same: nothing stands in front of it",
+    "mask_observed.json": "surface that the source frame saw",
+    "depth.png": "16 bit; value x `depth_scale` = mm along the optical axis; 0 = no surface",
+    "depth_mm.npy": "the same as float32, mm",
+    "rgb.png": "8 bit, as rendered",
+    "rgb.jpg": "8 bit, compressed",
+}
+
+TEXT = """\
+# {name}: {count} rendered views, packed
+
+One object, `obj_id` {object_id} ({name}), {width} x {height} px. {shards} WebDataset shard{s} of at most {per_shard}
+views, which are views {views} of the dataset. The layout is BOP's image-wise one. Poses hold for the mesh in `models/`,
+in mm, with OpenCV axes. No symmetries, no occlusion. `dataset.json` holds what the dataset was made from, `pack.json`
+the views and the SHA-256 of each shard, `key_to_shard.json` the shard of each key.
+
+A view's key is `SSSSSS_IIIIII`, scene and image of the dataset (view = 1000 x scene + image). Its members:
+
+| after the key and a dot | |
+|---|---|
+{members}
+
+{rgb}
+
+## Reading it
+
+```python
+import webdataset as wds
+
+shards = "shard-{{000000..{last:06d}}}.tar"
+for sample in wds.WebDataset(shards, shardshuffle=False).decode("rgb8"):
+    rgb, truth = sample["{rgb_name}"], sample["gt.json"][0]
+```
+
+bop_toolkit: `bop_webdataset.load_image_data("shard-000000.tar", key, rgb_suffix="{rgb_suffix}")`.
+
+OneFrame: `from pipeline.reader import open_dataset; open_dataset(".")[0].depth_mm`; `oneframe pack --verify --out .`
+compares all hashes.
+"""
+
+
+def pack_info(description: Description, manifest: Manifest) -> bytes:
+    """The content of the file."""
+    jpeg = manifest.jpeg_quality is not None
+    suffixes = member_suffixes(jpeg=jpeg, float_depth=description.float_depth)
+    rgb = f"RGB is JPEG of quality {manifest.jpeg_quality}: {manifest.loss}." if jpeg else "RGB is as it was rendered."
+    return TEXT.format(
+        name=description.name,
+        count=len(manifest.views),
+        object_id=OBJECT_ID,
+        width=description.camera.width,
+        height=description.camera.height,
+        shards=len(manifest.shards),
+        s="s" * (len(manifest.shards) > 1),
+        per_shard=manifest.views_per_shard,
+        views=view_ranges(manifest.views),
+        members="\n".join(f"| `{suffix}` | {_MEANING[suffix]} |" for suffix in suffixes),
+        rgb=rgb,
+        last=len(manifest.shards) - 1,
+        rgb_name="rgb.jpg" if jpeg else "rgb.png",
+        rgb_suffix=".jpg" if jpeg else ".png",
+    ).encode()

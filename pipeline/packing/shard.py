@@ -1,0 +1,198 @@
+"""One shard: an order that says all about it, and the function that writes it, the same bytes wherever it runs."""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from ..dataset.bop import scene_entries
+from ..dataset.checksums import FileSum, sum_of
+from ..dataset.layout import ViewPaths
+from ..dataset.view_record import ViewRecord, read_record
+from ..errors import InputError, RunError
+from ..files.content import written_file
+from .colour_loss import ColourLoss
+from .disk import writing_pack
+from .layout import MASKS, shard_name, view_key
+from .mask_image import decoded_mask
+from .mask_runs import mask_json
+from .tar import write_end, write_member
+
+
+@dataclass(frozen=True)
+class ShardOrder:
+    """Everything that the bytes of a shard depend on, and where it goes.
+
+    Attributes
+    ----------
+    root, folder
+        The dataset's folder, and that of the pack.
+    number
+        Of the shard.
+    views
+        The views in it, in their order.
+    identity
+        Of the dataset: the records of the views must have it.
+    k
+        Intrinsics of the views, row by row, px.
+    jpeg_quality
+        Of RGB as JPEG, 1..100; ``None`` keeps the PNG files.
+    """
+
+    root: Path
+    folder: Path
+    number: int
+    views: tuple[int, ...]
+    identity: str
+    k: tuple[float, ...]
+    jpeg_quality: int | None = None
+
+
+@dataclass(frozen=True)
+class PackedShard:
+    """A written shard.
+
+    Attributes
+    ----------
+    number, views
+        As ordered.
+    sum
+        Size and hash of the file.
+    loss
+        What JPEG has lost; nothing was compared without it.
+    """
+
+    number: int
+    views: tuple[int, ...]
+    sum: FileSum
+    loss: ColourLoss
+
+
+def pack_shard(order: ShardOrder, on_view: Callable[[], None] = lambda: None) -> PackedShard:
+    """Write one shard, whole or not at all.
+
+    The same order makes the same bytes on any machine; with JPEG, those with the same version of OpenCV.
+
+    Parameters
+    ----------
+    order
+        What to write.
+    on_view
+        Called after each view.
+
+    Raises
+    ------
+    RunError
+        A view is missing, damaged or of another dataset, or the shard cannot be written.
+    """
+    path = order.folder / shard_name(order.number)
+    loss = ColourLoss()
+    with writing_pack(path), written_file(path) as stream:
+        hashed = _Hashed(stream)
+        for index in order.views:
+            paths = ViewPaths(order.root, index)
+            members, lost = view_members(order, paths)
+            for suffix, data in members:
+                write_member(hashed, f"{view_key(paths)}.{suffix}", data)
+            loss += lost
+            on_view()
+        write_end(hashed)
+    return PackedShard(order.number, order.views, FileSum(hashed.sha256(), hashed.tell()), loss)
+
+
+def view_members(order: ShardOrder, paths: ViewPaths) -> tuple[list[tuple[str, bytes]], ColourLoss]:
+    """The members of one view: name after its key, and content; and what JPEG has lost.
+
+    Raises
+    ------
+    RunError
+        The view is missing, damaged or of another dataset.
+    """
+    record = read_record(paths, with_mask=False)
+    if record.identity != order.identity:
+        raise RunError(
+            f"{paths.file('frame')}: expected a view of this dataset, found one of another run; put the right view in "
+            "its place, or remove the file and render it again"
+        )
+    camera, truth, info = scene_entries(record, order.k)
+    members = [("camera.json", _json(camera)), ("gt.json", _json(truth)), ("gt_info.json", _json(info))]
+    masks = dict(_masks(paths, record))
+    members += [(f"{kind}.json", masks[kind]) for kind in MASKS]
+    members.append(("depth.png", checked_file(paths, record, "depth")))
+    if paths.relative("depth_mm") in record.files:
+        members.append(("depth_mm.npy", checked_file(paths, record, "depth_mm")))
+    rgb = checked_file(paths, record, "rgb")
+    if order.jpeg_quality is None:
+        return [*members, ("rgb.png", rgb)], ColourLoss()
+    # only now: without JPEG, packing needs no OpenCV
+    from .jpeg import as_jpeg
+
+    try:
+        jpeg, loss = as_jpeg(rgb, order.jpeg_quality, str(paths.file("rgb")))
+    except InputError as error:
+        raise RunError(str(error)) from None
+    return [*members, ("rgb.jpg", jpeg)], loss
+
+
+def checked_file(paths: ViewPaths, record: ViewRecord, kind: str) -> bytes:
+    """The content of a view's file, which is what its record says.
+
+    Raises
+    ------
+    RunError
+        It is missing or another one.
+    """
+    name, path = paths.relative(kind), paths.file(kind)
+    again = f"remove {paths.file('frame')} and render the view again (oneframe render)"
+    known = record.files.get(name)
+    if known is None:
+        raise RunError(f"{path}: expected it in the record of view {paths.index}, which lists no such file; {again}")
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise RunError(
+            f"{path}: expected a file of view {paths.index}, cannot read it ({error.strerror}); {again}"
+        ) from None
+    if sum_of(data) != known:
+        raise RunError(
+            f"{path}: expected the file that the record of view {paths.index} describes, found a changed one; {again}"
+        )
+    return data
+
+
+def _masks(paths: ViewPaths, record: ViewRecord) -> Iterator[tuple[str, bytes]]:
+    """Kind and run lengths of each mask, as BOP's ``save_masks`` has them: by the number of the object in the image."""
+    known: dict[bytes, bytes] = {}
+    for kind in MASKS:
+        data = checked_file(paths, record, kind)
+        if data not in known:
+            try:
+                mask = decoded_mask(data, str(paths.file(kind)))
+            except InputError as error:
+                raise RunError(str(error)) from None
+            known[data] = mask_json(mask)
+        yield kind, known[data]
+
+
+def _json(content: object) -> bytes:
+    return json.dumps(content).encode()
+
+
+class _Hashed:
+    """A stream that is only written to, and its hash."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream, self._digest, self._size = stream, hashlib.sha256(), 0
+
+    def write(self, data: bytes) -> int:
+        self._digest.update(data)
+        self._size += len(data)
+        return self._stream.write(data)
+
+    def tell(self) -> int:
+        return self._size
+
+    def sha256(self) -> str:
+        return self._digest.hexdigest()

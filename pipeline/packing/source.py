@@ -1,0 +1,168 @@
+"""The folder of a complete dataset, from which views are packed."""
+
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from ..camera.pinhole import PinholeCamera
+from ..dataset.checksums import Checksums, damaged_file, read_checksums
+from ..dataset.differences import COUNT, POSES_HASH
+from ..dataset.identity import identity_of
+from ..dataset.layout import CHECKSUMS, FORMAT, RECORD, ViewPaths, scene_count, scene_views
+from ..dataset.options import DatasetOptions
+from ..dataset.view_ranges import view_ranges
+from ..errors import InputError
+from ..files.content import read_content
+from ..files.tables import parsed_json
+from .layout import COPIED, MOST_VIEWS, TARGETS
+
+
+@dataclass(frozen=True)
+class Description:
+    """What ``dataset.json`` says, as far as packing and reading need it.
+
+    Attributes
+    ----------
+    content
+        All of it.
+    identity
+        Of the dataset: see :func:`~pipeline.dataset.identity.identity_of`.
+    count
+        Number of views.
+    name
+        Name of the object.
+    camera
+        Intrinsics of the views.
+    float_depth
+        Whether they have float depth.
+    """
+
+    content: Mapping[str, Any]
+    identity: str
+    count: int
+    name: str
+    camera: PinholeCamera
+    float_depth: bool
+
+
+def read_description(path: Path) -> Description:
+    """Read a ``dataset.json``.
+
+    Raises
+    ------
+    InputError
+        Missing, damaged, or of another format.
+    """
+    content = parsed_json(read_content(path, "the description of a dataset", str(path)), str(path))
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        found = repr(content.get("format") if isinstance(content, dict) else content)[:60]
+        raise InputError(
+            f"{path}: expected the format {FORMAT!r}, found {found}; use the version of OneFrame that made it"
+        )
+    count, name, camera, options = (content.get(key) for key in (COUNT, "object", "camera", "options"))
+    if not isinstance(count, int) or isinstance(count, bool) or not 0 < count <= MOST_VIEWS:
+        raise InputError(f"{path}: expected {COUNT} to be a number of views, found {count!r}; copy the dataset again")
+    if not (isinstance(name, str) and isinstance(camera, dict) and isinstance(options, dict)):
+        raise InputError(f"{path}: expected object, camera and options, one is missing; copy the dataset again")
+    try:
+        size = (camera["width"], camera["height"])
+        intrinsics = PinholeCamera.from_matrix(camera["K"], size=size, where=f"{path}: camera")
+    except KeyError as missing:
+        raise InputError(f"{path}: camera: expected a key {missing}, it is missing; copy the dataset again") from None
+    return Description(content, identity_of(content), count, name, intrinsics, options.get("float_depth") is True)
+
+
+@dataclass(frozen=True)
+class Source:
+    """A dataset that is complete, as far as names and the files beside its views tell.
+
+    Attributes
+    ----------
+    root
+        Its folder.
+    description, sums
+        ``dataset.json`` and ``checksums.json``.
+    targets
+        The views that ``test_targets_bop19.json`` names.
+    """
+
+    root: Path
+    description: Description
+    sums: Checksums
+    targets: frozenset[int]
+
+
+def open_source(root: Path) -> Source:
+    """Open the folder of a dataset.
+
+    Raises
+    ------
+    InputError
+        No dataset, an unfinished one, or one whose files beside the views were changed. The message says which views
+        are missing, and which command renders them.
+    """
+    if not (root / RECORD).is_file():
+        raise InputError(
+            f"{root}: expected the folder of a dataset, found no {RECORD} in it; give the folder that --out of "
+            "oneframe render named"
+        )
+    description = read_description(root / RECORD)
+    missing = missing_views(root, description.count)
+    again = f"run {render_command(root, description)}"
+    if missing:
+        raise InputError(
+            f"{root}: expected {description.count} views, found {description.count - len(missing)}: views "
+            f"{view_ranges(missing)} are missing; {again}, or copy the folder of their shard into this one first"
+        )
+    sums = read_checksums(root, description.identity)
+    if sums is None:
+        raise InputError(
+            f"{root}: expected a complete dataset, found no {CHECKSUMS} of it, which is written last; {again}"
+        )
+    for name in (*COPIED, TARGETS):
+        problem = damaged_file(root, name, sums.files[name], hashes=True) if name in sums.files else None
+        if problem is not None or name not in sums.files:
+            why = problem or f"{name} is not among them"
+            raise InputError(
+                f"{root}: expected the files that {CHECKSUMS} lists, but {why}; remove the file, and {again}"
+            )
+    return Source(root, description, sums, _targets(root))
+
+
+def missing_views(root: Path, count: int) -> list[int]:
+    """The views without a record; nothing is read but the names of files."""
+    missing: list[int] = []
+    for number in range(scene_count(count)):
+        paths = [ViewPaths(root, index) for index in scene_views(number, count)]
+        names: set[str] = set()
+        with suppress(FileNotFoundError, NotADirectoryError):
+            names = set(os.listdir(paths[0].file("frame").parent))
+        missing += [path.index for path in paths if path.file("frame").name not in names]
+    return missing
+
+
+def render_command(root: Path, description: Description) -> str:
+    """The command that renders a dataset; its case is not known."""
+    given = description.content["options"]
+    words = [f"oneframe render CASE.toml --out {root}"]
+    if POSES_HASH in description.content:
+        words.append("--poses FILE")
+    else:
+        words.append(f"--count {description.count}")
+    for option in fields(DatasetOptions):
+        value = given.get(option.name, option.default)
+        if option.name in (COUNT, "poses") or value == option.default:
+            continue
+        flag = option.name.replace("_", "-")
+        words.append(f"--{flag}" if value is True else f"--no-{flag}" if value is False else f"--{flag} {value}")
+    return " ".join(words)
+
+
+def _targets(root: Path) -> frozenset[int]:
+    """The views of the table; its hash has been checked."""
+    entries = parsed_json((root / TARGETS).read_bytes(), str(root / TARGETS))
+    per_scene = len(scene_views(0, MOST_VIEWS))
+    return frozenset(entry["scene_id"] * per_scene + entry["im_id"] for entry in entries)

@@ -1,0 +1,150 @@
+"""Views in the shards of a pack, at any place, without extracting anything."""
+
+import os
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..dataset.layout import ViewPaths
+from ..errors import InputError
+from ..packing.layout import shard_name, view_key
+from ..packing.manifest import Manifest
+from ..packing.source import Description
+from ..packing.tar import member_places
+from ..transforms import rigid
+from .decoding import decoded_array, decoded_depth, decoded_rgb, decoded_run_lengths, parsed
+from .view import Boxes, Truth
+
+MOST_OPEN = 8
+"""Shards whose files are open at a time."""
+
+
+class PackFiles:
+    """The members of a pack's shards. It can be pickled, and used by several threads and after a fork."""
+
+    def __init__(self, folder: Path, description: Description, manifest: Manifest) -> None:
+        """Open nothing yet: a shard's headers are read when its first view is."""
+        self._folder, self._description = folder, description
+        self._shape = description.camera.shape_hw
+        self._rgb = "rgb.png" if manifest.jpeg_quality is None else "rgb.jpg"
+        self._shard_of = {view: shard.number for shard in manifest.shards for view in shard.views}
+        self._closed = False
+        self._open: dict[int, _Shard] = {}
+        self._places: dict[int, dict[str, tuple[int, int]]] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_open": {}}
+
+    def truth(self, index: int) -> Truth:
+        """The numbers of a view."""
+        (camera, where), (truths, _), (infos, _) = (
+            self._table(index, suffix) for suffix in ("camera.json", "gt.json", "gt_info.json")
+        )
+        try:
+            (truth,), (info,) = truths, infos
+            return Truth(
+                k=np.reshape(np.array(camera["cam_K"], float), (3, 3)),
+                cam_from_model=rigid(np.reshape(truth["cam_R_m2c"], (3, 3)), np.array(truth["cam_t_m2c"], float)),
+                depth_scale=float(camera["depth_scale"]),
+                boxes=Boxes(_box(info["bbox_obj"]), _box(info["bbox_visib"])),
+                visib_fract=float(info["visib_fract"]),
+            )
+        except (KeyError, TypeError, ValueError):
+            raise InputError(
+                f"{where}: expected BOP's keys of a view with one object, found others; check the pack (oneframe pack "
+                "--verify)"
+            ) from None
+
+    def rgb(self, index: int) -> np.ndarray:
+        """``(H, W, 3)`` uint8."""
+        data, where = self._read(index, self._rgb)
+        return decoded_rgb(data, self._shape, where)
+
+    def depth_mm(self, index: int, depth_scale: float) -> np.ndarray:
+        """``(H, W)`` float32, mm."""
+        if self._description.float_depth:
+            data, where = self._read(index, "depth_mm.npy")
+            return decoded_array(data, self._shape, where)
+        data, where = self._read(index, "depth.png")
+        return decoded_depth(data, depth_scale, self._shape, where)
+
+    def mask(self, index: int, kind: str) -> np.ndarray:
+        """``(H, W)`` bool."""
+        data, where = self._read(index, f"{kind}.json")
+        return decoded_run_lengths(data, self._shape, where)
+
+    def close(self) -> None:
+        """Give back all handles of files."""
+        self._closed = True
+        self._open = {}
+
+    def _table(self, index: int, suffix: str) -> tuple[Any, str]:
+        data, where = self._read(index, suffix)
+        return parsed(data, where), where
+
+    def _read(self, index: int, suffix: str) -> tuple[bytes, str]:
+        """Content of a member, and its name in messages."""
+        number = self._shard_of[index]
+        path = self._folder / shard_name(number)
+        name = f"{view_key(ViewPaths(self._folder, index))}.{suffix}"
+        try:
+            shard = self._shard(number, path)
+            places = self._places.get(number)
+            if places is None:
+                # two threads may both read the headers: they find the same
+                places = self._places[number] = member_places(shard.read_at, str(path))
+            if name not in places:
+                raise InputError(
+                    f"{path}: expected the member {name}, found none; check the pack (oneframe pack --verify)"
+                )
+            offset, size = places[name]
+            # a size that a header claims, before memory is taken for it
+            data = shard.read_at(offset, size) if offset + size <= shard.size else b""
+        except OSError as error:
+            raise InputError(
+                f"{path}: expected a shard of the pack, cannot read it ({error.strerror}); copy or pack it again"
+            ) from None
+        if len(data) < size:
+            raise InputError(f"{path}: expected a whole shard, found one that is cut off; copy or pack it again")
+        return data, f"{path}: {name}"
+
+    def _shard(self, number: int, path: Path) -> "_Shard":
+        if self._closed:
+            raise InputError(f"{self._folder}: the dataset has been closed; open it again")
+        shard = self._open.get(number)
+        if shard is None:
+            shard = _Shard(path)
+            while len(self._open) >= MOST_OPEN:
+                # a thread that still reads it keeps it open until it has
+                self._open.pop(next(iter(list(self._open)), -1), None)
+            self._open[number] = shard
+        return shard
+
+
+class _Shard:
+    """An open file that is closed when nobody refers to it any more."""
+
+    def __init__(self, path: Path) -> None:
+        self._descriptor = -1
+        self._descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0))
+        self._lock = threading.Lock()
+        self.size = os.fstat(self._descriptor).st_size
+
+    def __del__(self) -> None:
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+
+    def read_at(self, offset: int, size: int) -> bytes:
+        """Bytes at a place; it has no state, so threads and forked processes do not disturb each other."""
+        if hasattr(os, "pread"):
+            return os.pread(self._descriptor, size, offset)
+        with self._lock:  # Windows
+            os.lseek(self._descriptor, offset, os.SEEK_SET)
+            return os.read(self._descriptor, size)
+
+
+def _box(values: Any) -> tuple[int, int, int, int]:
+    x, y, width, height = values
+    return int(x), int(y), int(width), int(height)

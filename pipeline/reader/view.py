@@ -1,0 +1,137 @@
+"""One view of a dataset, whose parts are read and decoded when they are first asked for."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from ..dataset.view_record import Box
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Boxes of the surface: (x, y, x_max - x, y_max - y) in px, as in BOP; (-1, -1, -1, -1) if it is not visible.
+
+    Attributes
+    ----------
+    bbox_obj
+        Of the whole silhouette, including what is outside the image.
+    bbox_visib
+        Of the part in the image.
+    """
+
+    bbox_obj: Box
+    bbox_visib: Box
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The numbers of a view.
+
+    Attributes
+    ----------
+    k
+        ``(3, 3)`` px_from_cam.
+    cam_from_model
+        ``(4, 4)`` rigid, mm.
+    depth_scale
+        Millimetres per unit of the 16-bit depth image.
+    boxes
+        As in BOP's ``scene_gt_info.json``.
+    visib_fract
+        Visible fraction of the silhouette, 0..1.
+    """
+
+    k: np.ndarray
+    cam_from_model: np.ndarray
+    depth_scale: float
+    boxes: Boxes
+    visib_fract: float
+
+
+class ViewFiles(Protocol):
+    """Where views come from: a folder or a pack. All methods may be called by several threads at once."""
+
+    def truth(self, index: int) -> Truth:
+        """The numbers of a view."""
+        ...
+
+    def rgb(self, index: int) -> np.ndarray:
+        """``(H, W, 3)`` uint8."""
+        ...
+
+    def depth_mm(self, index: int, depth_scale: float) -> np.ndarray:
+        """``(H, W)`` float32, mm."""
+        ...
+
+    def mask(self, index: int, kind: str) -> np.ndarray:
+        """``(H, W)`` bool: ``"mask_visib"`` or ``"mask_observed"``."""
+        ...
+
+    def close(self) -> None:
+        """Give back all handles of files."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One view. Its arrays are read and decoded when they are first asked for, and kept with the view.
+
+    Attributes
+    ----------
+    index
+        Its number in the dataset.
+    files
+        Where it comes from.
+    """
+
+    index: int
+    files: ViewFiles
+
+    @cached_property
+    def rgb(self) -> np.ndarray:
+        """``(H, W, 3)`` uint8 RGB; black where there is no surface."""
+        return self.files.rgb(self.index)
+
+    @cached_property
+    def depth_mm(self) -> np.ndarray:
+        """``(H, W)`` float32 depth along the optical axis, mm; 0 where there is no surface.
+
+        The float depth if the dataset has it, else the 16-bit image times its scale.
+        """
+        return self.files.depth_mm(self.index, self._truth.depth_scale)
+
+    @cached_property
+    def mask(self) -> np.ndarray:
+        """``(H, W)`` bool: the surface is at the pixel's centre, and nothing stands in front of it."""
+        return self.files.mask(self.index, "mask_visib")
+
+    @cached_property
+    def observed(self) -> np.ndarray:
+        """``(H, W)`` bool: surface that the source frame saw."""
+        return self.files.mask(self.index, "mask_observed")
+
+    @property
+    def k(self) -> np.ndarray:
+        """``(3, 3)`` intrinsics px_from_cam; pixel (0, 0) is the centre of the top-left pixel."""
+        return self._truth.k
+
+    @property
+    def cam_from_model(self) -> np.ndarray:
+        """``(4, 4)`` pose of the mesh in ``models/``, mm, OpenCV camera axes."""
+        return self._truth.cam_from_model
+
+    @property
+    def boxes(self) -> Boxes:
+        """Boxes of the surface."""
+        return self._truth.boxes
+
+    @property
+    def visib_fract(self) -> float:
+        """Visible fraction of the silhouette, 0..1."""
+        return self._truth.visib_fract
+
+    @cached_property
+    def _truth(self) -> Truth:
+        return self.files.truth(self.index)

@@ -1,0 +1,16 @@
+"""Pack a dataset for training: WebDataset shards in BOP's layout.
+
+python scripts/pack_dataset.py DIR --out PACKED [--views-per-shard 1000] [--jpeg QUALITY] [--verify]
+"""
+
+import sys
+from pathlib import Path
+
+# the repository's root: scripts are run from a checkout
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from pipeline.blender.command_line import run_script
+from pipeline.commands import pack
+
+if __name__ == "__main__":
+    run_script(lambda argv: pack.main(argv, "pack_dataset.py"))

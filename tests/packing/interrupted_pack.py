@@ -1,0 +1,28 @@
+"""``oneframe pack`` that is killed at a chosen change of the file system; see :mod:`interrupted_render`.
+
+Call it with the number of the change, or -1, and a command line of ``oneframe pack``; it ends by printing the number of
+changes.
+"""
+
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "outside")]
+
+from interrupted_render import arm
+
+from pipeline.blender.command_line import run_script
+from pipeline.commands.pack import main
+
+if __name__ == "__main__":
+    place, *arguments = sys.argv[1:]
+    changes = arm("SIGKILL" if int(place) >= 0 else "none", int(place), arguments[arguments.index("--out") + 1])
+    sys.argv[1:] = arguments
+
+    def run(argv: list[str]) -> int:
+        code = main(argv)
+        sys.stderr.write(f"{len(changes)}\n")
+        return code
+
+    run_script(run)

@@ -1,0 +1,105 @@
+"""A pack that is killed at any moment: shards are whole or not there, and the same command ends it, byte for byte."""
+
+import io
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import RunError
+from pipeline.packing.local_processes import packed_locally
+from pipeline.packing.pack import pack_dataset
+from pipeline.packing.tar import member_places
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+PROGRAM = Path(__file__).with_name("interrupted_pack.py")
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def run(dataset: Path, out: Path, place: int, workers: int = 1) -> subprocess.CompletedProcess:
+    command = [sys.executable, PROGRAM, place, dataset, "--out", out, "--views-per-shard", 2, "--workers", workers]
+    return subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_a_killed_pack_is_finished_by_the_same_command(dataset, tmp_path, long_form):
+    ended = run(dataset, tmp_path / "whole", -1)
+    assert ended.returncode == 0, ended.stderr
+    changes, expected = int(ended.stderr), tree(tmp_path / "whole")
+    assert changes > 20
+    for place in range(changes) if long_form else range(1, changes, -(-changes // 6)):
+        out = tmp_path / str(place)
+        assert run(dataset, out, place).returncode == -signal.SIGKILL
+        for shard in out.glob("shard-*.tar"):
+            data = shard.read_bytes()
+            assert member_places(lambda offset, size, data=data: data[offset : offset + size], shard.name)
+            assert data == expected[shard.name]
+        ended = run(dataset, out, -1)
+        assert ended.returncode == 0, f"change {place} of {changes}: {ended.stderr}"
+        assert tree(out) == expected, f"change {place} of {changes}"
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.1, 0.2])
+def test_processes_end_with_a_killed_parent(delay_s, dataset, tmp_path):
+    """Killed while its processes start or work; the same command makes the same files."""
+    command = [sys.executable, PROGRAM, -1, dataset, "--out", tmp_path / "out", "--views-per-shard", 2, "--workers", 2]
+    process = subprocess.Popen([*map(str, command)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    give_up = time.monotonic() + 60
+    while not (started := children(process.pid)):
+        assert time.monotonic() < give_up
+        assert process.poll() is None
+        time.sleep(0.002)
+    time.sleep(delay_s)
+    started |= children(process.pid)
+    process.kill()
+    process.wait()
+    while any(Path(f"/proc/{child}").exists() for child in started):
+        assert time.monotonic() < give_up, "a process outlives its parent"
+        time.sleep(0.02)
+    for out, workers in (("out", 2), ("whole", 1)):
+        ended = run(dataset, tmp_path / out, -1, workers=workers)
+        assert ended.returncode == 0, ended.stderr
+    assert tree(tmp_path / "out") == tree(tmp_path / "whole")
+
+
+def test_a_killed_process_is_a_sentence(dataset, tmp_path):
+    def kill() -> None:
+        for child in children(os.getpid()):
+            os.kill(child, signal.SIGKILL)
+
+    engine = partial(packed_locally, workers=2)
+    with pytest.raises(RunError, match="a process that packs has been killed"):
+        pack_dataset(
+            dataset, tmp_path, views_per_shard=1, stream=io.StringIO(), engine=lambda orders, _: engine(orders, kill)
+        )
+
+
+def test_ctrl_c_is_one_line(dataset, tmp_path):
+    command = [sys.executable, PROGRAM, -1, dataset, "--out", tmp_path, "--views-per-shard", 1, "--workers", 2]
+    process = subprocess.Popen(
+        [*map(str, command)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    while not children(process.pid):
+        assert process.poll() is None
+        time.sleep(0.002)
+    os.killpg(process.pid, signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    assert (process.returncode, told) == (130, "error: stopped; run the same command again to continue\n")
+
+
+def children(parent: int) -> set[int]:
+    found = set()
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            if int(path.read_text().rpartition(")")[2].split()[1]) == parent:
+                found.add(int(path.parent.name))
+        except OSError:
+            continue
+    return found

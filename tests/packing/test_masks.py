@@ -1,0 +1,74 @@
+"""Masks as run lengths: every reader gives back the very mask."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pipeline.errors import InputError
+from pipeline.images.png import encode_png
+from pipeline.packing.mask_image import decoded_mask
+from pipeline.packing.mask_runs import mask_columns, mask_json
+from pipeline.reader.decoding import decoded_mask_image, decoded_run_lengths
+
+MASKS = arrays(bool, st.tuples(st.integers(1, 12), st.integers(1, 12)))
+
+
+def by_rules_of_coco(counts: list[int], height: int, width: int) -> np.ndarray:
+    """Pixel by pixel, down the columns: runs of zeros and ones in turn, zeros first."""
+    values = [number % 2 for number, count in enumerate(counts) for _ in range(count)]
+    return np.array(values, bool).reshape(width, height).T
+
+
+@given(mask=MASKS)
+def test_run_lengths_are_the_mask(mask):
+    data = mask_json(mask)
+    entry = json.loads(data)["0"]
+    assert entry["size"] == list(mask.shape)
+    np.testing.assert_array_equal(by_rules_of_coco(entry["counts"], *mask.shape), mask)
+    np.testing.assert_array_equal(mask_columns(data, mask.shape, "m").T, mask)
+    np.testing.assert_array_equal(decoded_run_lengths(data, mask.shape, "m"), mask)
+
+
+@given(mask=MASKS)
+def test_pycocotools_reads_them(mask):
+    coder = pytest.importorskip("pycocotools.mask", reason="pycocotools is not installed")
+    entry = json.loads(mask_json(mask))["0"]
+    found = coder.decode(coder.frPyObjects(entry, *entry["size"]))
+    np.testing.assert_array_equal(found.astype(bool), mask)
+
+
+@given(mask=MASKS)
+def test_mask_images_are_decoded_without_a_library(mask):
+    data = encode_png(np.where(mask, np.uint8(255), np.uint8(0)))
+    np.testing.assert_array_equal(decoded_mask(data, "m"), mask)
+    np.testing.assert_array_equal(decoded_mask_image(data, mask.shape, "m"), mask)
+
+
+@settings(max_examples=60)
+@given(mask=MASKS, data=st.data())
+def test_damaged_masks_are_a_sentence(mask, data):
+    png = encode_png(np.where(mask, np.uint8(255), np.uint8(0)))
+    cut = data.draw(st.integers(0, len(png) - 20))
+    with pytest.raises(InputError, match="m: expected"):
+        decoded_mask(png[:cut], "m")
+    text = mask_json(mask)
+    with pytest.raises(InputError, match="m: expected"):
+        decoded_run_lengths(text[: data.draw(st.integers(0, len(text) - 1))], mask.shape, "m")
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"counts": [3], "size": [2, 2]}, {"counts": [-1, 5], "size": [2, 2]}, {"counts": [[4]], "size": [2, 2]},
+        {"counts": [4], "size": [1, 4]}, {"counts": "04", "size": [2, 2]}, {"counts": [10**30], "size": [2, 2]},
+        {"counts": [2**62, 2**62, 2**62, 2**62, 4], "size": [2, 2]}, {}, [],
+    ],
+    ids=str,
+)  # fmt: skip
+def test_run_lengths_of_other_images_are_a_sentence(entry):
+    with pytest.raises(InputError, match="m: expected"):
+        decoded_run_lengths(json.dumps({"0": entry}).encode(), (2, 2), "m")

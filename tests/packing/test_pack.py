@@ -1,0 +1,276 @@
+"""Packs: what is in them, the same bytes whoever makes them, and what is refused."""
+
+import errno
+import io
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.dataset.bop import write_test_targets
+from pipeline.errors import InputError, RunError
+from pipeline.packing.local_processes import packed_locally
+from pipeline.packing.pack import pack_dataset
+from pipeline.packing.shard import PackedShard, pack_shard
+from pipeline.packing.verify import verify_pack
+
+ROOT = Path(__file__).resolve().parents[2]
+COUNT = 4
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def pack(root: Path, out: Path, **options) -> dict[str, bytes]:
+    pack_dataset(root, out, stream=io.StringIO(), **{"views_per_shard": 3, **options})
+    return tree(out)
+
+
+def scene_table(root: Path, name: str) -> dict:
+    return json.loads((root / "train_synt" / "000000" / name).read_text())
+
+
+def test_webdataset_reads_every_view_as_the_folder_has_it(dataset, packed):
+    webdataset = pytest.importorskip("webdataset", reason="webdataset is not installed")
+    shards = [str(path) for path in sorted(packed.glob("shard-*.tar"))]
+    samples = list(webdataset.WebDataset(shards, shardshuffle=False))
+    assert [sample["__key__"] for sample in samples] == [f"000000_{view:06d}" for view in range(COUNT)]
+    scene = dataset / "train_synt" / "000000"
+    for view, sample in enumerate(samples):
+        assert {name for name in sample if not name.startswith("__")} == {
+            "camera.json", "gt.json", "gt_info.json", "mask.json", "mask_visib.json", "mask_observed.json", "depth.png",
+            "depth_mm.npy", "rgb.png",
+        }  # fmt: skip
+        for name, file in {
+            "rgb.png": f"rgb/{view:06d}.png", "depth.png": f"depth/{view:06d}.png",
+            "depth_mm.npy": f"depth_mm/{view:06d}.npy",
+        }.items():  # fmt: skip
+            assert sample[name] == (scene / file).read_bytes()
+        for name in ("camera", "gt", "gt_info"):
+            assert json.loads(sample[f"{name}.json"]) == scene_table(dataset, f"scene_{name}.json")[str(view)]
+        for name in ("mask", "mask_visib", "mask_observed"):
+            (entry,) = json.loads(sample[f"{name}.json"]).values()
+            image = cv2.imread(str(scene / name / f"{view:06d}_000000.png"), cv2.IMREAD_UNCHANGED)
+            found = np.repeat(np.arange(len(entry["counts"])) % 2, entry["counts"])
+            np.testing.assert_array_equal(found.reshape(image.shape[::-1]).T, image > 0)
+    decoded = next(iter(webdataset.WebDataset(shards[:1], shardshuffle=False).decode("rgb8")))
+    np.testing.assert_array_equal(decoded["rgb.png"], cv2.imread(str(scene / "rgb/000000.png"))[..., ::-1])
+
+
+def test_a_pack_needs_no_other_folder(dataset, packed, tmp_path):
+    names = {*tree(packed)}
+    same = {"dataset.json", "camera.json", *(f"{folder}/{name}" for folder in ("models", "models_eval") for name in (
+        "obj_000001.ply", "models_info.json"))}  # fmt: skip
+    made = {"pack.json", "key_to_shard.json", "dataset_info.md", "test_targets_bop19.json"}
+    assert names == {*same, *made, "shard-000000.tar", "shard-000001.tar"}
+    assert all((packed / name).read_bytes() == (dataset / name).read_bytes() for name in same)
+    assert json.loads((packed / "key_to_shard.json").read_text()) == {
+        "000000_000000": 0, "000000_000001": 0, "000000_000002": 0, "000000_000003": 1
+    }  # fmt: skip
+    elsewhere = Path(shutil.copytree(packed, tmp_path / "elsewhere"))
+    assert not verify_pack(elsewhere, stream=io.StringIO()).findings
+    text = (packed / "dataset_info.md").read_text()
+    assert "{000000..000001}.tar" in text
+    assert "64 x 48 px" in text
+
+
+def test_the_same_bytes_whoever_packs(dataset, packed, tmp_path):
+    """Any number of processes, any order of the shards, another place, and again over what is there."""
+
+    def backwards(orders, on_view) -> Iterator[PackedShard]:
+        for order in reversed(orders):
+            yield pack_shard(order, on_view)
+
+    expected = pack(dataset, tmp_path / "one", views_per_shard=1)
+    elsewhere = Path(shutil.copytree(dataset, tmp_path / "moved" / "dataset"))
+    assert pack(elsewhere, tmp_path / "three", views_per_shard=1, engine=partial(packed_locally, workers=3)) == expected
+    assert pack(dataset, tmp_path / "back", views_per_shard=1, engine=backwards) == expected
+    before = (tmp_path / "one" / "shard-000000.tar").stat().st_mtime_ns
+    assert pack(dataset, tmp_path / "one", views_per_shard=1) == expected
+    assert (tmp_path / "one" / "shard-000000.tar").stat().st_mtime_ns == before
+    assert pack(dataset, tmp_path / "again") == tree(packed)
+
+
+def test_chosen_views_in_their_order(dataset, tmp_path):
+    files = pack(dataset, tmp_path / "out", views=[3, 0, 2], views_per_shard=2)
+    keys = {"000000_000003": 0, "000000_000000": 0, "000000_000002": 1}
+    assert json.loads(files["key_to_shard.json"]) == keys
+    assert list(json.loads(files["key_to_shard.json"])) == list(keys)
+    write_test_targets(tmp_path, [0, 2, 3])
+    assert files["test_targets_bop19.json"] == (tmp_path / "test_targets_bop19.json").read_bytes()
+    assert not verify_pack(tmp_path / "out", dataset, stream=io.StringIO()).findings
+    for views in ([], [0, 0], [4], [-1]):
+        with pytest.raises(InputError, match="views to pack: expected different numbers from 0 to 3"):
+            pack(dataset, tmp_path / "none", views=views)
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_pack_grows_and_never_shrinks(dataset, packed, tmp_path):
+    out = tmp_path / "out"
+    pack(dataset, out, views=range(3))
+    first = (out / "shard-000000.tar").stat().st_mtime_ns
+    with pytest.raises(RunError, match="a pack may only get more views at its end"):
+        pack(dataset, out, views=range(2))
+    assert pack(dataset, out) == tree(packed)
+    assert (out / "shard-000000.tar").stat().st_mtime_ns == first
+
+
+def test_jpeg_is_measured(dataset, tmp_path):
+    out = tmp_path / "out"
+    told = subprocess.run(
+        [sys.executable, ROOT / "scripts/pack_dataset.py", dataset, "--out", out, "--jpeg", "80", "--workers", "1"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    differences = []
+    with tarfile.open(out / "shard-000000.tar") as archive:
+        for view in range(COUNT):
+            data = archive.extractfile(f"000000_{view:06d}.rgb.jpg").read()
+            image = cv2.imread(str(dataset / f"train_synt/000000/rgb/{view:06d}.png")).astype(float)
+            differences.append(np.abs(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) - image))
+    error = np.array(differences)
+    psnr = 10 * np.log10(255**2 / np.mean(error**2))
+    assert error.max() > 0
+    loss = f"mean error {error.mean():.2f} of 255, largest {error.max():.0f}, PSNR {psnr:.1f} dB"
+    assert f"RGB as JPEG of quality 80: {loss}\n" in told.stdout
+    assert loss in (out / "dataset_info.md").read_text()
+    rgb = json.loads((out / "pack.json").read_text())["rgb"]
+    assert (rgb["mean_error"], rgb["largest_error"]) == (pytest.approx(error.mean()), error.max())
+    assert rgb["psnr_db"] == pytest.approx(psnr)
+    assert not verify_pack(out, dataset, stream=io.StringIO()).findings
+    with pytest.raises(RunError, match="its RGB is JPEG of quality 80, now PNG is asked for"):
+        pack(dataset, out, views_per_shard=1000)
+
+
+# --- what is refused ------------------------------------------------------------------------------------------------
+
+
+def test_an_incomplete_dataset_says_which_views_and_how_to_render_them(copied, tmp_path):
+    for view in (1, 2):
+        (copied / f"train_synt/000000/frame/{view:06d}.json").unlink()
+    with pytest.raises(
+        InputError,
+        match=r"expected 4 views, found 2: views 1-2 are missing; run oneframe render CASE\.toml --out \S+ --count 4 "
+        "--float-depth,",
+    ):
+        pack(copied, tmp_path / "out")
+    shutil.rmtree(copied / "train_synt")
+    with pytest.raises(InputError, match="views 0-3 are missing"):
+        pack(copied, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["dataset.json", "checksums.json", "camera.json", "models/obj_000001.ply"])
+def test_a_damaged_dataset_is_refused(name, copied, tmp_path):
+    for harm in (lambda path: path.write_bytes(path.read_bytes()[:-9] + b"x" * 9), lambda path: path.unlink()):
+        harm(copied / name)
+        with pytest.raises(InputError, match=f"{Path(name).name}|no checksums.json|JSON"):
+            pack(copied, tmp_path / "out")
+        assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("kind", ["rgb", "depth", "depth_mm", "mask", "mask_visib", "mask_observed", "frame"])
+def test_a_changed_view_is_refused_and_finished_shards_are_kept(kind, copied, packed, tmp_path):
+    (path,) = (copied / "train_synt" / "000000" / kind).glob("000003*")
+    sound = path.read_bytes()
+    path.write_bytes(sound[:30] + b"!" + sound[31:])
+    with pytest.raises(RunError, match=f"{path}: expected .*; (or )?remove "):
+        pack(copied, tmp_path / "out", engine=partial(packed_locally, workers=1))
+    assert {*tree(tmp_path / "out")} == {
+        ".work/lock", ".work/plan.json", ".work/shard-000000.tar.json", "shard-000000.tar"
+    }  # fmt: skip
+    path.write_bytes(sound)
+    assert pack(copied, tmp_path / "out") == tree(packed)
+
+
+def test_a_view_of_another_dataset_is_refused(copied, tmp_path):
+    record = copied / "train_synt/000000/frame/000002.json"
+    record.write_text(record.read_text().replace('"identity":"', '"identity":"' + "0" * 8).replace("0" * 8, "", 1))
+    content = json.loads(record.read_text())
+    content["identity"] = "ab" * 32
+    record.write_text(json.dumps(content, separators=(",", ":")) + "\n")
+    with pytest.raises(RunError, match=r"000002\.json: expected a view of this dataset, found one of another run"):
+        pack(copied, tmp_path / "out")
+
+
+@pytest.mark.parametrize("place", ["", "packed", ".."])
+def test_a_pack_within_the_dataset_or_around_it_is_refused(place, copied):
+    before = tree(copied)
+    with pytest.raises(InputError, match="expected a folder for the pack beside that of the dataset"):
+        pack(copied, copied / place)
+    assert tree(copied) == before
+
+
+def test_other_files_and_packs_are_refused(dataset, copied, copied_pack, tmp_path):
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "thesis.tex").write_text("years of work")
+    with pytest.raises(RunError, match=r"found other files \(such as thesis\.tex\)"):
+        pack(dataset, other)
+    with pytest.raises(RunError, match="it has 3 views a shard, now 2 are asked for"):
+        pack(dataset, copied_pack, views_per_shard=2)
+    (copied_pack / "scan.dcm").write_text("mine")
+    with pytest.raises(RunError, match=r"expected only the files of a pack, found scan\.dcm"):
+        pack(dataset, copied_pack)
+    (copied_pack / "scan.dcm").unlink()
+    with pytest.raises(RunError, match="expected a new or empty folder or a pack to resume"):
+        pack(dataset, copied)
+    # the pack of another dataset
+    manifest = json.loads((copied_pack / "pack.json").read_text())
+    (copied_pack / "pack.json").write_text(json.dumps(manifest | {"identity": "ab" * 32}))
+    before = tree(copied_pack)
+    with pytest.raises(RunError, match="it was made from another dataset"):
+        pack(dataset, copied_pack)
+    assert tree(copied_pack) == before
+
+
+def test_two_packers_at_once_are_refused(dataset, tmp_path):
+    def engine(orders, on_view):
+        with pytest.raises(RunError, match="another process packs into this folder"):
+            pack(dataset, tmp_path / "out")
+        yield from packed_locally(orders, on_view, workers=1)
+
+    assert "pack.json" in pack(dataset, tmp_path / "out", engine=engine)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_full_disk_is_a_sentence_and_more_space_lets_it_resume(workers, dataset, packed, tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    # models and one shard fit
+    size = sum(len(data) for data in tree(packed).values()) - len(tree(packed)["shard-000001.tar"])
+    if shutil.which("mount") is None:
+        pytest.skip("there is no mount command")
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", f"size={size // 2}", "tmpfs", disk], capture_output=True, text=True, check=False
+    )
+    if mounted.returncode:
+        pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.strip()}")
+    command = [sys.executable, ROOT / "scripts/pack_dataset.py", dataset, "--out", disk / "out"]
+    command += ["--views-per-shard", "1", "--workers", str(workers)]
+    try:
+        ended = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
+        assert ended.returncode == 3, ended
+        assert "the disk is full; the shards packed so far are safe" in ended.stderr
+        assert ended.stderr.count("\n") == 1
+        subprocess.run(["mount", "-o", "remount,size=50m", disk], check=True)
+        ended = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
+        assert ended.returncode == 0, ended.stderr
+        assert tree(disk / "out") == pack(dataset, tmp_path / "out", views_per_shard=1)
+    finally:
+        subprocess.run(["umount", disk], check=True)
+
+
+def test_a_folder_that_cannot_be_written_is_a_sentence(dataset, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(RunError, match=os.strerror(errno.ENOTDIR)):
+        pack(dataset, tmp_path / "file" / "out")

@@ -1,0 +1,169 @@
+"""Every kind of damage to a pack is found, by hashes or beside the dataset; a sound one has no finding."""
+
+import io
+import json
+import os
+import re
+import tarfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pipeline.dataset.checksums import sum_of_file
+from pipeline.errors import InputError
+from pipeline.packing.pack import pack_dataset
+from pipeline.packing.tar import member_places, write_end, write_member
+from pipeline.packing.verify import verify_pack
+
+SHARD = "shard-000000.tar"
+
+
+def findings(pack: Path, root: Path | None = None) -> list[str]:
+    return verify_pack(pack, root, stream=io.StringIO()).findings.shown()
+
+
+def members(path: Path) -> dict[str, bytes]:
+    data = path.read_bytes()
+    places = member_places(lambda offset, size: data[offset : offset + size], path.name)
+    return {name: data[first : first + size] for name, (first, size) in places.items()}
+
+
+def write_members(path: Path, content: dict[str, bytes]) -> None:
+    with path.open("wb") as stream:
+        for name, data in content.items():
+            write_member(stream, name, data)
+        write_end(stream)
+
+
+def sealed(pack: Path) -> None:
+    """Write sizes and hashes of all files as they are now into the manifest."""
+    path = pack / "pack.json"
+    manifest = json.loads(path.read_text())
+    for name, entry in {**manifest["shards"], **manifest["files"]}.items():
+        found = sum_of_file(pack / name)
+        entry |= {"sha256": found.sha256, "bytes": found.bytes}
+    path.write_text(json.dumps(manifest))
+
+
+def test_a_sound_pack_is_whole(dataset, packed):
+    report = verify_pack(packed, dataset, stream=io.StringIO())
+    assert report.summary() == (
+        "pack of 4 views in 2 shards: whole (all hashes and members, 4 views compared with the dataset)"
+    )
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(data=st.data())
+def test_a_flipped_bit_anywhere_is_found(data, copied_pack):
+    path = copied_pack / data.draw(st.sampled_from(sorted(p.name for p in copied_pack.iterdir() if p.is_file())))
+    sound = path.read_bytes()
+    place, bit = data.draw(st.integers(0, len(sound) - 1)), data.draw(st.integers(0, 7))
+    path.write_bytes(sound[:place] + bytes([sound[place] ^ 1 << bit]) + sound[place + 1 :])
+    try:
+        if json.loads(sound) == json.loads(path.read_bytes()) and path.name == "pack.json":
+            return  # blanks between its values
+    except ValueError:
+        pass
+    try:
+        assert findings(copied_pack), (path.name, place, bit)
+    except InputError as error:
+        # of the manifest, nothing can be verified
+        if "pack.json" not in str(error):
+            raise
+    finally:
+        path.write_bytes(sound)
+
+
+def swapped(pack: Path) -> None:
+    first, second = pack / SHARD, pack / "shard-000001.tar"
+    first.rename(pack / "x")
+    second.rename(first)
+    (pack / "x").rename(second)
+
+
+def without_a_member(pack: Path) -> None:
+    content = members(pack / SHARD)
+    del content["000000_000001.rgb.png"]
+    write_members(pack / SHARD, content)
+
+
+def with_a_member(pack: Path) -> None:
+    write_members(pack / SHARD, members(pack / SHARD) | {"000000_000009.rgb.png": b"x"})
+
+
+def another_order(pack: Path) -> None:
+    write_members(pack / SHARD, dict(reversed(members(pack / SHARD).items())))
+
+
+DAMAGE: dict[str, tuple[Callable[[Path], object], str, bool]] = {
+    "truncated": (lambda pack: os.truncate(pack / SHARD, 20_000), "no whole archive|are missing", False),
+    "cut between members": (lambda pack: os.truncate(pack / SHARD, 512), "no whole archive|are missing", False),
+    "emptied": (lambda pack: os.truncate(pack / SHARD, 0), "no whole archive|are missing", False),
+    "swapped": (swapped, f"{SHARD} has .* bytes instead of", False),
+    "swapped, sealed": (swapped, "members are missing, the first is 000000_000000.camera.json", True),
+    "a member less": (without_a_member, f"{SHARD}: 1 members are missing, the first is 000000_000001.rgb.png", True),
+    "a member more": (with_a_member, f"{SHARD}: 1 members are foreign, the first is 000000_000009.rgb.png", True),
+    "another order": (another_order, "its members are in another order", True),
+    "a shard less": (lambda pack: (pack / SHARD).unlink(), f"{SHARD} is missing", False),
+    "a shard more": (
+        lambda pack: (pack / "shard-000002.tar").write_bytes(b"x"), "this pack has no such shard", False,
+    ),
+    "a file more": (lambda pack: (pack / "models" / "x.txt").write_text("x"), "no pack has such a file", False),
+    "a table less": (lambda pack: (pack / "key_to_shard.json").unlink(), "key_to_shard.json is missing", False),
+    "another table": (lambda pack: (pack / "key_to_shard.json").write_text("{}"), "names other views or shards", True),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", DAMAGE)
+def test_damage_is_found(kind, dataset, copied_pack):
+    harm, message, hidden = DAMAGE[kind]
+    harm(copied_pack)
+    if hidden:
+        sealed(copied_pack)
+    for root in (None, dataset):
+        found = findings(copied_pack, root)
+        assert any(re.search(message, line) for line in found), found
+
+
+@pytest.mark.parametrize(
+    "suffix",
+    [
+        "camera.json", "gt.json", "gt_info.json", "mask.json", "mask_visib.json", "mask_observed.json", "depth.png",
+        "depth_mm.npy", "rgb.png",
+    ],
+)  # fmt: skip
+def test_a_view_unlike_the_dataset_is_found_although_its_hash_is_right(suffix, dataset, copied_pack):
+    content = members(copied_pack / SHARD)
+    content[f"000000_000001.{suffix}"] = content[f"000000_000002.{suffix}"]
+    if suffix == "camera.json":
+        content[f"000000_000001.{suffix}"] = b"{}"
+    write_members(copied_pack / SHARD, content)
+    sealed(copied_pack)
+    assert findings(copied_pack) == []
+    (found,) = findings(copied_pack, dataset)
+    assert found == f"{SHARD}: 000000_000001.{suffix} does not hold what the dataset does (view 1)"
+
+
+def test_what_is_no_pack_is_a_sentence(dataset, copied_pack, tmp_path):
+    with pytest.raises(InputError, match="expected a complete pack, found no pack"):
+        verify_pack(dataset)
+    (copied_pack / "pack.json").unlink()
+    (copied_pack / ".work").mkdir()
+    with pytest.raises(InputError, match="an unfinished one; run the command that packs it again"):
+        verify_pack(copied_pack)
+
+
+def test_notes_beside_the_shards_are_no_damage(dataset, copied_pack):
+    for name in ("README.md", "LICENSE", ".gitattributes"):
+        (copied_pack / name).write_text("mine")
+    assert findings(copied_pack) == []
+    pack_dataset(dataset, copied_pack, views_per_shard=3, stream=io.StringIO())
+    assert (copied_pack / "LICENSE").read_text() == "mine"
+
+
+def test_tar_itself_reads_a_shard(packed):
+    with tarfile.open(packed / SHARD) as archive:
+        assert len(archive.getnames()) == 27

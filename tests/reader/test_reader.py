@@ -1,0 +1,214 @@
+"""The reader: the same arrays from a folder, a pack and another decoder; in threads, processes and slices."""
+
+import io
+import json
+import multiprocessing
+import os
+import pickle
+import re
+import shutil
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pipeline.dataset.layout import ViewPaths
+from pipeline.errors import InputError
+from pipeline.packing.pack import pack_dataset
+from pipeline.reader import Dataset, View, open_dataset
+from pipeline.reader.pack_files import MOST_OPEN
+from tests.packing.conftest import copied, copied_pack, dataset, packed  # noqa: F401
+
+PARTS = ("rgb", "depth_mm", "mask", "observed", "k", "cam_from_model")
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def arrays(view: View) -> dict[str, np.ndarray]:
+    return {name: getattr(view, name) for name in PARTS}
+
+
+def assert_same(one: View, other: View) -> None:
+    for name in PARTS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    assert (one.index, one.boxes, one.visib_fract) == (other.index, other.boxes, other.visib_fract)
+
+
+@pytest.fixture(params=["folder", "pack"])
+def opened(request, dataset, packed) -> Dataset:  # noqa: F811
+    return open_dataset(dataset if request.param == "folder" else packed)
+
+
+def test_arrays_are_those_of_the_files(opened, dataset):  # noqa: F811
+    scene = dataset / "train_synt" / "000000"
+    tables = {name: json.loads((scene / f"scene_{name}.json").read_text()) for name in ("camera", "gt", "gt_info")}
+    for place, view in enumerate(opened):
+        file = ViewPaths(dataset, place).file
+        np.testing.assert_array_equal(view.rgb, cv2.imread(str(file("rgb")))[..., ::-1])
+        np.testing.assert_array_equal(view.depth_mm, np.load(file("depth_mm")))
+        for mask, kind in ((view.mask, "mask_visib"), (view.observed, "mask_observed")):
+            np.testing.assert_array_equal(mask, cv2.imread(str(file(kind)), cv2.IMREAD_UNCHANGED) > 0)
+        camera, (truth,), (info,) = (tables[name][str(place)] for name in ("camera", "gt", "gt_info"))
+        np.testing.assert_array_equal(view.k, np.reshape(camera["cam_K"], (3, 3)))
+        np.testing.assert_array_equal(view.cam_from_model[:3, :3].ravel(), truth["cam_R_m2c"])
+        np.testing.assert_array_equal(view.cam_from_model[:, 3], [*truth["cam_t_m2c"], 1])
+        assert [*view.boxes.bbox_obj] == info["bbox_obj"]
+        assert [*view.boxes.bbox_visib] == info["bbox_visib"]
+        assert view.visib_fract == info["visib_fract"]
+        assert view.index == place
+        kinds = {name: (array.dtype.name, array.shape) for name, array in arrays(view).items()}
+        assert kinds == {
+            "rgb": ("uint8", (48, 64, 3)), "depth_mm": ("float32", (48, 64)), "mask": ("bool", (48, 64)),
+            "observed": ("bool", (48, 64)), "k": ("float64", (3, 3)), "cam_from_model": ("float64", (4, 4)),
+        }  # fmt: skip
+        assert all(array.flags.c_contiguous for array in arrays(view).values())
+
+
+def test_depth_without_float_depth_is_the_image_times_its_scale(copied, tmp_path):  # noqa: F811
+    """As bop_toolkit computes it."""
+    path = copied / "dataset.json"
+    path.write_text(path.read_text().replace('"float_depth": true', '"float_depth": false'))
+    for place, view in enumerate(open_dataset(copied)):
+        image = cv2.imread(str(ViewPaths(copied, place).file("depth")), cv2.IMREAD_UNCHANGED)
+        np.testing.assert_array_equal(view.depth_mm, image.astype(np.float32) * 0.01)
+        assert view.depth_mm.dtype == np.float32
+
+
+def test_it_is_a_sequence(opened):
+    assert (len(opened), opened.name, opened.size_wh) == (4, "lumpy sphere", (64, 48))
+    assert [view.index for view in opened] == list(opened.views) == [0, 1, 2, 3]
+    assert opened[-1].index == 3
+    part = opened[3:0:-2]
+    assert (len(part), [*part.views], part[0].index, [view.index for view in part[1:]]) == (2, [3, 1], 3, [1])
+    assert [view.index for view in reversed(opened)] == [3, 2, 1, 0]
+    with pytest.raises(IndexError):
+        opened[4]
+    places = [place for shard in opened.shards for place in shard]
+    assert places == [*range(4)]
+
+
+def test_chosen_views_keep_their_order_and_numbers(dataset, tmp_path):  # noqa: F811
+    pack_dataset(dataset, tmp_path / "out", views=[3, 0, 2], views_per_shard=2, stream=io.StringIO())
+    chosen, whole = open_dataset(tmp_path / "out"), open_dataset(dataset)
+    assert [*chosen.views] == [3, 0, 2]
+    assert chosen.shards == (range(2), range(2, 3))
+    for view in chosen:
+        assert_same(view, whole[view.index])
+
+
+def test_threads_share_it(opened):
+    expected = [arrays(view) for view in opened]
+    with ThreadPoolExecutor(8) as pool:
+        for place, found in enumerate(pool.map(lambda place: arrays(opened[place % 4]), range(200))):
+            for name, array in expected[place % 4].items():
+                np.testing.assert_array_equal(found[name], array)
+
+
+def total(views: Dataset, place: int) -> float:
+    return float(views[place].depth_mm.sum())
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_processes_share_it(method, opened):
+    if method not in multiprocessing.get_all_start_methods():
+        pytest.skip(f"this system has no {method}")
+    # the children of a fork get open files
+    expected = [total(opened, place) for place in range(4)]
+    code = (
+        "import multiprocessing, pickle, sys\n"
+        "from tests.reader.test_reader import total\n"
+        "if __name__ == '__main__':\n"
+        "    views = pickle.load(sys.stdin.buffer)\n"
+        "    views[0].rgb\n"
+        f"    with multiprocessing.get_context('{method}').Pool(2) as pool:\n"
+        "        print(pool.starmap(total, [(views, place) for place in range(4)]))\n"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code], input=pickle.dumps(opened), capture_output=True, cwd=ROOT, check=False,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert ended.returncode == 0, ended.stderr.decode()
+    assert json.loads(ended.stdout) == expected
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="no list of open files on this system")
+def test_few_files_are_open_and_none_after_closing(dataset, tmp_path):  # noqa: F811
+    def open_shards() -> int:
+        found = 0
+        for path in Path("/proc/self/fd").iterdir():
+            try:
+                found += "shard-" in os.readlink(path)
+            except OSError:
+                continue
+        return found
+
+    count = 3 * MOST_OPEN
+    views = open_dataset(dataset)
+    pack_dataset(dataset, tmp_path / "out", views_per_shard=1, stream=io.StringIO())
+    assert count > MOST_OPEN
+    with open_dataset(tmp_path / "out") as packs:
+        first = packs[0]
+        for view, other in zip(packs, views, strict=True):
+            assert_same(view, other)
+        assert 0 < open_shards() <= MOST_OPEN
+        assert_same(pickle.loads(pickle.dumps(packs[1:]))[0], views[1])
+    assert open_shards() == 0
+    with pytest.raises(InputError, match="the dataset has been closed; open it again"):
+        first.observed  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("harm", "message"),
+    [
+        (lambda pack: (pack / "shard-000001.tar").unlink(), "expected the shard shard-000001.tar, found none"),
+        (lambda pack: os.truncate(pack / "shard-000001.tar", 9000), "expected [0-9]+ bytes, found 9000: the shard"),
+        (lambda pack: (pack / "pack.json").unlink(), "expected a complete pack, found no pack.json"),
+        (lambda pack: (pack / "pack.json").write_text("{}"), "expected the format 'oneframe pack 1'"),
+        (lambda pack: (pack / "pack.json").write_text("{"), "pack.json: expected JSON"),
+        (lambda pack: (pack / "dataset.json").write_text("{}"), "expected the format 'oneframe dataset 2'"),
+    ],
+)  # fmt: skip
+def test_a_damaged_pack_is_a_sentence(harm, message, copied_pack):  # noqa: F811
+    harm(copied_pack)
+    with pytest.raises(InputError, match=message):
+        open_dataset(copied_pack)
+
+
+def test_what_is_no_dataset_is_a_sentence(copied, tmp_path):  # noqa: F811
+    for path in (tmp_path / "nothing", tmp_path, copied / "dataset.json"):
+        with pytest.raises(InputError, match=f"{re.escape(str(path))}: expected the folder of a dataset or a pack"):
+            open_dataset(path)
+    (copied / "train_synt/000000/frame/000002.json").unlink()
+    with pytest.raises(InputError, match="expected 4 views, views 2 are missing; run oneframe render"):
+        open_dataset(copied)
+
+
+@pytest.mark.parametrize("place", range(0, 40, 4))
+def test_damaged_members_are_sentences(place, copied_pack):  # noqa: F811
+    """A shard of the right size with other bytes: values, or a sentence that names the shard."""
+    path = copied_pack / "shard-000000.tar"
+    data = bytearray(path.read_bytes())
+    step = len(data) // 40
+    data[place * step : place * step + 60] = b"\xff" * 60
+    path.write_bytes(data)
+    for view in open_dataset(copied_pack):
+        for name in PARTS:
+            try:
+                getattr(view, name)
+            except InputError as error:
+                if path.name not in str(error):
+                    raise
+
+
+def test_damaged_files_are_sentences(copied):  # noqa: F811
+    shutil.rmtree(copied / "train_synt/000000/depth_mm")
+    for kind in ("rgb", "mask_visib", "mask_observed"):
+        file = ViewPaths(copied, 1).file(kind)
+        file.write_bytes(file.read_bytes()[:50])
+    view = open_dataset(copied)[1]
+    for name, kind in (("rgb", "rgb"), ("depth_mm", "depth_mm"), ("mask", "mask_visib"), ("observed", "mask_observed")):
+        with pytest.raises(InputError, match=f"{kind}/000001"):
+            getattr(view, name)

@@ -12,7 +12,8 @@ LINE_SECONDS = 10.0
 """Time between lines where the output is not a terminal."""
 
 _LINE = re.compile(
-    r"(?P<count>\d+)/(?P<total>\d+) (?P<noun>[a-z ]+?)(?:, \d+ ms each, (?:(?P<left>.+) left|done in .+))?"
+    r"(?P<count>\d+)/(?P<total>\d+) (?P<noun>[a-z ]+?)(?:, \d+ ms each, (?:(?P<left>[^(]+) left|done in [^(]+))?"
+    r"(?: \(.*\))?"
 )
 
 
@@ -39,6 +40,7 @@ class Progress:
         self._lock = threading.Lock()
         self._start = time.monotonic()
         self._next_line = self._start
+        self._state = ""
         self._show()
 
     def __enter__(self) -> Self:
@@ -54,6 +56,14 @@ class Progress:
         with self._lock:
             self._count += 1
             self._show()
+
+    def update(self, count: int, state: str) -> None:
+        """Set the number of finished items, which never goes back, and a state that the line shows in brackets."""
+        with self._lock:
+            had, self._state = self._count, state
+            self._count = max(had, count)
+            if self._count < self._total or self._count > had:
+                self._show()
 
     def close(self) -> None:
         """End the bar's line, once."""
@@ -97,7 +107,7 @@ class Progress:
         text = f"{self._count}/{self._total} {self._noun}"
         if self._count > self._first:
             text += f", {self.seconds_per_item * 1000:.0f} ms each, {self._remaining(now)}"
-        return text
+        return f"{text} ({self._state})" if self._state else text
 
     def _remaining(self, now: float) -> str:
         if self._count == self._total:

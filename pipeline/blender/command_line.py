@@ -91,6 +91,11 @@ def script_command(script: str) -> list[str]:
     program = blender_program()
     if program is None:
         return [sys.executable, script]
+    return blender_command(program, script)
+
+
+def blender_command(program: str, script: str) -> list[str]:
+    """The command that runs a script in a Blender program; append the script's arguments."""
     return [program, "-b", "--factory-startup", "-noaudio", "--python-exit-code", "1", "-P", script, "--"]
 
 

@@ -1,6 +1,7 @@
 """What all commands share: filling their parsers, and the error for a missing package."""
 
 import argparse
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -16,6 +17,12 @@ PACKAGES = {
     "shtab": "shtab",
 }
 """Modules that pip installs -> their names in messages."""
+EXTRAS = {
+    "dask": ("Dask", "cluster"),
+    "distributed": ("Dask", "cluster"),
+    "dask_jobqueue": ("dask-jobqueue", "cluster"),
+}
+"""Modules of optional features -> their names, and the extras that install them."""
 
 
 def command_parser(
@@ -65,6 +72,11 @@ def explained_imports() -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
+        if error.name in EXTRAS:
+            name, extra = EXTRAS[error.name]
+            raise RunError(
+                f'expected {name}, this Python ({sys.executable}) has none; install it: pip install "oneframe[{extra}]"'
+            ) from None
         if error.name not in PACKAGES:
             raise
         raise RunError(

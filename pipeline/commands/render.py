@@ -3,11 +3,14 @@
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TextIO
 
 from ..blender.command_line import end_with_input
 from ..blender.process import own_output
+from ..dataset.missing_views import ViewPool
 from ..dataset.options import add_option_arguments, option_names
 from ..errors import InputError
 from ..progress import LINE_SECONDS
@@ -34,6 +37,7 @@ EPILOG = """examples:
   %(prog)s case.toml --out dataset --cone-deg 30 --distance-min 0.8 --distance-max 1.3 --video
   %(prog)s case.toml --out dataset --poses poses.npy --samples 8
   %(prog)s case.toml --out dataset --count 100000 --shard 3/50      (shard 3 of 0..49, on any machine)
+  %(prog)s case.toml --out dataset --count 100000 --cluster tcp://host:8786       (on a Dask cluster)
 
 Run the same command again to continue a stopped run, or with a larger --count to add views. To merge shards from
 separate folders, copy the folders into one and run the same command without --shard: it writes the tables. The case
@@ -61,7 +65,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--verify", action="store_true", help="compare the hashes of all finished files, not only that they are there "
         "with their sizes; what has changed is rendered again"
     )  # fmt: skip
+    machines.add_argument(
+        "--cluster", metavar="ADDRESS|local:N", help="render on the workers of a Dask cluster: the address of its "
+        "scheduler, such as tcp://host:8786, or N workers on this machine"
+    )  # fmt: skip
+    machines.add_argument(
+        "--blender-on-workers", metavar="PROGRAM", help="with --cluster ADDRESS: the Blender program that renders on "
+        "the workers' machines (default: the bpy module in the workers' Python)"
+    )  # fmt: skip
     machines.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    machines.add_argument("--threads", type=int, default=0, help=argparse.SUPPRESS)
     # for a program that runs this command and shows its progress
     machines.add_argument("--progress-seconds", type=float, default=LINE_SECONDS, help=argparse.SUPPRESS)
     machines.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
@@ -72,13 +85,33 @@ def main(argv: Sequence[str], prog: str = "oneframe render", *, own_command: Seq
     arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
     if arguments.workers < 0:
         raise InputError(f"command line: --workers: expected 0 (one per core) or more, found {arguments.workers}")
+    _check_cluster(arguments)
     try:
-        return run(arguments, worker_command=[*own_command, *argv, "--worker"])
+        return run(arguments, own_command=own_command, argv=argv)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("stopped; run the same command again to continue") from None
 
 
-def run(arguments: argparse.Namespace, *, worker_command: Sequence[str]) -> int:
+def _check_cluster(arguments: argparse.Namespace) -> None:
+    if arguments.cluster is None:
+        if arguments.blender_on_workers is not None:
+            raise InputError(
+                "command line: --blender-on-workers: expected with --cluster only; add it, or leave out both"
+            )
+        return
+    if arguments.workers:
+        raise InputError(
+            f"command line: --cluster: expected without --workers, found --workers {arguments.workers}; the cluster's "
+            "workers render: leave --workers out, or use --cluster local:N"
+        )
+    if arguments.shard != "0/1":
+        raise InputError(
+            f"command line: --cluster: expected without --shard, found --shard {arguments.shard}; the cluster's "
+            "workers share the views by themselves: leave --shard out"
+        )
+
+
+def run(arguments: argparse.Namespace, *, own_command: Sequence[str], argv: Sequence[str]) -> int:
     """Render the dataset, or act as one of its worker processes."""
     # the matrices are small: numpy's BLAS threads would only busy-wait on the cores that render
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -97,18 +130,34 @@ def run(arguments: argparse.Namespace, *, worker_command: Sequence[str]) -> int:
     check_folder(arguments.out, case.input_files() | ({} if options.poses is None else {"poses": Path(options.poses)}))
     job = Job(case, arguments.out, options, parse_shard(arguments.shard))
     if arguments.worker:
-        work(job, workers=arguments.workers, stream=output)
+        work(job, workers=arguments.workers, stream=output, threads=arguments.threads)
         return 0
     if arguments.end_with_input:
         end_with_input()
     if case.alignment.get("method") == INITIAL_GUESS:
         output.write(f"note: the pose of {case.path.name} is an initial guess that nobody has aligned\n")
-    render(
-        job,
-        workers=arguments.workers,
-        worker_command=worker_command,
-        stream=output,
-        verify=arguments.verify,
-        progress_seconds=arguments.progress_seconds,
-    )
+    with _pool(arguments, own_command, output) as pool:
+        render(
+            job,
+            workers=arguments.workers,
+            worker_command=[*own_command, *argv, "--worker"],
+            stream=output,
+            verify=arguments.verify,
+            progress_seconds=arguments.progress_seconds,
+            pool=pool,
+        )
     return 0
+
+
+@contextmanager
+def _pool(arguments: argparse.Namespace, own_command: Sequence[str], output: TextIO) -> Iterator[ViewPool | None]:
+    """The workers of a cluster, if one is asked for."""
+    if arguments.cluster is None:
+        yield None
+        return
+    with explained_imports():
+        from ..cluster.sources import open_source
+        from ..cluster.view_pool import ClusterPool
+    with open_source(arguments.cluster) as source:
+        output.write(f"{source.about}\n")
+        yield ClusterPool(source, own_command=own_command, blender=arguments.blender_on_workers)

@@ -69,6 +69,11 @@ def parse_shard(text: str) -> Shard:
     return Shard(index, count)
 
 
+def run_token(path: Path, run: str) -> Path:
+    """The file in a dataset's folder by which other machines know that they see the folder of a run, 16 hex digits."""
+    return path / WORK / f"run-{run}"
+
+
 LAST_SHARDS_SECONDS = 10.0
 """Shards that start or end together wait at most this long for each other."""
 
@@ -285,7 +290,7 @@ class RunFolder:
 
 
 _ATTEMPTS = 10
-_WORK_FILES = r"lock(-[0-9]+-of-[0-9]+)?(\.[0-9a-f]{16}\.(claim|new))?|surface-[0-9a-f]{16}\.npz"
+_WORK_FILES = r"lock(-[0-9]+-of-[0-9]+)?(\.[0-9a-f]{16}\.(claim|new))?|surface-[0-9a-f]{16}\.npz|run-[0-9a-f]{16}"
 
 
 def _names(folder: Path) -> list[str]:

@@ -57,7 +57,12 @@ def description_bytes(description: Mapping[str, object]) -> bytes:
 
 
 def check_description(
-    root: Path, description: Mapping[str, object], poses: np.ndarray | None = None, *, may_shrink: bool = True
+    root: Path,
+    description: Mapping[str, object],
+    poses: np.ndarray | None = None,
+    *,
+    may_shrink: bool = True,
+    advice: str = "undo the change to resume it, or choose another folder (--out)",
 ) -> None:
     """Check that a dataset on disk belongs to a run, and has no views beyond those that the run wants.
 
@@ -72,6 +77,8 @@ def check_description(
         dataset was started for must be the same.
     may_shrink
         Whether the dataset may have been started for more views, none of which exists.
+    advice
+        What to do if the two differ.
 
     Raises
     ------
@@ -107,10 +114,7 @@ def check_description(
         )
     changes = run_differences(root, existing, description, poses)
     if changes:
-        raise RunError(
-            f"{root}: the folder holds the dataset of another run ({_first(described(changes))}); "
-            "undo the change to resume it, or choose another folder (--out)"
-        )
+        raise RunError(f"{root}: the folder holds the dataset of another run ({_first(described(changes))}); {advice}")
     _check_count(root, existing.get(COUNT), wanted, may_shrink=may_shrink)
 
 

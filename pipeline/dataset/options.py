@@ -188,6 +188,18 @@ def add_option_arguments(parser: argparse._ActionsContainer, names: Collection[s
         )
 
 
+def option_arguments(options: DatasetOptions) -> list[str]:
+    """The command line that gives exactly these options, whatever a case file says."""
+    arguments = []
+    for entry in dataclasses.fields(DatasetOptions):
+        flag, value = entry.name.replace("_", "-"), getattr(options, entry.name)
+        if entry.type is bool:
+            arguments.append(f"--{flag}" if value else f"--no-{flag}")
+        elif value is not None:
+            arguments.append(f"--{flag}={value}")
+    return arguments
+
+
 def _number(text: str) -> int | float:
     try:
         return int(text)

@@ -154,6 +154,22 @@ def survey_views(
     return Survey(finished, damaged, tally)
 
 
+def is_finished(root: Path, index: int, identity: str, kinds: Sequence[str]) -> bool:
+    """Whether one view of a run is on disk, as :func:`survey_views` decides it; cheap if it has no record."""
+    paths = ViewPaths(root, index)
+    if not paths.file("frame").exists():
+        return False
+    try:
+        record = read_record(paths, with_mask=False)
+    except RunError:
+        return False
+    sizes = {}
+    for kind in kinds:
+        with suppress(FileNotFoundError):
+            sizes[paths.relative(kind)] = paths.file(kind).stat().st_size
+    return record.identity == identity and _wrong_size(record, {*map(paths.relative, kinds)}, sizes) is None
+
+
 def recorded_views(root: Path, count: int) -> int:
     """How many of the first ``count`` views have a record; nothing is read but the names of files."""
     found = 0

@@ -10,6 +10,7 @@ from ...dataset.checksums import FileSurvey, survey_files
 from ...dataset.folder import RunFolder
 from ...dataset.identity import check_description, geometry_hash
 from ...dataset.layout import RECORD, VIDEO_FILES, other_files, view_kinds
+from ...dataset.missing_views import MissingViews, ViewPool
 from ...dataset.quality import Setting, stored_setting
 from ...dataset.survey import Survey, Tally, recorded_views, survey_views
 from ...dataset.view_ranges import view_ranges
@@ -21,8 +22,9 @@ from . import finish
 from .job import Job, OpenJob, available_cores, open_job, render_views, write_error
 from .quality import choose_setting
 from .reduced_surface import KeptSurface, keep_surface, kept_surface, rendered_mesh
+from .render_process import assigned_views, report_finished, report_ready
 from .view_renderer import ViewRenderer
-from .workers import WorkerPool, assigned_views, report_finished
+from .workers import WorkerPool
 
 Report = Callable[[str], None]
 
@@ -35,6 +37,7 @@ def run(
     stream: TextIO,
     verify: bool = False,
     progress_seconds: float = LINE_SECONDS,
+    pool: ViewPool | None = None,
 ) -> None:
     """Render the missing views of a job and, when the dataset is complete, write its tables.
 
@@ -52,6 +55,8 @@ def run(
         Compare the hashes of all existing files, not only their sizes.
     progress_seconds
         Time between lines of progress where there is no terminal.
+    pool
+        Renders the views in place of this process and ``workers`` others.
 
     Raises
     ------
@@ -75,7 +80,7 @@ def run(
             tally: Tally | None = found.views.tally
             if found.missing or not found.has_tables or found.video_frames is not None:
                 _keep_surface(opened, mesh)
-                tally = _render_missing(opened, found, workers, worker_command, report, stream, progress_seconds)
+                tally = _render_missing(opened, found, workers, worker_command, report, stream, progress_seconds, pool)
         except OSError as error:
             raise write_error(error, job.out) from error
         if tally is not None:
@@ -155,6 +160,20 @@ def _survey(opened: OpenJob, *, verify: bool) -> _Found:
     return _Found(files, views, has_tables, missing, finish.video_to_render(opened, files))
 
 
+def _missing_views(opened: OpenJob, found: _Found) -> MissingViews:
+    job = opened.job
+    return MissingViews(
+        job.case.path,
+        job.out,
+        job.options,
+        opened.identity,
+        view_kinds(float_depth=job.options.float_depth),
+        len(found.views.finished),
+        found.missing,
+        frozenset(found.views.damaged).intersection(found.missing),
+    )
+
+
 def _survey_views(opened: OpenJob, views: range, *, verify: bool = False) -> Survey:
     kinds = view_kinds(float_depth=opened.job.options.float_depth)
     return survey_views(
@@ -176,15 +195,18 @@ def _render_missing(
     report: Report,
     stream: TextIO,
     progress_seconds: float,
+    elsewhere: ViewPool | None,
 ) -> Tally | None:
     """Render what is missing, and write the tables and the video; sums over all views if the dataset is complete."""
     out, total = opened.job.out, len(found.views.finished) + len(found.missing)
-    workers = min(workers or available_cores(), max(1, len(found.missing)))
+    workers = 1 if elsewhere else min(workers or available_cores(), max(1, len(found.missing)))
     keep_freed_memory()
     shown = Progress(total, "views", finished=len(found.views.finished), stream=stream, line_seconds=progress_seconds)
     with shown as progress:
-        pool = WorkerPool(found.missing, lambda _index: progress.advance())
+        pool = WorkerPool(() if elsewhere else found.missing, lambda _index: progress.advance())
         try:
+            if elsewhere and found.missing:
+                elsewhere.start(_missing_views(opened, found), progress)
             pool.start(worker_command, workers - 1)
             with opened.renderer(threads=_threads(workers)) as renderer:
                 for message in (*opened.messages, *renderer.messages):
@@ -195,8 +217,13 @@ def _render_missing(
                     progress.note(doubt)
                 if found.missing or not found.has_tables:
                     finish.write_model_files(opened, renderer)
-                    render_views(renderer, out, pool.views(), lambda _index: progress.advance())
+                    if elsewhere and found.missing:
+                        elsewhere.wait()
+                    else:
+                        render_views(renderer, out, pool.views(), lambda _index: progress.advance())
                     progress.close()
+                    for message in elsewhere.messages if elsewhere else ():
+                        report(message)
                     tally = _write_tables(opened, renderer, report)
                     # the description is written by the folder, which forgets its sum
                     written += set(other_files(opened.count)) - {RECORD}
@@ -214,6 +241,8 @@ def _render_missing(
                     finish.write_sums(opened, written=written, rendered=found.missing, video=video)
         finally:
             pool.stop()
+            if elsewhere:
+                elsewhere.stop()
     for message in pool.messages:
         sys.stderr.write(message + "\n")
     return tally
@@ -239,8 +268,16 @@ def _write_tables(opened: OpenJob, renderer: ViewRenderer, report: Report) -> Ta
     return tally
 
 
-def work(job: Job, *, workers: int, stream: TextIO) -> None:
-    """Act as one of ``workers`` processes: render the views whose numbers arrive on standard input."""
+def work(job: Job, *, workers: int, stream: TextIO, threads: int = 0) -> None:
+    """Act as one of ``workers`` processes: render the views whose numbers arrive on standard input.
+
+    Parameters
+    ----------
+    job, workers, stream
+        As for :func:`run`.
+    threads
+        Number of render threads, for a process of another machine than the run's; 0 for an even share of the cores.
+    """
     # first, so that the input is watched while everything loads
     views = assigned_views()
     # Ctrl-C reaches all processes of a terminal: the parent handles it
@@ -250,9 +287,14 @@ def work(job: Job, *, workers: int, stream: TextIO) -> None:
     kept = kept_surface(setting, job.out) if setting is not None and setting.mesh_tolerance_mm > 0 else None
     opened = replace(open_job(job, kept), setting=setting)
     # the files may have changed since the run began
-    check_description(job.out, opened.description, opened.given_poses, may_shrink=False)
-    with opened.renderer(threads=_threads(workers)) as renderer:
+    advice = {"advice": _ADVICE_ELSEWHERE} if threads else {}
+    check_description(job.out, opened.description, opened.given_poses, may_shrink=False, **advice)
+    with opened.renderer(threads=threads or _threads(workers)) as renderer:
+        report_ready(stream)
         render_views(renderer, job.out, views, lambda index: report_finished(index, stream))
+
+
+_ADVICE_ELSEWHERE = "give this machine the same versions of OneFrame and Blender and the same input as the run has"
 
 
 def _threads(workers: int) -> int:

@@ -1,26 +1,12 @@
-"""Worker processes for one job: each runs the same command again and gets view numbers on standard input.
+"""Worker processes for one job on this machine: each runs the same command again and gets view numbers."""
 
-A worker reads one number per line and answers "finished: number" when that view is on disk; other lines of its output
-come from Blender. When its input ends, which also happens if the parent dies in any way, the worker ends at once.
-"""
-
-import queue
-import subprocess
-import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
-from typing import TextIO
 
 from ...errors import InputError, RunError
 from ..command_line import EXIT_INPUT, EXIT_RUN
-from ..process import end_process
-
-_FINISHED = "finished: "
-
-AHEAD = 2
-"""Number of unfinished views that a worker holds: one being rendered and one waiting, so that it never idles."""
+from .render_process import AHEAD, RenderProcess
 
 
 class WorkerPool:
@@ -31,22 +17,14 @@ class WorkerPool:
         self._views = deque(views)
         self._finished = finished
         self._threads: list[threading.Thread] = []
-        self._processes: list[subprocess.Popen[str]] = []
+        self._processes: list[RenderProcess] = []
         self._failure: Exception | None = None
         self.messages: list[str] = []
 
     def start(self, command: Sequence[str], count: int) -> None:
         """Start ``count`` workers, each with the command."""
         for number in range(count):
-            process = subprocess.Popen(
-                command,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                bufsize=1,
-                encoding="utf-8",
-                errors="replace",
-            )
+            process = RenderProcess(command)
             thread = threading.Thread(target=self._feed, args=(process, number + 1), daemon=True)
             self._processes.append(process)
             self._threads.append(thread)
@@ -79,80 +57,30 @@ class WorkerPool:
         if self._failure is not None:
             raise self._failure
 
-    def _feed(self, process: subprocess.Popen[str], number: int) -> None:
-        assigned: set[int] = set()
-        errors: deque[str] = deque(maxlen=20)
-        reader = threading.Thread(target=lambda: errors.extend(process.stderr or ()), daemon=True)
-        reader.start()
-        try:
-            self._assign(process, assigned)
-            for line in process.stdout or ():
-                if line.startswith(_FINISHED):
-                    index = int(line.removeprefix(_FINISHED))
-                    assigned.discard(index)
-                    self._finished(index)
-                    self._assign(process, assigned)
-        except BrokenPipeError:
-            # the worker died, and its exit code says more; or it no longer reads its input, so end it
-            process.kill()
-        code = process.wait()
-        if process.stdin is not None:
-            with suppress(OSError):  # numbers that a dead worker has not taken; else Python reports them as it collects
-                process.stdin.close()
-        reader.join()
+    def _feed(self, process: RenderProcess, number: int) -> None:
+        self._assign(process)
+        while not process.has_ended:
+            index = process.wait_for_view()
+            if index is not None:
+                self._finished(index)
+                self._assign(process)
+        ending = process.ending()
         # its unfinished views go back to the queue
-        self._views.extendleft(sorted(assigned, reverse=True))
-        reported = [line for line in errors if line.startswith("error: ")] or [*errors]
-        last = reported[-1].strip().removeprefix("error: ") if reported else ""
-        if code == EXIT_INPUT:
-            self._failure = InputError(last)
-        elif code == EXIT_RUN:
-            self._failure = RunError(last)
-        elif code != 0:
-            how = f"was killed by signal {-code}" if code < 0 else f"ended with code {code}"
-            self.messages.append(f"worker {number} {how}; the others continue {f'({last})' if last else ''}".rstrip())
+        self._views.extendleft(reversed(process.assigned))
+        if ending.code == EXIT_INPUT:
+            self._failure = InputError(ending.last)
+        elif ending.code == EXIT_RUN:
+            self._failure = RunError(ending.last)
+        elif ending.code != 0:
+            last = f"({ending.last})" if ending.last else ""
+            self.messages.append(f"worker {number} {ending.how}; the others continue {last}".rstrip())
 
-    def _assign(self, process: subprocess.Popen[str], assigned: set[int]) -> None:
-        stream = process.stdin
-        if stream is None or stream.closed:
-            return
-        while len(assigned) < AHEAD:
+    def _assign(self, process: RenderProcess) -> None:
+        while len(process.assigned) < AHEAD:
             try:
                 index = self._views.popleft()
             except IndexError:
-                if not assigned:
-                    stream.close()
+                if not process.assigned:
+                    process.close_input()
                 return
-            assigned.add(index)
-            stream.write(f"{index}\n")
-        stream.flush()
-
-
-def report_finished(index: int, stream: TextIO) -> None:
-    """Answer the parent that a view is on disk."""
-    stream.write(f"{_FINISHED}{index}\n")
-    stream.flush()
-
-
-def assigned_views(stream: TextIO = sys.stdin) -> Iterator[int | None]:
-    """A worker's views from its input, with ``None`` now and then while it waits; the iterator never ends.
-
-    When the input ends, the process exits at once: the parent has nothing left to do, or has died.
-    """
-    lines: queue.SimpleQueue[str] = queue.SimpleQueue()
-
-    def read() -> None:
-        for line in stream:
-            lines.put(line)
-        end_process(0)
-
-    threading.Thread(target=read, daemon=True).start()
-
-    def views() -> Iterator[int | None]:
-        while True:
-            try:
-                yield int(lines.get(timeout=0.1))
-            except queue.Empty:
-                yield None
-
-    return views()
+            process.assign(index)

@@ -1,0 +1,172 @@
+"""A child process that renders views of one job: numbers go in, and come back as each view is on disk.
+
+The process is the render command with ``--worker``. It reads one number a line. It answers "ready" when its scene is
+built, and "finished: number" when that view is on disk; other lines of its output come from Blender. When its input
+ends, which also happens if its parent dies in any way, it ends at once.
+"""
+
+import os
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TextIO
+
+from ..process import end_process
+
+_READY, _FINISHED = "ready", "finished: "
+
+AHEAD = 2
+"""Number of unfinished views that a process holds: one being rendered and one waiting, so that it never idles."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a process ended: its exit code, negative for a signal, and the last error or line that it printed."""
+
+    code: int
+    last: str
+
+    @property
+    def how(self) -> str:
+        """A clause: "was killed by signal 9", "ended with code 1"."""
+        return f"was killed by signal {-self.code}" if self.code < 0 else f"ended with code {self.code}"
+
+
+class RenderProcess:
+    """The parent's side of one process; one thread uses it at a time."""
+
+    def __init__(self, command: Sequence[str], *, environment: Mapping[str, str] | None = None) -> None:
+        """Start the process, with more environment variables if given.
+
+        Raises
+        ------
+        OSError
+            The program cannot be started.
+        """
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            bufsize=1,
+            encoding="utf-8",
+            errors="replace",
+            env=None if environment is None else os.environ | environment,
+        )
+        self.started = time.monotonic()
+        self.ready_since: float | None = None
+        """When its scene was built; ``None`` before."""
+        self.assigned: deque[int] = deque()
+        """Views that it has not finished, in its order."""
+        self.has_ended = False
+        """Whether it has ended and all that it answered has been read."""
+        self.seconds_per_view: float | None = None
+        """Mean time of a view, as its user has measured it."""
+        self._answers: queue.SimpleQueue[int | None] = queue.SimpleQueue()
+        self._errors: deque[str] = deque(maxlen=20)
+        self._readers = [threading.Thread(target=read, daemon=True) for read in (self._read, self._collect)]
+        for reader in self._readers:
+            reader.start()
+
+    def assign(self, index: int) -> None:
+        """Give it a view."""
+        self.assigned.append(index)
+        stream = self._process.stdin
+        try:
+            if stream is not None:
+                stream.write(f"{index}\n")
+                stream.flush()
+        except (BrokenPipeError, ValueError):
+            # it died, and its exit code says more; or it no longer reads its input, so end it
+            self.kill()
+
+    def wait_for_view(self, seconds: float | None = None) -> int | None:
+        """The next view that is on disk; ``None`` if the process has ended, or after this time."""
+        try:
+            index = self._answers.get(timeout=seconds)
+        except queue.Empty:
+            return None
+        if index is None:
+            self.has_ended = True
+            return None
+        with suppress(ValueError):
+            self.assigned.remove(index)
+        return index
+
+    def is_alive(self) -> bool:
+        """Whether it still runs."""
+        return self._process.poll() is None
+
+    def close_input(self) -> None:
+        """Let it end."""
+        if self._process.stdin is not None:
+            with suppress(
+                OSError
+            ):  # numbers that a dead process has not taken; else Python reports them as it collects
+                self._process.stdin.close()
+
+    def kill(self) -> None:
+        """End it at once."""
+        self._process.kill()
+
+    def ending(self) -> Ending:
+        """Wait for its end; how it ended."""
+        code = self._process.wait()
+        self.close_input()
+        for reader in self._readers:
+            reader.join()
+        reported = [line for line in self._errors if line.startswith("error: ")] or [*self._errors]
+        return Ending(code, reported[-1].strip().removeprefix("error: ") if reported else "")
+
+    def _read(self) -> None:
+        for line in self._process.stdout or ():
+            if line.startswith(_FINISHED):
+                self._answers.put(int(line.removeprefix(_FINISHED)))
+            elif line.rstrip() == _READY and self.ready_since is None:
+                self.ready_since = time.monotonic()
+        self._answers.put(None)
+
+    def _collect(self) -> None:
+        self._errors.extend(self._process.stderr or ())
+
+
+def report_ready(stream: TextIO) -> None:
+    """Answer the parent that the scene is built."""
+    stream.write(f"{_READY}\n")
+    stream.flush()
+
+
+def report_finished(index: int, stream: TextIO) -> None:
+    """Answer the parent that a view is on disk."""
+    stream.write(f"{_FINISHED}{index}\n")
+    stream.flush()
+
+
+def assigned_views(stream: TextIO = sys.stdin) -> Iterator[int | None]:
+    """A process's views from its input, with ``None`` now and then while it waits; the iterator never ends.
+
+    When the input ends, the process exits at once: the parent has nothing left to do, or has died.
+    """
+    lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+
+    def read() -> None:
+        for line in stream:
+            lines.put(line)
+        end_process(0)
+
+    threading.Thread(target=read, daemon=True).start()
+
+    def views() -> Iterator[int | None]:
+        while True:
+            try:
+                yield int(lines.get(timeout=0.1))
+            except queue.Empty:
+                yield None
+
+    return views()

@@ -1,0 +1,171 @@
+"""Where workers come from: a running scheduler, or processes on this machine."""
+
+import logging
+import re
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from distributed import Client
+
+from ..errors import InputError, RunError
+from .local_workers import local_workers
+
+CONNECT_SECONDS = 10.0
+
+
+@dataclass(frozen=True)
+class WorkerSource:
+    """A scheduler, and what is known about its workers.
+
+    Attributes
+    ----------
+    client
+        Connected to the scheduler.
+    about
+        One line about it for the user.
+    address
+        The scheduler's address.
+    can_join
+        Whether workers may join that nobody has started yet.
+    expected
+        Number of threads of the workers that are about to join.
+    on_this_machine
+        Whether all workers are on this machine, where they may start what this process starts.
+    no_workers
+        What to do if no worker is connected, as a sentence.
+    threads
+        Render threads of a process.
+    """
+
+    client: Client
+    about: str
+    address: str
+    can_join: bool
+    expected: int
+    on_this_machine: bool
+    no_workers: str
+    threads: int = 1
+
+
+@contextmanager
+def open_source(where: str) -> Iterator[WorkerSource]:
+    """Workers from the value of ``--cluster``; those that were started for it end with the context.
+
+    Raises
+    ------
+    InputError
+        The value is neither an address nor ``local:N``.
+    RunError
+        There is no scheduler at the address.
+    """
+    kind, _, rest = where.partition(":")
+    opened: Callable[[str], object]
+    if kind == "local":
+        opened = _local
+    elif re.fullmatch(r"([a-z]+://)?(\[[0-9a-fA-F:.]+\]|[^\s:/]+):[0-9]+/?", where):
+        opened, rest = _connected, where
+    else:
+        raise InputError(
+            f"--cluster: expected the address of a Dask scheduler, such as tcp://host:8786, or local:N, found {where!r}"
+        )
+    with quiet_dask(), opened(rest) as source:  # type: ignore[attr-defined]
+        yield source
+
+
+@contextmanager
+def _connected(address: str) -> Iterator[WorkerSource]:
+    with connected_client(address) as client:
+        yield WorkerSource(
+            client=client,
+            about=f"workers of the scheduler {address}",
+            address=address,
+            can_join=True,
+            expected=1,
+            on_this_machine=False,
+            no_workers=f"start one on any machine: dask worker {address}",
+        )
+
+
+@contextmanager
+def _local(count: str) -> Iterator[WorkerSource]:
+    if not count.isdecimal() or not 1 <= int(count) <= 1024:
+        raise InputError(f"--cluster: expected local:N with N from 1 to 1024, found local:{count}")
+    number = int(count)
+    with local_workers(number) as (address, threads), connected_client(address) as client:
+        yield WorkerSource(
+            client=client,
+            about=f"{number} workers on this machine",
+            address=address,
+            can_join=False,
+            expected=number,
+            on_this_machine=True,
+            no_workers="they are started again by themselves",
+            threads=threads,
+        )
+
+
+@contextmanager
+def connected_client(address: str) -> Iterator[Client]:
+    """A client of a scheduler; leaving the context disconnects it, whatever state the scheduler is in.
+
+    Raises
+    ------
+    RunError
+        There is no scheduler at the address.
+    """
+    try:
+        client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+    except (OSError, ValueError, RuntimeError) as error:
+        port = address.rstrip("/").rpartition(":")[2]
+        # Dask puts the system's reason at the end of the cause's text
+        text = " ".join(str(error.__cause__ or error).split())
+        why = text.rpartition("] ")[2] if "[Errno" in text else text[:200] or "no answer"
+        raise RunError(
+            f"--cluster: expected a Dask scheduler at {address}, found none within {CONNECT_SECONDS:.0f} s ({why}); "
+            f"start it (dask scheduler --port {port}) and workers (dask worker {address}), or correct the address"
+        ) from None
+    try:
+        yield client
+    finally:
+        client.close(timeout=2)
+
+
+def is_connected(client: Client) -> bool:
+    """Whether the client has a connection to its scheduler; Dask restores a lost one if it can."""
+    return bool(client.status == "running")
+
+
+@contextmanager
+def losing_scheduler(client: Client) -> Iterator[None]:
+    """Wrap calls of a scheduler, which may go at any moment: that is no error here, :func:`is_connected` tells it."""
+    try:
+        yield
+    except Exception as error:
+        # a client that has just been closed raises whatever its parts raise
+        if is_connected(client) and not isinstance(error, OSError | TimeoutError):
+            raise
+
+
+@contextmanager
+def quiet_dask() -> Iterator[None]:
+    """Keep Dask's own messages from the terminal: whatever matters to the user is said in OneFrame's words."""
+    loggers = [logging.getLogger(name) for name in ("distributed", "tornado", "asyncio", "dask_jobqueue")]
+    levels = [logger.level for logger in loggers]
+    # children have levels of their own
+    loggers += [
+        child
+        for name, child in logging.root.manager.loggerDict.items()
+        if name.startswith(("distributed.", "tornado.")) and isinstance(child, logging.Logger)
+    ]
+    levels += [child.level for child in loggers[len(levels) :]]
+    try:
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL + 1)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", module=r"distributed\b.*")
+            yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)

@@ -1,0 +1,55 @@
+"""On a worker: the kinds of orders, and what a task may tell and ask while it does one."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from . import render_processes, render_task
+from .orders import Order, Outcome
+
+BEAT_SECONDS = 2.0
+"""Shortest time between signs of life of an order whose state stays the same."""
+
+
+class DaskSurroundings:
+    """The worker that does an order."""
+
+    def __init__(self, order: Order, worker: Any, host: str) -> None:
+        """Stand between an order and its :class:`distributed.Worker`."""
+        self.address: str = worker.address
+        self.host = host
+        self._order, self._worker = order, worker
+        self._last = ("", 0.0)
+
+    def beat(self, state: str, done: int) -> None:
+        """Tell the client that the order goes on: its state, such as "rendering", and the number of items done."""
+        now = time.monotonic()
+        if self._last[0] == state and now - self._last[1] < BEAT_SECONDS:
+            return
+        self._last = (state, now)
+        message = {"number": self._order.number, "worker": self.address, "state": state, "done": done}
+        self._worker.log_event(topic_of(self._order.run), message)
+
+    def is_closing(self) -> bool:
+        """Whether the worker is about to end."""
+        return self._worker.status.name in ("closing", "closed", "closing_gracefully", "stopping")
+
+
+def topic_of(run: str) -> str:
+    """The topic of a run's signs of life."""
+    return f"oneframe-{run}"
+
+
+TASKS: dict[str, Callable[[Order, render_task.Surroundings], Outcome]] = {"render": render_task.perform}
+"""What can be ordered."""
+
+
+def perform(text: str, worker: Any, host: str) -> str:
+    """Do an order, given as JSON; the outcome as JSON."""
+    order = Order.from_text(text)
+    return TASKS[order.task](order, DaskSurroundings(order, worker, host)).to_text()
+
+
+def end_run(run: str) -> None:
+    """End what a run still does on this worker."""
+    render_processes.end_run(run)

@@ -1,0 +1,120 @@
+"""A dataset rendered by Dask workers: the bytes of a run on one machine, whatever dies during it."""
+
+import os
+import signal
+import subprocess
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[cluster]"')
+
+pytestmark = [
+    pytest.mark.render,
+    pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux's /proc"),
+]
+
+VIEWS = 240
+AHEAD = 2
+"""Views that a render process has in work."""
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory, write_tiny_case) -> Path:
+    return write_tiny_case(tmp_path_factory.mktemp("case"))
+
+
+def descendants(parent: int) -> dict[int, tuple[int, str]]:
+    """Living processes below one: number -> parent and command line."""
+    above = {}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, ppid = stat.read_text().rpartition(")")[2].split()[:2]
+            command = (stat.parent / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+        except OSError:
+            continue
+        if state != "Z":
+            above[int(stat.parent.name)] = (int(ppid), command)
+    found, level = {}, {parent}
+    while level:
+        level = {pid for pid, (ppid, _) in above.items() if ppid in level and pid not in found}
+        found.update({pid: above[pid] for pid in level})
+    return found
+
+
+def render_processes(client: int) -> dict[int, int]:
+    """Render processes of a run -> the Dask worker that has started each."""
+    return {pid: ppid for pid, (ppid, command) in descendants(client).items() if "--worker" in command}
+
+
+def records(out: Path) -> dict[str, int]:
+    """Inode of each record: a file that is written again gets another."""
+    found = {}
+    for path in out.glob("train_synt/*/frame/*.json"):
+        try:
+            found[path.name] = path.stat().st_ino
+        except OSError:
+            continue
+    return found
+
+
+def wait_until(condition, process: subprocess.Popen) -> None:
+    give_up = time.monotonic() + 120
+    while not condition() and process.poll() is None:
+        assert time.monotonic() < give_up, "waited for two minutes"
+        time.sleep(0.005)
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_killed_workers_and_processes_change_no_byte(case, tmp_path, render_command, run_command, rng):
+    out, reference = tmp_path / "out", tmp_path / "reference"
+    ended = run_command(render_command(case, "--out", reference, "--count", VIEWS, "--float-depth"))
+    assert (ended.returncode, ended.stderr) == (0, "")
+    process = subprocess.Popen(
+        render_command(case, "--out", out, "--count", VIEWS, "--float-depth", "--cluster", "local:2"),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    first_seen: dict[str, int] = {}
+    watching = threading.Event()
+
+    def watch() -> None:
+        while not watching.wait(0.01):
+            for name, inode in records(out).items():
+                first_seen.setdefault(name, inode)
+
+    watcher = threading.Thread(target=watch)
+    watcher.start()
+    kills = 0
+    try:
+        for least, victim in ((10, "process"), (VIEWS // 3, "worker")):
+            wait_until(lambda least=least: len(records(out)) >= least and render_processes(process.pid), process)
+            running = render_processes(process.pid)
+            if running and process.poll() is None:
+                pid = int(rng.choice([*(running if victim == "process" else running.values())]))
+                os.kill(pid, signal.SIGKILL)
+                kills += 1
+        output, errors = process.communicate(timeout=120)
+    finally:
+        watching.set()
+        watcher.join()
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+    assert (process.returncode, errors) == (0, "")
+    assert kills == 2
+    assert "1 render process lost; 1 worker lost" in output
+    found, expected = tree(out), tree(reference)
+    assert sorted(found) == sorted(expected)
+    assert [name for name in expected if found[name] != expected[name]] == []
+    assert not (out / ".work").exists()
+    # what the killed worker's process had in work may be finished by it and by another
+    again = [name for name, inode in records(out).items() if first_seen.get(name, inode) != inode]
+    assert len(again) <= AHEAD
+    assert descendants(process.pid) == {}

@@ -1,0 +1,222 @@
+"""Views divided into train, val and test by the distances of their poses, so that no near-duplicate leaks.
+
+The distance of two poses is how far points of the surface move in the image between them, as a root mean square in
+pixels. For this a pose is a point of Euclidean space: the pixels of all points, one after another, divided by the
+square root of their number. That space is cut at medians into cells of equally many views. A few cells, spread over all
+of it, become val and test. Views of the rest that are nearer than a gap to one of them belong to no part.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..camera.pinhole import PinholeCamera
+from ..errors import InputError
+from ..transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
+
+PARTS = ("train", "val", "test")
+FRACTIONS = (0.8, 0.1, 0.1)
+GAP = 0.01
+"""The gap if none is given, relative to the longer side of the image."""
+CELLS = 16
+"""Cells of the space of poses. More represent all views better, and lose more views at their borders."""
+LEAST_DEPTH_MM = 1.0
+"""Points nearer than this, or behind the camera, are projected as if they were here."""
+STEP_PX = 1 / 1024
+"""Pixels are rounded to this, so that the last bit of another machine's arithmetic moves no view."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """The views of each part, by their numbers in increasing order.
+
+    Attributes
+    ----------
+    train, val, test
+        No view of one is nearer than the gap to a view of another.
+    none
+        Views that are left out.
+    gap_px
+        The gap.
+    nearest_px
+        The least distance that two views of different parts have.
+    gap_mm, gap_deg
+        Shift across the optical axis, and tilt of the surface about its middle, that move the points by the gap.
+    """
+
+    train: tuple[int, ...]
+    val: tuple[int, ...]
+    test: tuple[int, ...]
+    none: tuple[int, ...]
+    gap_px: float
+    nearest_px: float
+    gap_mm: float
+    gap_deg: float
+
+    def part(self, name: str) -> tuple[int, ...]:
+        """The views of ``"train"``, ``"val"`` or ``"test"``."""
+        return {"train": self.train, "val": self.val, "test": self.test}[name]
+
+    def text(self) -> str:
+        """Sizes and distances in one sentence."""
+        return (
+            f"{len(self.train)} train, {len(self.val)} val, {len(self.test)} test; {len(self.none)} in none, nearer "
+            f"than {self.gap_px:.3g} px to another part (as a shift by {self.gap_mm:.2g} mm, or a tilt by "
+            f"{self.gap_deg:.2g} degrees); parts are {self.nearest_px:.3g} px apart"
+        )
+
+
+def split_of_views(
+    poses: np.ndarray,
+    points_model: np.ndarray,
+    camera: PinholeCamera,
+    *,
+    numbers: Sequence[int] | None = None,
+    fractions: Sequence[float] = FRACTIONS,
+    gap_px: float | None = None,
+    cells: int = CELLS,
+) -> Split:
+    """Divide views into parts that are a gap apart.
+
+    The result depends on the set of views alone, not on their order. Test has its fraction of all views, to the nearest
+    whole number. Val has its fraction without those too near to test; train has what remains at least a gap away.
+
+    Parameters
+    ----------
+    poses
+        ``(N, 4, 4)`` rigid ``cam_from_model``, mm.
+    points_model
+        ``(M, 3)`` points that span the surface, such as the corners of its box, mm.
+    camera
+        Intrinsics of the views.
+    numbers
+        ``(N,)`` numbers of the views; 0 to N - 1 if left out.
+    fractions
+        Of train, val and test; they add up to 1.
+    gap_px
+        Least distance of views in different parts; :data:`GAP` of the longer side of the image if left out.
+    cells
+        Number of cells, a power of 2.
+
+    Raises
+    ------
+    InputError
+        Fractions that are none, or a gap that leaves nothing of a part.
+    """
+    gap = GAP * max(camera.size_wh) if gap_px is None else float(gap_px)
+    if not (len(fractions) == 3 and min(fractions) > 0 and abs(sum(fractions) - 1) < 1e-9):
+        raise InputError(f"split: expected three positive fractions that add up to 1, found {tuple(fractions)}")
+    if not 0 <= gap < np.inf:
+        raise InputError(f"split: expected a gap of at least 0 px, found {gap:g}")
+    names = np.arange(len(poses)) if numbers is None else np.asarray(numbers, dtype=np.int64)
+    # from here on, the order in which the views were given is forgotten
+    order = np.argsort(names, kind="stable")
+    names, places = names[order], embedded(np.asarray(poses, float)[order], points_model, camera)
+
+    test, val = (round(len(names) * fraction) for fraction in (fractions[2], fractions[1]))
+    if min(test, val) < 1 or test + val >= len(names):
+        raise InputError(f"split: {len(names)} views are too few for fractions {tuple(fractions)}; render more views")
+    part = _parts(places, test=test, val=val, cells=cells)
+    for one, others in (("val", ("test",)), ("train", ("val", "test"))):
+        kept = np.flatnonzero(part == one)
+        near = _nearest(places[kept], places[np.isin(part, others)], gap) < gap
+        part[kept[near]] = "none"
+    empty = [name for name in PARTS if not (part == name).any()]
+    if empty:
+        raise InputError(
+            f"split: a gap of {gap:.3g} px leaves no view in {' and '.join(empty)}; choose a smaller gap, or render "
+            "views that differ more"
+        )
+    train, val_views, test_views, none = (tuple(names[part == name].tolist()) for name in (*PARTS, "none"))
+    gap_mm, gap_deg = _gap_of_motion(gap, np.asarray(poses, float)[order], points_model, camera)
+    return Split(train, val_views, test_views, none, gap, _distance_of_parts(places, part), gap_mm, gap_deg)
+
+
+def embedded(poses: np.ndarray, points_model: np.ndarray, camera: PinholeCamera) -> np.ndarray:
+    """``(N, 2 M)`` places of ``(N, 4, 4)`` poses, px; their distance is the RMS displacement of ``(M, 3)`` points."""
+    points_cam = np.einsum("nij,mj->nmi", poses[:, :3, :3], points_model) + poses[:, None, :3, 3]
+    np.maximum(points_cam[..., 2], LEAST_DEPTH_MM, out=points_cam[..., 2])
+    places = camera.project(points_cam).reshape(len(poses), -1)
+    return np.rint(places / STEP_PX) * STEP_PX / np.sqrt(len(points_model))
+
+
+def _parts(places: np.ndarray, *, test: int, val: int, cells: int) -> np.ndarray:
+    """``(N,)`` names of the parts before any view is left out."""
+    leaves = _leaves(places, np.arange(len(places)), cells)
+    part = np.full(len(places), "train")
+    # neighbours in this order are neighbours in space: steps as even as the fractions allow are spread over all of it
+    free = list(range(len(leaves)))
+    for name, wanted in (("test", test), ("val", val)):
+        taken = 0
+        size = -(-wanted * len(leaves) // len(places))
+        chosen = [free[(2 * step + 1) * len(free) // (2 * size)] for step in range(size)]
+        free = [leaf for leaf in free if leaf not in chosen]
+        for step, leaf in enumerate(chosen):
+            # the same number from each cell, cut off across its longest side
+            share = (wanted - taken) // (size - step)
+            members = _cut(places, leaves[leaf])[:share]
+            part[members] = name
+            taken += len(members)
+    return part
+
+
+def _leaves(places: np.ndarray, members: np.ndarray, cells: int) -> list[np.ndarray]:
+    """Members in cells of equally many, cut at the medians of their longest sides."""
+    if cells < 2 or len(members) < 2:
+        return [members]
+    ordered = _cut(places, members)
+    half = len(ordered) // 2
+    return [
+        *_leaves(places, ordered[:half], cells // 2),
+        *_leaves(places, ordered[half:], cells // 2),
+    ]
+
+
+def _cut(places: np.ndarray, members: np.ndarray) -> np.ndarray:
+    """Members along the longest side of their box; among equals, by number."""
+    inside = places[members]
+    side = int(np.argmax(inside.max(axis=0) - inside.min(axis=0)))
+    return members[np.argsort(inside[:, side], kind="stable")]
+
+
+def _nearest(places: np.ndarray, others: np.ndarray, limit: float) -> np.ndarray:
+    """``(N,)`` distances to the nearest of others; infinite where it is not below the limit."""
+    if not len(places) or not len(others):
+        return np.full(len(places), np.inf)
+    distances, _ = cKDTree(others).query(places, distance_upper_bound=limit)
+    return np.asarray(distances)
+
+
+def _distance_of_parts(places: np.ndarray, part: np.ndarray) -> float:
+    test, val, train = (places[part == name] for name in ("test", "val", "train"))
+    largest, limit, nearest = float(np.ptp(places, axis=0).sum()), 1.0, np.inf
+    # a search within a small distance is much faster
+    while nearest == np.inf and limit < 4 * largest + 4:
+        limit *= 4
+        pairs = ((val, test), (train, np.concatenate([test, val])))
+        nearest = min(float(_nearest(one, other, limit).min()) for one, other in pairs)
+    return nearest
+
+
+def _gap_of_motion(
+    gap_px: float, poses: np.ndarray, points_model: np.ndarray, camera: PinholeCamera
+) -> tuple[float, float]:
+    """The gap as a shift, mm, and as a tilt, degrees, to first order, at the median of at most 100 of the poses."""
+    middle = points_model.mean(axis=0)
+    some = poses[:: -(-len(poses) // 100)]
+    turned = []
+    for pose in some:
+        cam_from_middle = rigid(translation=transform_points(pose, middle[None])[0])
+        turned += [
+            cam_from_middle @ rigid(rotation_from_vector(np.radians(axis))) @ inverse_rigid(cam_from_middle) @ pose
+            for axis in np.eye(3)[:2]
+        ]
+    moved = embedded(np.stack(turned), points_model, camera) - np.repeat(
+        embedded(some, points_model, camera), 2, axis=0
+    )
+    px_per_deg = float(np.median(np.linalg.norm(moved, axis=1)))
+    depth = float(np.median(some[:, 2, :3] @ middle + some[:, 2, 3]))
+    shift = gap_px * max(depth, LEAST_DEPTH_MM) / np.sqrt(camera.fx * camera.fy)
+    return float(shift), gap_px / px_per_deg if px_per_deg > 0 else np.inf

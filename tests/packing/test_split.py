@@ -1,0 +1,163 @@
+"""Splits: parts are disjoint, a gap apart, and the same whatever the order of the views."""
+
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.errors import InputError
+from pipeline.packing.split import PARTS, Split, embedded, split_of_views
+from pipeline.poses.distributions import Cone, Gaussian, ReferencePose, Shell, Trajectory
+from pipeline.transforms import rigid, transform_points
+
+REFERENCE = ReferencePose(rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0]), np.array([0.0, 0.0, 3.0]))
+CAMERA = PinholeCamera(640, 480, 2000.0, 1990.0, 310.5, 235.0)
+CORNERS = np.array([[x, y, z] for x in (-30.0, 30) for y in (-25.0, 25) for z in (-8.0, 8)])
+NEAR = {"distance_min": 0.9, "distance_max": 1.1, "roll_deg": 15.0}
+SAMPLERS = {
+    "cone": Cone(reference=REFERENCE, cone_deg=20.0, shift_mm=2.0, **NEAR),
+    "gaussian": Gaussian(reference=REFERENCE, sigma_deg=5.0, sigma_mm=3.0),
+    "shell": Shell(reference=REFERENCE, max_polar_deg=60.0, **NEAR),
+    "trajectory": Trajectory(reference=REFERENCE, cone_deg=20.0, **NEAR),
+}
+
+
+def drawn(sampler: str, count: int, seed: int) -> np.ndarray:
+    distribution = SAMPLERS[sampler]
+    if isinstance(distribution, Trajectory):
+        return distribution.poses(count)
+    return np.stack([distribution.draw(np.random.default_rng([seed, index])) for index in range(count)])
+
+
+def displacements_px(ones: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """RMS displacement of the corners between poses, ``(N, M)``, from its definition."""
+    a, b = (np.stack([CAMERA.project(transform_points(pose, CORNERS)) for pose in some]) for some in (ones, others))
+    return np.sqrt(((a[:, None] - b[None]) ** 2).sum(axis=-1).mean(axis=-1))
+
+
+def displacement_px(one: np.ndarray, other: np.ndarray) -> float:
+    return float(displacements_px(one[None], other[None])[0, 0])
+
+
+def parts(split: Split) -> list[tuple[int, ...]]:
+    return [split.part(name) for name in PARTS]
+
+
+cases = st.fixed_dictionaries(
+    {
+        "sampler": st.sampled_from(sorted(SAMPLERS)),
+        "count": st.integers(40, 200),
+        "seed": st.integers(0, 1000),
+        "gap_px": st.floats(0, 12),
+        "cells": st.sampled_from([2, 4, 16, 64]),
+    }
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(cases, st.randoms(use_true_random=False))
+def test_parts_are_a_gap_apart_whatever_the_order(case, random):
+    poses = drawn(case["sampler"], case["count"], case["seed"])
+    numbers = [3 * index + 5 for index in range(len(poses))]
+    gap, cells = case["gap_px"], case["cells"]
+    try:
+        split = split_of_views(poses, CORNERS, CAMERA, numbers=numbers, gap_px=gap, cells=cells)
+    except InputError:
+        assume(False)
+    every = [*split.train, *split.val, *split.test, *split.none]
+    assert sorted(every) == numbers
+    for part in (*parts(split), split.none):
+        assert list(part) == sorted(part)
+    # fractions: test to a whole number; the others have lost what is too near, and only that
+    assert len(split.test) == round(len(poses) / 10)
+    assert len(split.val) <= round(len(poses) / 10)
+    if gap == 0:
+        assert not split.none
+        assert len(split.val) == round(len(poses) / 10)
+    # the nearest pair of two parts, by brute force
+    apart = displacements_px(poses, poses)
+    train, val, test, none = ((np.array(part, int) - 5) // 3 for part in (*parts(split), split.none))
+    nearest = min(apart[np.ix_(one, other)].min() for one, other in ((train, val), (train, test), (val, test)))
+    assert nearest >= gap - 0.01
+    assert split.nearest_px == pytest.approx(nearest, abs=0.01)
+    order = list(range(len(poses)))
+    random.shuffle(order)
+    shuffled = split_of_views(
+        poses[order], CORNERS, CAMERA, numbers=[numbers[place] for place in order], gap_px=gap, cells=cells
+    )
+    assert parts(shuffled) == parts(split)
+    # no view is left out without need
+    if len(none):
+        assert apart[np.ix_(none, np.concatenate([val, test]))].min(axis=1).max() < gap + 0.01
+
+
+def test_a_random_split_would_leak():
+    """Of a dense dataset nearly every view has a near-duplicate, which the split keeps away from test."""
+    poses = drawn("gaussian", 4000, 0)
+    places = embedded(poses, CORNERS, CAMERA)
+    split = split_of_views(poses, CORNERS, CAMERA)
+    random = np.random.default_rng(0).permutation(len(poses))
+
+    def leaked(test: np.ndarray, train: np.ndarray) -> float:
+        apart = np.linalg.norm(places[test][:, None] - places[train][None], axis=2).min(axis=1)
+        return float((apart < split.gap_px).mean())
+
+    assert leaked(random[:100], random[400:]) > 0.3
+    assert leaked(np.array(split.test)[:100], np.array(split.train)) == 0
+    assert len(split.train) > 0.5 * len(poses)
+
+
+@pytest.mark.parametrize("sampler", ["cone", "gaussian", "shell"])
+def test_val_and_test_are_spread_over_all_views(sampler):
+    """Not a corner of the space of poses: the middle and the spread of distances and tilts are like those of all."""
+    poses = drawn(sampler, 2000, 1)
+    split = split_of_views(poses, CORNERS, CAMERA)
+    for values in (poses[:, 2, 3], np.degrees(np.arccos(np.clip(-poses[:, 2, 2], -1, 1)))):
+        for part in parts(split):
+            chosen = values[list(part)]
+            assert abs(np.mean(chosen) - values.mean()) < 1.3 * values.std()
+            assert chosen.std() > 0.25 * values.std()
+
+
+def test_the_gap_in_millimetres_and_degrees():
+    """A shift, and a tilt about the middle, by what the split says displace the points by the gap."""
+    poses = np.stack([rigid(np.diag([1.0, -1.0, -1.0]), [x, 0.0, 300.0]) for x in np.linspace(-60, 60, 300)])
+    split = split_of_views(poses, CORNERS, CAMERA, gap_px=4.0)
+    start = rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0])
+    assert displacement_px(start, rigid(translation=[split.gap_mm, 0, 0]) @ start) == pytest.approx(4, rel=0.05)
+    angle = np.radians(split.gap_deg)
+    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    assert displacement_px(start, start @ rigid(turn)) == pytest.approx(4, rel=0.1)
+
+
+def test_many_views_take_seconds_and_little_memory():
+    random = np.random.default_rng(4)
+    poses = np.tile(rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0]), (30_000, 1, 1))
+    poses[:, :3, 3] += random.uniform(-30, 30, (30_000, 3))
+    tracemalloc.start()
+    begin = time.process_time()
+    split = split_of_views(poses, CORNERS, CAMERA)
+    taken, (_, most) = time.process_time() - begin, tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(split.test) == 3000
+    assert taken < 15
+    assert most < 100e6
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"fractions": (0.5, 0.5, 0.5)}, "add up to 1"),
+        ({"gap_px": 1e6}, "leaves no view in train"),
+        ({"gap_px": -1.0}, "at least 0 px"),
+        ({"numbers": [1, 2, 3]}, "too few"),
+    ],
+)
+def test_what_cannot_be_split(changes, message):
+    poses = drawn("cone", len(changes.get("numbers", [*range(50)])), 0)
+    with pytest.raises(InputError, match=message):
+        split_of_views(poses, CORNERS, CAMERA, **changes)

@@ -117,6 +117,11 @@ def connected_client(address: str) -> Iterator[Client]:
     """
     try:
         client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+    except MemoryError:
+        # Dask takes the first bytes of any answer for a length
+        raise RunError(
+            f"--cluster: expected a Dask scheduler at {address}, found another kind of server; correct the address"
+        ) from None
     except (OSError, ValueError, RuntimeError) as error:
         port = address.rstrip("/").rpartition(":")[2]
         # Dask puts the system's reason at the end of the cause's text

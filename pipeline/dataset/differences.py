@@ -60,8 +60,8 @@ def _with_quality(description: Mapping[str, object]) -> dict[str, object]:
 
 
 def described(changes: list[Difference]) -> list[str]:
-    """The differences as clauses."""
-    return sorted(map(_clause, changes), key=lambda text: (not text.startswith("the file"), text))
+    """The differences as clauses: files and versions first, as others may follow from them."""
+    return sorted(map(_clause, changes), key=lambda text: (not text.startswith(("the file", "versions.")), text))
 
 
 def short(value: object) -> str:

@@ -1,5 +1,7 @@
 """The feeder on a real Dask scheduler with workers in this process, whose orders are stand-ins that take no time."""
 
+import socket
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -302,3 +304,18 @@ def test_no_scheduler(where, error, message, monkeypatch):
     monkeypatch.setattr("pipeline.cluster.sources.CONNECT_SECONDS", 0.5)
     with pytest.raises(error, match=message), open_source(where):
         pass
+
+
+def test_another_server_at_the_address():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def answer() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.sendall(b"220 mail.example ESMTP\r\n" * 4)
+                connection.recv(100)
+
+        threading.Thread(target=answer, daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        with pytest.raises(RunError, match=f"at {address}, found another kind of server"), open_source(address):
+            pass

@@ -14,7 +14,6 @@ from ..errors import InputError, RunError
 from ..files.content import read_content
 from ..files.tables import parsed_json
 from ..poses.constraints import Rejections
-from ..transforms import rigid
 from .checksums import FileSum, sums_to_json
 from .layout import ViewPaths
 
@@ -127,9 +126,7 @@ class ViewRecord:
         return cls(
             index=record.integer("index"),
             identity=record.hash("identity"),
-            cam_from_model=rigid(
-                np.reshape(record.numbers("cam_R_m2c", 9), (3, 3)), np.array(record.numbers("cam_t_m2c", 3))
-            ),
+            cam_from_model=_pose(record.numbers("cam_R_m2c", 9), record.numbers("cam_t_m2c", 3)),
             depth_scale=record.number("depth_scale"),
             gt_info=GroundTruthInfo(
                 bbox_obj=info.box("bbox_obj"),
@@ -145,6 +142,11 @@ class ViewRecord:
             files=record.files("files"),
             rle_counts=record.integers("rle_counts"),
         )
+
+
+def _pose(r: list[float], t: list[float]) -> np.ndarray:
+    """A rotation row by row and a translation as ``(4, 4)``; in one step, for a survey reads them by the 100 000."""
+    return np.array([[*r[:3], t[0]], [*r[3:6], t[1]], [*r[6:], t[2]], [0.0, 0.0, 0.0, 1.0]], np.float64)
 
 
 def read_record(paths: ViewPaths, *, with_mask: bool = True) -> ViewRecord:

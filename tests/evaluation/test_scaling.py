@@ -102,9 +102,9 @@ def test_a_resume_scan_finds_the_views_and_what_is_damaged(tmp_path: Path):
 
 
 def test_memory_of_the_tables_does_not_grow_with_the_views(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(layout, "VIEWS_PER_SCENE", 20)
+    monkeypatch.setattr(layout, "VIEWS_PER_SCENE", 10)
     peaks = []
-    for count in (40, 40, 400):
+    for count in (20, 20, 200):
         root = tmp_path / f"{len(peaks)}"
         for _ in write_finished_views(root, count):
             pass

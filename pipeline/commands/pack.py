@@ -18,6 +18,7 @@ ABOUT = "Pack a dataset for training: WebDataset shards in BOP's layout, which s
 EPILOG = """examples:
   %(prog)s dataset --out packed
   %(prog)s dataset --out packed --views-per-shard 500 --jpeg 95
+  %(prog)s dataset --out test --split test  (a tenth of the views, unlike those of train and val)
   %(prog)s dataset --out packed --verify    (compare every view with the dataset)
   %(prog)s --out packed --verify            (hashes and members; needs no dataset)
 
@@ -46,8 +47,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--jpeg", metavar="QUALITY", type=int,
         help="store RGB as JPEG of this quality, 1 to 100; what that loses is reported (needs OpenCV)",
     )  # fmt: skip
+    content.add_argument(
+        "--split", choices=("train", "val", "test"), help="pack only the views of this part (80, 10 and 10 %%); no "
+        "view of a part is like one of another, by the distance of their poses"
+    )  # fmt: skip
+    content.add_argument(
+        "--split-gap-px", metavar="X", type=float, help="least distance of views in different parts: RMS displacement "
+        "of the surface's box in the image (default: 1 %% of the image's longer side)"
+    )  # fmt: skip
     work = parser.add_argument_group("work")
-    work.add_argument("--workers", metavar="N", type=int, default=0, help="number of processes (default: one per core)")
+    work.add_argument(
+        "--workers",
+        metavar="N",
+        type=int,
+        default=0,
+        help="number of processes, or with --verify of threads (default: one per core)",
+    )
     work.add_argument(
         "--verify", action="store_true", help="pack nothing: compare the pack with its hashes and with DIR"
     )
@@ -60,6 +75,8 @@ def main(argv: Sequence[str], prog: str = "oneframe pack") -> int:
     arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
     if arguments.workers < 0:
         raise InputError(f"command line: --workers: expected 0 (one per core) or more, found {arguments.workers}")
+    if arguments.split_gap_px is not None and arguments.split is None:
+        raise InputError("command line: --split-gap-px: expected with --split only; add it, or leave out both")
     if arguments.dataset is None and not arguments.verify:
         raise InputError("command line: expected the folder of the dataset, DIR; only --verify works without it")
     try:
@@ -75,17 +92,29 @@ def run(arguments: argparse.Namespace) -> int:
     output = own_output()
     if arguments.verify:
         with explained_imports():
+            from ..packing.local_processes import available_cores
             from ..packing.verify import verify_pack
-        report = verify_pack(arguments.out, arguments.dataset, stream=output)
+        threads = arguments.workers or available_cores()
+        report = verify_pack(arguments.out, arguments.dataset, threads=threads, stream=output)
         for line in (*report.findings.shown(), report.summary()):
             output.write(line + "\n")
         return EXIT_WRONG if report.findings else 0
     with explained_imports():
         from ..packing.local_processes import packed_locally
         from ..packing.pack import pack_dataset
+    views, about = None, ""
+    if arguments.split is not None:
+        with explained_imports():
+            from ..packing.dataset_split import split_of_dataset
+            from ..packing.source import open_source
+        split = split_of_dataset(open_source(arguments.dataset), gap_px=arguments.split_gap_px)
+        output.write(f"split: {split.text()}\n")
+        views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
     manifest = pack_dataset(
         arguments.dataset,
         arguments.out,
+        views=views,
+        about=about,
         views_per_shard=arguments.views_per_shard,
         jpeg_quality=arguments.jpeg,
         engine=partial(packed_locally, workers=arguments.workers),

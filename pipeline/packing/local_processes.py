@@ -38,7 +38,7 @@ def packed_locally(
     RunError
         A shard cannot be packed; those that are finished have been given before.
     """
-    workers = min(workers or _cores(), len(orders))
+    workers = min(workers or available_cores(), len(orders))
     if workers <= 1:
         for order in orders:
             yield pack_shard(order, on_view)
@@ -77,7 +77,8 @@ def packed_locally(
         raise failure
 
 
-def _cores() -> int:
+def available_cores() -> int:
+    """Number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

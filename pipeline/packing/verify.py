@@ -3,6 +3,7 @@
 import json
 import tarfile
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,13 +73,17 @@ class VerifyReport:
         return f"{name}: whole (all hashes and members{compared})"
 
 
-def verify_pack(folder: Path, root: Path | None = None, *, stream: TextIO | None = None) -> VerifyReport:
+def verify_pack(
+    folder: Path, root: Path | None = None, *, threads: int = 1, stream: TextIO | None = None
+) -> VerifyReport:
     """Verify a pack.
 
     Parameters
     ----------
     folder, root
         The pack, and the dataset that it was made from, to compare every view.
+    threads
+        How many shards are read at a time.
     stream
         Of the progress.
 
@@ -106,11 +111,15 @@ def verify_pack(folder: Path, root: Path | None = None, *, stream: TextIO | None
     description = None
     with suppress(InputError):
         description = read_description(folder / RECORD) if source is None else source.description
-    compared = 0
-    with Progress(len(manifest.views), "views verified", stream=stream) as progress:
-        for shard in manifest.shards:
-            check = _ShardCheck(folder, manifest, shard, description, source, findings)
-            compared += check.run(progress)
+    checks = [_ShardCheck(folder, manifest, shard, description, source) for shard in manifest.shards]
+    with (
+        Progress(len(manifest.views), "views verified", stream=stream) as progress,
+        ThreadPoolExecutor(threads) as pool,
+    ):
+        compared = sum(pool.map(lambda check: check.run(progress), checks))
+    for check in checks:
+        for kind, message in check.found:
+            findings.add(kind, message)
     return VerifyReport(len(manifest.views), len(manifest.shards), compared, findings)
 
 
@@ -159,10 +168,10 @@ class _ShardCheck:
         shard: PackedShard,
         description: Description | None,
         source: Source | None,
-        findings: Findings,
     ) -> None:
+        self.found: list[tuple[str, str]] = []
         self._folder, self._manifest, self._shard = folder, manifest, shard
-        self._description, self._source, self._findings = description, source, findings
+        self._description, self._source = description, source
         self._name = shard_name(shard.number)
         self._jpeg = manifest.jpeg_quality is not None
         self._tables: dict[str, dict[str, Any]] = {}
@@ -171,7 +180,7 @@ class _ShardCheck:
         """Check hash and members; gives the number of views that were compared with the dataset."""
         problem = _changed(self._folder, self._name, self._shard.sum)
         if problem is not None:
-            self._findings.add(DAMAGED, problem)
+            self._add(DAMAGED, problem)
         compared, loss = 0, ColourLoss()
         if problem is None or (self._folder / self._name).is_file():
             for index, members in self._views():
@@ -180,8 +189,11 @@ class _ShardCheck:
                     compared += 1
                 progress.advance()
         if problem is None and compared == len(self._shard.views) and loss != self._shard.loss:
-            self._findings.add(OTHER, f"{self._name}: its loss by JPEG is not the one in {MANIFEST}: {loss}")
+            self._add(OTHER, f"{self._name}: its loss by JPEG is not the one in {MANIFEST}: {loss}")
         return compared
+
+    def _add(self, kind: str, message: str) -> None:
+        self.found.append((kind, message))
 
     def _views(self) -> Iterator[tuple[int, dict[str, bytes] | None]]:
         """Each view with its members by suffix, or ``None`` if they are not all there; stops where the archive does."""
@@ -203,17 +215,17 @@ class _ShardCheck:
                         members[suffix] = b"" if content is None else content.read()
                     yield index, members
         except (tarfile.TarError, OSError, EOFError) as error:
-            self._findings.add(DAMAGED, f"{self._name}: no whole archive: {error}")
+            self._add(DAMAGED, f"{self._name}: no whole archive: {error}")
 
     def _describe_difference(self, names: list[str], expected: list[str]) -> None:
         missing = sorted(set(expected) - set(names))
         foreign = sorted(set(names) - set(expected))
         if missing:
-            self._findings.add(DAMAGED, f"{self._name}: {len(missing)} members are missing, the first is {missing[0]}")
+            self._add(DAMAGED, f"{self._name}: {len(missing)} members are missing, the first is {missing[0]}")
         if foreign:
-            self._findings.add(FOREIGN, f"{self._name}: {len(foreign)} members are foreign, the first is {foreign[0]}")
+            self._add(FOREIGN, f"{self._name}: {len(foreign)} members are foreign, the first is {foreign[0]}")
         if not missing and not foreign:
-            self._findings.add(DAMAGED, f"{self._name}: its members are in another order, or some are there twice")
+            self._add(DAMAGED, f"{self._name}: its members are in another order, or some are there twice")
 
     def _compare(self, paths: ViewPaths, members: dict[str, bytes]) -> ColourLoss:
         """Compare the members of a view with the files of the dataset; gives what JPEG has lost."""
@@ -239,7 +251,7 @@ class _ShardCheck:
                 same = False
             if not same:
                 key = view_key(paths)
-                self._findings.add(
+                self._add(
                     OTHER, f"{self._name}: {key}.{suffix} does not hold what the dataset does (view {paths.index})"
                 )
         return loss

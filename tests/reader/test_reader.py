@@ -7,8 +7,11 @@ import os
 import pickle
 import re
 import shutil
+import struct
 import subprocess
 import sys
+import tarfile
+import zlib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -18,10 +21,10 @@ import pytest
 
 from pipeline.dataset.layout import ViewPaths
 from pipeline.errors import InputError
+from pipeline.images.png import encode_png
 from pipeline.packing.pack import pack_dataset
 from pipeline.reader import Dataset, View, open_dataset
 from pipeline.reader.pack_files import MOST_OPEN
-from tests.packing.conftest import copied, copied_pack, dataset, packed  # noqa: F401
 
 PARTS = ("rgb", "depth_mm", "mask", "observed", "k", "cam_from_model")
 ROOT = Path(__file__).resolve().parents[2]
@@ -38,11 +41,11 @@ def assert_same(one: View, other: View) -> None:
 
 
 @pytest.fixture(params=["folder", "pack"])
-def opened(request, dataset, packed) -> Dataset:  # noqa: F811
+def opened(request, dataset, packed) -> Dataset:
     return open_dataset(dataset if request.param == "folder" else packed)
 
 
-def test_arrays_are_those_of_the_files(opened, dataset):  # noqa: F811
+def test_arrays_are_those_of_the_files(opened, dataset):
     scene = dataset / "train_synt" / "000000"
     tables = {name: json.loads((scene / f"scene_{name}.json").read_text()) for name in ("camera", "gt", "gt_info")}
     for place, view in enumerate(opened):
@@ -64,10 +67,10 @@ def test_arrays_are_those_of_the_files(opened, dataset):  # noqa: F811
             "rgb": ("uint8", (48, 64, 3)), "depth_mm": ("float32", (48, 64)), "mask": ("bool", (48, 64)),
             "observed": ("bool", (48, 64)), "k": ("float64", (3, 3)), "cam_from_model": ("float64", (4, 4)),
         }  # fmt: skip
-        assert all(array.flags.c_contiguous for array in arrays(view).values())
+        assert all(array.flags.c_contiguous and array.flags.writeable for array in arrays(view).values())
 
 
-def test_depth_without_float_depth_is_the_image_times_its_scale(copied, tmp_path):  # noqa: F811
+def test_depth_without_float_depth_is_the_image_times_its_scale(copied, tmp_path):
     """As bop_toolkit computes it."""
     path = copied / "dataset.json"
     path.write_text(path.read_text().replace('"float_depth": true', '"float_depth": false'))
@@ -90,7 +93,7 @@ def test_it_is_a_sequence(opened):
     assert places == [*range(4)]
 
 
-def test_chosen_views_keep_their_order_and_numbers(dataset, tmp_path):  # noqa: F811
+def test_chosen_views_keep_their_order_and_numbers(dataset, tmp_path):
     pack_dataset(dataset, tmp_path / "out", views=[3, 0, 2], views_per_shard=2, stream=io.StringIO())
     chosen, whole = open_dataset(tmp_path / "out"), open_dataset(dataset)
     assert [*chosen.views] == [3, 0, 2]
@@ -135,7 +138,7 @@ def test_processes_share_it(method, opened):
 
 
 @pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="no list of open files on this system")
-def test_few_files_are_open_and_none_after_closing(dataset, tmp_path):  # noqa: F811
+def test_few_files_are_open_and_none_after_closing(dataset, tmp_path):
     def open_shards() -> int:
         found = 0
         for path in Path("/proc/self/fd").iterdir():
@@ -171,13 +174,13 @@ def test_few_files_are_open_and_none_after_closing(dataset, tmp_path):  # noqa: 
         (lambda pack: (pack / "dataset.json").write_text("{}"), "expected the format 'oneframe dataset 2'"),
     ],
 )  # fmt: skip
-def test_a_damaged_pack_is_a_sentence(harm, message, copied_pack):  # noqa: F811
+def test_a_damaged_pack_is_a_sentence(harm, message, copied_pack):
     harm(copied_pack)
     with pytest.raises(InputError, match=message):
         open_dataset(copied_pack)
 
 
-def test_what_is_no_dataset_is_a_sentence(copied, tmp_path):  # noqa: F811
+def test_what_is_no_dataset_is_a_sentence(copied, tmp_path):
     for path in (tmp_path / "nothing", tmp_path, copied / "dataset.json"):
         with pytest.raises(InputError, match=f"{re.escape(str(path))}: expected the folder of a dataset or a pack"):
             open_dataset(path)
@@ -187,7 +190,7 @@ def test_what_is_no_dataset_is_a_sentence(copied, tmp_path):  # noqa: F811
 
 
 @pytest.mark.parametrize("place", range(0, 40, 4))
-def test_damaged_members_are_sentences(place, copied_pack):  # noqa: F811
+def test_damaged_members_are_sentences(place, copied_pack):
     """A shard of the right size with other bytes: values, or a sentence that names the shard."""
     path = copied_pack / "shard-000000.tar"
     data = bytearray(path.read_bytes())
@@ -203,7 +206,35 @@ def test_damaged_members_are_sentences(place, copied_pack):  # noqa: F811
                     raise
 
 
-def test_damaged_files_are_sentences(copied):  # noqa: F811
+def test_claims_take_no_memory(copied, copied_pack):
+    """An image of 60000 x 60000 px in a hundred bytes, a member of 8 GB, a manifest of a trillion views."""
+    huge = bytearray(encode_png(np.zeros((48, 64, 3), np.uint8)))
+    huge[16:24] = struct.pack(">II", 60_000, 60_000)
+    huge[29:33] = struct.pack(">I", zlib.crc32(huge[12:29]))
+    ViewPaths(copied, 0).file("rgb").write_bytes(huge)
+    with pytest.raises(InputError, match=r"rgb/000000\.png: expected a file of a view"):
+        open_dataset(copied)[0].rgb  # noqa: B018
+    path = ViewPaths(copied, 0).file("depth_mm")
+    path.write_bytes(path.read_bytes().replace(b"(48, 64), }    ", b"(999999999,), }"))
+    with pytest.raises(InputError, match=r"depth_mm/000000\.npy: expected a file of a view"):
+        open_dataset(copied)[0].depth_mm  # noqa: B018
+    shard = copied_pack / "shard-000000.tar"
+    entry = tarfile.TarInfo("000000_000000.camera.json")
+    entry.size = 8**11 - 1
+    shard.write_bytes(entry.tobuf(tarfile.USTAR_FORMAT) + shard.read_bytes()[512:])
+    with pytest.raises(InputError, match=r"shard-000000\.tar: expected a whole shard"):
+        open_dataset(copied_pack)[0].k  # noqa: B018
+    path = copied_pack / "pack.json"
+    text = path.read_text()
+    for count in (4, 10**12):
+        content = json.loads(text)
+        content["shards"]["shard-000000.tar"]["views"] = [[0, 10**12]]
+        path.write_text(json.dumps(content | {"count": count}))
+        with pytest.raises(InputError, match=r"pack\.json: .*expected at most [0-9]+ views, found"):
+            open_dataset(copied_pack)
+
+
+def test_damaged_files_are_sentences(copied):
     shutil.rmtree(copied / "train_synt/000000/depth_mm")
     for kind in ("rgb", "mask_visib", "mask_observed"):
         file = ViewPaths(copied, 1).file(kind)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from pipeline.reader import open_dataset
-from tests.packing.conftest import dataset, packed  # noqa: F401
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
 
@@ -20,7 +19,7 @@ def example(name: str) -> ModuleType:
     return module
 
 
-def test_webdataset_gives_what_the_reader_gives(packed):  # noqa: F811
+def test_webdataset_gives_what_the_reader_gives(packed):
     pytest.importorskip("webdataset", reason="webdataset is not installed")
     expected = {f"000000_{view.index:06d}": view for view in open_dataset(packed)}
     found = {
@@ -37,7 +36,7 @@ def test_webdataset_gives_what_the_reader_gives(packed):  # noqa: F811
 
 @pytest.mark.parametrize("context", ["fork", "spawn"])
 @pytest.mark.parametrize("workers", [0, 2])
-def test_torch_gives_what_the_reader_gives(context, workers, packed, monkeypatch):  # noqa: F811
+def test_torch_gives_what_the_reader_gives(context, workers, packed, monkeypatch):
     torch = pytest.importorskip("torch", reason="torch is not installed")
     monkeypatch.syspath_prepend(str(EXAMPLES))  # workers that are spawned import it by name
     import torch_views

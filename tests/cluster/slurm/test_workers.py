@@ -10,7 +10,7 @@ import pytest
 from pipeline.cluster.slurm_settings import SlurmSettings, checked_slurm_settings, read_slurm_settings
 from pipeline.errors import InputError
 
-VIEWS = 600
+VIEWS = 300
 
 
 def contents(root: Path) -> dict[str, bytes]:
@@ -18,7 +18,7 @@ def contents(root: Path) -> dict[str, bytes]:
 
 
 def records(root: Path) -> dict[str, tuple[int, int]]:
-    states = {path.name: path.stat() for path in root.glob("*/*/frame/*.json")}
+    states = {path.name: path.stat() for path in root.glob("*/*/frame/[0-9]*.json")}
     return {name: (state.st_ino, state.st_mtime_ns) for name, state in states.items()}
 
 

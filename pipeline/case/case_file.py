@@ -63,6 +63,8 @@ class Case:
         What overlays show in addition to the surface.
     dataset
         The raw ``[dataset]`` table: options of the run, checked by :mod:`pipeline.dataset.options`.
+    cluster
+        The raw ``[cluster]`` table: jobs of workers, checked by :mod:`pipeline.cluster.slurm_settings`.
     messages
         Messages about what was corrected.
     landmarks
@@ -80,6 +82,7 @@ class Case:
     cam_from_mesh: np.ndarray
     structures: tuple[Structure, ...] = ()
     dataset: dict[str, object] = field(default_factory=dict)
+    cluster: dict[str, object] = field(default_factory=dict)
     messages: tuple[str, ...] = ()
     landmarks: tuple[Landmark, ...] = ()
     alignment: dict[str, object] = field(default_factory=dict)
@@ -112,8 +115,8 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
     name = path.name
     table = parsed_toml(text, name)
     check_keys(
-        table, ("units", "frame", "camera", "surface", "pose"), ("structures", "landmarks", "alignment", "dataset"),
-        f"{name}: ",
+        table, ("units", "frame", "camera", "surface", "pose"),
+        ("structures", "landmarks", "alignment", "dataset", "cluster"), f"{name}: ",
     )  # fmt: skip
     if not isinstance(table["units"], str) or table["units"] not in MM_PER_UNIT:
         raise InputError(f'{name}: expected units = "mm" or "m", found {table["units"]!r}')
@@ -134,7 +137,8 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
         mesh=_path(path, surface["mesh"], f"{name}: [surface] mesh"),
         cam_from_mesh=cam_from_mesh,
         structures=_structures(path, table.get("structures", [])),
-        dataset=_dataset(table.get("dataset", {}), name),
+        dataset=_raw_table(table.get("dataset", {}), "dataset", name),
+        cluster=_raw_table(table.get("cluster", {}), "cluster", name),
         messages=(message,) if message else (),
         landmarks=landmarks_from_tables(
             table.get("landmarks", []),
@@ -193,9 +197,9 @@ def _structures(path: Path, entries: object) -> tuple[Structure, ...]:
     return tuple(structures)
 
 
-def _dataset(table: object, name: str) -> dict[str, object]:
+def _raw_table(table: object, key: str, name: str) -> dict[str, object]:
     if not isinstance(table, dict):
-        raise InputError(f"{name}: expected a table [dataset], found {table!r}")
+        raise InputError(f"{name}: expected a table [{key}], found {table!r}")
     return {key: _with_plain_floats(value) for key, value in table.items()}
 
 

@@ -26,6 +26,7 @@ _FIELDS = {
     "landmarks": ("landmarks",),
     "structures": ("structures",),
     "dataset": ("dataset",),
+    "cluster": ("cluster",),
 }
 """Table of the file -> the fields of a case that it holds."""
 
@@ -124,7 +125,7 @@ def _with_table(document: TomlDocument, new: TomlDocument, section: str, old: Ca
     before, after = (_leaves(case, section) for case in (old, wanted))
     for key in before.keys() - after.keys():
         document = document.without((section, key))
-    if section in ("alignment", "dataset") and not after:
+    if section in ("alignment", "dataset", "cluster") and not after:
         return document.without((section,))
     for key, value in after.items():
         if key in before and _equal_values(before[key], value):

@@ -1,4 +1,4 @@
-"""Where workers come from: a running scheduler, or processes on this machine."""
+"""Where workers come from: a running scheduler, processes on this machine, or jobs of Slurm."""
 
 import logging
 import re
@@ -11,6 +11,8 @@ from distributed import Client
 
 from ..errors import InputError, RunError
 from .local_workers import local_workers
+from .slurm_settings import SlurmSettings
+from .slurm_workers import slurm_workers
 
 CONNECT_SECONDS = 10.0
 
@@ -50,13 +52,20 @@ class WorkerSource:
 
 
 @contextmanager
-def open_source(where: str) -> Iterator[WorkerSource]:
+def open_source(where: str, slurm: SlurmSettings | None = None) -> Iterator[WorkerSource]:
     """Workers from the value of ``--cluster``; those that were started for it end with the context.
+
+    Parameters
+    ----------
+    where
+        The value.
+    slurm
+        The jobs of ``slurm``.
 
     Raises
     ------
     InputError
-        The value is neither an address nor ``local:N``.
+        The value is neither an address nor ``local:N`` nor ``slurm``.
     RunError
         There is no scheduler at the address.
     """
@@ -64,11 +73,15 @@ def open_source(where: str) -> Iterator[WorkerSource]:
     opened: Callable[[str], object]
     if kind == "local":
         opened = _local
+    elif where == "slurm":
+        settings = slurm or SlurmSettings()
+        opened = lambda _rest: _slurm(settings)  # noqa: E731
     elif re.fullmatch(r"([a-z]+://)?(\[[0-9a-fA-F:.]+\]|[^\s:/]+):[0-9]+/?", where):
         opened, rest = _connected, where
     else:
         raise InputError(
-            f"--cluster: expected the address of a Dask scheduler, such as tcp://host:8786, or local:N, found {where!r}"
+            f"--cluster: expected the address of a Dask scheduler, such as tcp://host:8786, local:N or slurm, "
+            f"found {where!r}"
         )
     with quiet_dask(), opened(rest) as source:  # type: ignore[attr-defined]
         yield source
@@ -103,6 +116,20 @@ def _local(count: str) -> Iterator[WorkerSource]:
             on_this_machine=True,
             no_workers="they are started again by themselves",
             threads=threads,
+        )
+
+
+@contextmanager
+def _slurm(settings: SlurmSettings) -> Iterator[WorkerSource]:
+    with slurm_workers(settings) as address, connected_client(address) as client:
+        yield WorkerSource(
+            client=client,
+            about=f"at most {settings.jobs} jobs of Slurm, {settings.cores} workers in each; scheduler {address}",
+            address=address,
+            can_join=True,
+            expected=1,
+            on_this_machine=False,
+            no_workers="they join when Slurm starts their jobs: squeue --name oneframe-workers shows why they wait",
         )
 
 

@@ -20,6 +20,7 @@ ABOUT = "Pack a dataset for training: WebDataset shards in BOP's layout, which s
 EPILOG = """examples:
   %(prog)s dataset --out packed
   %(prog)s dataset --out packed --views-per-shard 500 --jpeg 95
+  %(prog)s dataset --out test --split test  (a tenth of the views, unlike those of train and val)
   %(prog)s dataset --out packed --verify    (compare every view with the dataset)
   %(prog)s dataset --out packed --cluster tcp://host:8786
   %(prog)s --out packed --verify            (hashes and members; needs no dataset)
@@ -49,6 +50,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--jpeg", metavar="QUALITY", type=int,
         help="store RGB as JPEG of this quality, 1 to 100; what that loses is reported (needs OpenCV)",
     )  # fmt: skip
+    content.add_argument(
+        "--split", choices=("train", "val", "test"), help="pack only the views of this part (80, 10 and 10 %%); no "
+        "view of a part is like one of another, by the distance of their poses"
+    )  # fmt: skip
+    content.add_argument(
+        "--split-gap-px", metavar="X", type=float, help="least distance of views in different parts: RMS displacement "
+        "of the surface's box in the image (default: 1 %% of the image's longer side)"
+    )  # fmt: skip
     work = parser.add_argument_group("work")
     work.add_argument(
         "--workers",
@@ -58,8 +67,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="number of processes, or with --verify of threads (default: one per core)",
     )
     work.add_argument(
-        "--cluster", metavar="ADDRESS|local:N", help="pack on the workers of a Dask cluster, which see both folders"
+        "--cluster",
+        metavar="ADDRESS|local:N|slurm",
+        help="pack on the workers of a Dask cluster, which see both folders",
     )
+    work.add_argument(
+        "--cluster-settings", metavar="FILE.toml", type=Path, help="with --cluster slurm: queue, account, walltime, "
+        "memory, cores and number of jobs"
+    )  # fmt: skip
     work.add_argument(
         "--verify", action="store_true", help="pack nothing: compare the pack with its hashes and with DIR"
     )
@@ -75,6 +90,13 @@ def main(argv: Sequence[str], prog: str = "oneframe pack") -> int:
     if arguments.cluster is not None and (arguments.verify or arguments.workers):
         other = "--verify" if arguments.verify else "--workers"
         raise InputError(f"command line: --cluster: expected without {other}; leave one of the two out")
+    if (arguments.cluster == "slurm") != (arguments.cluster_settings is not None):
+        raise InputError(
+            "command line: expected --cluster slurm and --cluster-settings FILE.toml together, found one of them; add "
+            "the other, or leave it out"
+        )
+    if arguments.split_gap_px is not None and arguments.split is None:
+        raise InputError("command line: --split-gap-px: expected with --split only; add it, or leave out both")
     if arguments.dataset is None and not arguments.verify:
         raise InputError("command line: expected the folder of the dataset, DIR; only --verify works without it")
     try:
@@ -99,10 +121,20 @@ def run(arguments: argparse.Namespace) -> int:
         return EXIT_WRONG if report.findings else 0
     with explained_imports():
         from ..packing.pack import pack_dataset
+    views, about = None, ""
+    if arguments.split is not None:
+        with explained_imports():
+            from ..packing.dataset_split import split_of_dataset
+            from ..packing.source import open_source
+        split = split_of_dataset(open_source(arguments.dataset), gap_px=arguments.split_gap_px)
+        output.write(f"split: {split.text()}\n")
+        views, about = split.part(arguments.split), f"**Split**: {arguments.split}, of {split.text()}."
     with _engine(arguments, output) as engine:
         manifest = pack_dataset(
             arguments.dataset,
             arguments.out,
+            views=views,
+            about=about,
             views_per_shard=arguments.views_per_shard,
             jpeg_quality=arguments.jpeg,
             engine=engine,
@@ -128,7 +160,9 @@ def _engine(arguments: argparse.Namespace, output: TextIO) -> Iterator[Callable[
         return
     with explained_imports():
         from ..cluster.pack_engine import packed_by_cluster
+        from ..cluster.slurm_settings import read_slurm_settings
         from ..cluster.sources import open_source
-    with open_source(arguments.cluster) as source:
+    slurm = None if arguments.cluster_settings is None else read_slurm_settings(arguments.cluster_settings)
+    with open_source(arguments.cluster, slurm) as source:
         output.write(f"{source.about}\n")
         yield partial(packed_by_cluster, source=source)

@@ -77,6 +77,11 @@ def explained_imports() -> Iterator[None]:
             raise RunError(
                 f'expected {name}, this Python ({sys.executable}) has none; install it: pip install "oneframe[{extra}]"'
             ) from None
+        if (error.name or "").endswith("pipeline.cluster"):
+            raise RunError(
+                "--cluster: expected OneFrame as a package, found the extension, which may use no network; install it: "
+                'pip install "oneframe[cluster]"'
+            ) from None
         if error.name not in PACKAGES:
             raise
         raise RunError(

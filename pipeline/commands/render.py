@@ -3,7 +3,7 @@
 import argparse
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import TextIO
@@ -66,8 +66,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "with their sizes; what has changed is rendered again"
     )  # fmt: skip
     machines.add_argument(
-        "--cluster", metavar="ADDRESS|local:N", help="render on the workers of a Dask cluster: the address of its "
-        "scheduler, such as tcp://host:8786, or N workers on this machine"
+        "--cluster", metavar="ADDRESS|local:N|slurm", help="render on the workers of a Dask cluster: the address "
+        "of its scheduler, such as tcp://host:8786, N workers on this machine, or jobs of Slurm"
+    )  # fmt: skip
+    machines.add_argument(
+        "--cluster-settings", metavar="FILE.toml", type=Path, help="with --cluster slurm: queue, account, walltime, "
+        "memory, cores and number of jobs (default: the table [cluster] of the case file)"
     )  # fmt: skip
     machines.add_argument(
         "--blender-on-workers", metavar="PROGRAM", help="with --cluster ADDRESS: the Blender program that renders on "
@@ -105,6 +109,10 @@ def main(argv: Sequence[str], prog: str = "oneframe render", *, own_command: Seq
 
 
 def _check_cluster(arguments: argparse.Namespace) -> None:
+    if arguments.cluster_settings is not None and arguments.cluster != "slurm":
+        raise InputError(
+            "command line: --cluster-settings: expected with --cluster slurm only; add it, or leave out both"
+        )
     if arguments.cluster is None:
         for name in ("blender_on_workers", "gather", "out_on_workers", "case_on_workers", "send_case"):
             if getattr(arguments, name):
@@ -159,7 +167,7 @@ def run(arguments: argparse.Namespace, *, own_command: Sequence[str], argv: Sequ
         end_with_input()
     if case.alignment.get("method") == INITIAL_GUESS:
         output.write(f"note: the pose of {case.path.name} is an initial guess that nobody has aligned\n")
-    with _pool(arguments, own_command, output) as pool:
+    with _pool(arguments, case.cluster, own_command, output) as pool:
         render(
             job,
             workers=arguments.workers,
@@ -173,16 +181,24 @@ def run(arguments: argparse.Namespace, *, own_command: Sequence[str], argv: Sequ
 
 
 @contextmanager
-def _pool(arguments: argparse.Namespace, own_command: Sequence[str], output: TextIO) -> Iterator[ViewPool | None]:
-    """The workers of a cluster, if one is asked for."""
+def _pool(
+    arguments: argparse.Namespace, table: Mapping[str, object], own_command: Sequence[str], output: TextIO
+) -> Iterator[ViewPool | None]:
+    """The workers of a cluster, if one is asked for; ``table`` is ``[cluster]`` of the case file."""
     if arguments.cluster is None:
         yield None
         return
     with explained_imports():
         from ..cluster.places_on_workers import PlacesOnWorkers
+        from ..cluster.slurm_settings import checked_slurm_settings, read_slurm_settings
         from ..cluster.sources import open_source
         from ..cluster.view_pool import ClusterPool
-    with open_source(arguments.cluster) as source:
+    slurm = None
+    if arguments.cluster_settings is not None:
+        slurm = read_slurm_settings(arguments.cluster_settings)
+    elif arguments.cluster == "slurm":
+        slurm = checked_slurm_settings(table, f"{arguments.case.name}: [cluster]")
+    with open_source(arguments.cluster, slurm) as source:
         output.write(f"{source.about}\n")
         places = PlacesOnWorkers(
             arguments.case_on_workers, arguments.send_case, arguments.out_on_workers, arguments.gather

@@ -50,6 +50,7 @@ def pack_dataset(
     views: Sequence[int] | None = None,
     views_per_shard: int = VIEWS_PER_SHARD,
     jpeg_quality: int | None = None,
+    about: str = "",
     engine: Engine | None = None,
     stream: TextIO | None = None,
     progress_seconds: float = LINE_SECONDS,
@@ -66,6 +67,8 @@ def pack_dataset(
         How many a shard has; the last one may have fewer.
     jpeg_quality
         Compress RGB as JPEG, 1..100.
+    about
+        A paragraph for ``dataset_info.md``, such as which part of a split the views are.
     engine
         What packs the shards; one process a core of this machine if left out.
     stream, progress_seconds
@@ -110,7 +113,7 @@ def pack_dataset(
             tuple(shards[number] for number in range(len(plan.shard_views()))),
             {},
         )
-        manifest = _write_tables(source, out, manifest)
+        manifest = _write_tables(source, out, manifest, about)
         folder.finish()
     return manifest
 
@@ -124,7 +127,7 @@ def shard_orders(source: Source, out: Path, plan: Plan) -> list[ShardOrder]:
     ]
 
 
-def _write_tables(source: Source, out: Path, manifest: Manifest) -> Manifest:
+def _write_tables(source: Source, out: Path, manifest: Manifest, about: str) -> Manifest:
     """Write everything but the shards; gives the manifest, with the sums of these files."""
     for name in COPIED:
         with writing_pack(out / name):
@@ -137,7 +140,7 @@ def _write_tables(source: Source, out: Path, manifest: Manifest) -> Manifest:
     with writing_pack(out / TARGETS):
         write_test_targets(out, sorted(source.targets.intersection(manifest.views)))
     with writing_pack(out / INFO):
-        write_bytes_atomically(out / INFO, pack_info(source.description, manifest))
+        write_bytes_atomically(out / INFO, pack_info(source.description, manifest, about))
     manifest = replace(manifest, files={name: sum_of_file(out / name) for name in TABLES})
     with writing_pack(out / MANIFEST):
         write_json(out / MANIFEST, manifest.to_json())

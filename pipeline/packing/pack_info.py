@@ -26,7 +26,7 @@ One object, `obj_id` {object_id} ({name}), {width} x {height} px. {shards} WebDa
 views, which are views {views} of the dataset. The layout is BOP's image-wise one. Poses hold for the mesh in `models/`,
 in mm, with OpenCV axes. No symmetries, no occlusion. `dataset.json` holds what the dataset was made from, `pack.json`
 the views and the SHA-256 of each shard, `key_to_shard.json` the shard of each key.
-
+{about}
 A view's key is `SSSSSS_IIIIII`, scene and image of the dataset (view = 1000 x scene + image). Its members:
 
 | after the key and a dot | |
@@ -52,12 +52,13 @@ compares all hashes.
 """
 
 
-def pack_info(description: Description, manifest: Manifest) -> bytes:
-    """The content of the file."""
+def pack_info(description: Description, manifest: Manifest, about: str = "") -> bytes:
+    """The content of the file, with one more paragraph if there is something to say about the choice of views."""
     jpeg = manifest.jpeg_quality is not None
     suffixes = member_suffixes(jpeg=jpeg, float_depth=description.float_depth)
     rgb = f"RGB is JPEG of quality {manifest.jpeg_quality}: {manifest.loss}." if jpeg else "RGB is as it was rendered."
     return TEXT.format(
+        about=f"\n{about}\n" if about else "",
         name=description.name,
         count=len(manifest.views),
         object_id=OBJECT_ID,

@@ -22,6 +22,8 @@ GAP = 0.01
 """The gap if none is given, relative to the longer side of the image."""
 CELLS = 16
 """Cells of the space of poses. More represent all views better, and lose more views at their borders."""
+LEAST_IN_CELL = 8
+"""Views; there are fewer cells if these are not enough."""
 LEAST_DEPTH_MM = 1.0
 """Points nearer than this, or behind the camera, are projected as if they were here."""
 STEP_PX = 1 / 1024
@@ -144,13 +146,15 @@ def embedded(poses: np.ndarray, points_model: np.ndarray, camera: PinholeCamera)
 
 def _parts(places: np.ndarray, *, test: int, val: int, cells: int) -> np.ndarray:
     """``(N,)`` names of the parts before any view is left out."""
+    while cells > 2 and len(places) < cells * LEAST_IN_CELL:
+        cells //= 2
     leaves = _leaves(places, np.arange(len(places)), cells)
     part = np.full(len(places), "train")
     # neighbours in this order are neighbours in space: steps as even as the fractions allow are spread over all of it
     free = list(range(len(leaves)))
     for name, wanted in (("test", test), ("val", val)):
         taken = 0
-        size = -(-wanted * len(leaves) // len(places))
+        size = min(-(-wanted // (len(places) // len(leaves))), len(free))
         chosen = [free[(2 * step + 1) * len(free) // (2 * size)] for step in range(size)]
         free = [leaf for leaf in free if leaf not in chosen]
         for step, leaf in enumerate(chosen):
@@ -164,7 +168,7 @@ def _parts(places: np.ndarray, *, test: int, val: int, cells: int) -> np.ndarray
 
 def _leaves(places: np.ndarray, members: np.ndarray, cells: int) -> list[np.ndarray]:
     """Members in cells of equally many, cut at the medians of their longest sides."""
-    if cells < 2 or len(members) < 2:
+    if cells < 2:
         return [members]
     ordered = _cut(places, members)
     half = len(ordered) // 2

@@ -1,0 +1,58 @@
+"""``--split`` packs the parts of a rendered dataset: disjoint, and each with its own targets."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pipeline.commands import pack
+from pipeline.packing.manifest import read_manifest
+from pipeline.packing.verify import verify_pack
+
+VIEWS = 60
+
+
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory, write_tiny_case, render_command, run_command) -> Path:
+    folder = tmp_path_factory.mktemp("split")
+    out = folder / "dataset"
+    case = write_tiny_case(folder / "case")
+    ended = run_command(render_command(case, "--out", out, "--count", VIEWS, "--cone-deg", 40))
+    assert ended.returncode == 0, ended.stderr
+    return out
+
+
+@pytest.mark.render
+def test_parts_of_a_dataset(rendered, tmp_path, capfd):
+    def packed(*options: object) -> tuple[set[int], str]:
+        out = tmp_path / "-".join(map(str, options))
+        assert pack.main([str(word) for word in (rendered, "--out", out, "--split", *options)]) == 0
+        assert not verify_pack(out, rendered).findings
+        views = set(read_manifest(out).views)
+        targets = json.loads((out / "test_targets_bop19.json").read_text())
+        assert {entry["im_id"] for entry in targets} <= views
+        info = (out / "dataset_info.md").read_text()
+        assert f"**Split**: {options[0]}, of " in info
+        return views, info
+
+    (train, info), (val, _), (test, _) = (packed(part) for part in ("train", "val", "test"))
+    assert len(test) == VIEWS // 10
+    assert len(train) + len(val) + len(test) == len(train | val | test)
+    none = VIEWS - len(train | val | test)
+    sentence = f"{len(train)} train, {len(val)} val, {len(test)} test; {none} in none, nearer than 0.64 px"
+    assert sentence in info
+    assert f"split: {sentence}" in capfd.readouterr().out
+    wider, _ = packed("train", "--split-gap-px", 4)
+    assert wider < train
+
+
+@pytest.mark.render
+def test_a_changed_table_is_noticed(rendered, tmp_path):
+    table = rendered / "train_synt" / "000000" / "scene_gt.json"
+    whole = table.read_bytes()
+    table.write_bytes(whole.replace(b"obj_id", b"obj_ID"))
+    try:
+        with pytest.raises(ValueError, match=r"scene_gt\.json"):
+            pack.main([str(rendered), "--out", str(tmp_path / "out"), "--split", "val"])
+    finally:
+        table.write_bytes(whole)

@@ -1,5 +1,7 @@
 """The feeder on a real Dask scheduler with workers in this process, whose orders are stand-ins that take no time."""
 
+import socket
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -302,3 +304,19 @@ def test_no_scheduler(where, error, message, monkeypatch):
     monkeypatch.setattr("pipeline.cluster.sources.CONNECT_SECONDS", 0.5)
     with pytest.raises(error, match=message), open_source(where):
         pass
+
+
+def test_what_listens_but_is_no_scheduler(monkeypatch):
+    monkeypatch.setattr("pipeline.cluster.sources.CONNECT_SECONDS", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.listen()
+        where = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+
+        def greet() -> None:
+            with server.accept()[0] as connection:
+                connection.sendall(b"HTTP/1.0 400 Bad request, and then nothing")
+                time.sleep(3)
+
+        threading.Thread(target=greet, daemon=True).start()
+        with pytest.raises(RunError, match=f"expected a Dask scheduler at {where}, found none"), open_source(where):
+            pass

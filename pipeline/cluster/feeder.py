@@ -29,6 +29,7 @@ MOST_CRASHES = 3
 """An item at which this many processes have ended stops the run."""
 MOST_FAILURES = 3
 """Orders that may fail by a defect before the run stops."""
+SHOW_SECONDS = 0.2
 AGAIN = "what is finished is safe: run the same command again to continue"
 
 
@@ -54,6 +55,8 @@ class Tally:
         Items that orders did, and those that they found done after a worker was lost.
     again
         Items that were handed out again because a process or a worker was lost.
+    twice
+        Items that two workers did, because the first one seemed to be lost.
     orders
         Number of orders that came back.
     workers
@@ -63,6 +66,7 @@ class Tally:
     done: int = 0
     found: int = 0
     again: int = 0
+    twice: int = 0
     orders: int = 0
     workers: set[str] = field(default_factory=set)
 
@@ -150,7 +154,7 @@ class Feeder:
             All workers refuse, the scheduler has gone, or an item ends every process.
         """
         try:
-            next_look = since = time.monotonic()
+            next_look = next_show = since = time.monotonic()
             while (self._todo or self._suspects or self._placed) and not self._stopped.is_set():
                 now = time.monotonic()
                 if now >= next_look:
@@ -158,7 +162,9 @@ class Feeder:
                     next_look = time.monotonic() + self._pace.look
                 self._place()
                 self._take_news(min(0.5, self._pace.look))
-                self._show(len(self._finished) + sum(p.done for p in self._placed.values()), self.state())
+                if time.monotonic() >= next_show or not self._placed:
+                    self._show(len(self._finished) + sum(p.done for p in self._placed.values()), self.state())
+                    next_show = time.monotonic() + SHOW_SECONDS
             return self.tally
         finally:
             self._abandon()
@@ -258,6 +264,7 @@ class Feeder:
         self.tally.orders += 1
         if outcome.wrong_input:
             raise InputError(outcome.wrong_input)
+        self.tally.twice += len(self._finished.intersection(outcome.finished))
         self._finished.update(outcome.finished, outcome.found)
         self.tally.done += len(outcome.finished)
         self.tally.found += len(outcome.found)
@@ -341,17 +348,28 @@ class Feeder:
         silent = self.workers.silent(
             now, {p.begun_on: p.heard for p in sorted(self._placed.values(), key=lambda p: p.heard) if p.begun_on}
         )
-        allowed = self.workers.allowed()
+        allowed, waiting = self.workers.allowed(), self._waiting_at(silent)
         stuck = [
             p
             for p in self._placed.values()
-            if p.begun_on in silent or (p.allowed is not None and allowed is not None and not p.allowed & allowed)
+            if p.begun_on in silent
+            or p.future.key in waiting
+            or (p.allowed is not None and allowed is not None and not p.allowed & allowed)
         ]
         self._cancel(stuck)
         for p in stuck:
             del self._placed[p.order.number]
             self._count_again(p, len(p.order.items))
             self._todo.extendleft(reversed(p.order.items))
+
+    def _waiting_at(self, workers: Iterable[str]) -> set[str]:
+        """Keys of the orders that Dask has sent to workers, begun or not."""
+        found: set[str] = set()
+        if workers:
+            with losing_scheduler(self._client):
+                for keys in self._client.processing(workers=[*workers]).values():
+                    found.update(keys)
+        return found
 
     def _abandon(self) -> None:
         placed = [*self._placed.values()]

@@ -139,6 +139,7 @@ def _told(feeder: Feeder) -> list[str]:
     clauses = [f"{tally.done} views rendered by {len(tally.workers)} workers in {tally.orders} orders"]
     clauses += [f"{tally.found} found finished after a worker was lost"] * bool(tally.found)
     clauses += [f"{tally.again} handed out again"] * bool(tally.again)
+    clauses += [f"{tally.twice} rendered twice"] * bool(tally.twice)
     clauses += [f"{lost} render process{'es' * (lost != 1)} lost"] * bool(lost)
     clauses += [f"{workers.lost} worker{'s' * (workers.lost != 1)} lost"] * bool(workers.lost)
     clauses += [f"{workers.refused} worker{'s' * (workers.refused != 1)} refused"] * bool(workers.refused)

@@ -110,7 +110,7 @@ def measure_dataset(folder: Path | None, views: int) -> Figures:
                 effort = measured(step, root, count)
                 figures[str(count)][name] = asdict(effort)
                 print(
-                    f"  {count} views, {name}: {effort.seconds:.1f} s ({effort.processor_seconds:.1f} s of the processor), "
+                    f"  {count} views, {name}: {effort.seconds:.1f} s, {effort.processor_seconds:.1f} s of CPU, "
                     f"{effort.peak_mb:.0f} MB",
                     flush=True,
                 )

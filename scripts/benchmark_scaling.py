@@ -109,7 +109,11 @@ def measure_dataset(folder: Path | None, views: int) -> Figures:
             for name, step in (("scan", scan), ("tables", write_tables), ("check", check_quickly)):
                 effort = measured(step, root, count)
                 figures[str(count)][name] = asdict(effort)
-                print(f"  {count} views, {name}: {effort.seconds:.1f} s, {effort.peak_mb:.0f} MB", flush=True)
+                print(
+                    f"  {count} views, {name}: {effort.seconds:.1f} s, {effort.processor_seconds:.1f} s of CPU, "
+                    f"{effort.peak_mb:.0f} MB",
+                    flush=True,
+                )
     finally:
         shutil.rmtree(place)
     return figures

@@ -33,8 +33,8 @@ class Effort:
 
     Attributes
     ----------
-    seconds
-        Time on the clock.
+    seconds, processor_seconds
+        Time on the clock, and of the processor: the latter depends less on what else the machine does.
     peak_mb
         Peak of the process's memory, MiB.
     start_mb
@@ -42,6 +42,7 @@ class Effort:
     """
 
     seconds: float
+    processor_seconds: float
     peak_mb: float
     start_mb: float
 
@@ -88,9 +89,9 @@ def check_quickly(root: Path, count: int) -> None:
 
 def _measured(step: Callable[[Path, int], None], root: Path, count: int) -> Effort:
     before = peak_mb()
-    start = time.perf_counter()
+    start, processor = time.perf_counter(), time.process_time()
     step(root, count)
-    return Effort(time.perf_counter() - start, peak_mb(), before)
+    return Effort(time.perf_counter() - start, time.process_time() - processor, peak_mb(), before)
 
 
 def peak_mb(process: int | None = None) -> float:

@@ -28,6 +28,8 @@ from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.transforms import inverse_rigid, transform_points
 
+KEPT_FIELDS = ("cluster", "object_name")
+"""Fields of a case that the add-on has no settings for, and keeps as they are."""
 READ_POSE = "oneframe_read_pose"
 """Custom property of the surface: ``cam_from_model`` and ``cam_from_mesh`` of the opened case. Computing one from the
 other rounds; so the latter is the pose to save while the former is the surface's."""
@@ -225,6 +227,7 @@ def case(scene: bpy.types.Scene, path: Path) -> Case:
         structures=structures,
         dataset=dataset_table(scene),
         landmarks=landmarks_mesh(scene),
+        **(json.loads(settings.case_kept_text) if settings.case_kept_text else {}),
     )
 
 

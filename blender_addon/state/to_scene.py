@@ -44,6 +44,7 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
     for structure, child in zip(case.structures, objects.structures, strict=True):
         child.oneframe.role, child.oneframe.mesh_path = "STRUCTURE", str(structure.mesh.resolve())
     settings.case_dataset_text = json.dumps(case.dataset)
+    settings.case_kept_text = json.dumps({name: getattr(case, name) for name in from_scene.KEPT_FIELDS})
     for entry in settings.dataset.bl_rna.properties:
         if entry.identifier not in ("rna_type", "name"):
             settings.dataset.property_unset(entry.identifier)

@@ -25,11 +25,12 @@ from .structure_colour import structure_colour
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "frame": (("image",), ()),
     "camera": (("size", "K"), ("pixel_origin", "distortion")),
-    "surface": (("mesh",), ()),
+    "surface": (("mesh",), ("name",)),
     "pose": ((), (POSE_KEY, FORMER_POSE_KEY)),
     "structures": (("name", "mesh"), ("color",)),
 }
 """Table -> its required and its optional keys."""
+LONGEST_NAME = 100
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,8 @@ class Case:
         The raw ``[dataset]`` table: options of the run, checked by :mod:`pipeline.dataset.options`.
     cluster
         The raw ``[cluster]`` table: jobs of workers, checked by :mod:`pipeline.cluster.slurm_settings`.
+    object_name
+        Name of the surface in the tables of a dataset, or ``None`` for that of its file.
     messages
         Messages about what was corrected.
     landmarks
@@ -83,6 +86,7 @@ class Case:
     structures: tuple[Structure, ...] = ()
     dataset: dict[str, object] = field(default_factory=dict)
     cluster: dict[str, object] = field(default_factory=dict)
+    object_name: str | None = None
     messages: tuple[str, ...] = ()
     landmarks: tuple[Landmark, ...] = ()
     alignment: dict[str, object] = field(default_factory=dict)
@@ -135,6 +139,7 @@ def case_from_text(text: str | bytes, path: Path) -> Case:
         camera=intrinsics,
         distortion=distortion,
         mesh=_path(path, surface["mesh"], f"{name}: [surface] mesh"),
+        object_name=_object_name(surface.get("name"), f"{name}: [surface] name"),
         cam_from_mesh=cam_from_mesh,
         structures=_structures(path, table.get("structures", [])),
         dataset=_raw_table(table.get("dataset", {}), "dataset", name),
@@ -172,6 +177,14 @@ def _table(table: dict, key: str, name: str) -> dict:
     required, optional = _TABLES[key]
     check_keys(table[key], required, optional, f"{name}: [{key}] ")
     return table[key]
+
+
+def _object_name(value: object, where: str) -> str | None:
+    if value is None:
+        return None
+    if not isinstance(value, str) or not value.strip() or not value.isprintable() or len(value) > LONGEST_NAME:
+        raise InputError(f"{where}: expected a name of at most {LONGEST_NAME} printable characters, found {value!r}")
+    return value
 
 
 def _structures(path: Path, entries: object) -> tuple[Structure, ...]:

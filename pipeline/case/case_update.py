@@ -20,7 +20,7 @@ from .toml_document import TomlDocument
 _FIELDS = {
     "frame": ("image",),
     "camera": ("camera", "distortion"),
-    "surface": ("mesh",),
+    "surface": ("mesh", "object_name"),
     "pose": ("cam_from_mesh",),
     "alignment": ("alignment",),
     "landmarks": ("landmarks",),
@@ -141,7 +141,8 @@ def _leaves(case: Case, section: str) -> dict[str, Any]:
         case "frame":
             return {"image": os.path.realpath(case.image)}
         case "surface":
-            return {"mesh": os.path.realpath(case.mesh)}
+            named = {} if case.object_name is None else {"name": case.object_name}
+            return {"mesh": os.path.realpath(case.mesh), **named}
         case "pose":
             return {POSE_KEY: case.cam_from_mesh.tolist()}
         case "camera":

@@ -99,7 +99,7 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
         [*(f"# {line}" for line in comment.splitlines()), f'units = "{UNIT_OF[case.mm_per_unit]}"'],
         ["[frame]", f"image = {_file(case.image, folder)}"],
         _camera_lines(case),
-        ["[surface]", f"mesh = {_file(case.mesh, folder)}"],
+        ["[surface]", f"mesh = {_file(case.mesh, folder)}", *_pairs(_given(name=case.object_name))],
         [
             "[pose]",
             "# OpenCV axes (x right, y down, z forward), frame of the mesh file",
@@ -116,6 +116,10 @@ def case_text(path: Path, case: Case, *, comment: str = "") -> str:
     if case.dataset:
         blocks.append(["[dataset]", *_pairs(relocated_options(case.dataset, case.path.parent, folder))])
     return "\n\n".join("\n".join(lines) for lines in blocks) + "\n"
+
+
+def _given(**values: object) -> dict[str, object]:
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _camera_lines(case: Case) -> list[str]:

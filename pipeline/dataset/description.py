@@ -122,8 +122,8 @@ def describe(
 
 
 def object_name(case: Case) -> str:
-    """Name of the surface in the dataset's tables: that of its file, without folder and extension."""
-    return case.mesh.stem
+    """Name of the surface in the dataset's tables: the case's, or that of its file, without folder and extension."""
+    return case.mesh.stem if case.object_name is None else case.object_name
 
 
 def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:

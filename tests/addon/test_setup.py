@@ -38,13 +38,15 @@ enabled = false
 [dataset]
 count = 12
 cone_deg = 30.5
+[cluster]
+queue = "cpu"
 """
 
 
 @pytest.fixture
 def case_path(write_tiny_case, tmp_path):
     path = write_tiny_case(tmp_path)
-    path.write_text(path.read_text() + MORE)
+    path.write_text(path.read_text().replace("[surface]", '[surface]\nname = "left ear"') + MORE)
     return path
 
 
@@ -87,6 +89,7 @@ def test_a_case_that_is_opened_and_saved_is_the_same_to_the_last_bit(opened, cas
     }
     assert (second.image.resolve(), second.mesh.resolve()) == (first.image.resolve(), first.mesh.resolve())
     assert second.landmarks == first.landmarks
+    assert (second.object_name, second.cluster) == (first.object_name, first.cluster) == ("left ear", {"queue": "cpu"})
 
 
 def test_saving_keeps_the_authors_file(opened, case_path):

@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 from pipeline.camera.distortion import Distortion
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.case.case_file import Case, Structure, read_case
+from pipeline.case.case_update import update_case
 from pipeline.case.case_writer import path_from_folder, relative_name, toml_value, write_case
 from pipeline.case.landmarks import Landmark
+from pipeline.dataset.description import object_name
 from pipeline.errors import InputError
 from pipeline.files.numbers import WrittenFloat, length_text, millimetres
 from pipeline.transforms import rigid, se3_exp
@@ -159,6 +161,28 @@ def test_saved_elsewhere_a_case_names_the_same_files(tmp_path):
     again = read_case(path)
     assert (again.image.resolve(), again.mesh.resolve()) == (case.image, case.mesh)
     assert again.dataset == {"poses": "../../bone/poses.npy", "count": 3}
+
+
+def test_the_name_of_the_surface_and_the_jobs_of_a_cluster_are_kept(tmp_path):
+    path, plain = tmp_path / "case.toml", simple_case(tmp_path)
+    assert object_name(plain) == "surface"
+    write_case(path, plain)
+    assert "name" not in path.read_text()
+    named = replace(plain, object_name='left "bone" 3', cluster={"queue": "cpu", "options": ["--qos=long"]})
+    update_case(path, named)
+    again = read_case(path)
+    assert (again.object_name, again.cluster) == (named.object_name, named.cluster)
+    assert object_name(again) == 'left "bone" 3'
+    write_case(path, again)
+    assert (read_case(path).object_name, read_case(path).cluster) == (again.object_name, again.cluster)
+    update_case(path, plain)
+    assert "name" not in path.read_text()
+    assert "cluster" not in path.read_text()
+    for bad in ('""', "3", '"two\\nlines"', f'"{"x" * 101}"'):
+        path.write_text(path.read_text().replace("[surface]", f"[surface]\nname = {bad}"))
+        with pytest.raises(InputError, match=r"\[surface\] name: expected a name"):
+            read_case(path)
+        path.write_text(path.read_text().replace(f"name = {bad}\n", ""))
 
 
 def test_a_linked_folder_does_not_lead_astray(tmp_path):

@@ -291,7 +291,7 @@ def test_a_worker_of_another_version_refuses_by_the_text_that_it_gets(cluster):
 @pytest.mark.parametrize(
     ("where", "error", "message"),
     [
-        ("somewhere", InputError, "expected the address of a Dask scheduler, such as tcp://host:8786, or local:N"),
+        ("somewhere", InputError, "expected the address of a Dask scheduler, such as tcp://host:8786, local:N or slurm"),
         ("local:none", InputError, "expected local:N with N from 1 to 1024"),
         (
             "tcp://127.0.0.1:9",

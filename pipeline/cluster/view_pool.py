@@ -135,9 +135,8 @@ def _absolute(arguments: list[str]) -> list[str]:
 
 def _told(feeder: Feeder) -> list[str]:
     tally, workers = feeder.tally, feeder.workers
-    clauses = [
-        f"{_many(tally.done, 'view')} rendered by {_many(len(tally.workers), 'worker')} in {_many(tally.orders, 'order')}"
-    ]
+    by = f"{_many(len(tally.workers), 'worker')} in {_many(tally.orders, 'order')}"
+    clauses = [f"{_many(tally.done, 'view')} rendered by {by}"]
     clauses += [f"{tally.found} found finished after a worker was lost"] * bool(tally.found)
     clauses += [f"{tally.again} handed out again"] * bool(tally.again)
     clauses += [f"{tally.twice} rendered twice"] * bool(tally.twice)

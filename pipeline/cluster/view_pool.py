@@ -184,6 +184,7 @@ class ClusterPool:
 
 def _told(feeder: Feeder, gatherer: Gatherer | None, sender: CaseSender | None) -> list[str]:
     tally, workers = feeder.tally, feeder.workers
+<<<<<<< HEAD
     lost = sum(feeder.lost_processes.values())
     many = len(tally.workers)
     clauses = [f"{tally.done} views rendered by {many} worker{'s' * (many != 1)} in {tally.orders} orders"]
@@ -198,4 +199,19 @@ def _told(feeder: Feeder, gatherer: Gatherer | None, sender: CaseSender | None) 
         clauses += [f"{tally.not_gathered} could not be gathered"] * bool(tally.not_gathered)
     if sender is not None:
         clauses.append(f"the case was sent to {sender.sent} worker{'s' * (sender.sent != 1)}")
+=======
+    by = f"{_many(len(tally.workers), 'worker')} in {_many(tally.orders, 'order')}"
+    clauses = [f"{_many(tally.done, 'view')} rendered by {by}"]
+    clauses += [f"{tally.found} found finished after a worker was lost"] * bool(tally.found)
+    clauses += [f"{tally.again} handed out again"] * bool(tally.again)
+    clauses += [f"{tally.twice} rendered twice"] * bool(tally.twice)
+    lost = feeder.lost_processes.total()
+    clauses += [f"{_many(lost, 'render process', 'es')} lost"] * bool(lost)
+    clauses += [f"{_many(workers.lost, 'worker')} lost"] * bool(workers.lost)
+    clauses += [f"{_many(workers.refused, 'worker')} refused"] * bool(workers.refused)
+>>>>>>> c1
     return ["; ".join(clauses)]
+
+
+def _many(count: int, noun: str, plural: str = "s") -> str:
+    return f"{count} {noun}{plural * (count != 1)}"

@@ -135,12 +135,17 @@ def _absolute(arguments: list[str]) -> list[str]:
 
 def _told(feeder: Feeder) -> list[str]:
     tally, workers = feeder.tally, feeder.workers
-    lost = sum(feeder.lost_processes.values())
-    clauses = [f"{tally.done} views rendered by {len(tally.workers)} workers in {tally.orders} orders"]
+    by = f"{_many(len(tally.workers), 'worker')} in {_many(tally.orders, 'order')}"
+    clauses = [f"{_many(tally.done, 'view')} rendered by {by}"]
     clauses += [f"{tally.found} found finished after a worker was lost"] * bool(tally.found)
     clauses += [f"{tally.again} handed out again"] * bool(tally.again)
     clauses += [f"{tally.twice} rendered twice"] * bool(tally.twice)
-    clauses += [f"{lost} render process{'es' * (lost != 1)} lost"] * bool(lost)
-    clauses += [f"{workers.lost} worker{'s' * (workers.lost != 1)} lost"] * bool(workers.lost)
-    clauses += [f"{workers.refused} worker{'s' * (workers.refused != 1)} refused"] * bool(workers.refused)
+    lost = feeder.lost_processes.total()
+    clauses += [f"{_many(lost, 'render process', 'es')} lost"] * bool(lost)
+    clauses += [f"{_many(workers.lost, 'worker')} lost"] * bool(workers.lost)
+    clauses += [f"{_many(workers.refused, 'worker')} refused"] * bool(workers.refused)
     return ["; ".join(clauses)]
+
+
+def _many(count: int, noun: str, plural: str = "s") -> str:
+    return f"{count} {noun}{plural * (count != 1)}"

@@ -21,6 +21,8 @@ EXTRAS = {
     "dask": ("Dask", "cluster"),
     "distributed": ("Dask", "cluster"),
     "dask_jobqueue": ("dask-jobqueue", "cluster"),
+    # left out of the extension
+    "pipeline.cluster": ("OneFrame installed by pip", "cluster"),
 }
 """Modules of optional features -> their names, and the extras that install them."""
 

@@ -56,7 +56,8 @@ def scaling_charts(
             axes.grid(linewidth=0.8)
             plain_log_axis(axes.xaxis, ticks)
         panels[0].set_ylabel("efficiency (%)")
-        panels[0].legend(loc="lower left", frameon=False, fontsize=9)
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), frameon=False, fontsize=9.5)
         if costs:
             _costs(panels[-1], theme, costs)
         note(
@@ -82,4 +83,4 @@ def _costs(axes: Any, theme: Theme, costs: Sequence[tuple[int, float, float]]) -
     plain_log_axis(
         axes.yaxis, [value for value in (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500) if low / 1.5 <= value <= high * 1.5]
     )
-    axes.legend(loc="upper left", frameon=False, fontsize=9)
+    axes.legend(loc="upper right", frameon=False, fontsize=9.5)

@@ -8,6 +8,7 @@ keeps away from workers that refuse, and from those that have fallen silent.
 import queue
 import threading
 import time
+from asyncio import CancelledError
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -30,6 +31,8 @@ MOST_CRASHES = 3
 MOST_FAILURES = 3
 """Orders that may fail by a defect before the run stops."""
 SHOW_SECONDS = 0.2
+RESULT_SECONDS = 30.0
+"""Longest wait for a result that is there."""
 AGAIN = "what is finished is safe: run the same command again to continue"
 
 
@@ -249,14 +252,14 @@ class Feeder:
             return []
         try:
             return [*self._client.gather(futures)]
-        except Exception:
+        except (Exception, CancelledError):
             return [self._result(future) for future in futures]
 
     @staticmethod
     def _result(future: Future) -> Any:
         try:
-            return future.result(timeout=30)
-        except Exception as error:
+            return future.result(timeout=RESULT_SECONDS)
+        except (Exception, CancelledError) as error:
             return error
 
     def _take(self, outcome: Outcome, order: Order) -> None:
@@ -309,7 +312,8 @@ class Feeder:
                 self._suspects.extend(left)
             return
         self._todo.extendleft(reversed(left))
-        if error is None or isinstance(error, OSError | TimeoutError):
+        known = isinstance(error, OSError | TimeoutError | CancelledError)
+        if error is None or known or not is_connected(self._client):
             return
         self._failures += 1
         text = f"{type(error).__name__}: {' '.join(str(error).split())}"

@@ -2,6 +2,7 @@
 
 import logging
 import re
+import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -142,21 +143,33 @@ def connected_client(address: str) -> Iterator[Client]:
     RunError
         There is no scheduler at the address.
     """
-    try:
-        client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
-    except (OSError, ValueError, RuntimeError) as error:
+    found: list[Client | Exception] = []
+
+    def connect() -> None:
+        try:
+            found.append(Client(address, timeout=CONNECT_SECONDS, set_as_default=False))
+        except Exception as error:  # whatever Dask makes of the answer; it is told below
+            found.append(error)
+
+    # Dask waits for an answer without end where something else listens, such as a web server
+    thread = threading.Thread(target=connect, daemon=True)
+    thread.start()
+    thread.join(CONNECT_SECONDS + 2)
+    client = found[0] if found else None
+    if not isinstance(client, Client):
         port = address.rstrip("/").rpartition(":")[2]
         # Dask puts the system's reason at the end of the cause's text
-        text = " ".join(str(error.__cause__ or error).split())
-        why = text.rpartition("] ")[2] if "[Errno" in text else text[:200] or "no answer"
+        text = " ".join(str("" if client is None else client.__cause__ or client).split())
+        why = text.rpartition("] ")[2] if "[Errno" in text else text[:200] or "no answer that Dask understands"
         raise RunError(
             f"--cluster: expected a Dask scheduler at {address}, found none within {CONNECT_SECONDS:.0f} s ({why}); "
             f"start it (dask scheduler --port {port}) and workers (dask worker {address}), or correct the address"
-        ) from None
+        )
     try:
         yield client
     finally:
-        client.close(timeout=2)
+        with losing_scheduler(client):
+            client.close(timeout=2)
 
 
 def is_connected(client: Client) -> bool:

@@ -166,7 +166,8 @@ def stage(folder: Path, names: Sequence[str], wheels: Sequence[Path]) -> None:
     """Copy the extension's files to ``folder`` as installed: the add-on, the package inside it, scripts, wheels."""
     no_caches = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "blender_addon", folder, ignore=no_caches)
-    shutil.copytree(ROOT / "pipeline", folder / "pipeline", ignore=no_caches)
+    # an extension without the network: machines of a cluster have OneFrame from pip
+    shutil.copytree(ROOT / "pipeline", folder / "pipeline", ignore=shutil.ignore_patterns("__pycache__", "cluster"))
     for part in ("scripts", "wheels"):
         (folder / part).mkdir()
     for name in SCRIPTS:

@@ -11,11 +11,9 @@ import time
 from asyncio import CancelledError
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
-from distributed import Future
 from distributed.scheduler import KilledWorker
 
 from .. import __version__
@@ -25,7 +23,9 @@ from .call import Call
 from .case_sender import CaseSender
 from .gathering import MOST_WAITING, Gatherer
 from .orders import Beat, Order, Outcome
+from .placed_orders import PlacedOrder, PlacedOrders
 from .sources import WorkerSource, is_connected, losing_scheduler
+from .tally import Tally
 from .workers_seen import WorkersSeen
 
 ORDERS_PER_SLOT = 2
@@ -36,8 +36,6 @@ MOST_UNREACHED = 3
 MOST_FAILURES = 3
 """Orders that may fail by a defect before the run stops."""
 SHOW_SECONDS = 0.2
-RESULT_SECONDS = 30.0
-"""Longest wait for a result that is there."""
 AGAIN = "what is finished is safe: run the same command again to continue"
 
 
@@ -51,48 +49,6 @@ class Pace:
     silence: float = 120.0
     gone: float = 30.0
     order: float = 15.0
-
-
-@dataclass
-class Tally:
-    """What a run has taken.
-
-    Attributes
-    ----------
-    done, found
-        Items that orders did, and those that they found done after a worker was lost.
-    again
-        Items that were handed out again because a process or a worker was lost.
-    twice
-        Items that two workers did, because the first one seemed to be lost.
-    orders
-        Number of orders that came back.
-    not_gathered
-        Items that could not be brought here and were handed out again.
-    hosts
-        Number of items that are on each machine, by its name and address.
-    workers
-        The workers that did any.
-    """
-
-    done: int = 0
-    found: int = 0
-    again: int = 0
-    twice: int = 0
-    orders: int = 0
-    not_gathered: int = 0
-    hosts: Counter[tuple[str, str]] = field(default_factory=Counter)
-    workers: set[str] = field(default_factory=set)
-
-
-@dataclass
-class _Placed:
-    order: Order
-    future: Future
-    allowed: frozenset[str] | None
-    begun_on: str = ""
-    heard: float = 0.0
-    done: int = 0
 
 
 class Feeder:
@@ -142,13 +98,14 @@ class Feeder:
         on_outcome
             Gets every outcome.
         """
-        self._source, self._call, self._client = source, call, source.client
+        self._source, self._client = source, source.client
+        self._scheduler = PlacedOrders(source.client, call)
         self._run, self._task, self._job, self._noun = run, task, dict(job), noun
         self._todo = deque(items)
         self._pace = pace or Pace()
         self._on_outcome = on_outcome
         self._show, self._note, self._gatherer, self._sender = show, note, gatherer, sender
-        self._placed: dict[int, _Placed] = {}
+        self._placed: dict[int, PlacedOrder] = {}
         self._number = 0
         self._suspects: deque[int] = deque()
         self._crashes: Counter[int] = Counter()
@@ -160,7 +117,6 @@ class Feeder:
         self._finished: set[int] = set()
         self.workers = WorkersSeen(source, self._pace.silence)
         self.tally = Tally()
-        self.lost_processes: Counter[str] = Counter()
 
     def stop(self) -> None:
         """Let :meth:`run` return soon; from any thread."""
@@ -230,22 +186,10 @@ class Feeder:
             orders.append(self._next_order(slots))
         if not orders:
             return
-        rows = [self._call.arguments(order.to_text()) for order in orders]
-        futures: list[Future] = []
-        with losing_scheduler(self._client):
-            futures = self._client.map(
-                self._call.function,
-                *([*column] for column in zip(*rows, strict=True)),
-                key=[f"{self._task}-{self._run}-{order.number}" for order in orders],
-                workers=None if allowed is None else sorted(allowed),
-                pure=False,
-            )
-        if not futures:
+        placed = self._scheduler.place(orders, allowed, self._news.put)
+        if not placed:
             self._todo.extendleft(item for order in reversed(orders) for item in reversed(order.items))
-            return
-        for order, future in zip(orders, futures, strict=True):
-            self._placed[order.number] = _Placed(order, future, allowed)
-            future.add_done_callback(lambda _future, number=order.number: self._news.put(number))
+        self._placed.update({p.order.number: p for p in placed})
 
     def _next_order(self, slots: int) -> Order:
         self._number += 1
@@ -275,7 +219,7 @@ class Feeder:
             pass
         placed = [self._placed.pop(number) for number in arrived if number in self._placed]
         done = [p for p in placed if p.future.status == "finished"]
-        for p, result in zip(done, self._results([p.future for p in done]), strict=True):
+        for p, result in zip(done, self._scheduler.results(done), strict=True):
             if isinstance(result, str):
                 self._take(Outcome.from_text(result), p.order)
             else:
@@ -284,22 +228,6 @@ class Feeder:
             if p not in done:
                 error = p.future.exception() if p.future.status == "error" else None
                 self._take_failure(p, error)
-
-    def _results(self, futures: list[Future]) -> list[Any]:
-        """Their results, or the exception where one cannot be had: its worker may just have gone."""
-        if not futures:
-            return []
-        try:
-            return [*self._client.gather(futures)]
-        except (Exception, CancelledError):
-            return [self._result(future) for future in futures]
-
-    @staticmethod
-    def _result(future: Future) -> Any:
-        try:
-            return future.result(timeout=RESULT_SECONDS)
-        except (Exception, CancelledError) as error:
-            return error
 
     def _take(self, outcome: Outcome, order: Order) -> None:
         self.workers.answered(outcome.worker, outcome.host)
@@ -310,7 +238,6 @@ class Feeder:
         self._take_done(outcome)
         self._on_outcome(outcome)
         if outcome.finished:
-            self.tally.workers.add(outcome.worker)
             # recent orders count more
             self._timed = 0.98 * self._timed + len(outcome.finished)
             self._timed_seconds = 0.98 * self._timed_seconds + outcome.seconds
@@ -321,7 +248,7 @@ class Feeder:
             self._todo.extendleft(reversed(left))
             return
         for lost in outcome.lost:
-            self.lost_processes[lost] += 1
+            self.tally.processes += 1
             self._note(f"worker {outcome.worker} on {outcome.host}: {lost}; its {self._noun}s are done again")
         if outcome.lost:
             self.tally.again += len(outcome.crashed)
@@ -331,10 +258,7 @@ class Feeder:
 
     def _take_done(self, outcome: Outcome) -> None:
         self._finished.update(outcome.finished, outcome.found)
-        self.tally.done += len(outcome.finished)
-        self.tally.found += len(outcome.found)
-        address = outcome.worker.rpartition("/")[2].rpartition(":")[0]
-        self.tally.hosts[outcome.host, address] += len(outcome.finished) + len(outcome.found)
+        self.tally.add(outcome)
         if self._gatherer:
             self._gatherer.take(outcome)
 
@@ -367,7 +291,7 @@ class Feeder:
             )
         self._suspects.append(item)
 
-    def _take_failure(self, placed: _Placed, error: BaseException | None) -> None:
+    def _take_failure(self, placed: PlacedOrder, error: BaseException | None) -> None:
         """An order without an outcome: its workers died, the scheduler forgot it, or there is a defect."""
         left = [item for item in placed.order.items if item not in self._finished]
         self._count_again(placed, len(left))
@@ -388,7 +312,7 @@ class Feeder:
             raise RunError(f"the workers cannot do orders ({text}); {AGAIN}")
         self._note(f"an order failed and is done again ({text})")
 
-    def _count_again(self, placed: _Placed, items: int) -> None:
+    def _count_again(self, placed: PlacedOrder, items: int) -> None:
         # an order that nobody has begun has cost nothing
         if placed.begun_on:
             self.tally.again += max(0, items - placed.done)
@@ -424,7 +348,7 @@ class Feeder:
         silent = self.workers.silent(
             now, {p.begun_on: p.heard for p in sorted(self._placed.values(), key=lambda p: p.heard) if p.begun_on}
         )
-        allowed, waiting = self.workers.allowed(), self._waiting_at(silent)
+        allowed, waiting = self.workers.allowed(), self._scheduler.keys_at(silent)
         stuck = [
             p
             for p in self._placed.values()
@@ -432,28 +356,13 @@ class Feeder:
             or p.future.key in waiting
             or (p.allowed is not None and allowed is not None and not p.allowed & allowed)
         ]
-        self._cancel(stuck)
+        self._scheduler.cancel(stuck)
         for p in stuck:
             del self._placed[p.order.number]
             self._count_again(p, len(p.order.items))
             self._todo.extendleft(reversed(p.order.items))
 
-    def _waiting_at(self, workers: Iterable[str]) -> set[str]:
-        """Keys of the orders that Dask has sent to workers, begun or not."""
-        found: set[str] = set()
-        if workers:
-            # one of them may leave at this moment
-            with losing_scheduler(self._client), suppress(KeyError):
-                for keys in self._client.processing(workers=[*workers]).values():
-                    found.update(keys)
-        return found
-
     def _abandon(self) -> None:
         placed = [*self._placed.values()]
         self._placed.clear()
-        self._cancel(placed)
-
-    def _cancel(self, placed: list[_Placed]) -> None:
-        if placed and is_connected(self._client):
-            with losing_scheduler(self._client):
-                self._client.cancel([p.future for p in placed], force=True)
+        self._scheduler.cancel(placed)

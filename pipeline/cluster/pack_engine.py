@@ -81,20 +81,9 @@ def packed_by_cluster(
             show(0, feeder.state())
         if failure:
             raise RunError(str(failure[0])) from None if isinstance(failure[0], InputError) else failure[0]
-        progress.note(_told(feeder))
+        progress.note("; ".join(feeder.tally.clauses("shard", "packed", feeder.workers)))
     finally:
         feeder.stop()
         thread.join(2.0)
         with suppress(OSError):
             token.unlink(missing_ok=True)
-
-
-def _told(feeder: Feeder) -> str:
-    tally, workers = feeder.tally, feeder.workers
-    many = len(tally.workers)
-    clauses = [f"{tally.done} shards packed by {many} worker{'s' * (many != 1)}"]
-    clauses += [f"{tally.found} found finished on a disk"] * bool(tally.found)
-    clauses += [f"{tally.again} handed out again"] * bool(tally.again)
-    clauses += [f"{workers.lost} worker{'s' * (workers.lost != 1)} lost"] * bool(workers.lost)
-    clauses += [f"{workers.refused} worker{'s' * (workers.refused != 1)} refused"] * bool(workers.refused)
-    return "; ".join(clauses)

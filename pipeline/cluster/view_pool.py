@@ -23,6 +23,7 @@ from .held_views import held_views
 from .places_on_workers import PlacesOnWorkers
 from .render_task import Limits, RenderJob
 from .sources import WorkerSource, is_connected, losing_scheduler
+from .tally import counted
 from .worker_places import SentCase
 
 MOST_NAMED = 50
@@ -136,7 +137,12 @@ class ClusterPool:
         self._thread.join()
         if self._failure is not None:
             raise self._failure
-        self.messages += _told(self._feeder, self._gatherer, self._sender)
+        clauses = self._feeder.tally.clauses("view", "rendered", self._feeder.workers)
+        if self._gatherer is not None:
+            clauses.append(f"{self._gatherer.bytes / 1e6:.0f} MB gathered")
+        if self._sender is not None:
+            clauses.append(f"the case was sent to {counted(self._sender.sent, 'worker')}")
+        self.messages.append("; ".join(clauses))
         if self._places.are_own and self._gatherer is None:
             counts = self._feeder.tally.hosts.most_common()
             hosts = ", ".join(f"{host} {address} ({count})" for (host, address), count in counts[:MOST_NAMED])
@@ -180,38 +186,3 @@ class ClusterPool:
             self._failure = error
         except BaseException as error:  # a defect, raised where the run waits
             self._failure = error
-
-
-def _told(feeder: Feeder, gatherer: Gatherer | None, sender: CaseSender | None) -> list[str]:
-    tally, workers = feeder.tally, feeder.workers
-<<<<<<< HEAD
-    lost = sum(feeder.lost_processes.values())
-    many = len(tally.workers)
-    clauses = [f"{tally.done} views rendered by {many} worker{'s' * (many != 1)} in {tally.orders} orders"]
-    clauses += [f"{tally.found} found finished on a disk"] * bool(tally.found)
-    clauses += [f"{tally.again} handed out again"] * bool(tally.again)
-    clauses += [f"{tally.twice} rendered twice"] * bool(tally.twice)
-    clauses += [f"{lost} render process{'es' * (lost != 1)} lost"] * bool(lost)
-    clauses += [f"{workers.lost} worker{'s' * (workers.lost != 1)} lost"] * bool(workers.lost)
-    clauses += [f"{workers.refused} worker{'s' * (workers.refused != 1)} refused"] * bool(workers.refused)
-    if gatherer is not None:
-        clauses.append(f"{gatherer.bytes / 1e6:.0f} MB gathered")
-        clauses += [f"{tally.not_gathered} could not be gathered"] * bool(tally.not_gathered)
-    if sender is not None:
-        clauses.append(f"the case was sent to {sender.sent} worker{'s' * (sender.sent != 1)}")
-=======
-    by = f"{_many(len(tally.workers), 'worker')} in {_many(tally.orders, 'order')}"
-    clauses = [f"{_many(tally.done, 'view')} rendered by {by}"]
-    clauses += [f"{tally.found} found finished after a worker was lost"] * bool(tally.found)
-    clauses += [f"{tally.again} handed out again"] * bool(tally.again)
-    clauses += [f"{tally.twice} rendered twice"] * bool(tally.twice)
-    lost = feeder.lost_processes.total()
-    clauses += [f"{_many(lost, 'render process', 'es')} lost"] * bool(lost)
-    clauses += [f"{_many(workers.lost, 'worker')} lost"] * bool(workers.lost)
-    clauses += [f"{_many(workers.refused, 'worker')} refused"] * bool(workers.refused)
->>>>>>> c1
-    return ["; ".join(clauses)]
-
-
-def _many(count: int, noun: str, plural: str = "s") -> str:
-    return f"{count} {noun}{plural * (count != 1)}"

@@ -12,7 +12,7 @@ import pytest
 from tests.cluster.slurm.slurm_on_this_machine import LARGEST_ARRAY, NODES
 
 SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "slurm_array.sh"
-SHARDS, VIEWS = 4, 480
+SHARDS, VIEWS = 4, 800
 RENDER = ("--count", VIEWS)
 JOB = ("--cpus-per-task", 1, "--mem", 500)
 
@@ -49,7 +49,7 @@ def records(root: Path) -> dict[Path, tuple[int, int]]:
 
 
 def test_same_bytes_whatever_is_killed(slurm, submit, case, tmp_path, render_command, run_command):
-    alone, out, rng = tmp_path / "alone", tmp_path / "out", np.random.default_rng(3)
+    alone, out, rng = tmp_path / "alone", tmp_path / "out", np.random.default_rng(6)
     assert run_command(render_command(case, "--out", alone, *RENDER)).returncode == 0
 
     first = submit(case, out, *RENDER, "--seed", 0, options=(*JOB, "--at-once", 2))
@@ -57,27 +57,30 @@ def test_same_bytes_whatever_is_killed(slurm, submit, case, tmp_path, render_com
     again = submit(case, out, *RENDER, "--seed", 0)
     assert "nothing to submit: 0 of 4 shards are finished" in again.stdout
 
-    def wait_for_work(element: str = "") -> tuple[str, str, str]:
-        """A job that renders, its name and its node; of several, any."""
+    def rendering(element: str) -> dict[str, tuple[str, str]]:
+        return {
+            job: (name, node)
+            for job, (name, node) in slurm.running().items()
+            if name.endswith(element) and any(is_render(line) for line in slurm.processes(SLURM_JOB_ID=job).values())
+        }
+
+    def wait_for_work(element: str = "", *, at_once: bool = False) -> tuple[str, str, str]:
+        """A job that renders, its name and its node: of several, any, and at any moment of its work."""
         end = time.monotonic() + 60
         while time.monotonic() < end:
-            jobs = {
-                job: (name, node)
-                for job, (name, node) in slurm.running().items()
-                if name.endswith(element)
-                and any(is_render(line) for line in slurm.processes(SLURM_JOB_ID=job).values())
-            }
+            jobs = rendering(element)
             if jobs:
                 job = str(rng.choice(sorted(jobs)))
-                time.sleep(rng.uniform(0, 1.5))
+                time.sleep(0 if at_once else rng.uniform(0, 0.8))
                 seen.append(records(out))
-                return job, *jobs[job]
+                if job in rendering(element):
+                    return job, *jobs[job]
             time.sleep(0.1)
         raise AssertionError(slurm.told())
 
     seen: list[dict[Path, tuple[int, int]]] = []
     # the job itself, before its last view: Slurm calls it failed, and the tables can never be written
-    job, _, _ = wait_for_work()
+    job, _, _ = wait_for_work(at_once=True)
     assert slurm.kill(job) >= 2
     # as at a preemption
     _, name, _ = wait_for_work()

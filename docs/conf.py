@@ -41,7 +41,7 @@ nitpicky = True
 nitpick_ignore_regex = [
     (
         "py:.*",
-        r"\.?(argparse|bpy|collections|contextlib|cv2|json|mathutils|numpy|pathlib|struct|tempfile|tomllib|types)(\..*)?",
+        r"\.?(argparse|bpy|collections|contextlib|cv2|distributed|json|mathutils|numpy|pathlib|struct|tempfile|tomllib|types)(\..*)?",
     ),
     ("py:data", r"\.?[A-Z_]+"),
     ("py:meth", r"\w+"),

@@ -45,8 +45,7 @@ class Gatherer:
         """How often a worker was out of reach after it had sent an outcome."""
         self._back: queue.SimpleQueue[Ungathered] = queue.SimpleQueue()
         self._failure: OSError | None = None
-        self.bytes = 0
-        """Number of bytes fetched."""
+        self.fetched_bytes = 0
 
     @property
     def waiting(self) -> int:
@@ -106,5 +105,5 @@ class Gatherer:
             self._failure = error
         else:
             with self._lock:
-                self.bytes += size
+                self.fetched_bytes += size
                 self._waiting.discard(view)

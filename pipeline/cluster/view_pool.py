@@ -139,7 +139,7 @@ class ClusterPool:
             raise self._failure
         clauses = self._feeder.tally.clauses("view", "rendered", self._feeder.workers)
         if self._gatherer is not None:
-            clauses.append(f"{self._gatherer.bytes / 1e6:.0f} MB gathered")
+            clauses.append(f"{self._gatherer.fetched_bytes / 1e6:.0f} MB gathered")
         if self._sender is not None:
             clauses.append(f"the case was sent to {counted(self._sender.sent, 'worker')}")
         self.messages.append("; ".join(clauses))

@@ -1,23 +1,15 @@
 """Workers on this machine: one child process runs a scheduler and starts workers, again if they are killed.
 
-The child is a plain Python also where a Blender program renders, whose own start-up code does not bear Python's
-``multiprocessing``. It ends, with all its workers, when its standard input ends: also if its parent is killed.
+See :mod:`pipeline.cluster.scheduler_process`. The workers end with the child.
 """
 
-import json
 import logging
 import os
-import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
-from ..errors import RunError
-
-START_SECONDS = 60.0
-_ROOT = Path(__file__).resolve().parents[2]
+from .scheduler_process import answer, scheduler_process
 
 
 @contextmanager
@@ -40,45 +32,9 @@ def local_workers(count: int) -> Iterator[tuple[str, int]]:
     """
     import distributed
 
-    paths = [str(_ROOT), str(Path(distributed.__file__).parents[1])]
-    environment = {"PYTHONPATH": os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH", ""), *paths]))}
-    try:
-        child = subprocess.Popen(
-            [sys.executable, "-m", __name__.replace(__package__ or "", "pipeline.cluster"), str(count)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            encoding="utf-8",
-            errors="replace",
-            env=os.environ | environment,
-            # Ctrl-C reaches only the command, which ends this process
-            start_new_session=os.name != "nt",
-        )
-    except OSError as error:
-        raise RunError(f"--cluster: cannot start {sys.executable} for workers here ({error.strerror})") from None
-    try:
-        yield _address(child), max(1, _cores() // count)
-    finally:
-        child.kill()
-        child.wait()
-
-
-def _address(child: subprocess.Popen[str]) -> str:
-    late = threading.Timer(START_SECONDS, child.kill)
-    late.start()
-    try:
-        for line in child.stdout or ():
-            if line.startswith("{"):
-                address: str = json.loads(line)["scheduler"]
-                return address
-    finally:
-        late.cancel()
-    child.kill()
-    lines = (child.stderr.read() if child.stderr else "").strip().splitlines()
-    raise RunError(
-        f"--cluster: no workers could be started on this machine ({lines[-1] if lines else 'no answer'}); "
-        "correct this, or render without --cluster"
-    )
+    running = scheduler_process("local_workers", str(count), distributed.__file__, where="--cluster", end_seconds=0.0)
+    with running as address:
+        yield address, max(1, _cores() // count)
 
 
 def _cores() -> int:
@@ -109,8 +65,7 @@ def main(count: int) -> None:
         memory_limit=0,
         silence_logs=logging.CRITICAL,
     )
-    sys.stdout.write(json.dumps({"scheduler": cluster.scheduler_address}) + "\n")
-    sys.stdout.flush()
+    answer(scheduler=cluster.scheduler_address)
     sys.stdin.read()
     # at once; the workers see it and end
     os._exit(0)

@@ -180,7 +180,7 @@ def perform(order: Order, worker: Surroundings) -> Outcome:
             time.sleep(max(0.0, begin + taken - time.monotonic()))
             worker.beat("rendering", done)
         else:
-            # as many signs of life as in that time; a state that changes is told at once
+            # as many signs of life as in that time; a change of state is reported at once
             while taken >= beats * BEAT_SECONDS:
                 worker.beat(("rendering", "starting")[beats % 2], done)
                 beats += 1

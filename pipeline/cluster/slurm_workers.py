@@ -1,7 +1,7 @@
 """Workers in jobs of Slurm: one child process runs a scheduler and submits the jobs by dask-jobqueue.
 
-The child ends, with all its jobs, when its standard input ends: also if its parent is killed. Workers whose scheduler
-has gone end by themselves.
+See :mod:`pipeline.cluster.scheduler_process`. The child cancels its jobs when it ends, and workers whose scheduler has gone
+end by themselves.
 """
 
 import json
@@ -14,16 +14,14 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
-from ..errors import InputError, RunError
+from ..errors import InputError
+from .scheduler_process import answer, scheduler_process
 
-START_SECONDS = 60.0
 CLOSE_SECONDS = 20.0
 REPLACE_SECONDS = 3.0
 """How often jobs that have ended are replaced."""
-_ROOT = Path(__file__).resolve().parents[2]
 
 
 @contextmanager
@@ -57,49 +55,16 @@ def slurm_workers(settings: Any) -> Iterator[str]:
         raise InputError(
             '--cluster slurm: expected the package dask-jobqueue, it is not installed; pip install "oneframe[cluster]"'
         ) from None
-    paths = [str(_ROOT), str(Path(dask_jobqueue.__file__).parents[1])]
-    environment = {"PYTHONPATH": os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH", ""), *paths]))}
-    child = subprocess.Popen(
-        [sys.executable, "-m", __name__, json.dumps(asdict(settings))],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        encoding="utf-8",
-        errors="replace",
-        env=os.environ | environment,
-        # Ctrl-C reaches only the command, which ends this process
-        start_new_session=True,
-    )
-    try:
-        yield _address(child)
-    finally:
+    running = scheduler_process(
+        "slurm_workers",
+        json.dumps(asdict(settings)),
+        dask_jobqueue.__file__,
+        where="--cluster slurm",
         # it cancels its jobs first
-        if child.stdin is not None:
-            child.stdin.close()
-        try:
-            child.wait(CLOSE_SECONDS)
-        except subprocess.TimeoutExpired:
-            child.kill()
-            child.wait()
-
-
-def _address(child: "subprocess.Popen[str]") -> str:
-    late = threading.Timer(START_SECONDS, child.kill)
-    late.start()
-    try:
-        for line in child.stdout or ():
-            if line.startswith("{"):
-                answer = json.loads(line)
-                if "refused" in answer:
-                    raise RunError(f"--cluster slurm: Slurm refuses a job of these settings ({answer['refused']})")
-                return str(answer["scheduler"])
-    finally:
-        late.cancel()
-    child.kill()
-    lines = (child.stderr.read() if child.stderr else "").strip().splitlines()
-    raise RunError(
-        f"--cluster slurm: no scheduler could be started on this machine ({lines[-1] if lines else 'no answer'})"
+        end_seconds=CLOSE_SECONDS,
     )
+    with running as address:
+        yield address
 
 
 def main(settings: dict[str, Any]) -> None:
@@ -107,7 +72,14 @@ def main(settings: dict[str, Any]) -> None:
     import dask
     from dask_jobqueue import SLURMCluster
 
-    dask.config.set({"distributed.scheduler.worker-ttl": "30s", "distributed.scheduler.allowed-failures": 10})
+    dask.config.set(
+        {
+            "distributed.scheduler.worker-ttl": "30s",
+            "distributed.scheduler.allowed-failures": 10,
+            # no order waits behind a slow worker
+            "distributed.scheduler.worker-saturation": 1.0,
+        }
+    )
     logging.disable(logging.CRITICAL)
     own = ["--job-name=oneframe-workers", "--output=/dev/null", "--error=/dev/null"]
     cluster = SLURMCluster(
@@ -129,11 +101,9 @@ def main(settings: dict[str, Any]) -> None:
     )
     refused = _refusal(cluster.job_script())
     if refused:
-        sys.stdout.write(json.dumps({"refused": refused}) + "\n")
-        sys.stdout.flush()
+        answer(refused=f"Slurm refuses a job of these settings ({refused})")
         os._exit(1)
-    sys.stdout.write(json.dumps({"scheduler": cluster.scheduler_address}) + "\n")
-    sys.stdout.flush()
+    answer(scheduler=cluster.scheduler_address)
     ended = threading.Event()
 
     def watch() -> None:

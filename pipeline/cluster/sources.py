@@ -148,7 +148,7 @@ def connected_client(address: str) -> Iterator[Client]:
     def connect() -> None:
         try:
             found.append(Client(address, timeout=CONNECT_SECONDS, set_as_default=False))
-        except Exception as error:  # whatever Dask makes of the answer; it is told below
+        except Exception as error:  # whatever Dask makes of the answer; reported below
             found.append(error)
 
     # Dask waits for an answer without end where something else listens, such as a web server
@@ -182,7 +182,7 @@ def is_connected(client: Client) -> bool:
 
 @contextmanager
 def losing_scheduler(client: Client) -> Iterator[None]:
-    """Wrap calls of a scheduler, which may go at any moment: that is no error here, :func:`is_connected` tells it."""
+    """Wrap calls of a scheduler, which may go at any moment: that is no error here; :func:`is_connected` shows it."""
     try:
         yield
     except Exception as error:

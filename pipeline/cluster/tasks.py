@@ -1,4 +1,4 @@
-"""On a worker: the kinds of orders, and what a task may tell and ask while it does one."""
+"""On a worker: the kinds of orders, and what a task may report and ask while it does one."""
 
 import time
 from collections.abc import Callable

@@ -18,12 +18,12 @@ class WorkersSeen:
         self._source, self._silence = source, silence
         self._threads: Mapping[str, int] = {}
         self._refused: dict[str, str] = {}
-        self._told: set[tuple[str, str]] = set()
+        self._reported: set[tuple[str, str]] = set()
         self._silent: set[str] = set()
         self._states: dict[str, tuple[str, float]] = {}
         self._lost: set[str] = set()
         self._answered = 0.0
-        self._waits_told = self._is_lost = False
+        self._waiting_reported = self._is_lost = False
         self._none_since: float | None = None
         self.reasons: list[str] = []
         """Why workers were refused, as sentences."""
@@ -61,16 +61,16 @@ class WorkersSeen:
         self._silent.discard(worker)
 
     def refuse(self, worker: str, host: str, why: str) -> str:
-        """Note that a worker refuses; the line to tell, once for a machine and a reason."""
+        """Note that a worker refuses; the line to report, once for a machine and a reason."""
         self._refused[worker] = why
-        if (host, why) in self._told:
+        if (host, why) in self._reported:
             return ""
-        self._told.add((host, why))
+        self._reported.add((host, why))
         self.reasons.append(f"worker {worker} on {host}: {why}")
         return f"worker {worker} on {host} is refused: {why}"
 
     def look(self, now: float) -> list[str]:
-        """Ask the scheduler who is there; lines to tell."""
+        """Ask the scheduler who is there; lines to report."""
         client, found = self._source.client, None
         if is_connected(client):
             with losing_scheduler(client):
@@ -119,14 +119,14 @@ class WorkersSeen:
             return
         usable = self._threads.keys() - self._refused.keys()
         if usable:
-            self._waits_told, self._none_since = False, None
+            self._waiting_reported, self._none_since = False, None
             return
         self._none_since = now if self._none_since is None else self._none_since
         waited = now - self._none_since
         if self._threads and (not self._source.can_join or waited > no_worker):
             raise RunError(f"all workers are refused: {'; '.join(self.reasons[:4])}")
-        if not self._threads and waited > no_worker and not self._waits_told:
-            self._waits_told = True
+        if not self._threads and waited > no_worker and not self._waiting_reported:
+            self._waiting_reported = True
             note(f"no worker is connected to {self._source.address}: waiting; {self._source.no_workers}")
 
     def silent(self, now: float, heard: Mapping[str, float]) -> set[str]:
@@ -147,8 +147,8 @@ class WorkersSeen:
         if many:
             parts[0] += ": " + ", ".join(f"{count} {state}" for state, count in states.most_common())
         others = {"refused": self.refused, "silent": len(self._silent), "lost": self.lost}
-        if told := ", ".join(f"{count} {state}" for state, count in others.items() if count):
-            parts.append(told)
+        if text := ", ".join(f"{count} {state}" for state, count in others.items() if count):
+            parts.append(text)
         return "; ".join(parts)
 
     def _state(self, worker: str, now: float) -> str:

@@ -1,4 +1,4 @@
-"""``dataset_info.md`` of a pack: what its readers need to be told, with its own figures."""
+"""``dataset_info.md`` of a pack: what its readers need to know, with its own figures."""
 
 from ..dataset.layout import OBJECT_ID
 from ..dataset.view_ranges import view_ranges

@@ -1,7 +1,7 @@
 """Workers in jobs of Slurm: one child process runs a scheduler and submits the jobs by dask-jobqueue.
 
-See :mod:`pipeline.cluster.scheduler_process`. The child cancels its jobs when it ends; workers without a scheduler end by
-themselves.
+See :mod:`pipeline.cluster.scheduler_process`. The child cancels its jobs when it ends; workers that have lost their
+scheduler end by themselves.
 """
 
 import json

@@ -14,7 +14,8 @@ from pipeline.cluster.worker_places import end_run, own_folder
 from pipeline.dataset.folder import RunFolder, Shard
 from pipeline.dataset.identity import description_bytes, identity_of
 from pipeline.errors import RunError
-from tests.cluster.test_cluster_render import records, render_processes, tree, wait_until
+from tests.cluster.test_cluster_render import records, render_processes, wait_until
+from tests.different_files import different_files
 
 on_linux = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux's /proc")
 
@@ -32,12 +33,6 @@ def reference(case, tmp_path_factory, render_command, run_command) -> Path:
     ended = run_command(render_command(case, "--out", out, "--count", VIEWS))
     assert (ended.returncode, ended.stderr) == (0, "")
     return out
-
-
-def assert_same(out: Path, reference: Path) -> None:
-    found, expected = tree(out), tree(reference)
-    assert sorted(found) == sorted(expected)
-    assert [name for name in expected if found[name] != expected[name]] == []
 
 
 @on_linux
@@ -69,7 +64,7 @@ def test_gathered_views_are_those_of_one_machine_though_a_worker_dies(
     assert (process.returncode, errors) == (0, "")
     assert "1 worker lost" in output
     assert "the case was sent to 3 workers" in output
-    assert_same(out, reference)
+    assert different_files(out, reference) == []
 
 
 @pytest.mark.render
@@ -88,10 +83,10 @@ def test_views_stay_on_workers_and_are_found_there(case, reference, tmp_path, re
     # the documented copy, and then the tables
     shutil.copytree(own, out, dirs_exist_ok=True)
     assert run_command(plain).returncode == 0
-    assert_same(out, reference)
+    assert different_files(out, reference) == []
     command = render_command(case, "--out", gathered, "--count", VIEWS, *flags, "--gather")
     assert f"0 orders; {VIEWS} found finished on a disk; 1 MB gathered" in run_command(command).stdout
-    assert_same(gathered, reference)
+    assert different_files(gathered, reference) == []
 
 
 class Machine:

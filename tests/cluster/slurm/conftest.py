@@ -36,5 +36,6 @@ def program_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def submitting(slurm: Slurm, program_folder: Path) -> Iterator[dict[str, str]]:
     """Environment variables of a machine that submits to Slurm and has ``oneframe``; the queue is empty afterwards."""
-    yield slurm.environment | {"PATH": f"{program_folder}:{os.environ['PATH']}"}
+    # a Blender program, which other tests are for, would take the place of oneframe
+    yield slurm.environment | {"PATH": f"{program_folder}:{os.environ['PATH']}", "BLENDER": ""}
     slurm.cancel_all()

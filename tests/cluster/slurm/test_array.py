@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.cluster.slurm.slurm_on_this_machine import LARGEST_ARRAY, NODES
+from tests.different_files import different_files
 
 SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "slurm_array.sh"
 SHARDS, VIEWS = 4, 800
@@ -33,10 +34,6 @@ def submit(run_command, submitting):
         return run_command([str(word) for word in command], **submitting | environment)
 
     return call
-
-
-def contents(root: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()}
 
 
 def records(root: Path) -> dict[Path, tuple[int, int]]:
@@ -105,7 +102,7 @@ def test_same_bytes_whatever_is_killed(slurm, submit, case, tmp_path, render_com
     slurm.wait_until_idle()
 
     logs = {path.name: path.read_text() for path in Path(f"{out}.slurm").glob("*.log")}
-    assert contents(out) == contents(alone), logs
+    assert different_files(out, alone) == [], logs
     assert len(records(out)) == VIEWS
     last = records(out)
     twice = {path.name for earlier in seen for path, state in earlier.items() if last[path] != state}

@@ -165,10 +165,10 @@ def build(names: Sequence[str], out: Path, *, blender: str | None = None) -> Ite
 def stage(folder: Path, names: Sequence[str], wheels: Sequence[Path]) -> None:
     """Copy the extension's files to ``folder`` as installed: the add-on, the package inside it, scripts, wheels."""
     no_caches = shutil.ignore_patterns("__pycache__")
-    # the extension has no permission to use a network
-    without_network = shutil.ignore_patterns("__pycache__", "cluster")
+    # the extension has no permission to use a network, and code that trains runs outside Blender
+    for_blender = shutil.ignore_patterns("__pycache__", "cluster", "reader")
     shutil.copytree(ROOT / "blender_addon", folder, ignore=no_caches)
-    shutil.copytree(ROOT / "pipeline", folder / "pipeline", ignore=without_network)
+    shutil.copytree(ROOT / "pipeline", folder / "pipeline", ignore=for_blender)
     for part in ("scripts", "wheels"):
         (folder / part).mkdir()
     for name in SCRIPTS:

@@ -7,6 +7,7 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from queue import SimpleQueue
 from typing import BinaryIO, cast
@@ -99,7 +100,8 @@ def _started() -> subprocess.Popen[bytes]:
 def _serve(child: subprocess.Popen[bytes], waiting: "deque[ShardOrder]", messages: "SimpleQueue[_Message]") -> None:
     """In a thread of its own: give orders to a process and pass on what it reports, until there are no more orders."""
     given, reports = cast(BinaryIO, child.stdin), cast(BinaryIO, child.stdout)
-    with given, reports:
+    # what a killed process has not read can no longer be written when the stream is closed
+    with suppress(BrokenPipeError), given, reports:
         try:
             while waiting:
                 pickle.dump(waiting.popleft(), given)

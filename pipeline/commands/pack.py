@@ -145,7 +145,8 @@ def run(arguments: argparse.Namespace) -> int:
         output.write(f"RGB as JPEG of quality {manifest.jpeg_quality}: {manifest.loss}\n")
     size = sum(shard.sum.bytes for shard in manifest.shards)
     output.write(
-        f"pack of {len(manifest.views)} views, {size / 1e6:.0f} MB in {len(manifest.shards)} shards: {arguments.out}\n"
+        f"pack of {len(manifest.views)} views, {size / 1e6:.0f} MB in {len(manifest.shards)} "
+        f"shard{'s' * (len(manifest.shards) != 1)}: {arguments.out}\n"
     )
     return 0
 

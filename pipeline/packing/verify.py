@@ -65,7 +65,7 @@ class VerifyReport:
 
     def summary(self) -> str:
         """The result as one line."""
-        name = f"pack of {self.count} views in {self.shards} shards"
+        name = f"pack of {self.count} views in {self.shards} shard{'s' * (self.shards != 1)}"
         if self.findings:
             wrong = len(self.findings)
             return f"{name}: NOT whole, {wrong} finding{'s' * (wrong > 1)}"

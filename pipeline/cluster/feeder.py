@@ -10,7 +10,7 @@ import threading
 import time
 from asyncio import CancelledError
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,7 +22,7 @@ from ..errors import InputError, RunError
 from .call import Call
 from .case_sender import CaseSender
 from .gathering import MOST_WAITING, Gatherer
-from .orders import Beat, Order, Outcome
+from .orders import Beat, Order, Outcome, topic_of
 from .placed_orders import PlacedOrder, PlacedOrders
 from .sources import WorkerSource, is_connected, losing_scheduler
 from .tally import Tally
@@ -63,6 +63,7 @@ class Feeder:
         task: str,
         job: Mapping[str, Any],
         items: Iterable[int],
+        anew: Collection[int] = (),
         noun: str = "view",
         pace: Pace | None = None,
         show: Callable[[int, str], None] = lambda _done, _state: None,
@@ -78,11 +79,13 @@ class Feeder:
         source, call
             The workers, and the function that they call.
         run
-            16 hex digits that name the run; its signs of life have the topic ``oneframe-<run>``.
+            16 hex digits that name the run.
         task, job
             As in :class:`.Order`.
         items
             Numbers of what is to do.
+        anew
+            Those that are done whatever workers find.
         noun
             What an item is called.
         pace
@@ -100,8 +103,8 @@ class Feeder:
         """
         self._source, self._client = source, source.client
         self._scheduler = PlacedOrders(source.client, call)
-        self._run, self._task, self._job, self._noun = run, task, dict(job), noun
-        self._todo = deque(items)
+        self._task, self._job, self._noun = task, dict(job), noun
+        self._todo, self._anew = deque(items), frozenset(anew)
         self._pace = pace or Pace()
         self._on_outcome = on_outcome
         self._show, self._note, self._gatherer, self._sender = show, note, gatherer, sender
@@ -112,9 +115,11 @@ class Feeder:
         self._failures = 0
         self._timed, self._timed_seconds = 0.0, 0.0
         self._news: queue.SimpleQueue[int | Beat | None] = queue.SimpleQueue()
-        self._topic, self._is_heard = f"oneframe-{run}", False
+        self._is_heard = False
         self._stopped = threading.Event()
         self._finished: set[int] = set()
+        self.name = run
+        """The run's name."""
         self.workers = WorkersSeen(source, self._pace.silence)
         self.tally = Tally()
 
@@ -151,18 +156,21 @@ class Feeder:
             self._abandon()
             if self._is_heard:
                 with losing_scheduler(self._client):
-                    self._client.unsubscribe_topic(self._topic)
+                    self._client.unsubscribe_topic(topic_of(self.name))
 
     def state(self) -> str:
         """The state of the workers, in a few words."""
         again = f"; {self.tally.again} {self._noun}s again" if self.tally.again else ""
         return self.workers.state(time.monotonic()) + again
 
-    def found_before(self, outcome: Outcome) -> None:
-        """Take over, before :meth:`run`, what a worker has from an earlier run."""
-        held = {*outcome.found}.intersection(self._todo) - self._finished
-        self._todo = deque(item for item in self._todo if item not in held)
-        self._take_done(replace(outcome, found=tuple(sorted(held))))
+    def found_before(self, outcomes: Iterable[Outcome]) -> None:
+        """Take over, before :meth:`run`, what workers have from an earlier run."""
+        wanted = {*self._todo}
+        for outcome in outcomes:
+            held = wanted.intersection(outcome.found)
+            wanted -= held
+            self._take_done(replace(outcome, found=tuple(sorted(held))))
+        self._todo = deque(item for item in self._todo if item in wanted)
 
     def _is_unfinished(self) -> bool:
         return bool(self._todo or self._suspects or self._placed or (self._gatherer and self._gatherer.waiting))
@@ -200,8 +208,8 @@ class Feeder:
             mean = self._timed_seconds / self._timed if self._timed else None
             count = next_chunk(len(self._todo), slots, mean, target_seconds=self._pace.order)
             items = tuple(self._todo.popleft() for _ in range(count))
-        budget = time_budget(target_seconds=self._pace.order)
-        return Order(self._number, self._run, self._task, __version__, self._job, items, budget, alone)
+        budget, anew = time_budget(target_seconds=self._pace.order), tuple(self._anew.intersection(items))
+        return Order(self._number, self.name, self._task, __version__, self._job, items, budget, alone, anew)
 
     # --- back
 
@@ -217,17 +225,20 @@ class Feeder:
                 news = self._news.get_nowait()
         except queue.Empty:
             pass
-        placed = [self._placed.pop(number) for number in arrived if number in self._placed]
-        done = [p for p in placed if p.future.status == "finished"]
+        done: list[PlacedOrder] = []
+        for number in arrived:
+            p = self._placed.pop(number, None)
+            if p is None:
+                continue
+            if p.future.status == "finished":
+                done.append(p)
+            else:
+                self._take_failure(p, p.future.exception() if p.future.status == "error" else None)
         for p, result in zip(done, self._scheduler.results(done), strict=True):
             if isinstance(result, str):
                 self._take(Outcome.from_text(result), p.order)
             else:
                 self._take_failure(p, result)
-        for p in placed:
-            if p not in done:
-                error = p.future.exception() if p.future.status == "error" else None
-                self._take_failure(p, error)
 
     def _take(self, outcome: Outcome, order: Order) -> None:
         self.workers.answered(outcome.worker, outcome.host)
@@ -340,7 +351,7 @@ class Feeder:
             self._is_heard = False
         elif not self._is_heard:
             # at first, and if another scheduler has taken the place of the lost one
-            self._client.subscribe_topic(self._topic, self._hear)
+            self._client.subscribe_topic(topic_of(self.name), self._hear)
             self._is_heard = True
         for text in self.workers.look(now):
             self._note(text)

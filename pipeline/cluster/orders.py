@@ -28,6 +28,8 @@ class Order:
         After this time the worker starts no further item.
     alone
         Whether items are done one at a time, because one of them may have ended a process.
+    anew
+        Those of the items that are done whatever is there.
     """
 
     number: int
@@ -38,6 +40,7 @@ class Order:
     items: tuple[int, ...]
     budget_seconds: float
     alone: bool = False
+    anew: tuple[int, ...] = ()
 
     def to_text(self) -> str:
         """The order as JSON."""
@@ -47,7 +50,7 @@ class Order:
     def from_text(cls, text: str) -> "Order":
         """Read what :meth:`to_text` has written."""
         content = json.loads(text)
-        return cls(**{**content, "items": tuple(content["items"])})
+        return cls(**{**content, **{name: tuple(content[name]) for name in ("items", "anew")}})
 
 
 @dataclass(frozen=True)
@@ -111,3 +114,8 @@ class Beat:
     worker: str
     state: str
     done: int
+
+
+def topic_of(run: str) -> str:
+    """The topic on which workers give signs of life of a run, and ask for its case."""
+    return f"oneframe-{run}"

@@ -4,23 +4,19 @@ import os
 import platform
 import queue
 import secrets
-import threading
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from pathlib import Path
 
-from ..dataset.folder import run_token
 from ..errors import InputError, RunError
 from ..packing.manifest import shard_from_json
 from ..packing.shard import PackedShard, ShardOrder
 from ..progress import Progress
 from .call import ANSWER
 from .feeder import Feeder, Pace
+from .feeding import Feeding
 from .orders import Outcome
 from .pack_task import PackJob
 from .sources import WorkerSource
-
-WAIT_SECONDS = 0.2
 
 
 def packed_by_cluster(
@@ -57,19 +53,7 @@ def packed_by_cluster(
         note=progress.note,
         on_outcome=outcomes.put,
     )
-    failure: list[BaseException] = []
-
-    def feed() -> None:
-        try:
-            feeder.run()
-        except BaseException as error:  # raised where the shards are taken
-            failure.append(error)
-        outcomes.put(None)
-
-    token = run_token(Path(out), run)
-    token.touch()
-    thread = threading.Thread(target=feed, daemon=True)
-    thread.start()
+    feeding = Feeding(feeder, Path(out), on_end=lambda: outcomes.put(None))
     try:
         given: set[int] = set()
         while (outcome := outcomes.get()) is not None:
@@ -79,11 +63,11 @@ def packed_by_cluster(
                     views += of[number]
                     yield shard_from_json(number, content, "a worker's answer")
             show(0, feeder.state())
-        if failure:
-            raise RunError(str(failure[0])) from None if isinstance(failure[0], InputError) else failure[0]
+        try:
+            feeding.wait()
+        except InputError as error:
+            # here it is not the input of the command, but a view that lies in its folder
+            raise RunError(str(error)) from None
         progress.note("; ".join(feeder.tally.clauses("shard", "packed", feeder.workers)))
     finally:
-        feeder.stop()
-        thread.join(2.0)
-        with suppress(OSError):
-            token.unlink(missing_ok=True)
+        feeding.stop()

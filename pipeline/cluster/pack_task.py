@@ -59,11 +59,8 @@ def perform(order: Order, worker: Surroundings) -> Outcome:
     finished: list[PackedShard] = []
     found: list[PackedShard] = []
     left = [*order.items]
-    views = 0
 
     def on_view() -> None:
-        nonlocal views
-        views += 1
         worker.beat("packing", len(finished) + len(found))
 
     try:
@@ -81,9 +78,7 @@ def perform(order: Order, worker: Surroundings) -> Outcome:
             else:
                 found.append(shard)
             left.pop(0)
-    except (PackWriteError, OSError, InputError) as error:
-        outcome = replace(outcome, refused=str(error))
-    except _UnusableError as error:
+    except (PackWriteError, _UnusableError, OSError, InputError) as error:
         outcome = replace(outcome, refused=str(error))
     except RunError as error:
         # a view is damaged, which every worker would find

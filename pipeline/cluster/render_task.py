@@ -59,8 +59,6 @@ class RenderJob:
         The options of the run, as a command line.
     identity, kinds
         The dataset's identity, and the kinds of files of a view.
-    damaged
-        Views that are rendered whatever is on disk.
     threads
         Render threads of a process.
     client
@@ -82,7 +80,6 @@ class RenderJob:
     arguments: tuple[str, ...]
     identity: str
     kinds: tuple[str, ...]
-    damaged: tuple[int, ...]
     threads: int
     client: str
     command: tuple[str, ...] = ()
@@ -98,7 +95,7 @@ class RenderJob:
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> "RenderJob":
         """Read what :meth:`to_json` gives."""
-        lists = {name: tuple(content[name]) for name in ("arguments", "kinds", "damaged", "command")}
+        lists = {name: tuple(content[name]) for name in ("arguments", "kinds", "command")}
         sent = None if content["sent"] is None else SentCase(**content["sent"])
         return cls(**{**content, **lists, "limits": Limits(**content["limits"]), "sent": sent})
 
@@ -127,14 +124,12 @@ def perform(order: Order, worker: Surroundings) -> Outcome:
         job = _on_this_worker(order.run, job, worker)
     except RunError as error:
         return replace(outcome, refused=str(error))
-    damaged = {*job.damaged}
-    found = tuple(
-        view
-        for view in order.items
-        if view not in damaged and is_finished(Path(job.out), view, job.identity, job.kinds)
-    )
-    views = [view for view in order.items if view not in {*found}]
-    outcome = replace(outcome, found=found)
+    views: list[int] = []
+    found: list[int] = []
+    for view in order.items:
+        is_there = view not in order.anew and is_finished(Path(job.out), view, job.identity, job.kinds)
+        (found if is_there else views).append(view)
+    outcome = replace(outcome, found=tuple(found))
     if not views:
         return outcome
     process = render_processes.take(order.run, job.out)

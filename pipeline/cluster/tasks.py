@@ -7,7 +7,7 @@ from typing import Any
 
 from . import pack_task, render_task
 from .file_streams import WorkerFolder
-from .orders import Order, Outcome
+from .orders import Order, Outcome, topic_of
 
 BEAT_SECONDS = 2.0
 """Shortest time between signs of life of an order whose state stays the same."""
@@ -48,11 +48,6 @@ class DaskSurroundings:
     def is_closing(self) -> bool:
         """Whether the worker is about to end."""
         return self._worker.status.name in ("closing", "closed", "closing_gracefully", "stopping")
-
-
-def topic_of(run: str) -> str:
-    """The topic of a run's signs of life."""
-    return f"oneframe-{run}"
 
 
 TASKS: dict[str, Callable[[Order, render_task.Surroundings], Outcome]] = {

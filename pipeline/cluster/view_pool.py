@@ -5,19 +5,17 @@ import platform
 import secrets
 import threading
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from ..case.case_file import read_case
 from ..dataset.case_parcel import case_parcel
-from ..dataset.folder import run_token
 from ..dataset.missing_views import MissingViews
 from ..dataset.options import option_arguments
-from ..errors import InputError, RunError
 from ..progress import Progress
 from .call import ANSWER, END
 from .case_sender import CaseSender
 from .feeder import Feeder, Pace
+from .feeding import ENDING_SECONDS, Feeding
 from .gathering import Gatherer
 from .held_views import held_views
 from .places_on_workers import PlacesOnWorkers
@@ -28,8 +26,6 @@ from .worker_places import SentCase
 
 MOST_NAMED = 50
 """Machines with views that are named at the end."""
-ENDING_SECONDS = 2.0
-"""Longest time that telling the workers to end may take: the command that is stopped ends soon."""
 
 
 class ClusterPool:
@@ -67,16 +63,14 @@ class ClusterPool:
         self._gatherer: Gatherer | None = None
         self._sender: CaseSender | None = None
         self._run = secrets.token_hex(8)
-        self._token: Path | None = None
+        self._out = Path()
         self._feeder: Feeder | None = None
-        self._thread: threading.Thread | None = None
-        self._failure: BaseException | None = None
-        self._is_done = False
+        self._feeding: Feeding | None = None
         self.messages: list[str] = []
 
     def start(self, missing: MissingViews, progress: Progress) -> None:
         """Begin, in the background: see :meth:`pipeline.dataset.missing_views.ViewPool.start`."""
-        out = Path(os.path.abspath(missing.out))
+        self._out = out = Path(os.path.abspath(missing.out))
         client, places = self._source.client, self._places
         arguments, sent = self._case(missing, progress)
         job = RenderJob(
@@ -85,8 +79,6 @@ class ClusterPool:
             arguments=tuple(arguments),
             identity=missing.identity,
             kinds=missing.kinds,
-            # in a folder of the worker's own, nothing is known to be damaged
-            damaged=() if places.are_own else tuple(sorted(missing.damaged)),
             threads=self._source.threads,
             client=platform.node(),
             command=self._command,
@@ -95,26 +87,29 @@ class ClusterPool:
             description=missing.description if places.are_own else None,
             sent=sent,
         )
-        self._token = run_token(out, self._run)
-        self._token.touch()
         if places.gather:
             self._gatherer = Gatherer(client, self._run, out, missing.identity, missing.kinds)
-        self._out = out
-        self._feeder = Feeder(
+        self._feeder = feeder = Feeder(
             self._source,
             ANSWER,
             run=self._run,
             task="render",
             job=job.to_json(),
             items=missing.views,
+            # in a folder of the worker's own, nothing is known to be damaged
+            anew=() if places.are_own else missing.damaged,
             pace=self._pace,
             show=lambda done, state: progress.update(missing.finished + done, state),
             note=progress.note,
             gatherer=self._gatherer,
             sender=self._sender,
         )
-        self._thread = threading.Thread(target=self._feed, args=(self._feeder, job), daemon=True)
-        self._thread.start()
+
+        def find_held() -> None:
+            if places.are_own:
+                feeder.found_before(held_views(client, self._run, job))
+
+        self._feeding = Feeding(feeder, out, before=find_held)
 
     def _case(self, missing: MissingViews, progress: Progress) -> tuple[list[str], SentCase | None]:
         """The options for the workers, and the case that is sent to them, if it is."""
@@ -132,11 +127,9 @@ class ClusterPool:
 
     def wait(self) -> bool:
         """Wait until all views are on disk: see :meth:`pipeline.dataset.missing_views.ViewPool.wait`."""
-        if self._thread is None or self._feeder is None:
+        if self._feeding is None or self._feeder is None:
             return True
-        self._thread.join()
-        if self._failure is not None:
-            raise self._failure
+        self._feeding.wait()
         clauses = self._feeder.tally.clauses("view", "rendered", self._feeder.workers)
         if self._gatherer is not None:
             clauses.append(f"{self._gatherer.fetched_bytes / 1e6:.0f} MB gathered")
@@ -156,7 +149,7 @@ class ClusterPool:
 
     def stop(self) -> None:
         """End all that still renders, at once."""
-        if self._feeder is None or self._thread is None:
+        if self._feeding is None or self._feeder is None:
             return
         self._feeder.stop()
         if self._gatherer is not None:
@@ -165,24 +158,10 @@ class ClusterPool:
             ending = threading.Thread(target=self._end_processes, daemon=True)
             ending.start()
             ending.join(ENDING_SECONDS)
-        self._thread.join(ENDING_SECONDS)
-        if self._token is not None:
-            with suppress(OSError):
-                self._token.unlink(missing_ok=True)
+        self._feeding.stop()
 
     def _end_processes(self) -> None:
         # workers that have gone in the meantime have ended theirs
         client = self._source.client
         with losing_scheduler(client):
             client.run(END.function, *END.arguments(self._run), on_error="ignore")
-
-    def _feed(self, feeder: Feeder, job: RenderJob) -> None:
-        try:
-            if self._places.are_own:
-                for outcome in held_views(self._source.client, self._run, job):
-                    feeder.found_before(outcome)
-            feeder.run()
-        except (InputError, RunError) as error:
-            self._failure = error
-        except BaseException as error:  # a defect, raised where the run waits
-            self._failure = error

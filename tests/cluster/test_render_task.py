@@ -48,7 +48,6 @@ def order(tmp_path, request):
             arguments=(),
             identity="ab" * 32,
             kinds=("rgb",),
-            damaged=(),
             threads=1,
             client="home",
             # "--out" and what follows it is ignored

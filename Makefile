@@ -2,14 +2,14 @@
 #   PYTHON=...  a Python 3.13 (brings Blender 5.2 LTS) or 3.11 (Blender 4.5 LTS); found by itself if not given
 #   VENV=...    where the environment goes (default .venv)
 #   BLENDER=... a Blender program, for the tests that run inside one, for addon-dev and screenshots
-#   CHART_FLAGS=... options of scripts/benchmark_chart.py
+#   BENCH_FLAGS=... CHART_FLAGS=... options of scripts/benchmark.py
 #   PLATFORM=.. for which computers `make extension` builds: all, current, or names (see its --help)
 VENV ?= .venv
 PYTHON ?= $(shell scripts/dev/find_python.sh 3.13 3.11)
 PLATFORM ?= all
 RUN = $(VENV)/bin/python
 
-.PHONY: setup demo extension dist addon-dev test test-outside lint bench chart bench-alignment bench-scaling bench-surface evaluate stability docs screenshots clean
+.PHONY: setup demo extension dist addon-dev test test-all test-outside lint bench chart bench-alignment bench-surface evaluate stability docs screenshots clean
 .DEFAULT_GOAL := demo
 
 # the environment: Blender as a module, the commands, what tests and checks need; again when pyproject.toml has changed
@@ -20,7 +20,7 @@ $(VENV)/.ready: pyproject.toml
 	@"$(PYTHON)" -c 'import sys; v = "%d.%d" % sys.version_info[:2]; v in ("3.11", "3.13") or sys.exit("error: expected Python 3.13 (for Blender 5.2 LTS) or 3.11 (for Blender 4.5 LTS), found " + v)'
 	@echo "setting up $(VENV) with $$("$(PYTHON)" --version) (Blender as a module: about 400 MB)"
 	@"$(PYTHON)" -m venv --clear $(VENV)
-	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[volume,test,lint]"
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[test,lint]"
 	@$(RUN) -c 'import bpy; print("Blender", bpy.app.version_string, "is ready; the commands are in $(VENV)/bin/oneframe")'
 	@touch $@
 
@@ -42,11 +42,15 @@ dist: setup
 addon-dev: setup
 	@$(RUN) scripts/dev/addon_dev.py --blender "$(BLENDER)" -- $(BLENDER_FLAGS)
 
-# all tests, those in a Blender program if BLENDER is set; PYTEST_FLAGS=... for pytest itself
+# the tests, on all cores, without those that take long; PYTEST_FLAGS=... for pytest itself
 test: setup
-	$(RUN) -m pytest $(PYTEST_FLAGS)
+	$(RUN) -m pytest --numprocesses auto -m "not long" $(PYTEST_FLAGS)
 
-# tests/outside in full: interruptions, tampering, bombs, mutations, and readers that others wrote; `make test` runs a sample
+# all tests, those in a Blender program if BLENDER is set, one after the other
+test-all: setup
+	$(RUN) -m pytest --durations 50 $(PYTEST_FLAGS)
+
+# tests/outside in full: interruptions, tampering, bombs, mutations, and readers that others wrote; `make test-all` runs a sample
 test-outside: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[outside]"
 	$(RUN) -m pytest --long tests/outside $(PYTEST_FLAGS)
@@ -61,38 +65,33 @@ lint: setup
 # speed against PyVista, with scaling, memory and start, in demo/bench
 bench: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
-	$(RUN) scripts/benchmark.py --out demo/bench/render_speed.json
+	$(RUN) scripts/benchmark.py speed --out demo/bench/render_speed.json $(BENCH_FLAGS)
 
 # speed against accuracy, in demo/bench; CHART_FLAGS="--quick", "--bloster DIR" or "--case CASE.toml PHOTOGRAPHS.json"
 chart: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
-	$(RUN) scripts/benchmark_chart.py --out demo/bench/speed_accuracy.csv $(CHART_FLAGS)
+	$(RUN) scripts/benchmark.py chart --out demo/bench/speed_accuracy.csv $(CHART_FLAGS)
 
 # accuracy of landmarks and of the refinement, in demo/bench
 bench-alignment: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
 	@test -f demo/case/case.toml || $(RUN) scripts/make_sample.py --out demo/case
-	$(RUN) scripts/benchmark_alignment.py --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.json
-	$(RUN) scripts/benchmark_refinement.py demo/case/case.toml --out demo/bench --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
-
-# 100 000 views and up to 1 000 simulated workers, and a model of 10 000, in demo/bench; SCALING_FLAGS=--quick: a minute
-bench-scaling: setup
-	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts,cluster]"
-	$(RUN) scripts/benchmark_scaling.py --out demo/bench/scaling.json $(SCALING_FLAGS)
+	$(RUN) scripts/benchmark.py landmarks --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.json
+	$(RUN) scripts/benchmark.py refinement demo/case/case.toml --out demo/bench/refinement.csv --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
 
 # errors of the surface from CT beside scikit-image's, and what a 512³ CT takes, in demo/bench
 bench-surface: setup
-	$(RUN) scripts/benchmark_surface.py --out demo/bench/surface.json
+	$(RUN) scripts/benchmark.py surface --out demo/bench/surface.json
 
 # views against real photographs, beside the paper's method, in demo/evaluation: EVALUATE_FLAGS="--bloster FOLDER --quick"
 evaluate: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[bench]"
-	$(RUN) scripts/benchmark_evaluation.py --out demo/evaluation $(EVALUATE_FLAGS)
+	$(RUN) scripts/benchmark.py evaluation --out demo/evaluation $(EVALUATE_FLAGS)
 
 # where methods fail, and what the software answers there, in demo/stability; STABILITY_FLAGS=--quick: minutes
 stability: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
-	$(RUN) scripts/benchmark_stability.py --out demo/stability $(STABILITY_FLAGS)
+	$(RUN) scripts/benchmark.py stability --out demo/stability $(STABILITY_FLAGS)
 
 # the site in build/docs, from docs/ and the docstrings; every warning is an error
 docs: setup

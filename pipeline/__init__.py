@@ -16,6 +16,7 @@ A folder is a stage, in the order in which data flows; its files are the nouns o
 ``packing``               a dataset as WebDataset shards
 ``reader``                a dataset or a pack, view by view as arrays
 ``evaluation``            how good it is
+``charts``                figures as pictures
 ``sample``                the built-in case
 ``blender``               the same topics, where they need Blender
 ``commands``              what users call: the program ``oneframe`` and the scripts

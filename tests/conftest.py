@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+import hypothesis
 import numpy as np
 import pytest
 
@@ -18,6 +19,10 @@ from pipeline.surface.mesh import TriangleMesh
 from pipeline.surface.mesh_writer import write_ply
 from pipeline.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 
+# a machine may be slow: no test measures time
+hypothesis.settings.register_profile("any machine", deadline=None)
+hypothesis.settings.load_profile("any machine")
+
 # before any import of bpy: a user's own Blender configuration must not reach the tests
 os.environ.setdefault("BLENDER_USER_RESOURCES", tempfile.mkdtemp(prefix="oneframe-test-"))
 
@@ -27,6 +32,17 @@ _EXIT_STATUS = pytest.StashKey[int]()
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--long", action="store_true", help="tests/outside in full: hundreds of interruptions, bombs, …")
+
+
+LONG = ("benchmarks", "cluster", "outside", "window")
+"""Folders of tests that start many processes."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    root = Path(__file__).parent
+    for item in items:
+        if item.path.relative_to(root).parts[0] in LONG:
+            item.add_marker(pytest.mark.long)
 
 
 @pytest.fixture(scope="session")
@@ -255,9 +271,7 @@ def run_command() -> Callable[..., subprocess.CompletedProcess]:
     """Runs a command to its end; more environment variables by keyword."""
 
     def run(command: list[str], **environment: str) -> subprocess.CompletedProcess:
-        return subprocess.run(
-            command, capture_output=True, text=True, timeout=600, check=False, env=os.environ | environment
-        )
+        return subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | environment)
 
     return run
 

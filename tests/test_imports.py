@@ -1,6 +1,7 @@
 """What no contract on imports can prove: what renders runs in a stock Blender, and the package can be vendored."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -51,11 +52,20 @@ def test_the_add_on_of_a_checkout_shares_the_pipeline():
     assert ended.returncode == 0, ended.stderr
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "pipeline").rglob("*.py")), ids=lambda path: path.stem)
-def test_modules_name_each_other_relatively(path):
+def test_modules_name_each_other_relatively():
     """So that the add-on can carry the package inside its own."""
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            assert not any(alias.name.split(".")[0] == "pipeline" for alias in node.names)
-        if isinstance(node, ast.ImportFrom) and node.level == 0:
-            assert (node.module or "").split(".")[0] != "pipeline"
+    for path in (ROOT / "pipeline").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                assert not any(alias.name.split(".")[0] == "pipeline" for alias in node.names), path
+            if isinstance(node, ast.ImportFrom) and node.level == 0:
+                assert (node.module or "").split(".")[0] != "pipeline", path
+
+
+def test_no_test_depends_on_the_speed_of_its_machine():
+    """One module waits, for minutes; a user's hands, a browser and a Slurm have limits of their own, as long."""
+    own = ("waiting.py", "chromium.py", "hands.py", "driver.py", "slurm_on_this_machine.py")
+    clock = re.compile(r"\b(perf_counter|process_time|monotonic)\(|\btimeout=[0-9]|\bdeadline=[^N]")
+    for path in (ROOT / "tests").rglob("*.py"):
+        found = None if path.name in own or path == Path(__file__) else clock.search(path.read_text())
+        assert not found, f"{path}: {found}"

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -52,7 +52,6 @@ def test_poses_are_the_exponential_of_their_twist(translation, vector):
     np.testing.assert_allclose(se3_exp(np.concatenate([translation, vector])), exponential(generator), atol=1e-11)
 
 
-@settings(deadline=None)
 @given(MANY)
 def test_many_rotations_are_those_of_each_vector_to_the_last_bit(vectors):
     """So that a figure does not depend on how many rotations are made at once."""

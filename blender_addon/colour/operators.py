@@ -8,16 +8,15 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 from bpy.props import EnumProperty, StringProperty
-from bpy_extras.io_utils import ExportHelper
 
+from ..class_registration import class_registration, prop
 from ..pipeline.blender.colour.export import export_coloured_surface
 from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, remove_colour
 from ..pipeline.errors import InputError, RunError
-from ..registration import class_registration, prop
 from ..state import from_scene
 from ..state.camera_view import spaces_of
 from ..ui.background_work import NAVIGATION, POLL_SECONDS, BackgroundWork, check_inputs, inputs_of, show_status
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, redraw
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, SavesFile, redraw
 from . import colouring
 
 MODES = [
@@ -159,13 +158,14 @@ class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting, bpy.types.Operator):
         show_colour(surface)
 
 
-class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operator, ExportHelper):
+class ONEFRAME_OT_export_surface(NeedsAlignment, SavesFile, bpy.types.Operator):
     """Export the surface with the frame's colours, projected at the current pose, as GLB, OBJ or PLY"""
 
     bl_idname = "oneframe.export_surface"
     bl_label = "Export Coloured Surface"
     bl_options = {"REGISTER"}
 
+    usual_name = "surface.glb"
     filter_glob: str = prop(StringProperty(default="*.glb;*.obj;*.ply", options={"HIDDEN"}))
     file_format: str = prop(EnumProperty(name="Format", description="Kind of file", items=FORMATS, default="glb"))
     mode: Literal["texture", "vertex"] = prop(
@@ -184,7 +184,6 @@ class ONEFRAME_OT_export_surface(NeedsAlignment, ReportingFile, bpy.types.Operat
         record = colour_record(from_scene.surface_of(context.scene))
         if record is not None:
             self.mode = record["mode"]
-        self.filepath: str = self.filepath or "surface.glb"
         return super().invoke(context, event)
 
     def check(self, context: bpy.types.Context) -> bool:

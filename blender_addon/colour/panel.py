@@ -2,9 +2,9 @@
 
 import bpy
 
+from ..class_registration import class_registration
 from ..pipeline.blender.colour.surface_colour import colour_record
 from ..pipeline.errors import InputError
-from ..registration import class_registration
 from ..state import from_scene
 from ..ui.wrapped_text import draw_text
 from . import operators

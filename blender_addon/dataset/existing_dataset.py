@@ -9,11 +9,11 @@ import numpy as np
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.dataset.description import describe, input_files, inputs_sha256
 from ..pipeline.dataset.differences import COUNT
-from ..pipeline.dataset.identity import fewest_views, run_differences
+from ..pipeline.dataset.identity import fewest_views, holds_views_of, run_differences
 from ..pipeline.dataset.layout import FORMAT, RECORD, WORK
 from ..pipeline.dataset.options import DatasetOptions
-from ..pipeline.dataset.quality import setting_in
-from ..pipeline.errors import InputError, RunError
+from ..pipeline.errors import InputError
+from ..pipeline.files.content import LARGEST_TEXT, read_file
 from .wording import in_words
 
 ADVICE = "choose another folder for the dataset"
@@ -23,7 +23,7 @@ MOST_LISTED = 4
 def existing_views(out: Path) -> int | None:
     """Number of views for which the dataset in a folder was last started; ``None`` if there is no dataset."""
     try:
-        count = json.loads((out / RECORD).read_bytes()).get(COUNT)
+        count = json.loads(read_file(out / RECORD, LARGEST_TEXT)).get(COUNT)
     except (OSError, ValueError, AttributeError):
         return None
     return count if isinstance(count, int) else None
@@ -49,12 +49,21 @@ def check_folder(out: Path, loaded: LoadedCase, options: DatasetOptions, poses: 
     """
     if out.is_file():
         raise InputError(f"{out}: expected a folder for the dataset, found a file; {ADVICE}")
-    record = out / RECORD
+    record, files = out / RECORD, input_files(loaded.case, options)
+
+    def asked() -> dict[str, object]:
+        hashes = inputs_sha256(files)
+        return describe(loaded, options, poses, hashes=hashes, blender=bpy.app.version_string)
+
     if not record.exists():
-        _check_new(out)
+        is_other = out.is_dir() and not (out / WORK).exists() and any(out.iterdir())
+        if is_other and not holds_views_of(out, asked(), poses):
+            raise InputError(
+                f"{out}: expected a new or empty folder, or a dataset to continue, found other files; {ADVICE}"
+            )
         return
     try:
-        existing = json.loads(record.read_bytes())
+        existing = json.loads(read_file(record, LARGEST_TEXT))
     except OSError as error:
         raise InputError(f"{record}: cannot read the file ({error.strerror}); {ADVICE}") from None
     except (ValueError, RecursionError):
@@ -62,14 +71,7 @@ def check_folder(out: Path, loaded: LoadedCase, options: DatasetOptions, poses: 
     if not isinstance(existing, dict) or existing.get("format") != FORMAT:
         found = existing.get("format") if isinstance(existing, dict) else existing
         raise InputError(f"{out}: expected a dataset of this version of OneFrame ({FORMAT}), found {found!r}; {ADVICE}")
-    files = input_files(loaded.case, options)
-    try:
-        setting = setting_in(existing, str(record)) if options.quality != "exact" else None
-    except RunError as error:
-        raise InputError(str(error)) from None
-    hashes = inputs_sha256(files)
-    asked = describe(loaded, options, poses, hashes=hashes, blender=bpy.app.version_string, setting=setting)
-    clauses = (in_words(change, files) for change in run_differences(out, existing, asked, poses))
+    clauses = (in_words(change, files) for change in run_differences(out, existing, asked(), poses))
     # K is several numbers
     changes = list(dict.fromkeys(clause for clause in clauses if clause is not None))
     if changes:
@@ -83,11 +85,4 @@ def check_folder(out: Path, loaded: LoadedCase, options: DatasetOptions, poses: 
         raise InputError(
             f"{out}: the folder holds a dataset of {least} views, {count} are wanted, and views are never removed; set "
             f"Views to {least} or more, or {ADVICE}"
-        )
-
-
-def _check_new(out: Path) -> None:
-    if out.is_dir() and not (out / WORK).exists() and any(out.iterdir()):
-        raise InputError(
-            f"{out}: expected a new or empty folder, or a dataset to continue, found other files; {ADVICE}"
         )

@@ -4,8 +4,8 @@ from typing import Literal
 
 import bpy
 
+from ..class_registration import class_registration
 from ..pipeline.errors import InputError
-from ..registration import class_registration
 from ..state import from_scene
 from ..state.file_watch import known_stamp
 from ..ui.wrapped_text import draw_text
@@ -21,11 +21,7 @@ SAMPLER_OPTIONS = {
 """The options that each sampler uses."""
 
 CONSTRAINTS = ("min_observed", "min_surface", "min_clearance_mm")
-RENDERING = (
-    "quality", "colour", "unseen", "max_incidence_deg", "engine", "samples", "scale", "float_depth", "video",
-)  # fmt: skip
-TOLERANCES = ("tolerance_colour", "tolerance_px")
-"""What counts for another quality than exact."""
+RENDERING = ("colour", "unseen", "max_incidence_deg", "engine", "samples", "scale", "float_depth", "video")
 PanelOptions = set[Literal["DEFAULT_CLOSED", "HIDE_HEADER", "INSTANCED", "HEADER_LAYOUT_EXPAND"]]
 
 
@@ -78,10 +74,6 @@ class ONEFRAME_PT_dataset_options(_DatasetPanel, bpy.types.Panel):
         for names in (CONSTRAINTS, RENDERING):
             column = layout.column(align=True)
             for name in names:
-                column.prop(options, name)
-        if options.quality != "exact":  # type: ignore[attr-defined]  # from DatasetOptions
-            column = layout.column(align=True)
-            for name in TOLERANCES:
                 column.prop(options, name)
         if options.video:  # type: ignore[attr-defined]  # from DatasetOptions
             column.prop(options, "video_frames")
@@ -147,11 +139,9 @@ class ONEFRAME_PT_dataset_run(_DatasetPanel, bpy.types.Panel):
 
 def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> None:
     progress = job.progress
-    # rendering pilot views, and what they led to
-    choice = next((line.capitalize() for line in reversed(job.lines) if line.startswith("quality ")), "")
     if job.running:
         if progress is None:
-            layout.progress(factor=0.0, text=choice or "Starting background Blender")
+            layout.progress(factor=0.0, text="Starting background Blender")
         else:
             left = f", {progress.left} left" if progress.left else ""
             text = f"{progress.count} / {progress.total} {progress.noun}{left}"
@@ -166,8 +156,6 @@ def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> 
         draw_text(layout, job.error, icon="ERROR")
     else:
         draw_text(layout, job.lines[-1] if job.lines else str(job.out), icon="CHECKMARK")
-        if choice:
-            draw_text(layout, choice, icon="INFO")
 
 
 _CLASSES = (

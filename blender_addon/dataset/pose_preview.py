@@ -112,10 +112,7 @@ def content_key(
 def pose_key(scene: bpy.types.Scene, *, stamp: Callable[[Path], Stamp] = from_scene.stamp) -> str:
     """A key like :func:`content_key` for the poses only: options of rendering do not change it."""
     default = DatasetOptions()
-    irrelevant = (
-        "colour", "unseen", "engine", "samples", "quality", "tolerance_colour", "tolerance_px", "float_depth", "video",
-        "video_frames",
-    )  # fmt: skip
+    irrelevant = ("colour", "unseen", "engine", "samples", "float_depth", "video", "video_frames")
     options = replace(dataset_options(scene), **{name: getattr(default, name) for name in irrelevant})
     return content_key(scene, options, stamp=stamp)
 

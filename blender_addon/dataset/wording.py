@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..pipeline.dataset.differences import DEPTH_SCALE, LISTED, Difference
-from ..pipeline.dataset.options import COLOURS, ENGINES, QUALITIES
+from ..pipeline.dataset.options import COLOURS, ENGINES
 from ..state.option_labels import LABELS, label
 
 _INPUTS = {"frame": "the frame's image", "surface": "the surface's file"}
@@ -70,5 +70,5 @@ def _shown(value: object) -> str:
 
 def _named(found: re.Match[str]) -> str:
     option, value = found[1].replace("-", "_"), found[2]
-    known = value in (*ENGINES, *COLOURS, *QUALITIES)
+    known = value in (*ENGINES, *COLOURS)
     return label(option) + ("" if value is None else f" {value.title() if known else value}")

@@ -11,9 +11,9 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
+from ..class_registration import class_registration, prop
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
-from ..registration import class_registration, prop
 from ..state import events, from_scene
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, Keys
 from ..ui.operator import OperatorResult, redraw

@@ -5,17 +5,17 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, FloatVectorProperty, IntProperty, StringProperty
-from bpy_extras.io_utils import ExportHelper, ImportHelper
+from bpy_extras.io_utils import ImportHelper
 
+from ..class_registration import class_registration, prop
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.landmark_file import read_landmarks, write_landmarks
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
-from ..registration import class_registration, prop
 from ..state import events, from_scene, pose_evidence, to_scene
 from ..state.inputs import input_files
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, Keys
-from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile
+from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, SavesFile
 from . import edit, solve
 from .gestures import is_alignment_view, landmark_under
 
@@ -268,7 +268,7 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Oper
         return messages
 
 
-class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Operator, ExportHelper):
+class ONEFRAME_OT_export_landmarks(_HasLandmarks, SavesFile, bpy.types.Operator):
     """Export the landmarks to a CSV or JSON file: surface points in the frame and units of the mesh file, and pixels"""
 
     bl_idname = "oneframe.export_landmarks"
@@ -276,6 +276,7 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, ReportingFile, bpy.types.Opera
     bl_options = {"REGISTER"}
 
     filename_ext = ".csv"
+    usual_name = "landmarks.csv"
     check_extension = None
     filter_glob: str = prop(StringProperty(default="*.csv;*.json", options={"HIDDEN"}))
 

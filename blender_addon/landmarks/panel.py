@@ -3,10 +3,10 @@
 import bpy
 import numpy as np
 
+from ..class_registration import class_registration
 from ..pipeline.alignment.landmarks.covariance import PoseUncertainty
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
-from ..registration import class_registration
 from ..state import from_scene, pose_evidence
 from ..state.properties import ONEFRAME_PG_landmark, ONEFRAME_PG_scene
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool

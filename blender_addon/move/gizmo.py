@@ -4,8 +4,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..class_registration import class_registration
 from ..pipeline.errors import InputError
-from ..registration import class_registration
 from ..state import from_scene
 from ..state.pivot import pivot_of
 from ..ui.frame_view import FrameView, shows_frame

@@ -4,10 +4,10 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
+from ..class_registration import class_registration, prop
 from ..pipeline.alignment.manual.nudge import Axis, nudged
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
-from ..registration import class_registration, prop
 from ..state import from_scene
 from ..state.pivot import keep_pivot, pivot_of
 from ..state.pose_text import pose_from_text, pose_rows, set_cam_from_mesh

@@ -2,9 +2,9 @@
 
 import bpy
 
+from ..class_registration import class_registration
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import inverse_rigid
-from ..registration import class_registration
 from ..state import from_scene
 from ..state.pose_text import cam_from_mesh_of
 from ..ui.keymap import binding

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import bpy
 
+from ..class_registration import class_registration
 from ..pipeline.case.alignment_record import INITIAL_GUESS
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
-from ..registration import class_registration
 from ..setup.alignment_record import pose_record
 from ..state import from_scene, pose_evidence
 from ..ui.wrapped_text import draw_text

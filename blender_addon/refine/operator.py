@@ -10,9 +10,9 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
+from ..class_registration import class_registration, prop
 from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.errors import InputError, RunError
-from ..registration import class_registration, prop
 from ..setup.alignment_record import pose_record
 from ..state import from_scene, pose_evidence
 from ..ui.background_work import POLL_SECONDS, BackgroundWork, check_inputs, inputs_of, show_status

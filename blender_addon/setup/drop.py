@@ -5,10 +5,10 @@ from pathlib import Path
 import bpy
 from bpy.props import CollectionProperty, StringProperty
 
+from ..class_registration import class_registration, prop
 from ..pipeline.case.structure_colour import OTHER, structure_colour
 from ..pipeline.case.surface_folder import RECORD
 from ..pipeline.errors import InputError
-from ..registration import class_registration, prop
 from ..state import from_scene, workbench
 from ..ui.operator import Asking, OperatorResult, call
 from .operators import CAMERAS, IMAGES, MESHES

@@ -6,19 +6,20 @@ from pathlib import Path
 import bpy
 
 from ..pipeline.blender.case.frame_file import read_frame
-from ..pipeline.case.case_folder import FRAME, KeptFile, keep_files, kept_mesh
+from ..pipeline.case.case_folder import FRAME, KeptFile, check_new, keep_files, kept_mesh
 from ..pipeline.case.surface_folder import SURFACE, structure_file
 from ..pipeline.files.outputs import Output, check_outputs
-from ..pipeline.volume.drill_plan import KIND, write_drill_plan
+from ..pipeline.volume.drill_plan import KIND, plan_text, write_drill_plan
 from ..state import from_scene, to_scene
 from ..state.inputs import input_files
 from ..state.session_files import is_temporary
 from ..volume import drill_strokes
+from ..volume.surface import is_from_ct
 
 DRILL = "drill.toml"
 
 
-def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool) -> list[Path]:
+def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace: bool) -> list[Path]:
     """Copy files into the case's folder as ``oneframe case`` does, use the copies, and write the drill plan.
 
     Parameters
@@ -27,6 +28,8 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool) -> list[
         The case's; files in it stay as they are.
     collect
         Copy all files, and not only those that end with this session and the frame that was taken from a video.
+    replace
+        Replace files of these names: they are of the case that is saved.
 
     Returns
     -------
@@ -35,7 +38,7 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool) -> list[
     Raises
     ------
     InputError
-        There are files of these names that the add-on did not write; nothing is copied then.
+        There are files of these names of another case, or that the add-on did not write; nothing is copied then.
     RunError
         A file cannot be written.
     """
@@ -58,17 +61,21 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool) -> list[
         if is_kept(source):
             target = folder / (SURFACE if made == surface else structure_file(made.name))
             kept.append((kept_mesh(source, target), _relinked(made)))
-    plan = drill_strokes.plan_of(scene)
-    if plan.strokes:
-        check_outputs([Output(folder / DRILL, KIND)], inputs)
-    keep_files([file for file, _ in kept], inputs)
+    files, plan = [file for file, _ in kept], drill_strokes.plan_of(scene)
+    # of this surface: the strokes stay when another case is opened
+    plans = [KeptFile(folder / DRILL, plan_text(plan).encode(), KIND)] if plan.strokes and is_from_ct(scene) else []
+    check_outputs([Output(each.path, each.kind) for each in plans], inputs)
+    instead = "" if replace else "choose another folder"
+    if instead:
+        check_new(plans, instead)
+    keep_files(files, inputs, instead=instead)
     for file, relink in kept:
         relink(str(file.path.resolve()))
     if from_video:
         scene.oneframe_video.taken_path = scene.oneframe.frame_path
-    if plan.strokes:
-        write_drill_plan(folder / DRILL, plan, {})
-    return [file.path for file, _ in kept] + ([folder / DRILL] if plan.strokes else [])
+    for each in plans:
+        write_drill_plan(each.path, plan, {})
+    return [each.path for each in (*files, *plans)]
 
 
 def _relinked(made: bpy.types.Object) -> Callable[[str], None]:

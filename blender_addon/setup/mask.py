@@ -6,9 +6,9 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ImportHelper
 
+from ..class_registration import class_registration, prop
 from ..pipeline.blender.case.frame_file import read_frame
 from ..pipeline.case.case_folder import keep_files
-from ..registration import class_registration, prop
 from ..state import from_scene, to_scene
 from ..state.session_files import session_folder
 from ..ui.operator import Messages, ReportingFile
@@ -38,8 +38,8 @@ class ONEFRAME_OT_load_mask(ReportingFile, bpy.types.Operator, ImportHelper):
         frame = read_frame(path).with_mask(self.chosen_file())
         kept = frame.kept(session_folder() / f"{Path(path).stem.removesuffix(_SUFFIX)}{_SUFFIX}.png")
         keep_files([kept], {})
-        messages = to_scene.set_frame(context, kept.path, *frame.size_wh)
-        return (f"{frame.masked:.1%} of the frame masked; Load Frame again takes the mask off", *messages)
+        to_scene.relink_frame(context.scene, kept.path)
+        return (f"{frame.masked:.1%} of the frame masked; Load Frame again takes the mask off",)
 
 
 register, unregister = class_registration((ONEFRAME_OT_load_mask,))

@@ -5,8 +5,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, StringProperty
-from bpy_extras.io_utils import ExportHelper, ImportHelper
+from bpy_extras.io_utils import ImportHelper
 
+from ..class_registration import class_registration, prop
 from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.blender.case.load_case import load_case
@@ -23,7 +24,7 @@ from ..pipeline.files.outputs import Output, check_outputs
 from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.mesh_writer import write_ply
-from ..registration import class_registration, prop
+from ..pipeline.volume.structures import name_of_file
 from ..state import from_scene, to_scene, workbench
 from ..state.camera_view import look_through_camera, show_shape
 from ..state.from_scene import surface_bounds, surface_extents
@@ -31,7 +32,7 @@ from ..state.inputs import input_files
 from ..state.pose_text import set_cam_from_mesh
 from ..state.properties import UNITS
 from ..state.structures import put_structures
-from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, call
+from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, SavesFile, call
 from ..video.operators import VIDEOS
 from .alignment_record import remember_opened
 from .unsaved import ANSWER, QUESTION, unsaved_text
@@ -297,9 +298,8 @@ class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper)
         for path, given, _ in read:
             mesh = given.scaled(MM_PER_UNIT[context.scene.oneframe.units])
             doubts.append(place_doubt(mesh.bounds, surface_bounds(context.scene), path.stem, "the surface"))
-            structure = alignment_scene.put_structure(
-                surface, mesh.moved(-offset), path.stem, structure_colour(path.stem)
-            )
+            name = name_of_file(path, [child.name for child in surface.children])
+            structure = alignment_scene.put_structure(surface, mesh.moved(-offset), name, structure_colour(path.stem))
             structure.oneframe.role, structure.oneframe.mesh_path = "STRUCTURE", str(path)
         return [message for *_, messages in read for message in messages] + [doubt for doubt in doubts if doubt]
 
@@ -330,7 +330,7 @@ class ONEFRAME_OT_remove_scale(NeedsAlignment, Reporting, bpy.types.Operator):
         surface_object.make_rigid(from_scene.camera_object_of(context.scene), from_scene.surface_of(context.scene))
 
 
-class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportHelper):
+class ONEFRAME_OT_save_edited_surface(SavesFile, bpy.types.Operator):
     """Write the surface as edited in Blender to a PLY file, and use that file from now on"""
 
     bl_idname = "oneframe.save_edited_surface"
@@ -338,6 +338,7 @@ class ONEFRAME_OT_save_edited_surface(ReportingFile, bpy.types.Operator, ExportH
     bl_options = {"REGISTER", "UNDO"}
 
     filename_ext = ".ply"
+    usual_name = "edited.ply"
     filter_glob: str = prop(StringProperty(default="*.ply", options={"HIDDEN"}))
 
     def run(self, context: bpy.types.Context) -> Messages:

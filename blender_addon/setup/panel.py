@@ -2,10 +2,10 @@
 
 import bpy
 
+from ..class_registration import class_registration
 from ..pipeline.camera.plausibility import camera_doubts
 from ..pipeline.case.surface_size import size_text
 from ..pipeline.errors import InputError
-from ..registration import class_registration
 from ..state import from_scene, workbench
 from ..state.next_step import OPEN, next_step
 from ..state.to_scene import frame_warnings

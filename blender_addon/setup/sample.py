@@ -5,8 +5,8 @@ from pathlib import Path
 
 import bpy
 
+from ..class_registration import class_registration
 from ..pipeline.errors import InputError
-from ..registration import class_registration
 from ..ui.operator import Asking, OperatorResult, call
 from .unsaved import ANSWER, QUESTION, unsaved_text
 

@@ -1,27 +1,27 @@
 """The operator that saves the case, alone or with all of its files."""
 
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, StringProperty
-from bpy_extras.io_utils import ExportHelper
 
+from ..class_registration import class_registration, prop
 from ..pipeline.case.case_file import Case, read_case
-from ..pipeline.case.case_update import update_case
+from ..pipeline.case.case_update import other_inputs, update_case
 from ..pipeline.case.case_writer import case_output
 from ..pipeline.errors import InputError
-from ..registration import class_registration, prop
-from ..state import from_scene
-from ..state.session_files import is_temporary
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, ReportingFile
+from ..state import from_scene, to_scene
+from ..state.inputs import input_files, usual_folder
+from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, SavesFile, call
 from .alignment_record import recorded_case
 from .kept_files import keep_beside
 
 
-class ONEFRAME_OT_save_case(NeedsAlignment, ReportingFile, bpy.types.Operator, ExportHelper):
+class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile, bpy.types.Operator):
     """Save frame, K, surface, pose and landmarks as a case file, the input of render_dataset.py"""
 
     bl_idname = "oneframe.save_case"
@@ -48,33 +48,92 @@ class ONEFRAME_OT_save_case(NeedsAlignment, ReportingFile, bpy.types.Operator, E
         )
     )
 
+    replace: bool = prop(
+        BoolProperty(
+            name="Replace",
+            description="Replace a case of another frame or surface",
+            default=False,
+            options={"SKIP_SAVE", "HIDDEN"},
+        )
+    )
+
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        known = bpy.path.abspath(context.scene.oneframe.case_path)
-        # a case begun from nothing becomes a folder with all of it
-        self.collect = self.collect or not known
-        self.filepath = known or str(_usual_folder(context.scene) / "case.toml")
+        settings = context.scene.oneframe
+        known = bpy.path.abspath(settings.case_path)
+        usual = usual_folder(context.scene) / "case.toml"
+        if usual.exists():
+            # another one's, whose folder is not the place for copies
+            usual = usual.with_name(f"{Path(settings.frame_path).stem}.toml")
+        else:
+            # a case begun from nothing becomes a folder with all of it
+            self.collect = self.collect or not known
+        self.filepath = known or str(usual)
         return self.execute(context) if known and not self.save_as else super().invoke(context, event)
 
     def run(self, context: bpy.types.Context) -> Messages:
-        from_scene.check_mesh_unedited(context.scene)
-        path, settings = self.chosen_file(), context.scene.oneframe
+        scene, path = context.scene, self.chosen_file()
+        from_scene.check_mesh_unedited(scene)
         # before any file is copied
         case_output(path)
-        from_scene.case(context.scene, path)
-        kept = keep_beside(context.scene, path.parent, collect=self.collect)
-        update_case(path, _with_kept_record(recorded_case(context.scene, path)))
-        settings.case_path, settings.case_dataset_text = str(path), json.dumps(read_case(path).dataset)
+        other, before = " and ".join(_other_case(scene, path)), input_files(scene)
+        if other and not self.replace:
+            if self.options.is_invoke and not bpy.app.background:
+                call("replace_case", "INVOKE_DEFAULT", filepath=str(path), collect=self.collect, other=other)
+                return ()
+            raise InputError(
+                f"{path}: expected no file or a case of this frame and surface, found one of {other}; "
+                "choose another name"
+            )
+        is_own = self.replace or _is_tied(scene, path)
+        kept = keep_beside(scene, path.parent, collect=self.collect, replace=is_own)
+        update_case(path, _with_kept_record(recorded_case(scene, path)))
+        to_scene.remember_file(scene, read_case(path))
+        if input_files(scene) != before:
+            # else undo would bring back the file before, for the next save
+            bpy.ops.ed.undo_push(message=self.bl_label)
         return (f"saved {', '.join(map(str, (path, *kept)))}",)
 
 
-def _usual_folder(scene: bpy.types.Scene) -> Path:
-    """The folder of the frame, the surface or the CT: of the first that is no file of this session."""
-    surface = from_scene.present_surface(scene)
-    meshes = [] if surface is None else [surface.oneframe.mesh_path]
-    for text in (scene.oneframe.frame_path, *meshes, scene.oneframe_ct.path):
-        if text and not is_temporary(path := from_scene.absolute_path(text)):
-            return path.parent
-    return Path()
+class ONEFRAME_OT_replace_case(Asking, bpy.types.Operator):
+    """Ask whether to save over a case of another frame or surface"""
+
+    bl_idname = "oneframe.replace_case"
+    bl_label = "Replace Case"
+    bl_options = {"INTERNAL"}
+
+    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
+    collect: bool = prop(BoolProperty(options={"SKIP_SAVE", "HIDDEN"}))
+    other: str = prop(StringProperty(description="Its frame and surface", options={"SKIP_SAVE", "HIDDEN"}))
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return not bpy.app.background
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        question = f"{Path(self.filepath).name} is the case of {self.other}. Replace it by the present one?"
+        return self.ask(context, "Replace Another Case?", question, "Replace")
+
+    def run(self, context: bpy.types.Context) -> None:
+        call("save_case", filepath=self.filepath, collect=self.collect, replace=True)
+
+
+def _is_tied(scene: bpy.types.Scene, path: Path) -> bool:
+    """Whether a file is that of the scene's case."""
+    known = scene.oneframe.case_path
+    return bool(known) and os.path.realpath(from_scene.absolute_path(known)) == os.path.realpath(path)
+
+
+def _other_case(scene: bpy.types.Scene, path: Path) -> tuple[str, ...]:
+    """What would be lost in a file that holds another case: its frame, its surface; see :func:`.other_inputs`.
+
+    The scene's own file may name those that it had when it was read or written: a mask or a drill has changed them.
+    """
+    case = from_scene.case(scene, path)
+    other = other_inputs(path, case)
+    if other and _is_tied(scene, path) and (files := scene.oneframe.case_files_text):
+        image, mesh = map(Path, json.loads(files))
+        return other_inputs(path, replace(case, image=image, mesh=mesh))
+    return other
 
 
 def _with_kept_record(case: Case) -> Case:
@@ -87,4 +146,4 @@ def _with_kept_record(case: Case) -> Case:
     return replace(case, alignment=saved.alignment) if is_same else case
 
 
-register, unregister = class_registration((ONEFRAME_OT_save_case,))
+register, unregister = class_registration((ONEFRAME_OT_save_case, ONEFRAME_OT_replace_case))

@@ -5,6 +5,15 @@ from pathlib import Path
 import bpy
 
 from . import from_scene
+from .session_files import is_temporary
+
+
+def usual_folder(scene: bpy.types.Scene) -> Path:
+    """The folder of the case, the frame, the surface or the CT: of the first that is no file of this session."""
+    for text in (*map(str, input_files(scene).values()), scene.oneframe_ct.path):
+        if text and not is_temporary(path := from_scene.absolute_path(text)):
+            return path.parent
+    return Path()
 
 
 def input_files(scene: bpy.types.Scene) -> dict[str, Path]:

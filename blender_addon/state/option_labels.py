@@ -17,8 +17,6 @@ LABELS = {
     "samples": "Rays at Edges",
     "unseen": "Unseen Surface",
     "max_incidence_deg": "Incidence (°)",
-    "tolerance_colour": "Colour ± (/255)",
-    "tolerance_px": "Outline ± (px)",
     "scale": "Image Size (×)",
     "float_depth": "Float Depth",
     "video": "Video",

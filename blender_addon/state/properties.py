@@ -17,9 +17,9 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..class_registration import class_registration, prop
 from ..pipeline.camera.pinhole import PixelOrigin
 from ..pipeline.dataset.options import DatasetOptions
-from ..registration import class_registration, prop
 from . import events
 from .option_labels import label
 
@@ -143,6 +143,9 @@ class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
 
     case_path: str = prop(
         StringProperty(name="Case", description="The case file that was opened or saved", subtype="FILE_PATH")
+    )
+    case_files_text: str = prop(
+        StringProperty(description="Frame and surface that the case file names (JSON)", options={"HIDDEN"})
     )
     frame_path: str = prop(StringProperty(name="Frame", description="The frame's image file", subtype="FILE_PATH"))
     frame_size: Sequence[int] = prop(

@@ -13,7 +13,7 @@ from ..pipeline.blender.bridge.exact_values import exact, set_exact
 from ..pipeline.blender.colour.surface_colour import rescale_colour
 from ..pipeline.camera.distortion import Distortion, checked_distortion
 from ..pipeline.camera.pinhole import PinholeCamera
-from ..pipeline.case.case_file import MM_PER_UNIT
+from ..pipeline.case.case_file import MM_PER_UNIT, Case
 from ..pipeline.case.landmarks import Landmark
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.errors import InputError
@@ -34,7 +34,10 @@ HEAD_BYTES = 1 << 16
 def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment_scene.AlignmentObjects) -> None:
     """Fill in the scene's settings from a case whose objects are in the scene."""
     case, settings = loaded.case, scene.oneframe
-    settings.case_path, settings.frame_path = str(case.path.resolve()), str(case.image.resolve())
+    if settings.case_path != str(case.path.resolve()):
+        _part_from_case(scene)
+    remember_file(scene, case)
+    settings.frame_path = str(case.image.resolve())
     settings.frame_size = case.camera.size_wh
     settings.units = next(unit for unit, factor in MM_PER_UNIT.items() if factor == case.mm_per_unit)
     settings.camera_object, settings.surface = objects.camera, objects.surface
@@ -43,7 +46,6 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
     set_exact(objects.surface, from_scene.READ_POSE, np.stack([loaded.cam_from_model, case.cam_from_mesh]))
     for structure, child in zip(case.structures, objects.structures, strict=True):
         child.oneframe.role, child.oneframe.mesh_path = "STRUCTURE", str(structure.mesh.resolve())
-    settings.case_dataset_text = json.dumps(case.dataset)
     settings.case_kept_text = json.dumps({name: getattr(case, name) for name in from_scene.KEPT_FIELDS})
     for entry in settings.dataset.bl_rna.properties:
         if entry.identifier not in ("rna_type", "name"):
@@ -52,6 +54,27 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
         if hasattr(settings.dataset, name):
             setattr(settings.dataset, name, value)
     replace_landmarks(scene, case.landmarks)
+
+
+def remember_file(scene: bpy.types.Scene, case: Case) -> None:
+    """Tie the scene to the file of a case, as it was read or written: Save Case writes there."""
+    settings = scene.oneframe
+    settings.case_path, settings.case_dataset_text = str(case.path.resolve()), json.dumps(case.dataset)
+    settings.case_files_text = json.dumps([str(case.image.resolve()), str(case.mesh.resolve())])
+
+
+def _part_from_case(scene: bpy.types.Scene) -> None:
+    """End the tie to the case's file and dataset: another frame or surface comes, and must not get into them."""
+    settings = scene.oneframe
+    if not settings.case_path:
+        return
+    dataset = json.loads(settings.case_dataset_text)
+    if isinstance(dataset.get("poses"), str):
+        # which was relative to that file
+        dataset["poses"] = str(absolute_path(settings.case_path).parent / dataset["poses"])
+        settings.case_dataset_text = json.dumps(dataset)
+    for name in ("case_path", "case_files_text", "dataset_out"):
+        settings.property_unset(name)
 
 
 def replace_landmarks(scene: bpy.types.Scene, landmarks: tuple[Landmark, ...]) -> None:
@@ -84,6 +107,8 @@ def set_frame(context: bpy.types.Context, path: Path, width: int, height: int) -
     """Use an image file as the frame; returns warnings if K does not fit it."""
     scene = workbench.enter(context)
     settings = scene.oneframe
+    if settings.frame_path != str(path.resolve()):
+        _part_from_case(scene)
     settings.frame_path, settings.frame_size = str(path.resolve()), (width, height)
     typed = settings.camera
     if settings.camera_object is None:
@@ -180,6 +205,11 @@ def set_surface(
     scene = workbench.enter(context)
     settings = scene.oneframe
     old = settings.surface
+    if old is None or old.oneframe.mesh_path != str(path.resolve()):
+        _part_from_case(scene)
+        # a surface's own
+        kept = json.loads(settings.case_kept_text or "{}")
+        settings.case_kept_text = json.dumps(kept | {"object_name": None})
     if old is not None:
         alignment_scene.remove_objects([*old.children, old])
     centre = given.vertices.mean(axis=0)
@@ -278,7 +308,7 @@ def _remember_camera(scene: bpy.types.Scene, camera: PinholeCamera, distortion: 
 
 
 def relink_frame(scene: bpy.types.Scene, path: Path) -> None:
-    """Use a file with the present frame's pixels as the frame: its copy beside the case."""
+    """Use another file of the present frame: its copy beside the case, or the frame with a mask."""
     scene.oneframe.frame_path = str(path.resolve())
     if from_scene.present_camera(scene) is not None:
         show_frame(scene)

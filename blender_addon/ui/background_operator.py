@@ -8,8 +8,8 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ImportHelper
 
+from ..class_registration import prop
 from ..pipeline.errors import InputError, RunError
-from ..registration import prop
 from .background_work import NAVIGATION, POLL_SECONDS, BackgroundWork, show_status
 from .operator import Messages, OperatorResult, Reporting
 

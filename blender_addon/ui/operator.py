@@ -6,9 +6,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 import bpy
+from bpy.props import StringProperty
+from bpy_extras.io_utils import ExportHelper
 
+from ..class_registration import prop
 from ..pipeline.errors import InputError, RunError
 from ..state import from_scene
+from ..state.inputs import usual_folder
 from .wrapped_text import CHARACTER_PX
 
 DIALOG_PX = 400
@@ -94,6 +98,19 @@ class ReportingFile(Reporting):
         if not path.name or path.is_dir():
             raise InputError(f"expected a file, found {filepath or 'none'}; choose a file or type its name")
         return path
+
+
+class SavesFile(ReportingFile, ExportHelper):
+    """Mixin for operators that write a file: their dialog begins beside the case, and not where another one's went."""
+
+    usual_name = ""
+
+    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        """Called by Blender."""
+        self.filepath = self.filepath or str(usual_folder(context.scene) / self.usual_name)
+        return ExportHelper.invoke(self, context, event)
 
 
 class NeedsAlignment(bpy.types.Operator):

@@ -6,7 +6,7 @@ The keys work where the pointer is over the strip; elsewhere they are those of t
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
-from ..registration import class_registration, prop
+from ..class_registration import class_registration, prop
 from ..ui.keymap import TOOLS, Key, Keys, Place
 from ..ui.operator import OperatorResult, redraw
 from . import session, shown_frame, strip_layout

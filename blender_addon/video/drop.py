@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..registration import class_registration
+from ..class_registration import class_registration
 from ..state import workbench
 from .operators import VIDEOS
 

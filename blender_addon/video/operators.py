@@ -7,10 +7,10 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty, StringProperty
 
+from ..class_registration import class_registration, prop
 from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.errors import InputError
 from ..pipeline.video.frame_folder import write_frame
-from ..registration import class_registration, prop
 from ..state import camera_view, from_scene, to_scene, workbench
 from ..state.session_files import session_folder
 from ..ui.background_operator import InBackground, OpensInBackground, Work

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..registration import class_registration
+from ..class_registration import class_registration
 from ..state import from_scene
 from ..ui.wrapped_text import draw_text
 from . import session, shown_frame

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from ..registration import class_registration, prop
+from ..class_registration import class_registration, prop
 from ..ui.operator import redraw
 
 _listeners: list[Callable[[bpy.types.Scene], None]] = []

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from bpy.app.handlers import persistent
 
+from ..class_registration import Handlers
 from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.camera.distortion import undistort
 from ..pipeline.errors import InputError
@@ -15,7 +16,6 @@ from ..pipeline.images.pixel_values import to_uint8
 from ..pipeline.video.frame_folder import MASKED_COLOUR
 from ..pipeline.video.frame_mask import tissue_mask, without_combs
 from ..pipeline.video.frame_scores import COMBED
-from ..registration import Handlers
 from ..state import from_scene, to_scene
 from ..ui.operator import redraw
 from . import properties, session

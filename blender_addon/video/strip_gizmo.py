@@ -5,7 +5,7 @@ from typing import Literal
 
 import bpy
 
-from ..registration import class_registration
+from ..class_registration import class_registration
 from ..ui.operator import OperatorResult, redraw
 from . import session, shown_frame
 from .strip_layout import StripLayout, film_in

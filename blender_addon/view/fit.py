@@ -5,7 +5,7 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
-from ..registration import class_registration
+from ..class_registration import class_registration
 from ..state import from_scene
 from ..ui.frame_view import FrameView, shows_frame, window_region
 from ..ui.operator import OperatorResult

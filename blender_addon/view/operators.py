@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty
 
-from ..registration import class_registration, prop
+from ..class_registration import class_registration, prop
 from ..state import camera_view, from_scene
 from ..ui.frame_view import FrameView
 from ..ui.keymap import Key, Keys

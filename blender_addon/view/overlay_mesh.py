@@ -13,7 +13,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 from mathutils import Matrix
 
-from ..registration import Handlers
+from ..class_registration import Handlers
 from .overlay_shaders import surface_shader
 
 SHARP = np.cos(np.radians(40.0))

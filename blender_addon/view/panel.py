@@ -2,8 +2,8 @@
 
 import bpy
 
+from ..class_registration import class_registration
 from ..pipeline.errors import InputError
-from ..registration import class_registration
 from ..state import from_scene
 from ..ui.frame_view import shows_frame
 from ..ui.keymap import draw_key

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..registration import class_registration
+from ..class_registration import class_registration
 from ..state import camera_view, from_scene
 from ..state.pivot import pivot_of
 from ..ui.frame_view import window_region

@@ -7,7 +7,7 @@ import bpy
 import gpu
 from gpu_extras.presets import draw_circle_2d
 
-from ..registration import class_registration
+from ..class_registration import class_registration
 from ..state import from_scene
 from ..ui.frame_view import FrameView, shows_frame
 from ..ui.operator import OperatorResult, redraw

@@ -9,7 +9,7 @@ Blender switches workspaces between two events, so this happens in steps of a ti
 import bpy
 from bpy.app.handlers import persistent
 
-from ..registration import Handlers, class_registration
+from ..class_registration import Handlers, class_registration
 from ..state import camera_view, workbench
 from ..state.camera_view import WORKSPACE
 from ..ui.frame_view import window_region

@@ -5,7 +5,7 @@ import numpy as np
 from bpy.props import FloatProperty
 from numpy.typing import ArrayLike
 
-from ..registration import class_registration, prop
+from ..class_registration import class_registration, prop
 from ..ui.frame_view import FrameView, window_region
 from ..ui.operator import OperatorResult
 from .frame_tool import FrameTool

@@ -5,21 +5,22 @@ from typing import Any
 
 import bpy
 from bpy.props import StringProperty
-from bpy_extras.io_utils import ExportHelper, ImportHelper
+from bpy_extras.io_utils import ImportHelper
 
+from ..class_registration import class_registration, prop
 from ..pipeline.errors import InputError
-from ..pipeline.volume.drill_plan import DrillPlan, check_strokes, read_drill_plan, write_drill_plan
+from ..pipeline.volume.drill_guard import check_margins
+from ..pipeline.volume.drill_plan import DrillPlan, check_strokes, read_drill_plan, unprotected, write_drill_plan
 from ..pipeline.volume.structures import structure_meshes, without_bone
-from ..registration import class_registration, prop
 from ..state import from_scene
 from ..state.camera_view import views
 from ..state.inputs import input_files
 from ..ui.background_operator import InBackground, Work
 from ..ui.keymap import DRILL_TOOL
-from ..ui.operator import Messages, Reporting, ReportingFile, redraw
+from ..ui.operator import Messages, Reporting, ReportingFile, SavesFile, redraw
 from . import drill_session, drill_strokes
 from .loaded import key_of, loaded_ct
-from .margins import margins_of
+from .margins import margins_of, structures_of
 from .operators import NeedsCT
 from .surface import is_from_ct
 
@@ -44,6 +45,7 @@ class ONEFRAME_OT_drill(InBackground, NeedsCT, bpy.types.Operator):
         scene = context.scene
         ct, level = loaded_ct(scene), from_scene.shortest(scene.oneframe_ct.threshold_hu)
         plan = DrillPlan(drill_strokes.strokes_of(scene), margins_of(scene, ct))
+        check_margins(plan.margins_mm, structures_of(ct))
         self._key = key_of(scene), scene.oneframe_ct.threshold_hu
 
         def prepare(progress: Any) -> drill_session.DrillSession:
@@ -66,7 +68,7 @@ class ONEFRAME_OT_drill(InBackground, NeedsCT, bpy.types.Operator):
             area.spaces.active.region_3d.view_perspective = "PERSP"
         if not bpy.app.background:
             _activate_tool(context)
-        return ("drag over the bone to drill; Make Surface applies it",)
+        return "drag over the bone to drill; Make Surface applies it", *unprotected(drill_strokes.margins_in(scene))
 
 
 def _activate_tool(context: bpy.types.Context) -> None:
@@ -134,7 +136,7 @@ class ONEFRAME_OT_open_plan(NeedsCT, ReportingFile, bpy.types.Operator, ImportHe
         return *messages, f"{path.name}: {len(plan.strokes)} strokes"
 
 
-class ONEFRAME_OT_save_plan(ReportingFile, bpy.types.Operator, ExportHelper):
+class ONEFRAME_OT_save_plan(SavesFile, bpy.types.Operator):
     """Save strokes and margins as a plan, for oneframe surface --drill"""
 
     bl_idname = "oneframe.save_plan"
@@ -142,6 +144,7 @@ class ONEFRAME_OT_save_plan(ReportingFile, bpy.types.Operator, ExportHelper):
     bl_options = {"REGISTER"}
 
     filename_ext = ".toml"
+    usual_name = "drill.toml"
     filter_glob: str = prop(StringProperty(default="*.toml", options={"HIDDEN"}))
 
     @classmethod

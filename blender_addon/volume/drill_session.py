@@ -1,8 +1,8 @@
 """The drilled volume in memory while the drill is in use: its field, and the surface in blocks.
 
 The burr stops where a margin begins, so what is shown is what stays but for a fraction of a voxel; Make Surface holds
-the margins exactly, as the command does. The strokes stand in the scene's settings: after undo and redo the session
-follows them.
+the margins on the finished surface, as the command does. The strokes stand in the scene's settings: after undo and
+redo the session follows them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,6 +12,7 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
+from ..class_registration import Handlers
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.volume.bone import bone_voxels
 from ..pipeline.volume.bone_ray import first_bone
@@ -19,7 +20,6 @@ from ..pipeline.volume.burr_room import BurrRoom
 from ..pipeline.volume.drill_plan import DrillPlan, Stroke
 from ..pipeline.volume.drilled_volume import DrilledVolume, VoxelBox
 from ..pipeline.volume.isosurface import RemovedField, block_surface
-from ..registration import Handlers
 from ..state import from_scene
 from . import drill_strokes
 from .loaded import Key, LoadedCT, ct_of, key_of

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..registration import class_registration
+from ..class_registration import class_registration
 from .slice_areas import plane_of
 
 

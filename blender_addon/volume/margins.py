@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, FloatProperty
 
+from ..class_registration import class_registration, prop
 from ..pipeline.volume.drill_plan import LARGEST_MARGIN_MM
 from ..pipeline.volume.structures import structure_names, without_bone
-from ..registration import class_registration, prop
 from ..state import from_scene
 from ..ui.operator import DIALOG_PX, Messages, OperatorResult, Reporting
 from . import drill_strokes

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..registration import class_registration
+from ..class_registration import class_registration
 from ..ui.wrapped_text import draw_text
 from . import drill_session
 from .drill_strokes import strokes_of

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import bpy
 from bpy.props import BoolProperty, FloatProperty, FloatVectorProperty, IntProperty, PointerProperty, StringProperty
 
+from ..class_registration import class_registration, prop
 from ..pipeline.volume.threshold import DEFAULT_HU
-from ..registration import class_registration, prop
 
 SLICE_SPACE = "IMAGE_EDITOR"
 """The kind of area that shows slices."""

@@ -3,7 +3,7 @@
 import bpy
 from bpy.app.handlers import persistent
 
-from ..registration import Handlers
+from ..class_registration import Handlers
 from ..ui.frame_view import window_region
 from .loaded import ct_of, key_of
 

@@ -6,7 +6,7 @@ never become part of the .blend file.
 
 import bpy
 
-from ..registration import class_registration
+from ..class_registration import class_registration
 from ..ui.frame_view import window_region
 from ..ui.operator import Reporting
 from .loaded import ct_of, loaded_ct

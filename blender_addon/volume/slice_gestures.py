@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty, IntProperty
 
-from ..registration import class_registration, prop
+from ..class_registration import class_registration, prop
 from ..ui.keymap import Key, Keys, Place
 from ..ui.operator import OperatorResult
 from .slice_view import SliceView, inside

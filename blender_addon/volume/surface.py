@@ -6,6 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import BoolProperty
 
+from ..class_registration import class_registration, prop
 from ..pipeline.case.structure_colour import structure_colour
 from ..pipeline.case.surface_size import extents_of, size_text
 from ..pipeline.commands.surface_finish import finish_of, removed_of
@@ -15,9 +16,10 @@ from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.volume.bone import bone_voxels
 from ..pipeline.volume.bone_surface import STAGES, bone_surface
+from ..pipeline.volume.drill_guard import check_margins
+from ..pipeline.volume.drill_plan import unprotected
 from ..pipeline.volume.structures import structure_meshes, without_bone
 from ..pipeline.volume.threshold import check_threshold
-from ..registration import class_registration, prop
 from ..state import from_scene, to_scene
 from ..state.initial_pose import renew_initial_pose
 from ..state.structures import put_structures
@@ -25,6 +27,7 @@ from ..ui.background_operator import InBackground, Work
 from ..ui.operator import Asking, Messages, OperatorResult, call
 from . import drill_session, drill_strokes
 from .loaded import key_of, loaded_ct
+from .margins import structures_of
 from .operators import NeedsCT
 from .surface_files import write_meshes
 
@@ -74,6 +77,7 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
         scene = context.scene
         ct, level = loaded_ct(scene), from_scene.shortest(scene.oneframe_ct.threshold_hu)
         plan, self._inputs = drill_strokes.plan_of(scene), _inputs(scene)
+        check_margins(plan.margins_mm, structures_of(ct))
         if not self.replace and from_scene.present_surface(scene) is not None and not is_from_ct(scene):
             raise InputError("expected no surface, found one that was not made from this CT; replace it by choice")
 
@@ -119,7 +123,9 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
         surface[MADE_FROM] = "" if key is None else _mark(key)
         put_structures(surface, {name: (paths[name], structure_colour(name)) for name in structures})
         named = f", structures {', '.join(structures)}" if structures else ""
-        return (f"surface: {len(mesh.faces):,} triangles, {size_text(extents_of(mesh))}{named}",)
+        drilled = unprotected(drill_strokes.margins_in(scene)) if drill_strokes.strokes_of(scene) else ()
+        # the status bar shows the last
+        return f"surface: {len(mesh.faces):,} triangles, {size_text(extents_of(mesh))}{named}", *drilled
 
 
 def _inputs(scene: bpy.types.Scene) -> tuple[object, ...]:

@@ -30,12 +30,9 @@ from .process import (
     settle,
     stop_signal,
     stopped_message,
-    watched_in_little_memory,
 )
 
 EXIT_INPUT, EXIT_RUN, EXIT_STOPPED = 2, 3, 130
-_NO_MEMORY = ("failed to map segment", "cannot allocate", "Cannot allocate")
-"""What the system's loader says for lack of memory."""
 
 
 class ArgumentParser(argparse.ArgumentParser):
@@ -119,7 +116,6 @@ def run_script(main: Callable[[Sequence[str]], int]) -> None:
     """Run the main function of a script or command and end the process with its :func:`exit_code`."""
     open_standard_streams()
     own_temporary_folder()
-    watched_in_little_memory()
     handle_signals()
     code = 1
     try:
@@ -172,8 +168,6 @@ def _shortage(error: Exception) -> str | None:
     """What the system refuses, if that is the cause of an error."""
     if isinstance(error, MemoryError):
         return "there is not enough memory; close other programs, or raise the limit (ulimit -v)"
-    if isinstance(error, ImportError) and any(words in str(error) for words in _NO_MEMORY):
-        return f"there is not enough memory to load Blender ({error}); raise the limit (ulimit -v)"
     if not isinstance(error, OSError):
         return None
     if error.filename == STDOUT:

@@ -1,7 +1,7 @@
-"""The process of a command: its standard streams, the signals that end it, its temporary files, its memory.
+"""The process of a command: its standard streams, the signals that end it, its temporary files.
 
-Blender leaves much of this to the system: a process that ends early would leave its temporary folder behind, a closed
-stream would pass its number on to the next file that Blender opens, and a limit of memory would end it without a word.
+Blender leaves much of this to the system: a process that ends early would leave its temporary folder behind, and a
+closed stream would pass its number on to the next file that Blender opens.
 Nothing here imports Blender.
 """
 
@@ -19,8 +19,6 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn, TextIO
 
-from ..errors import RunError
-
 STOPPING_SECONDS = 5.0
 """Time that a stopped process has to finish the file that it is writing."""
 ENDING_SIGNALS = tuple(
@@ -28,9 +26,6 @@ ENDING_SIGNALS = tuple(
 )
 STDOUT = "the standard output"
 """The name of the standard output in an :class:`OSError`."""
-
-LEAST_MEMORY = 2000 << 20
-"""Address space in bytes that Blender, numpy, OpenCV and SciPy need to load, with a third to spare."""
 
 _received: list[int] = []
 _settled: list[bool] = []
@@ -129,9 +124,6 @@ def handle_signals() -> None:
         # nohup ignores SIGHUP; the handler of a Blender program for SIGINT only cancels renders
         if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, interrupt)
-    if hasattr(signal, "SIGXFSZ"):
-        # a file beyond the limit (ulimit -f) is an error like a full disk
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     if os.name == "nt":
         return  # signals wake no thread there
     read, write = os.pipe()
@@ -148,17 +140,9 @@ def handle_signals() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-def interrupt(number: int, frame: FrameType | None) -> None:
-    """The handler of the signals that end a process: raises ``KeyboardInterrupt``, once, and not inside an import.
-
-    An extension module that is interrupted while it is loaded may crash, as Blender does.
-    """
+def interrupt(number: int, _frame: FrameType | None) -> None:
+    """The handler of the signals that end a process: raises ``KeyboardInterrupt``, once."""
     if _received or _settled:
-        return
-    if _is_importing(frame):
-        again = threading.Timer(0.05, send_to_itself, (number,))
-        again.daemon = True
-        again.start()
         return
     _received.append(number)
     raise KeyboardInterrupt
@@ -202,14 +186,6 @@ def send_to_itself(number: int) -> None:
         os.kill(os.getpid(), number)
 
 
-def _is_importing(frame: FrameType | None) -> bool:
-    while frame is not None:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
-            return True
-        frame = frame.f_back
-    return False
-
-
 def stop_signal() -> int | None:
     """The signal that :func:`interrupt` has received, if any."""
     return _received[0] if _received else None
@@ -227,57 +203,3 @@ def print_error(error: object) -> None:
     """Print an error as one line on standard error."""
     with suppress(OSError):
         sys.stderr.write("error: " + " ".join(str(error).split()) + "\n")
-
-
-def memory_limit() -> int | None:
-    """Bytes of memory that this process may use (``ulimit -v``); ``None`` if there is no limit."""
-    if os.name == "nt":
-        return None
-    import resource
-
-    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
-    return None if limit == resource.RLIM_INFINITY else limit
-
-
-def check_memory() -> None:
-    """Check before Blender and numpy are loaded that the limit of memory lets them: else they crash.
-
-    Raises
-    ------
-    RunError
-        It does not.
-    """
-    limit = memory_limit()
-    if limit is not None and limit < LEAST_MEMORY and "bpy" not in sys.modules:
-        raise RunError(
-            f"expected a limit of memory (ulimit -v) of at least {LEAST_MEMORY >> 20} MB, which Blender needs to load, "
-            f"found {limit >> 20} MB; raise the limit"
-        )
-
-
-def watched_in_little_memory() -> None:
-    """Where memory is limited, go on in a child process, and say so if it crashes.
-
-    Neither Blender nor its libraries check every allocation. Only before Blender is loaded.
-    """
-    limit = memory_limit()
-    if limit is None or "bpy" in sys.modules:
-        return
-    try:
-        child = os.fork()
-    except OSError:
-        return
-    if child == 0:
-        return
-    for number in ENDING_SIGNALS:
-        # Ctrl-C reaches both
-        signal.signal(number, lambda number, _: None if number == signal.SIGINT else os.kill(child, number))
-    _, status = os.waitpid(child, 0)
-    code = os.waitstatus_to_exitcode(status)
-    if code < 0:
-        print_error(
-            f"Blender crashed ({signal.Signals(-code).name}): this process may use {limit >> 20} MB of memory "
-            "(ulimit -v), which seems too little; raise the limit"
-        )
-        code = 3
-    end_process(code)

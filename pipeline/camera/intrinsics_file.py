@@ -225,7 +225,7 @@ def _unknown_format(name: str) -> InputError:
 def _json(text: str, name: str) -> object:
     found = parsed_json(text, name)
     # a list is K itself, or one of cameras
-    return {"K": found, "list": found} if isinstance(found, list) else found
+    return {"K": found} if isinstance(found, list) else found
 
 
 def _arrays(data: bytes, name: str) -> object:

@@ -21,8 +21,8 @@ MODELS = ("distortionmodel", "cameramodel", "model")
 OTHER_MODELS = ("fisheye", "equidistant", "kannala", "inverse", "thin", "fov", "omni", "mei", "sphere", "theta")
 """Substrings of the names of distortion models other than OpenCV's for the pinhole camera."""
 
-MOST_TABLES = 250_000
-"""Of a file, at any depth; one of BOP has as many as images."""
+MOST_TABLES = 10_000
+"""Of a file, at any depth: one of BOP has as many as images of a scene, a few thousand. Each takes a tenth of a ms."""
 
 MOST_NUMBERS = 100
 """Of a list; no K, size or distortion has more."""

@@ -104,8 +104,15 @@ def kept_case(case: Case) -> KeptFile:
     return KeptFile(case.path, data, CASE_FILE)
 
 
-def keep_files(files: Sequence[KeptFile], inputs: Mapping[str, Path]) -> None:
+def keep_files(files: Sequence[KeptFile], inputs: Mapping[str, Path], *, instead: str = "") -> None:
     """Write files of a folder, in their order; those that are already there stay.
+
+    Parameters
+    ----------
+    files, inputs
+        What to write; what was read, by what it is.
+    instead
+        What to do instead of replacing the frame or a mesh, if the folder may be that of another case.
 
     Raises
     ------
@@ -116,9 +123,24 @@ def keep_files(files: Sequence[KeptFile], inputs: Mapping[str, Path]) -> None:
     """
     fresh = [file for file in files if not file.is_there]
     check_outputs([companion(file.path, file.kind) for file in fresh], inputs)
+    if instead:
+        check_new([file for file in files if file.kind != CASE_FILE], instead)
     for file in fresh:
         with writing(made_folder(file.path)):
             write_bytes_atomically(file.path, file.data)
+
+
+def check_new(files: Iterable[KeptFile], instead: str) -> None:
+    """Check that files of the folder are new or already hold this: else they would be those of another case.
+
+    Raises
+    ------
+    InputError
+        One holds something else; the message ends with what to do ``instead``.
+    """
+    for file in files:
+        if file.path.exists() and not file.is_there:
+            raise InputError(f"{file.path}: expected no such file or that of this case, found another one; {instead}")
 
 
 def without_kept(outputs: Iterable[Output], inputs: Mapping[str, Path]) -> list[Output]:

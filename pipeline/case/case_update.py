@@ -2,33 +2,21 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..errors import InputError
 from ..files.content import read_content, write_bytes_atomically
-from ..files.tables import parsed_toml
 from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY
 from .case_file import Case, Structure, case_from_text
-from .case_writer import case_output, case_text, encoded, toml_value, write_case
-from .landmarks import Landmark
-from .toml_document import TomlDocument
+from .case_writer import case_output, case_text, encoded, write_case
 
-_FIELDS = {
-    "frame": ("image",),
-    "camera": ("camera", "distortion"),
-    "surface": ("mesh", "object_name"),
-    "pose": ("cam_from_mesh",),
-    "alignment": ("alignment",),
-    "landmarks": ("landmarks",),
-    "structures": ("structures",),
-    "dataset": ("dataset",),
-    "cluster": ("cluster",),
-}
-"""Table of the file -> the fields of a case that it holds."""
+if TYPE_CHECKING:
+    from tomlkit import TOMLDocument
+    from tomlkit.items import AoT
 
 _BOM = "\ufeff"
 
@@ -50,10 +38,7 @@ def update_case(path: Path, case: Case) -> None:
         write_case(path, case)
         return
     before = read_content(path, "a case file")
-    try:
-        case_from_text(before, path)
-    except InputError as error:
-        raise InputError(f"{error}. Save the case under another name; this file is kept") from None
+    _existing(path, before)
     after = encoded(path, updated_text(path, before.decode(), case))
     if after != before:
         write_bytes_atomically(path, after)
@@ -62,32 +47,56 @@ def update_case(path: Path, case: Case) -> None:
 def updated_text(path: Path, text: str, case: Case) -> str:
     """The text of the case file ``path``, changed to hold another case.
 
+    What has changed shows where the file's own case and the other one are written alike, by :func:`.case_text`.
+
     Raises
     ------
     InputError
         The text is not that of a case file, or the case could not be read back.
     """
+    import tomlkit
+
     target = case_text(path, case)
-    new, wanted = TomlDocument(target), case_from_text(target, path)
-    document = TomlDocument(text.removeprefix(_BOM))
-    if not document.text.endswith("\n"):
-        document = TomlDocument(document.text + document.newline)
-    document = _with_conventions(path, document, new, wanted)
-    old = case_from_text(document.text, path)
-    changed = differing_fields(old, wanted)
-    for section, names in _FIELDS.items():
-        if not set(names) & set(changed):
-            continue
-        if document.value_text((section,)) is not None:
-            # an inline table or list: written anew as a section
-            document = _with_section(document.without((section,)), new, section)
-        elif section in ("landmarks", "structures"):
-            document = _with_entries(document, new, section, getattr(old, section), getattr(wanted, section))
-        else:
-            document = _with_table(document, new, section, old, wanted)
-    if differing_fields(case_from_text(document.text, path), wanted):
-        return target  # a form of TOML that this module cannot change: whole rather than wrong
-    return text[: len(text) - len(text.removeprefix(_BOM))] + document.text
+    wanted, newline = case_from_text(target, path), "\r\n" if "\r\n" in text else "\n"
+    document = tomlkit.parse(text.removeprefix(_BOM) + ("" if text.endswith("\n") else newline))
+    _adopt_conventions(document, path, wanted)
+    old = case_from_text(document.as_string(), path)
+    names = [each.name for each in old.structures]
+    # their order means nothing, so the file's stays
+    structures = sorted(case.structures, key=lambda each: [*names, each.name].index(each.name))
+    new = case_text(path, replace(case, structures=tuple(structures)))
+    _change(document, tomlkit.parse(case_text(path, old)), tomlkit.parse(new))
+    changed = document.as_string()
+    if newline == "\r\n":
+        changed = changed.replace("\r\n", "\n").replace("\n", "\r\n")
+    if differing_fields(case_from_text(changed, path), wanted):
+        return target  # a form of TOML that cannot be changed like this: whole rather than wrong
+    return text[: len(text) - len(text.removeprefix(_BOM))] + changed
+
+
+def other_inputs(path: Path, case: Case) -> tuple[str, ...]:
+    """Frame and surface of the case that a file holds, in words, as far as they are not those of ``case``.
+
+    There are none if the file does not exist or is empty.
+
+    Raises
+    ------
+    InputError
+        The file is not a case file.
+    """
+    if not path.exists() or not path.stat().st_size:
+        return ()
+    saved = _existing(path, read_content(path, "a case file"))
+    changed = differing_fields(saved, case)
+    files = {"image": f"another frame ({saved.image.name})", "mesh": f"another surface ({saved.mesh.name})"}
+    return tuple(words for name, words in files.items() if name in changed)
+
+
+def _existing(path: Path, content: bytes) -> Case:
+    try:
+        return case_from_text(content, path)
+    except InputError as error:
+        raise InputError(f"{error}. Save the case under another name; this file is kept") from None
 
 
 def differing_fields(one: Case, other: Case) -> tuple[str, ...]:
@@ -99,106 +108,87 @@ def differing_fields(one: Case, other: Case) -> tuple[str, ...]:
     return tuple(name for name in names if not _EQUAL.get(name, _same)(one, other, name))
 
 
-def _with_conventions(path: Path, document: TomlDocument, new: TomlDocument, wanted: Case) -> TomlDocument:
-    """The document with the wanted units; and, if any pixel changes, with the pixel origin in which it is written."""
-    if case_from_text(document.text, path).mm_per_unit != wanted.mm_per_unit:
-        document = document.with_value(("units",), new.value_text(("units",)) or "")
-    old = case_from_text(document.text, path)
+def _adopt_conventions(document: "TOMLDocument", path: Path, wanted: Case) -> None:
+    """Give the file the wanted units; and, if any pixel changes, the pixel origin in which it is written."""
+    old = case_from_text(document.as_string(), path)
+    if old.mm_per_unit != wanted.mm_per_unit:
+        document["units"] = "mm" if wanted.mm_per_unit == 1 else "m"
     pixels = [{entry.name: entry.pixel for entry in case.landmarks} for case in (old, wanted)]
-    origin = parsed_toml(document.text, path.name)["camera"].get("pixel_origin", "center")
-    if origin != "center" and (old.camera != wanted.camera or pixels[0] != pixels[1]):
-        if document.value_text(("camera",)) is None:
-            return document.with_value(("camera", "pixel_origin"), '"center"')
-        return _with_section(document.without(("camera",)), new, "camera")
-    return document
+    camera: Any = document["camera"]
+    if camera.get("pixel_origin", "center") != "center" and (old.camera != wanted.camera or pixels[0] != pixels[1]):
+        camera["pixel_origin"] = "center"
 
 
-def _with_section(document: TomlDocument, new: TomlDocument, section: str) -> TomlDocument:
-    """The document with all values of a section of the new one."""
-    for statement in new.statements:
-        if statement.path[0] == section and statement.value is not None:
-            document = document.with_value(statement.path, new.text[slice(*statement.value)])
-    return document
+def _change(target: Any, before: Any, after: Any) -> None:
+    """Change a table of a file from one content to another, both in the writer's own form."""
+    from tomlkit.items import AoT, Array, InlineTable, Table
 
-
-def _with_table(document: TomlDocument, new: TomlDocument, section: str, old: Case, wanted: Case) -> TomlDocument:
-    before, after = (_leaves(case, section) for case in (old, wanted))
     for key in before.keys() - after.keys():
-        document = document.without((section, key))
-    if section in ("alignment", "dataset", "cluster") and not after:
-        return document.without((section,))
+        del target[_own_key(target, key)]
     for key, value in after.items():
-        if key in before and _equal_values(before[key], value):
+        if key in before and _text(before[key]) == _text(value):
             continue
-        name = FORMER_POSE_KEY if document.has((section, FORMER_POSE_KEY)) and key == POSE_KEY else key
-        document = document.with_value((section, name), new.value_text((section, key)) or toml_value(value))
-    return document
+        own = _own_key(target, key)
+        present = target.get(own)
+        if isinstance(value, Table) and isinstance(present, Table):
+            _change(present, before[key], value)
+        elif isinstance(value, AoT) and isinstance(present, AoT):
+            entries = _changed_entries(present, before[key], value)
+            if entries is not present:
+                target[own] = entries
+        elif isinstance(value, Array) and isinstance(present, Array) and key in before:
+            _change_array(target, own, before[key], value)
+        else:
+            if isinstance(present, InlineTable | Array) and isinstance(value, Table | AoT):
+                # written anew as a section
+                del target[own]
+            target[own] = value
 
 
-def _leaves(case: Case, section: str) -> dict[str, Any]:
-    """The keys of a table and what they mean."""
-    match section:
-        case "frame":
-            return {"image": os.path.realpath(case.image)}
-        case "surface":
-            named = {} if case.object_name is None else {"name": case.object_name}
-            return {"mesh": os.path.realpath(case.mesh), **named}
-        case "pose":
-            return {POSE_KEY: case.cam_from_mesh.tolist()}
-        case "camera":
-            camera = {"size": case.camera.size_wh, "K": case.camera.k.tolist()}
-            return camera if case.distortion is None else camera | {"distortion": case.distortion}
-        case "alignment":
-            return dict(case.alignment)
-    return _options(case)
+def _changed_entries(present: "AoT", before: "AoT", after: "AoT") -> "AoT":
+    """The wanted entries of an array of tables; entries are the same by name, else by place."""
+    import tomlkit
+
+    by_name = {str(entry["name"]): index for index, entry in enumerate(before)}
+    sources = [by_name.get(str(entry["name"])) for entry in after]
+    if len(before) == len(after):  # renamed in place
+        sources = [index if source is None and index not in sources else source for index, source in enumerate(sources)]
+    for source, entry in zip(sources, after, strict=True):
+        if source is not None:
+            _change(present[source], before[source], entry)
+    if sources == list(range(len(present))):
+        return present
+    entries = tomlkit.aot()
+    for source, entry in zip(sources, after, strict=True):
+        entries.append(entry if source is None else present[source])
+    return entries
 
 
-def _with_entries(
-    document: TomlDocument,
-    new: TomlDocument,
-    section: str,
-    old: Sequence[Landmark | Structure],
-    wanted: Sequence[Landmark | Structure],
-) -> TomlDocument:
-    """The document with the wanted entries of an array of tables; entries are the same by name, else by place."""
-    by_name = {entry.name: index for index, entry in enumerate(old)}
-    sources = [by_name.get(entry.name) for entry in wanted]
-    if len(old) == len(wanted):  # renamed in place
-        taken = set(sources)
-        sources = [index if source is None and index not in taken else source for index, source in enumerate(sources)]
-    for index in sorted(set(range(len(old))) - set(sources), reverse=True):
-        document = document.without((section, index))
-    kept = sorted(source for source in sources if source is not None)
-    places = []
-    for number, source in enumerate(sources):
-        before = {} if source is None else _entry_leaves(old[source])
-        after = _entry_leaves(wanted[number])
-        place = len(kept) + sum(each is None for each in sources[:number]) if source is None else kept.index(source)
-        places.append(place)
-        for key in before.keys() - after.keys():
-            document = document.without((section, place, key))
-        for key, value in after.items():
-            if key not in before or before[key] != value:
-                if key == "enabled" and key not in before and value:
-                    continue  # the default
-                text = new.value_text((section, number, key)) or toml_value(value)
-                document = document.with_value((section, place, key), text)
-    return document if section == "structures" else document.with_order(section, places)
+def _change_array(target: Any, key: Any, before: Any, after: Any) -> None:
+    """Change single elements where the shape stays, so that comments between them do."""
+    if len(target[key]) != len(after) or len(before) != len(after):
+        target[key] = after
+        return
+    for index in range(len(after)):
+        if _text(before[index]) == _text(after[index]):
+            continue
+        if isinstance(after[index], list) and isinstance(target[key][index], list):
+            _change_array(target[key], index, before[index], after[index])
+        else:
+            target[key][index] = after[index]
 
 
-def _entry_leaves(entry: Landmark | Structure) -> dict[str, Any]:
-    if isinstance(entry, Structure):
-        return {"name": entry.name, "mesh": os.path.realpath(entry.mesh), "color": entry.colour}
-    leaves: dict[str, Any] = {"name": entry.name}
-    if entry.point is not None:
-        leaves["surface"] = entry.point
-    if entry.pixel is not None:
-        leaves["pixel"] = entry.pixel
-    return leaves | {"enabled": entry.enabled}
+def _own_key(target: Any, key: str) -> str:
+    return FORMER_POSE_KEY if key == POSE_KEY and FORMER_POSE_KEY in target else key
+
+
+def _text(item: Any) -> str:
+    # of a container tomlkit gives truth values as Python's own
+    return repr(item) if isinstance(item, bool) else str(item.as_string()).strip()
 
 
 def _by_name(structures: Sequence[Structure]) -> dict[str, Any]:
-    return {structure.name: _entry_leaves(structure) for structure in structures}
+    return {each.name: (os.path.realpath(each.mesh), each.colour) for each in structures}
 
 
 def _options(case: Case) -> dict[str, Any]:
@@ -217,11 +207,6 @@ def _same(one: Case, other: Case, name: str) -> bool:
 
 def _same_file(one: Case, other: Case, name: str) -> bool:
     return os.path.realpath(getattr(one, name)) == os.path.realpath(getattr(other, name))
-
-
-def _equal_values(one: Any, other: Any) -> bool:
-    """Equality with the type of truth values: 1 is no true."""
-    return type(one) is type(other) and one == other
 
 
 _EQUAL: Mapping[str, Callable[[Case, Case, str], bool]] = {

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple
 from datetime import date, time
@@ -20,7 +21,6 @@ from ..poses.pose_file import POSE_KEY
 from .alignment_record import checked_alignment_record
 from .case_file import Case, Structure, case_from_text
 from .landmarks import Landmark
-from .toml_document import key_text
 
 UNIT_OF = {factor: unit for unit, factor in MM_PER_UNIT.items()}
 
@@ -167,7 +167,8 @@ def _rows(texts: Iterable[Sequence[str]]) -> str:
 
 
 def _pairs(table: Mapping[str, object]) -> list[str]:
-    return [f"{key_text(key)} = {toml_value(value)}" for key, value in table.items()]
+    bare = re.compile(r"[A-Za-z0-9_-]+")
+    return [f"{key if bare.fullmatch(key) else toml_value(key)} = {toml_value(value)}" for key, value in table.items()]
 
 
 def relocated_options(dataset: Mapping[str, object], folder: Path, new_folder: Path) -> dict[str, object]:

@@ -1,7 +1,7 @@
 """Whether single precision is enough for a case: Blender's numbers, and those of most mesh files, have 24 bits.
 
 A coordinate of size c is known to c times :data:`UNIT_ROUNDOFF`. Projected with f / z pixels per mm, that is a shift of
-the edges in the views. The measurements of :mod:`pipeline.blender.evaluation.stability_camera` agree with it.
+the edges in the views. The measurements of ``scripts/benchmarks/sweeps/camera.py`` agree with it.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""Many machines: the orders of a run go to the workers of a Dask cluster; results come back, pixels never do.
+"""Many machines: the views or shards of a run as futures of a Dask cluster, which runs them again if a worker dies.
 
-A source gives workers, the feeder hands out orders and collects outcomes, and a task does an order on a worker.
+A source gives workers. On each, the run has a plugin that keeps what orders need, such as a render process.
 """

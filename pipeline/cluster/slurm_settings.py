@@ -15,25 +15,7 @@ from ..files.tables import parsed_toml
 
 @dataclass(frozen=True)
 class SlurmSettings:
-    """Jobs that workers run in.
-
-    Attributes
-    ----------
-    jobs
-        How many, at most: the run begins with the first that Slurm starts, and one that ends is replaced.
-    cores
-        CPUs of a job; one process renders on each.
-    memory
-        Of a job, such as "8GB".
-    walltime
-        Of a job, such as "04:00:00".
-    queue, account
-        Partition and account; ``None`` for Slurm's own.
-    interface
-        Network interface of the nodes and of this machine, such as "ib0".
-    options
-        Further options of sbatch, such as "--qos=long".
-    """
+    """Jobs that workers run in, by the keys that *On a Slurm cluster* explains; ``None`` for Slurm's own choice."""
 
     jobs: int = 10
     cores: int = 1
@@ -60,36 +42,25 @@ def checked_slurm_settings(table: Mapping[str, object], where: str) -> SlurmSett
     InputError
         An unknown key, or a value of another kind.
     """
-    fields = {entry.name: entry for entry in dataclasses.fields(SlurmSettings)}
-    check_keys(table, (), tuple(fields), f"{where}: ")
-    values: dict[str, Any] = {}
-    for name, value in table.items():
+    check_keys(table, (), tuple(entry.name for entry in dataclasses.fields(SlurmSettings)), f"{where}: ")
+    values: dict[str, Any] = dict(table)
+    for name, value in values.items():
         if name in _LARGEST:
-            whole = isinstance(value, int) and not isinstance(value, bool)
-            if not whole or not 1 <= value <= _LARGEST[name]:  # type: ignore[operator]
-                raise InputError(
-                    f"{where}: {name}: expected a whole number from 1 to {_LARGEST[name]}, found {value!r}"
-                )
+            expected = f"a whole number from 1 to {_LARGEST[name]}"
+            is_valid = type(value) is int and 1 <= value <= _LARGEST[name]
         elif name == "options":
-            if not isinstance(value, list) or not all(isinstance(one, str) and one.startswith("-") for one in value):
-                raise InputError(f'{where}: options: expected a list such as ["--qos=long"], found {value!r}')
-            value = tuple(value)
+            expected = 'a list such as ["--qos=long"]'
+            is_valid = isinstance(value, list) and all(isinstance(one, str) and one.startswith("-") for one in value)
         else:
             pattern, expected = _PATTERNS.get(name, (r"\S+", "a name"))
-            if not isinstance(value, str) or not re.fullmatch(pattern, value):
-                raise InputError(f"{where}: {name}: expected {expected}, found {value!r}")
-        values[name] = value
-    return SlurmSettings(**values)
+            is_valid = isinstance(value, str) and re.fullmatch(pattern, value) is not None
+        if not is_valid:
+            raise InputError(f"{where}: {name}: expected {expected}, found {value!r}")
+    return SlurmSettings(**{**values, "options": tuple(values.get("options", ()))})
 
 
 def read_slurm_settings(path: Path) -> SlurmSettings:
-    """Read a TOML file of these keys, or one with a table ``[cluster]`` of them.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, or as :func:`checked_slurm_settings`.
-    """
+    """Read a TOML file of these keys, or one with a table ``[cluster]`` of them; raises ``InputError``."""
     table = parsed_toml(read_content(path, "settings of a cluster", most=LARGEST_TEXT), path.name)
     inside = table.get("cluster")
     if isinstance(inside, dict) and len(table) == 1:

@@ -2,18 +2,20 @@
 
 import logging
 import re
+import shutil
 import threading
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from ipaddress import ip_address
 
 from distributed import Client
+from distributed.security import Security
 
 from ..errors import InputError, RunError
-from .local_workers import local_workers
+from .own_workers import own_workers
 from .slurm_settings import SlurmSettings
-from .slurm_workers import slurm_workers
 
 CONNECT_SECONDS = 10.0
 
@@ -26,128 +28,96 @@ class WorkerSource:
     ----------
     client
         Connected to the scheduler.
-    about
-        One line about it for the user.
     address
         The scheduler's address.
-    can_join
-        Whether workers may join that nobody has started yet.
-    expected
-        Number of threads of the workers that are about to join.
+    about, no_workers
+        One line about it for the user, and what to do if no worker is connected.
     on_this_machine
         Whether all workers are on this machine, where they may start what this process starts.
-    no_workers
-        What to do if no worker is connected, as a sentence.
-    threads
-        Render threads of a process.
     """
 
     client: Client
-    about: str
     address: str
-    can_join: bool
-    expected: int
-    on_this_machine: bool
+    about: str
     no_workers: str
-    threads: int = 1
+    on_this_machine: bool = False
 
 
 @contextmanager
-def open_source(where: str, slurm: SlurmSettings | None = None) -> Iterator[WorkerSource]:
+def open_source(where: str, slurm: SlurmSettings | None = None, *, insecure: bool = False) -> Iterator[WorkerSource]:
     """Workers from the value of ``--cluster``; those that were started for it end with the context.
 
-    Parameters
-    ----------
-    where
-        The value.
-    slurm
-        The jobs of ``slurm``.
+    ``insecure`` takes a scheduler of another machine that admits anyone.
 
     Raises
     ------
     InputError
-        The value is neither an address nor ``local:N`` nor ``slurm``.
+        The value is no address, ``local:N`` or ``slurm``; it is not secure; or this machine does not submit to Slurm.
     RunError
-        There is no scheduler at the address.
+        There is no scheduler at the address, or none can be started.
     """
-    kind, _, rest = where.partition(":")
-    opened: Callable[[str], object]
+    # whatever matters to the user is said in OneFrame's words
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings(), _source(where, slurm or SlurmSettings(), insecure=insecure) as source:
+            warnings.filterwarnings("ignore", module=r"distributed\b.*")
+            yield source
+    finally:
+        logging.disable(logging.NOTSET)
+
+
+@contextmanager
+def _source(where: str, slurm: SlurmSettings, *, insecure: bool) -> Iterator[WorkerSource]:
+    kind, _, number = where.partition(":")
     if kind == "local":
-        opened = _local
+        if not number.isdecimal() or not 1 <= int(number) <= 1024:
+            raise InputError(f"--cluster: expected local:N with N from 1 to 1024, found {where}")
+        with own_workers({"local": int(number)}, "--cluster") as started, _connected(*started) as client:
+            about, again = f"{number} workers on this machine", "they are started again by themselves"
+            yield WorkerSource(client, started[0], about, again, on_this_machine=True)
     elif where == "slurm":
-        settings = slurm or SlurmSettings()
-        opened = lambda _rest: _slurm(settings)  # noqa: E731
-    elif re.fullmatch(r"([a-z]+://)?(\[[0-9a-fA-F:.]+\]|[^\s:/]+):[0-9]+/?", where):
-        opened, rest = _connected, where
+        if shutil.which("sbatch") is None:
+            raise InputError(
+                "--cluster slurm: expected a machine that submits to Slurm, found no sbatch; call this on a login "
+                "node, or use --cluster ADDRESS"
+            )
+        with own_workers(asdict(slurm), "--cluster slurm") as started, _connected(*started) as client:
+            about = f"at most {slurm.jobs} jobs of Slurm, {slurm.cores} workers in each; scheduler {started[0]}"
+            why = "squeue --name oneframe-workers shows why its jobs wait, whose nodes must see your home folder"
+            yield WorkerSource(client, started[0], about, why)
     else:
+        _check_address(where, insecure=insecure)
+        with _connected(where) as client:
+            about, start = f"workers of the scheduler {where}", f"start one on any machine: dask worker {where}"
+            yield WorkerSource(client, where, about, start)
+
+
+def _check_address(address: str, *, insecure: bool) -> None:
+    if not re.fullmatch(r"([a-z]+://)?(\[[0-9a-fA-F:.]+\]|[^\s:/]+):[0-9]+/?", address):
         raise InputError(
-            f"--cluster: expected the address of a Dask scheduler, such as tcp://host:8786, local:N or slurm, "
-            f"found {where!r}"
+            f"--cluster: expected the address of a Dask scheduler, such as tls://host:8786, local:N or slurm, "
+            f"found {address!r}"
         )
-    with quiet_dask(), opened(rest) as source:  # type: ignore[attr-defined]
-        yield source
-
-
-@contextmanager
-def _connected(address: str) -> Iterator[WorkerSource]:
-    with connected_client(address) as client:
-        yield WorkerSource(
-            client=client,
-            about=f"workers of the scheduler {address}",
-            address=address,
-            can_join=True,
-            expected=1,
-            on_this_machine=False,
-            no_workers=f"start one on any machine: dask worker {address}",
+    scheme, _, place = address.rpartition("://")
+    host = place.rpartition(":")[0].strip("[]")
+    is_here = host == "localhost"
+    with suppress(ValueError):
+        is_here = is_here or ip_address(host).is_loopback
+    if scheme not in ("tls", "wss") and not is_here and not insecure:
+        raise InputError(
+            f"--cluster: expected tls:// for the scheduler of another machine, found {address}, by which everybody in "
+            "its network can run programs as you; set up TLS (docs/cluster.md), or add --insecure"
         )
 
 
 @contextmanager
-def _local(count: str) -> Iterator[WorkerSource]:
-    if not count.isdecimal() or not 1 <= int(count) <= 1024:
-        raise InputError(f"--cluster: expected local:N with N from 1 to 1024, found local:{count}")
-    number = int(count)
-    with local_workers(number) as (address, threads), connected_client(address) as client:
-        yield WorkerSource(
-            client=client,
-            about=f"{number} workers on this machine",
-            address=address,
-            can_join=False,
-            expected=number,
-            on_this_machine=True,
-            no_workers="they are started again by themselves",
-            threads=threads,
-        )
-
-
-@contextmanager
-def _slurm(settings: SlurmSettings) -> Iterator[WorkerSource]:
-    with slurm_workers(settings) as address, connected_client(address) as client:
-        yield WorkerSource(
-            client=client,
-            about=f"at most {settings.jobs} jobs of Slurm, {settings.cores} workers in each; scheduler {address}",
-            address=address,
-            can_join=True,
-            expected=1,
-            on_this_machine=False,
-            no_workers="they join when Slurm starts their jobs: squeue --name oneframe-workers shows why they wait",
-        )
-
-
-@contextmanager
-def connected_client(address: str) -> Iterator[Client]:
-    """A client of a scheduler; leaving the context disconnects it, whatever state the scheduler is in.
-
-    Raises
-    ------
-    RunError
-        There is no scheduler at the address.
-    """
+def _connected(address: str, security: Security | None = None) -> Iterator[Client]:
+    """A client of a scheduler, with the certificates of Dask's configuration if none are given."""
     found: list[Client | Exception] = []
 
     def connect() -> None:
         try:
-            found.append(Client(address, timeout=CONNECT_SECONDS, set_as_default=False))
+            found.append(Client(address, timeout=CONNECT_SECONDS, security=security, set_as_default=False))
         except Exception as error:  # whatever Dask makes of the answer; reported below
             found.append(error)
 
@@ -157,16 +127,13 @@ def connected_client(address: str) -> Iterator[Client]:
     thread.join(CONNECT_SECONDS + 2)
     client = found[0] if found else None
     if not isinstance(client, Client):
-        port = address.rstrip("/").rpartition(":")[2]
-        # Dask puts the system's reason at the end of the cause's text
-        text = " ".join(str("" if client is None else client.__cause__ or client).split())
-        why = text.rpartition("] ")[2] if "[Errno" in text else text[:200]
-        if not why or isinstance(client, MemoryError):
-            # Dask takes the first bytes of any answer for a length
-            why = "no answer that Dask understands"
+        host, _, port = address.rstrip("/").rpartition(":")
+        text = " ".join(str("" if client is None else client.__cause__ or client).split())[-200:]
         raise RunError(
-            f"--cluster: expected a Dask scheduler at {address}, found none within {CONNECT_SECONDS:.0f} s ({why}); "
-            f"start it (dask scheduler --port {port}) and workers (dask worker {address}), or correct the address"
+            f"--cluster: expected a Dask scheduler at {address}, found none within {CONNECT_SECONDS:.0f} s "
+            f"({text or 'no answer that Dask understands'}); start it (dask scheduler --host {host} --port {port}) and "
+            f"workers (dask worker {address}), or correct the address, or the certificates (distributed.comm.tls in "
+            "Dask's configuration)"
         )
     try:
         yield client
@@ -175,40 +142,12 @@ def connected_client(address: str) -> Iterator[Client]:
             client.close(timeout=2)
 
 
-def is_connected(client: Client) -> bool:
-    """Whether the client has a connection to its scheduler; Dask restores a lost one if it can."""
-    return bool(client.status == "running")
-
-
 @contextmanager
 def losing_scheduler(client: Client) -> Iterator[None]:
-    """Wrap calls of a scheduler, which may go at any moment: that is no error here; :func:`is_connected` shows it."""
+    """Wrap calls of a scheduler, which may go at any moment: that is no error here; the client's status shows it."""
     try:
         yield
     except Exception as error:
         # a client that has just been closed raises whatever its parts raise
-        if is_connected(client) and not isinstance(error, OSError | TimeoutError):
+        if client.status == "running" and not isinstance(error, OSError | TimeoutError):
             raise
-
-
-@contextmanager
-def quiet_dask() -> Iterator[None]:
-    """Keep Dask's own messages from the terminal: whatever matters to the user is said in OneFrame's words."""
-    loggers = [logging.getLogger(name) for name in ("distributed", "tornado", "asyncio", "dask_jobqueue")]
-    levels = [logger.level for logger in loggers]
-    # children have levels of their own
-    loggers += [
-        child
-        for name, child in logging.root.manager.loggerDict.items()
-        if name.startswith(("distributed.", "tornado.")) and isinstance(child, logging.Logger)
-    ]
-    levels += [child.level for child in loggers[len(levels) :]]
-    try:
-        for logger in loggers:
-            logger.setLevel(logging.CRITICAL + 1)
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module=r"distributed\b.*")
-            yield
-    finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)

@@ -6,7 +6,7 @@ from ..files.numbers import format_two_digits
 
 MAX_STATED_ERROR_PX = 1.0
 """Error of the pose, stated in the case, up to which colours count as in place: each pixel of error costs 8/255 of
-mean colour error on detail 18 px wide (:mod:`pipeline.blender.evaluation.stability_colouring`)."""
+mean colour error on detail 18 px wide (``benchmark.py stability``)."""
 
 MAX_MAGNIFICATION = 4.0
 """Enlargement of the frame's pixels in a view up to which views count as sharp: at twice that, detail 18 px wide in the
@@ -15,7 +15,7 @@ view is 15/255 off (measured there too)."""
 
 MAX_REDUCTION = 8.0
 """Pixels of the frame, along a side, in one of a view with one ray: beyond it, views of detail down to the frame's
-pixel are more than 3/255 off the mean over the pixel (:mod:`pipeline.blender.evaluation.stability_renderers`)."""
+pixel are more than 3/255 off the mean over the pixel (``benchmark.py stability``)."""
 
 
 def pose_doubt(alignment: Mapping[str, object]) -> str:

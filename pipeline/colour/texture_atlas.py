@@ -30,6 +30,9 @@ MAX_SIZE = 16384
 MAX_SLOPE = 16.0
 """Steepest extrapolation of a face's plane beyond its edges: depth step per texel, in pixel footprints."""
 
+COVERED_LEAST = 1e-3
+"""Least weight of observed texels in a lookup: below it, single precision tells too little of their colour."""
+
 NEUTRAL_PATCH = 4
 """Side of the patch for faces that the frame did not see, texels."""
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from .. import __version__
 from ..blender.process import own_output
+from ..errors import InputError
 from .parser import command_parser, explained_imports
 
 ABOUT = "Find the pose of a frame from landmarks and report its uncertainty, or refine the pose against the image."
@@ -51,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     output = parser.add_argument_group("output")
     output.add_argument("--out", metavar="FILE", type=Path, help="write the case with the new pose and the landmarks")
+    output.add_argument("--overwrite", action="store_true", help="let --out replace a case of another frame or surface")
     output.add_argument("--json", metavar="FILE", type=Path, help="write pose, residuals and covariance")
     output.add_argument("--picture", metavar="FILE", type=Path, help="write the frame with overlay and residuals (PNG)")
 
@@ -71,6 +73,7 @@ def run(arguments: argparse.Namespace, *, tool: str) -> int:
         from ..alignment.refinement.report import refinement_table
         from ..blender.alignment.align_case import align_case, alignment_picture
         from ..case.case_file import read_case
+        from ..case.case_update import other_inputs
         from ..case.case_writer import case_output, write_case
         from ..case.landmark_file import read_landmarks
         from ..files.content import write_bytes_atomically
@@ -90,6 +93,11 @@ def run(arguments: argparse.Namespace, *, tool: str) -> int:
     if arguments.out:
         outputs.append(case_output(arguments.out))
     check_outputs(outputs, inputs)
+    if arguments.out and not arguments.overwrite and (other := other_inputs(arguments.out, case)):
+        raise InputError(
+            f"{arguments.out}: expected no file or a case of this frame and surface, found one of "
+            f"{' and '.join(other)}; choose another name, or replace it with --overwrite"
+        )
     if arguments.landmarks:
         case = replace(case, landmarks=read_landmarks(arguments.landmarks, mm_per_unit=case.mm_per_unit))
     aligned = align_case(

@@ -32,7 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     surface.add_argument(
         "--structure", metavar="[NAME=]FILE", action="append", default=[], dest="structures",
-        help="a structure in the frame and unit of the surface; its name gives its colour (default: the file's name)",
+        help="a structure in the frame and unit of the surface; its name, which overlays and datasets show, gives its "
+        "colour (default: the anatomy in the file's name, else structure_1, ...)",
     )  # fmt: skip
     surface.add_argument(
         "--only", metavar="NAME", action="append",
@@ -67,6 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--pose", metavar="FILE", type=Path, help="cam_from_mesh: .npy, text or JSON")
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder of the case")
+    parser.add_argument("--overwrite", action="store_true", help="replace another frame or surface in that folder")
 
 
 def main(argv: Sequence[str], prog: str = "oneframe case", *, align: str = "oneframe align") -> int:
@@ -93,15 +95,18 @@ def run(arguments: argparse.Namespace, align: str) -> int:
         from ..case.case_file import Structure
         from ..case.structure_colour import structure_colour
         from ..case.surface_folder import RECORD
+        from ..volume.structures import name_of_file
     output = own_output()
-    structures = []
+    structures: list[Structure] = []
     for text in arguments.structures:
         name, equals, file = text.partition("=")
+        shown = name
         if not equals or Path(text).exists():
-            name, file = Path(text).stem, text
-        if not name or not file:
+            shown, file = Path(text).stem, text
+            name = name_of_file(Path(file), [structure.name for structure in structures])
+        if not shown or not file:
             raise InputError(f"--structure: expected NAME=FILE or a file, found {text!r}")
-        structures.append(Structure(name, Path(file), structure_colour(name)))
+        structures.append(Structure(name, Path(file), structure_colour(shown)))
     if arguments.camera is not None:
         camera = read_camera(arguments.camera)
     else:
@@ -118,7 +123,7 @@ def run(arguments: argparse.Namespace, align: str) -> int:
         rescale_camera=arguments.rescale_camera,
         pose=arguments.pose,
     )
-    for line in make_case(given, arguments.out):
+    for line in make_case(given, arguments.out, overwrite=arguments.overwrite):
         output.write(line + "\n")
     case, aligned = arguments.out / "case.toml", arguments.out / "aligned.toml"
     output.write(f"next: open {case} in Blender and align it, or: {align} {case} --landmarks FILE --out {aligned}\n")

@@ -47,8 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
         from ..blender.case.load_case import load_case
         from ..blender.evaluation.comparison_files import SHEET, check_comparisons, write_comparisons
         from ..case.case_file import read_case
+        from ..dataset.check.findings import printable
         from ..evaluation.photographs import read_photographs
-        from ..evaluation.picture_names import shown_path
     output = own_output()
     case = read_case(arguments.case)
     loaded = load_case(case)
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
             output.write(f"note: {message}\n")
     check_comparisons(arguments.out, photographs, {**case.input_files(), "list of photographs": arguments.photographs})
     for comparison in write_comparisons(loaded, photographs, arguments.out, colour=arguments.colour):
-        found, name = comparison.similarity, shown_path(comparison.photograph.path)
+        found, name = comparison.similarity, printable(comparison.photograph.path.name)
         if found is None:
             output.write(f"{name}: shows nothing that the frame saw; not compared\n")
             continue

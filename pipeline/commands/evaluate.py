@@ -108,8 +108,8 @@ def _checked_pairs(arguments: argparse.Namespace) -> list[tuple[Path, Path]]:
 
 def _redraw(out: Path) -> int:
     with explained_imports():
-        from ..evaluation.charts.evaluation_chart import evaluation_charts
-        from ..evaluation.charts.page import chart_outputs, require_matplotlib
+        from ..charts.evaluation_chart import evaluation_charts
+        from ..charts.page import chart_outputs, require_matplotlib
         from ..evaluation.record.evaluation_record import read_evaluation
         from ..files.outputs import check_outputs
     require_matplotlib()

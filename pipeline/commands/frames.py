@@ -62,8 +62,8 @@ def main(argv: Sequence[str], prog: str = "oneframe frames") -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Score the film, write the best frames and report them."""
     with explained_imports():
-        from ..evaluation.charts.page import chart_outputs, require_matplotlib
-        from ..evaluation.charts.score_chart import score_charts
+        from ..charts.page import chart_outputs, require_matplotlib
+        from ..charts.score_chart import score_charts
         from ..files.outputs import check_outputs
         from ..progress import ShareProgress
         from ..video.frame_folder import SHEET, TABLE, folder_outputs, write_frames
@@ -95,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
         score_charts(scores.frames, [frame.score for frame in written], out / TABLE)
         output.write(f"scores over time: {(out / TABLE).with_suffix('.png')}\n")
     else:
-        output.write("note: no chart of the scores, which needs matplotlib; run pip install 'oneframe[charts]'\n")
+        output.write("note: no chart of the scores, which needs matplotlib; run pip install matplotlib\n")
     if not written:
         raise InputError(f"{video.name}: expected a frame that shows something sharply, found none; see {out / TABLE}")
     return 0

@@ -11,7 +11,7 @@ from typing import Any, TextIO
 from ..blender.process import own_output
 from ..errors import InputError
 from ..progress import LINE_SECONDS
-from .parser import command_parser, explained_imports
+from .parser import INSECURE, command_parser, explained_imports
 
 EXIT_WRONG = 1
 
@@ -22,7 +22,7 @@ EPILOG = """examples:
   %(prog)s dataset --out packed --views-per-shard 500 --jpeg 95
   %(prog)s dataset --out test --split test  (a tenth of the views, unlike those of train and val)
   %(prog)s dataset --out packed --verify    (compare every view with the dataset)
-  %(prog)s dataset --out packed --cluster tcp://host:8786
+  %(prog)s dataset --out packed --cluster tls://host:8786
   %(prog)s --out packed --verify            (hashes and members; needs no dataset)
 
 Run the same command again to continue a stopped run, or to add the views that the dataset has got since. The bytes do
@@ -71,6 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="ADDRESS|local:N|slurm",
         help="pack on the workers of a Dask cluster, which see both folders",
     )
+    work.add_argument("--insecure", action="store_true", help=INSECURE)
     work.add_argument(
         "--cluster-settings", metavar="FILE.toml", type=Path, help="with --cluster slurm: queue, account, walltime, "
         "memory, cores and number of jobs"
@@ -90,6 +91,8 @@ def main(argv: Sequence[str], prog: str = "oneframe pack") -> int:
     if arguments.cluster is not None and (arguments.verify or arguments.workers):
         other = "--verify" if arguments.verify else "--workers"
         raise InputError(f"command line: --cluster: expected without {other}; leave one of the two out")
+    if arguments.insecure and arguments.cluster is None:
+        raise InputError("command line: --insecure: expected with --cluster only; add it, or leave out both")
     if (arguments.cluster == "slurm") != (arguments.cluster_settings is not None):
         raise InputError(
             "command line: expected --cluster slurm and --cluster-settings FILE.toml together, found one of them; add "
@@ -112,7 +115,7 @@ def run(arguments: argparse.Namespace) -> int:
     output = own_output()
     if arguments.verify:
         with explained_imports():
-            from ..packing.local_processes import available_cores
+            from ..files.processors import available_cores
             from ..packing.verify import verify_pack
         threads = arguments.workers or available_cores()
         report = verify_pack(arguments.out, arguments.dataset, threads=threads, stream=output)
@@ -160,10 +163,10 @@ def _engine(arguments: argparse.Namespace, output: TextIO) -> Iterator[Callable[
         yield on_this_machine(arguments.workers)
         return
     with explained_imports():
-        from ..cluster.pack_engine import packed_by_cluster
+        from ..cluster.pack_on_workers import packed_by_cluster
         from ..cluster.slurm_settings import read_slurm_settings
         from ..cluster.sources import open_source
     slurm = None if arguments.cluster_settings is None else read_slurm_settings(arguments.cluster_settings)
-    with open_source(arguments.cluster, slurm) as source:
+    with open_source(arguments.cluster, slurm, insecure=arguments.insecure) as source:
         output.write(f"{source.about}\n")
         yield partial(packed_by_cluster, source=source)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from ..blender.command_line import ArgumentParser
-from ..blender.process import check_memory
 from ..errors import RunError
 
 PACKAGES = {
@@ -17,14 +16,13 @@ PACKAGES = {
     "shtab": "shtab",
 }
 """Modules that pip installs -> their names in messages."""
-EXTRAS = {
-    "dask": ("Dask", "cluster"),
-    "distributed": ("Dask", "cluster"),
-    "dask_jobqueue": ("dask-jobqueue", "cluster"),
-    # left out of the extension
-    "pipeline.cluster": ("OneFrame installed by pip", "cluster"),
-}
-"""Modules of optional features -> their names, and the extras that install them."""
+DASK = "distributed dask-jobqueue cryptography"
+"""What --cluster needs, for pip."""
+INSECURE = (
+    "with --cluster ADDRESS: take a scheduler on another machine without TLS, though everybody in its network can run "
+    "programs as you"
+)
+"""Help of ``--insecure``."""
 
 
 def command_parser(
@@ -68,21 +66,19 @@ def explained_imports() -> Iterator[None]:
     Raises
     ------
     RunError
-        A package is missing, e.g. OpenCV in a Blender program without the extension; or there is too little memory.
+        A package is missing, e.g. OpenCV in a Blender program without the extension.
     """
-    check_memory()
     try:
         yield
     except ModuleNotFoundError as error:
-        if error.name in EXTRAS:
-            name, extra = EXTRAS[error.name]
+        if error.name in ("dask", "distributed", "dask_jobqueue"):
             raise RunError(
-                f'expected {name}, this Python ({sys.executable}) has none; install it: pip install "oneframe[{extra}]"'
+                f"--cluster: expected Dask, this Python ({sys.executable}) has none; install it: pip install {DASK}"
             ) from None
         if (error.name or "").endswith("pipeline.cluster"):
             raise RunError(
-                "--cluster: expected OneFrame as a package, found the extension, which may use no network; install it: "
-                'pip install "oneframe[cluster]"'
+                "--cluster: expected OneFrame as a package, found the extension, which may use no network; install it "
+                'from its folder: pip install ".[cluster]"'
             ) from None
         if error.name not in PACKAGES:
             raise

@@ -5,22 +5,21 @@ import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from pathlib import Path
 from typing import TextIO
 
 from ..blender.command_line import end_with_input
 from ..blender.process import own_output
-from ..dataset.missing_views import ViewPool
-from ..dataset.options import add_option_arguments, option_names
+from ..dataset.missing_views import Elsewhere
+from ..dataset.options import GONE, add_option_arguments, option_names
 from ..errors import InputError
 from ..progress import LINE_SECONDS
-from .parser import command_parser, explained_imports
+from .parser import INSECURE, command_parser, explained_imports
 
 OWN_COMMAND = (sys.executable, "-m", __package__, "render")
 
 GROUPS = {
     "views": ("count", "scale", "engine", "samples", "colour", "unseen", "max_incidence_deg", "float_depth"),
-    "quality": ("quality", "tolerance_colour", "tolerance_px"),
     "poses": (
         "seed", "poses", "sampler", "cone_deg", "roll_deg", "distance_min", "distance_max", "shift_mm", "sigma_deg",
         "sigma_mm", "polar_deg",
@@ -37,7 +36,7 @@ EPILOG = """examples:
   %(prog)s case.toml --out dataset --cone-deg 30 --distance-min 0.8 --distance-max 1.3 --video
   %(prog)s case.toml --out dataset --poses poses.npy --samples 8
   %(prog)s case.toml --out dataset --count 100000 --shard 3/50      (shard 3 of 0..49, on any machine)
-  %(prog)s case.toml --out dataset --count 100000 --cluster tcp://host:8786       (on a Dask cluster)
+  %(prog)s case.toml --out dataset --count 100000 --cluster tls://host:8786       (on a Dask cluster)
 
 Run the same command again to continue a stopped run, or with a larger --count to add views. To merge shards from
 separate folders, copy the folders into one and run the same command without --shard: it writes the tables. The case
@@ -56,6 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for title, names in {**GROUPS, "further options": others}.items():
         if names:
             add_option_arguments(parser.add_argument_group(title), names)
+    for name in GONE:
+        parser.add_argument("--" + name.replace("_", "-"), default=argparse.SUPPRESS, help=argparse.SUPPRESS)
     machines = parser.add_argument_group("processes and machines")
     machines.add_argument(
         "--workers", metavar="N", type=int, default=0, help="number of processes (default: one per core)"
@@ -67,8 +68,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     machines.add_argument(
         "--cluster", metavar="ADDRESS|local:N|slurm", help="render on the workers of a Dask cluster: the address "
-        "of its scheduler, such as tcp://host:8786, N workers on this machine, or jobs of Slurm"
+        "of its scheduler, such as tls://host:8786, N workers on this machine, or jobs of Slurm"
     )  # fmt: skip
+    machines.add_argument("--insecure", action="store_true", help=INSECURE)
     machines.add_argument(
         "--cluster-settings", metavar="FILE.toml", type=Path, help="with --cluster slurm: queue, account, walltime, "
         "memory, cores and number of jobs (default: the table [cluster] of the case file)"
@@ -78,16 +80,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "the workers' machines (default: the bpy module in the workers' Python)"
     )  # fmt: skip
     machines.add_argument(
-        "--gather", action="store_true", help="with --cluster: workers that do not share DIR render into folders of "
-        "their own, and each finished view is fetched from there"
+        "--gather", action="store_true", help="with --cluster: workers that do not share DIR render into temporary "
+        "folders, and each finished view is fetched from there"
     )  # fmt: skip
-    machines.add_argument(
-        "--out-on-workers", metavar="DIR", help="with --cluster: the workers' own folder, instead of a temporary one; "
-        "without --gather, the views stay there"
-    )  # fmt: skip
-    machines.add_argument(
-        "--case-on-workers", metavar="FILE", help="with --cluster: path of the same case on the workers' machines"
-    )
     machines.add_argument("--send-case", action="store_true", help="with --cluster: send the case to each worker, once")
     machines.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
     machines.add_argument("--threads", type=int, default=0, help=argparse.SUPPRESS)
@@ -114,22 +109,11 @@ def _check_cluster(arguments: argparse.Namespace) -> None:
             "command line: --cluster-settings: expected with --cluster slurm only; add it, or leave out both"
         )
     if arguments.cluster is None:
-        for name in ("blender_on_workers", "gather", "out_on_workers", "case_on_workers", "send_case"):
+        for name in ("insecure", "blender_on_workers", "gather", "send_case"):
             if getattr(arguments, name):
                 flag = "--" + name.replace("_", "-")
                 raise InputError(f"command line: {flag}: expected with --cluster only; add it, or leave out both")
         return
-    if arguments.send_case and arguments.case_on_workers:
-        raise InputError(
-            "command line: expected one of --send-case and --case-on-workers, found both; leave one of them out"
-        )
-    for name in ("out_on_workers", "case_on_workers"):
-        path = getattr(arguments, name)
-        if path is not None and not (PurePosixPath(path).is_absolute() or PureWindowsPath(path).is_absolute()):
-            raise InputError(
-                f"command line: --{name.replace('_', '-')}: expected an absolute path, found {path!r}; workers have "
-                "current folders of their own"
-            )
     if arguments.workers:
         raise InputError(
             f"command line: --cluster: expected without --workers, found --workers {arguments.workers}; the cluster's "
@@ -167,7 +151,7 @@ def run(arguments: argparse.Namespace, *, own_command: Sequence[str], argv: Sequ
         end_with_input()
     if case.alignment.get("method") == INITIAL_GUESS:
         output.write(f"note: the pose of {case.path.name} is an initial guess that nobody has aligned\n")
-    with _pool(arguments, case.cluster, own_command, output) as pool:
+    with _elsewhere(arguments, case.cluster, own_command, output) as elsewhere:
         render(
             job,
             workers=arguments.workers,
@@ -175,32 +159,28 @@ def run(arguments: argparse.Namespace, *, own_command: Sequence[str], argv: Sequ
             stream=output,
             verify=arguments.verify,
             progress_seconds=arguments.progress_seconds,
-            pool=pool,
+            elsewhere=elsewhere,
         )
     return 0
 
 
 @contextmanager
-def _pool(
+def _elsewhere(
     arguments: argparse.Namespace, table: Mapping[str, object], own_command: Sequence[str], output: TextIO
-) -> Iterator[ViewPool | None]:
+) -> Iterator[Elsewhere | None]:
     """The workers of a cluster, if one is asked for; ``table`` is ``[cluster]`` of the case file."""
     if arguments.cluster is None:
         yield None
         return
     with explained_imports():
-        from ..cluster.places_on_workers import PlacesOnWorkers
+        from ..cluster.render_on_workers import RenderPool
         from ..cluster.slurm_settings import checked_slurm_settings, read_slurm_settings
         from ..cluster.sources import open_source
-        from ..cluster.view_pool import ClusterPool
     slurm = None
     if arguments.cluster_settings is not None:
         slurm = read_slurm_settings(arguments.cluster_settings)
     elif arguments.cluster == "slurm":
         slurm = checked_slurm_settings(table, f"{arguments.case.name}: [cluster]")
-    with open_source(arguments.cluster, slurm) as source:
+    with open_source(arguments.cluster, slurm, insecure=arguments.insecure) as source:
         output.write(f"{source.about}\n")
-        places = PlacesOnWorkers(
-            arguments.case_on_workers, arguments.send_case, arguments.out_on_workers, arguments.gather
-        )
-        yield ClusterPool(source, own_command=own_command, places=places, blender=arguments.blender_on_workers)
+        yield RenderPool(source, own_command, arguments.send_case, arguments.gather, arguments.blender_on_workers)

@@ -29,7 +29,8 @@ from ..surface.mesh_writer import write_ply
 from ..volume.bone import bone_voxels
 from ..volume.bone_surface import BoneSurface, Finish, bone_surface, taken_bone
 from ..volume.clearance import clearances, violations
-from ..volume.drill_plan import DrillPlan, check_strokes, read_drill_plan
+from ..volume.drill_guard import check_margins
+from ..volume.drill_plan import DrillPlan, check_strokes, read_drill_plan, unprotected
 from ..volume.isosurface import RemovedField
 from ..volume.label_map import read_labels
 from ..volume.slice_views import LabelColours, slice_views
@@ -109,12 +110,20 @@ def _make(arguments: argparse.Namespace, work: _Work, out: Path, inputs: Mapping
         "size": list(size), "spacing_mm": spacing, "mesh_from_index": volume.grid.mesh_from_index.tolist()
     }  # fmt: skip
     work.say(f"volume: {_by(size)} voxels of {_by(spacing)} mm")
-    for message in () if plan is None else check_strokes(plan, volume.grid, arguments.drill.name):
-        work.say(message)
+    if plan is not None:
+        for message in check_strokes(plan, volume.grid, arguments.drill.name):
+            work.say(message)
+        for message in unprotected(plan.margins_mm):
+            work.say(f"warning: {message}")
     labels = None
     if arguments.labels is not None:
         labels = without_bone(read_labels(arguments.labels, volume, resampled=False))
         check_outputs(_outputs(out, structure_names(labels).values()), inputs)
+    if plan is not None:
+        check_margins(plan.margins_mm, () if labels is None else structure_names(labels).values())
+    # read before the long work, which what they hold could make vain
+    taken = None if arguments.remove is None else read_labels(arguments.remove, volume, resampled=False)
+    after = None if arguments.operated is None else read_volume(arguments.operated)
 
     level, how = _threshold(arguments, volume)
     work.record |= {"threshold_hu": level, "threshold_by": how}
@@ -126,7 +135,15 @@ def _make(arguments: argparse.Namespace, work: _Work, out: Path, inputs: Mapping
     work.say(f"bone above {level:g} HU ({how}): {bone_mm3 / 1000:.1f} cm³")
 
     structures = {} if labels is None else structure_meshes(labels, progress=partial(work.report, "of the structures"))
-    removed = _removed(arguments, work, volume, level, solid, plan, structures)
+    drilled = None if plan is None else removed_of(plan, volume, structures, tolerance_mm=arguments.tolerance)
+    fields = {
+        "drill": drilled,
+        "labels": None if taken is None else removed_by_labels(taken, volume.grid),
+        "operated volume": None if after is None else removed_by_operation(after, volume, level, solid),
+    }
+    # they may be as large as the volume
+    del taken, after
+    removed = _removed(work, volume, solid, {way: field for way, field in fields.items() if field is not None})
     finish = finish_of(
         volume, solid, removed, structures, tolerance_mm=arguments.tolerance, smoothing_steps=arguments.smooth
     )
@@ -144,35 +161,15 @@ def _threshold(arguments: argparse.Namespace, volume: Volume) -> tuple[float, st
     return level, how
 
 
-def _removed(
-    arguments: argparse.Namespace,
-    work: _Work,
-    volume: Volume,
-    level: float,
-    solid: np.ndarray,
-    plan: DrillPlan | None,
-    structures: Mapping[str, TriangleMesh],
-) -> RemovedField | None:
-    """The field of everything that is removed."""
-    fields, ways = [], []
-    drilled = None if plan is None else removed_of(plan, volume, structures, tolerance_mm=arguments.tolerance)
-    if drilled is not None:
-        fields.append(drilled)
-        ways.append("drill")
-    if arguments.remove is not None:
-        labels = read_labels(arguments.remove, volume, resampled=False)
-        fields.append(removed_by_labels(labels, volume.grid))
-        ways.append("labels")
-    if arguments.operated is not None:
-        fields.append(removed_by_operation(read_volume(arguments.operated), volume, level, solid))
-        ways.append("operated volume")
-    removed = united(fields)
+def _removed(work: _Work, volume: Volume, solid: np.ndarray, fields: Mapping[str, RemovedField]) -> RemovedField | None:
+    """The field of everything that is removed, from those of each way."""
+    removed = united(list(fields.values()))
     if removed is not None:
         taken = taken_bone(solid, removed)
         removed_mm3 = float(np.count_nonzero(taken)) * volume.grid.voxel_mm3
-        work.record["removed"] = {"by": ways, "volume_mm3": round(removed_mm3, 1)}
+        work.record["removed"] = {"by": list(fields), "volume_mm3": round(removed_mm3, 1)}
         share = float(taken.sum()) / max(float(solid.sum()), 1.0)
-        work.say(f"removed by {' and '.join(ways)}: {removed_mm3:.0f} mm³ of bone")
+        work.say(f"removed by {' and '.join(fields)}: {removed_mm3:.0f} mm³ of bone")
         if share > MOST_REMOVED:
             work.say(f"warning: that is {share:.0%} of the bone; check what was given as removed")
     return removed

@@ -1,13 +1,14 @@
 """How a surface is smoothed and simplified unless the user says otherwise: the same for the command and the window."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from ..case.structure_colour import OTHER, structure_colour
 from ..surface.ball import Ball
 from ..surface.mesh import TriangleMesh
-from ..volume.bone_surface import Finish, moved_mm, removed_ball
+from ..volume.bone_surface import Finish, removed_ball, widened_mm
 from ..volume.drill_plan import DrillPlan
 from ..volume.drilled_volume import removed_by_plan
 from ..volume.isosurface import RemovedField
@@ -40,8 +41,9 @@ def removed_of(
     InputError
         As for :func:`.removed_by_plan`.
     """
-    slack = moved_mm(volume.grid, _tolerance(volume.grid, tolerance_mm))
-    return removed_by_plan(plan, volume.grid, structures, slack_mm=slack)
+    grid, tolerance = volume.grid, _tolerance(volume.grid, tolerance_mm)
+    margins = {name: widened_mm(margin, grid, tolerance) for name, margin in plan.margins_mm.items()}
+    return removed_by_plan(replace(plan, margins_mm=margins), grid, structures)
 
 
 def _tolerance(grid: VoxelGrid, tolerance_mm: float | None) -> float:

@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+from ..files.content import LARGEST_FILE, read_file, regular_file
 from ..files.tables import write_json
 from .layout import CHECKSUMS
 
@@ -34,7 +35,7 @@ def sum_of_file(path: Path) -> FileSum:
     OSError
         The file cannot be read.
     """
-    with path.open("rb") as stream:
+    with open(path, "rb", opener=regular_file) as stream:
         digest = hashlib.file_digest(stream, "sha256").hexdigest()
         return FileSum(digest, stream.tell())
 
@@ -89,7 +90,7 @@ def records_hash(scene: Path) -> str:
     """SHA-256 of all records in the folder of a scene, one after the other in the order of the views."""
     digest = hashlib.sha256()
     for record in sorted((scene / "frame").glob("[0-9]*.json")):
-        digest.update(record.read_bytes())
+        digest.update(read_file(record, LARGEST_FILE))
     return digest.hexdigest()
 
 
@@ -109,7 +110,7 @@ def keep_checksums(root: Path, identity: str, names: Collection[str], scenes: Co
 def read_checksums(root: Path, identity: str) -> Checksums | None:
     """The content of ``checksums.json``; ``None`` if it is missing, damaged or of another dataset."""
     try:
-        content = json.loads((root / CHECKSUMS).read_bytes())
+        content = json.loads(read_file(root / CHECKSUMS, LARGEST_FILE))
         if content["identity"] != identity:
             return None
         files = {

@@ -16,15 +16,12 @@ from .differences import COUNT, DEPTH_SCALE, POSES_HASH
 from .identity import geometry_hash, poses_hash
 from .layout import FORMAT
 from .options import DatasetOptions
-from .quality import SETTING, Setting
 from .view import depth_scale_for
 
 POSES = "poses"
 """Name of the list of poses among the input files."""
 NO_CONTENT = ("count", "poses", "video", "video_frames")
 """Options that affect no view (a video may be added later), or that the description holds elsewhere."""
-QUALITY = ("quality", "tolerance_colour", "tolerance_px")
-"""Options that the description of a dataset of exact quality leaves out."""
 
 
 def input_files(case: Case, options: DatasetOptions) -> dict[str, Path]:
@@ -58,9 +55,6 @@ def describe(
     *,
     hashes: Mapping[str, str],
     blender: str,
-    radius_mm: float | None = None,
-    geometry_sha256: str | None = None,
-    setting: Setting | None = None,
 ) -> dict[str, object]:
     """Describe a dataset: everything that it depends on, or that its users need; JSON types and tuples only.
 
@@ -74,10 +68,6 @@ def describe(
         SHA-256 of each of the :func:`input_files`, by name.
     blender
         Blender's version.
-    radius_mm, geometry_sha256
-        Of the surface as given, if ``loaded`` has another one.
-    setting
-        What was chosen, with a quality other than ``exact``.
 
     Raises
     ------
@@ -86,15 +76,14 @@ def describe(
     """
     case, camera = loaded.case, view_camera(loaded, options)
     count = options.count if poses is None else len(poses)
-    left_out = (*NO_CONTENT, *(QUALITY if options.quality == "exact" else ()))
-    content = {name: value for name, value in asdict(options).items() if name not in left_out}
+    content = {name: value for name, value in asdict(options).items() if name not in NO_CONTENT}
     if options.sampler == "trajectory" and poses is None:
         content["views"] = count  # each pose depends on it
     listed: dict[str, object] = {}
     if poses is not None:
         listed = {
             POSES_HASH: poses_hash(poses),
-            DEPTH_SCALE: depth_scale_for(farthest_listed_mm(poses, radius_mm or loaded.mesh.radius)),
+            DEPTH_SCALE: depth_scale_for(farthest_listed_mm(poses, loaded.mesh.radius)),
         }
     return {
         "format": FORMAT,
@@ -112,18 +101,17 @@ def describe(
         },
         "mesh_from_model": loaded.mesh_from_model.tolist(),
         "mm_per_unit": case.mm_per_unit,
-        "geometry_sha256": geometry_sha256 or geometry_hash(loaded.mesh),
+        "geometry_sha256": geometry_hash(loaded.mesh),
         "structures": {structure.name: list(structure.colour) for structure in case.structures},
         # of the list of poses, the poses themselves count, and only those of the views
         "inputs_sha256": {name: digest for name, digest in hashes.items() if name != POSES},
         **listed,
-        **({} if setting is None else {SETTING: setting.to_json()}),
     }
 
 
 def object_name(case: Case) -> str:
-    """Name of the surface in the dataset's tables: the case's, or that of its file, without folder and extension."""
-    return case.mesh.stem if case.object_name is None else case.object_name
+    """Name of the surface in the dataset's tables: the case's; never that of its file, which may name the patient."""
+    return case.object_name or "surface"
 
 
 def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:

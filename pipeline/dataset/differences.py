@@ -12,9 +12,6 @@ LISTED = "poses"
 INPUTS = "inputs_sha256."
 """The keys of the hashes of input files begin with it."""
 
-QUALITY = "options.quality"
-_OF_QUALITY = ("options.tolerance_", "setting")
-
 
 @dataclass(frozen=True)
 class Difference:
@@ -45,18 +42,8 @@ def differences(found: Mapping[str, object], asked: Mapping[str, object]) -> lis
     """
     asked = json.loads(json.dumps(asked))
     without = dict.fromkeys(GROWING)
-    found = _with_quality(found)
-    changes = _differences({**found, **without}, {**_with_quality(asked), **without}, "")
-    if any(change.key == QUALITY for change in changes):
-        # its tolerances and what was chosen by them follow
-        changes = [change for change in changes if not change.key.startswith(_OF_QUALITY)]
+    changes = _differences({**found, **without}, {**asked, **without}, "")
     return sorted(changes, key=lambda difference: (difference.of_input is None, difference.key))
-
-
-def _with_quality(description: Mapping[str, object]) -> dict[str, object]:
-    """A description that names the quality, as only that of another one than ``exact`` does."""
-    options = description.get("options")
-    return {**description, **({"options": {"quality": "exact", **options}} if isinstance(options, dict) else {})}
 
 
 def described(changes: list[Difference]) -> list[str]:

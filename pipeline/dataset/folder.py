@@ -17,11 +17,18 @@ from types import TracebackType
 import numpy as np
 
 from ..errors import InputError, RunError
-from ..files.content import create_folder, partial_name, write_bytes_atomically
+from ..files.content import LARGEST_TEXT, create_folder, names_in, partial_name, read_file, write_bytes_atomically
 from . import layout
 from .checksums import keep_checksums
 from .differences import COUNT
-from .identity import check_description, description_bytes, identity_of, is_cut_off
+from .identity import (
+    check_count,
+    check_description,
+    description_bytes,
+    holds_views_of,
+    identity_of,
+    is_cut_off,
+)
 from .layout import (
     FOLDERS,
     RECORD,
@@ -116,25 +123,27 @@ class RunFolder:
         self._poses = poses
         self._shared = shard.count > 1
         self._locks = ExitStack()
+        self._is_new = False
         try:
             self._new_folders = [folder for folder in (path, *path.parents) if not folder.exists()]
             self._check_description()
-            self._is_new = self._holds_nothing()
+            is_new = self._holds_nothing()
             create_folder(path / WORK)
             self._common = self._acquire("lock", shared=self._shared, system_lock=system_lock)
+            self._is_new = is_new
             if self._shared:
                 self._acquire(f"lock-{shard.index}-of-{shard.count}", shared=False, system_lock=system_lock)
             self._write_description()
             if not self._shared:
                 self._remove_leftovers()
-        except OSError as error:
-            self._locks.close()
-            raise RunError(
-                f"{path}: cannot write to the folder ({error.strerror}); choose another folder (--out)"
-            ) from None
-        except RunError:
-            self._locks.close()
-            raise
+        except (OSError, RunError) as error:
+            refusal = error
+            if isinstance(error, OSError):
+                refusal = RunError(
+                    f"{path}: cannot write to the folder ({error.strerror or error}); choose another folder (--out)"
+                )
+            self.__exit__(None, refusal, None)
+            raise refusal from None
 
     def __enter__(self) -> "RunFolder":
         return self
@@ -142,8 +151,9 @@ class RunFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if isinstance(error, InputError) and self._is_new:
-            self._discard()
+        if isinstance(error, InputError | RunError) and self._is_new:
+            with suppress(OSError):  # a broken disk is no second error
+                self._discard()
         self._locks.close()
 
     def finish(self) -> None:
@@ -165,16 +175,20 @@ class RunFolder:
         if not self.path.is_dir():
             return True
         record = self.path / RECORD
-        content = record.read_bytes() if record.exists() else b""
+        content = read_file(record, LARGEST_TEXT) if record.exists() else b""
         if content and not is_cut_off(content, description_bytes(self._description)):
             return False
         work = self.path / WORK
-        was_run = all(re.fullmatch(_WORK_FILES, name) for name in _names(work))
+        was_run = all(re.fullmatch(_WORK_FILES, name) for name in names_in(work))
         names = [entry.name for entry in self.path.iterdir()]
         others = [name for name in names if name not in (WORK, RECORD) and partial_name(name) != RECORD]
         if was_run and not others:
             return True
-        # a loss of power may leave a part of the description, but whole views; their records tell whose they are
+        # whole views may be left without their description; their records tell whose they are
+        if holds_views_of(self.path, self._description, self._poses):
+            count = self._description[COUNT]
+            check_count(self.path, count, count, may_shrink=not self._shared)
+            return False
         if record.exists() and was_run and all(name in FOLDERS or is_own_file(name) for name in others):
             return False
         raise RunError(
@@ -212,8 +226,9 @@ class RunFolder:
         def is_written() -> bool:
             self._check_description()
             record, content = self.path / RECORD, description_bytes(self._description)
-            if record.exists() and not is_cut_off(existing := record.read_bytes(), content):
-                had, wanted = (json.loads(text)[COUNT] for text in (existing, content))
+            had = wanted = json.loads(content)[COUNT]
+            if record.exists() and not is_cut_off(existing := read_file(record, LARGEST_TEXT), content):
+                had = json.loads(existing)[COUNT]
                 if had == wanted:
                     if existing != content:
                         # the same values, but not as a run writes them: its sum is that of these bytes
@@ -222,13 +237,13 @@ class RunFolder:
                 # shards that work on fewer views would write tables of these
                 if self._shared and not self._common.try_exclusive():
                     return False
-                # the tables are those of another number of views from now on
-                whole = range(min(had, wanted) // layout.VIEWS_PER_SCENE)
-                keep_checksums(
-                    self.path, identity_of(self._description), VIDEO_FILES, [scene_folder(number) for number in whole]
-                )
-                if had > wanted:
-                    self._remove_scenes(scene_count(wanted))
+            # the tables are, or may be, those of another number of views
+            whole = range(min(had, wanted) // layout.VIEWS_PER_SCENE)
+            keep_checksums(
+                self.path, identity_of(self._description), VIDEO_FILES, [scene_folder(number) for number in whole]
+            )
+            if had > wanted:
+                self._remove_scenes(scene_count(wanted))
             write_bytes_atomically(record, content)
             return True
 
@@ -245,7 +260,7 @@ class RunFolder:
         return True
 
     def _discard(self) -> None:
-        """Remove this run's files if unusable input stopped it before its first view was finished."""
+        """Remove this run's files if it was refused before its first view was finished."""
         if any((self.path / SPLIT).glob("*/frame/*.json")) or not self._common.try_exclusive():
             return
         folders = [*own_folders(self.path)]
@@ -262,7 +277,7 @@ class RunFolder:
     def _remove_leftovers(self) -> None:
         """Remove the temporary files of killed runs; nobody else may be writing theirs."""
         for prefix, folder in own_folders(self.path):
-            for name in _names(folder):
+            for name in names_in(folder):
                 target = partial_name(name)
                 if target is not None and is_own_file(prefix + target):
                     (folder / name).unlink(missing_ok=True)
@@ -282,7 +297,7 @@ class RunFolder:
         if os.name == "nt":
             self._locks.close()  # Windows removes no open files
         work = self.path / WORK
-        for name in _names(work):
+        for name in names_in(work):
             if re.fullmatch(_WORK_FILES, name):
                 (work / name).unlink(missing_ok=True)
         with suppress(OSError):  # it holds files of somebody else
@@ -291,11 +306,3 @@ class RunFolder:
 
 _ATTEMPTS = 10
 _WORK_FILES = r"lock(-[0-9]+-of-[0-9]+)?(\.[0-9a-f]{16}\.(claim|new))?|surface-[0-9a-f]{16}\.npz|run-[0-9a-f]{16}"
-
-
-def _names(folder: Path) -> list[str]:
-    """The names in a folder; none if another process has just removed it."""
-    try:
-        return os.listdir(folder)
-    except FileNotFoundError:
-        return []

@@ -13,7 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import RunError
+from ..files.content import LARGEST_TEXT, read_file
 from ..surface.mesh import TriangleMesh
+from . import layout
 from .differences import (
     COUNT,
     DEPTH_SCALE,
@@ -85,17 +87,20 @@ def check_description(
     RunError
         The two differ, the run wants fewer views, or ``dataset.json`` is not what it should be. The message says what
         differs.
-    OSError
-        The file cannot be read.
     """
     record = root / RECORD
     try:
-        content = record.read_bytes()
-    except FileNotFoundError:
+        content = read_file(record, LARGEST_TEXT)
+    except (FileNotFoundError, NotADirectoryError):
         return
+    except OSError as error:
+        raise RunError(
+            f"{record}: expected the description of a dataset, cannot read it ({error.strerror}); "
+            "choose another folder (--out)"
+        ) from None
     wanted = description[COUNT]
     if is_cut_off(content, description_bytes(description)):
-        _check_count(root, wanted, wanted, may_shrink=may_shrink)
+        check_count(root, wanted, wanted, may_shrink=may_shrink)
         return
     try:
         existing = json.loads(content)
@@ -115,10 +120,17 @@ def check_description(
     changes = run_differences(root, existing, description, poses)
     if changes:
         raise RunError(f"{root}: the folder holds the dataset of another run ({_first(described(changes))}); {advice}")
-    _check_count(root, existing.get(COUNT), wanted, may_shrink=may_shrink)
+    check_count(root, existing.get(COUNT), wanted, may_shrink=may_shrink)
 
 
-def _check_count(root: Path, had: object, wanted: object, *, may_shrink: bool) -> None:
+def check_count(root: Path, had: object, wanted: object, *, may_shrink: bool) -> None:
+    """Check that a run wants no fewer views than exist: see :func:`check_description`.
+
+    Raises
+    ------
+    RunError
+        It does.
+    """
     least = fewest_views(root, had, may_shrink=may_shrink) if isinstance(had, int) else None
     if least is None or not isinstance(wanted, int) or wanted < least == had:
         raise RunError(
@@ -140,6 +152,21 @@ def fewest_views(root: Path, had: int, *, may_shrink: bool = True) -> int:
     """
     occupied = occupied_views(root)
     return occupied if may_shrink else max(occupied, had)
+
+
+def holds_views_of(root: Path, description: Mapping[str, object], poses: np.ndarray | None) -> bool:
+    """Whether all views on disk are of a run, and there are some, by their records alone; damaged ones tell nothing."""
+    identity, found = identity_of(description), False
+    six_digits = "[0-9]" * 6
+    for path in (root / layout.SPLIT).glob(f"{six_digits}/frame/{six_digits}.json"):
+        index = int(path.parts[-3]) * layout.VIEWS_PER_SCENE + int(path.stem)
+        with suppress(RunError):
+            record = read_record(ViewPaths(root, index), with_mask=False)
+            listed = record.cam_from_model if poses is None or index >= len(poses) else poses[index]
+            if record.identity != identity or not np.array_equal(record.cam_from_model, listed):
+                return False
+            found = True
+    return found
 
 
 def run_differences(
@@ -183,7 +210,7 @@ def other_description(root: Path, identity: str) -> Mapping[str, object] | None:
     """A description of this identity that was kept beside ``dataset.json``, such as by ``cp --backup``; or ``None``."""
     for path in sorted(root.glob("dataset*")):
         try:
-            content = json.loads(path.read_bytes())
+            content = json.loads(read_file(path, LARGEST_TEXT))
         except (OSError, ValueError, RecursionError):
             continue
         if isinstance(content, dict) and identity_of(content) == identity:

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..files.content import LARGEST_INPUT, LARGEST_TEXT
+
 FORMAT = "oneframe dataset 2"
 """Name and version of the layout, in ``dataset.json``."""
 
@@ -77,6 +79,11 @@ _ENDINGS = {"frame": ".json", "depth_mm": ".npy"} | dict.fromkeys(
 def view_kinds(*, float_depth: bool) -> tuple[str, ...]:
     """Kinds of the files that a view has beside its record."""
     return tuple(kind for kind in KINDS if kind != "frame" and (float_depth or kind != "depth_mm"))
+
+
+def largest_view_file(width: int, height: int) -> int:
+    """No file of a view of this size has more bytes: at worst four a pixel, and a header."""
+    return min(4 * width * height, LARGEST_INPUT) + LARGEST_TEXT
 
 
 def scene_count(count: int) -> int:

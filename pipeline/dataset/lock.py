@@ -16,6 +16,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from ..files.content import LARGEST_TEXT, read_file
+
 BEAT_SECONDS, STALE_SECONDS = 5.0, 60.0
 BUSY = {errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK}
 """What system calls answer where another process has the lock; anything else means that there are no such locks."""
@@ -156,7 +158,7 @@ class _Claim:
             if path == self._file:
                 continue
             try:
-                content, age = json.loads(path.read_text()), now - path.stat().st_mtime
+                content, age = json.loads(read_file(path, LARGEST_TEXT)), now - path.stat().st_mtime
             except FileNotFoundError:
                 continue
             except ValueError:

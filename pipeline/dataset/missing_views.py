@@ -1,9 +1,8 @@
 """What a run asks of whoever renders its missing views elsewhere, such as on the workers of a cluster."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from ..progress import Progress
 from .options import DatasetOptions
@@ -44,29 +43,6 @@ class MissingViews:
     damaged: frozenset[int]
 
 
-class ViewPool(Protocol):
-    """Renders the missing views of a run, while the run prepares its tables."""
-
-    messages: list[str]
-    """What there is to say at the end."""
-
-    def start(self, missing: MissingViews, progress: Progress) -> None:
-        """Begin, in the background."""
-
-    def wait(self) -> bool:
-        """Wait until all views are on disk.
-
-        Returns
-        -------
-        Whether they are in the run's folder; else the messages say where.
-
-        Raises
-        ------
-        InputError
-            A view cannot be rendered from this input.
-        RunError
-            The views cannot be finished; those that are stay.
-        """
-
-    def stop(self) -> None:
-        """End all that still renders, at once."""
+Elsewhere = Callable[[MissingViews, Progress], None]
+"""Renders the missing views of a run into its folder, and counts them; it raises ``InputError`` if a view cannot be
+rendered from this input, and ``RunError`` if the views cannot be finished. Those that are finished stay."""

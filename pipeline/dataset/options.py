@@ -11,11 +11,16 @@ from typing import Any
 from ..errors import InputError
 from ..files.keys import nearest_name
 
-ENGINES = ("cycles", "raster", "eevee", "workbench")
+ENGINES = ("cycles", "raster", "eevee")
 COLOURS = ("projective", "texture", "vertex")
 UNSEEN = ("neutral", "fill")
-QUALITIES = ("exact", "auto", "draft")
 SAMPLERS = ("cone", "gaussian", "shell", "trajectory")
+GONE = dict.fromkeys(
+    ("quality", "tolerance_colour", "tolerance_px"),
+    "it is gone: leave it out, and write --engine raster for exact views in less time",
+)
+"""Options of earlier versions -> what to write instead."""
+_GONE_VALUES = {"workbench": "it is gone: write raster, which is exact and faster"}
 LARGEST_NUMBER = 2**53
 """Whole numbers beyond this have no exact float, and no option needs them."""
 
@@ -36,7 +41,7 @@ class DatasetOptions:
     )  # fmt: skip
     scale: float = _option(1.0, "size of the views relative to the frame's", least=1 / 64, most=8)
     engine: str = _option(
-        "cycles", "renderer; cycles is exact and needs no OpenGL; raster is as exact and faster", choices=ENGINES
+        "cycles", "renderer; cycles is exact; raster is as exact and faster; eevee needs OpenGL", choices=ENGINES
     )
     samples: int = _option(
         1, "1: one exact ray through each pixel centre; more: anti-aliased, with this many rays in each pixel that an "
@@ -54,12 +59,6 @@ class DatasetOptions:
         87.0, "largest angle between the frame's ray and the surface's normal at which surface counts as "
         "seen; what the frame sees at a grazing angle is stretched to streaks in other views", least=0, most=90,
     )  # fmt: skip
-    quality: str = _option(
-        "exact", "exact: the surface as given, ray traced; auto: the cheapest rendering within the tolerances, chosen "
-        "by measuring pilot views; draft: within four times the tolerances", choices=QUALITIES,
-    )  # fmt: skip
-    tolerance_colour: float = _option(0.5, "auto, draft: largest mean error of a view's RGB, of 255", least=0, most=255)
-    tolerance_px: float = _option(0.1, "auto, draft: largest mean error of a view's outlines", least=0, most=10)
     float_depth: bool = _option(False, "also write depth as float32 millimetres (.npy)")
     video: bool = _option(False, "also render a smooth trajectory as MP4 with its poses")
     video_frames: int = _option(120, "length of the video in frames (24 per second)", least=2)
@@ -99,6 +98,8 @@ def _checked_values(values: Mapping[str, object], where: str) -> dict[str, objec
     fields = {entry.name: entry for entry in dataclasses.fields(DatasetOptions)}
     checked: dict[str, object] = {}
     for name, value in values.items():
+        if name in GONE:
+            raise InputError(f"{where}: {name}: {GONE[name]}")
         if name not in fields:
             raise InputError(f"{where}: unknown option {name!r}; {nearest_name(name, tuple(fields))}")
         checked[name] = _checked_value(name, value, fields[name], where)
@@ -112,26 +113,6 @@ def _checked_together(checked: Mapping[str, object], where: str) -> DatasetOptio
             f"{where}: expected distance_min <= distance_max, found {options.distance_min:g} > "
             f"{options.distance_max:g}; swap them"
         )
-    if options.quality != "exact" and options.engine != "cycles":
-        raise InputError(
-            f"{where}: expected engine cycles with quality {options.quality}, found {options.engine}; "
-            "use --quality exact, or --engine cycles"
-        )
-    if options.engine == "workbench" and options.colour != "vertex":
-        raise InputError(
-            f"{where}: expected colour vertex with engine workbench, which runs no shaders, found {options.colour}; "
-            "add --colour vertex, or use --engine cycles"
-        )
-    if options.engine == "workbench" and options.samples > 1:
-        raise InputError(
-            f"{where}: expected samples 1 with engine workbench, found {options.samples}; "
-            "use --engine cycles for anti-aliased views"
-        )
-    if options.engine == "raster" and (options.colour != "projective" or options.samples > 1):
-        raise InputError(
-            f"{where}: expected colour projective and samples 1 with engine raster, found {options.colour} and "
-            f"{options.samples}; use --engine cycles"
-        )
     return options
 
 
@@ -144,7 +125,11 @@ def _checked_value(name: str, value: Any, entry: dataclasses.Field, where: str) 
     if kind is str or kind == str | None:
         choices = entry.metadata.get("choices")
         if not isinstance(value, str) or (choices and value not in choices):
-            hint = f"; {nearest_name(value, choices)}" if choices and isinstance(value, str) else ""
+            hint = (
+                f"; {_GONE_VALUES.get(value) or nearest_name(value, choices)}"
+                if choices and isinstance(value, str)
+                else ""
+            )
             raise InputError(
                 f"{where}: {name}: expected {' or '.join(choices or ['a file name'])}, found {value!r}{hint}"
             )
@@ -222,6 +207,6 @@ def merged_options(table: Mapping[str, object], arguments: argparse.Namespace, c
     from_table = _checked_values(table, f"{case_path.name}: [dataset]")
     if "poses" in from_table:
         from_table["poses"] = str(case_path.parent / str(from_table["poses"]))
-    given = {name: getattr(arguments, name) for name in names if hasattr(arguments, name)}
+    given = {name: getattr(arguments, name) for name in (*names, *GONE) if hasattr(arguments, name)}
     # combinations only now: the command line may resolve a conflict in the table
     return _checked_together({**from_table, **_checked_values(given, "command line")}, "options")

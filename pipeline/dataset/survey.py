@@ -170,15 +170,16 @@ def is_finished(root: Path, index: int, identity: str, kinds: Sequence[str]) -> 
     return record.identity == identity and _wrong_size(record, [*map(paths.relative, kinds)], sizes) is None
 
 
-def recorded_views(root: Path, count: int) -> int:
-    """How many of the first ``count`` views have a record; nothing is read but the names of files."""
-    found = 0
+def unrecorded_views(root: Path, count: int) -> list[int]:
+    """Those of the first ``count`` views that have no record; nothing is read but the names of files."""
+    missing: list[int] = []
     for number in range(scene_count(count)):
         paths = [ViewPaths(root, index) for index in scene_views(number, count)]
-        with suppress(FileNotFoundError):
+        names: set[str] = set()
+        with suppress(FileNotFoundError, NotADirectoryError):
             names = set(os.listdir(paths[0].file("frame").parent))
-            found += sum(path.file("frame").name in names for path in paths)
-    return found
+        missing += [path.index for path in paths if path.file("frame").name not in names]
+    return missing
 
 
 def _sizes(root: Path, scene: str, kinds: Iterable[str]) -> dict[str, int]:

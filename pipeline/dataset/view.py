@@ -12,40 +12,13 @@ from ..errors import InputError
 from ..files.content import create_folder, write_files_atomically
 from ..images.png import encode_png
 from ..poses.constraints import PlannedPose
+from ..projection.rendered_view import RenderedView
 from ..projection.silhouette import SilhouetteEdges, silhouette_statistics
 from .bop import bounding_box
 from .checksums import FileSum, sum_of
 from .coco import run_lengths
 from .layout import ViewPaths
 from .view_record import GroundTruthInfo, ViewRecord
-
-
-@dataclass(frozen=True)
-class RenderedView:
-    """One rendered view.
-
-    Attributes
-    ----------
-    rgb
-        ``(H, W, 3)`` float32 code values 0..1; black where there is no surface.
-    depth_mm
-        ``(H, W)`` float32 depth of the surface along the optical axis at the pixel's centre; 0 for none.
-    observed
-        ``(H, W)`` bool: the source frame saw the surface at the pixel's centre.
-    near_unseen
-        ``(H, W)`` bool: observed, but within about one frame pixel of the border of the observed surface; only scenes
-        for anti-aliasing have it.
-    """
-
-    rgb: np.ndarray
-    depth_mm: np.ndarray
-    observed: np.ndarray
-    near_unseen: np.ndarray
-
-    @property
-    def mask(self) -> np.ndarray:
-        """``(H, W)`` bool: there is surface at the pixel's centre."""
-        return self.depth_mm > 0
 
 
 @dataclass(frozen=True)

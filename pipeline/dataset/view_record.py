@@ -11,7 +11,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from ..errors import InputError, RunError
-from ..files.content import read_content
+from ..files.content import LARGEST_FILE, read_content
 from ..files.tables import parsed_json
 from ..poses.constraints import Rejections
 from .checksums import FileSum, sums_to_json
@@ -167,7 +167,7 @@ def read_record(paths: ViewPaths, *, with_mask: bool = True) -> ViewRecord:
     path = paths.file("frame")
     where = str(path)
     try:
-        data = read_content(path, "the record of a view", where)
+        data = read_content(path, "the record of a view", where, most=LARGEST_FILE)
         record = ViewRecord.from_json(_parsed(data, where, with_mask=with_mask), where)
     except InputError as error:
         raise RunError(f"{error}; or remove the file and {_AGAIN}") from None

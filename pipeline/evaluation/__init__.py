@@ -1,4 +1,5 @@
-"""Accuracy and speed: how good the results are.
+"""How good the views are.
 
-In: synthetic views and photographs, poses and the ground truth. Out: figures, tables and charts.
+In: views and photographs of the same poses. Out: scores, with their confidence and what could be reached, as a record
+and as tables.
 """

@@ -1,16 +1,22 @@
-"""Under which conditions figures were measured: machine, versions and configuration, kept with every figure."""
+"""Under which conditions figures were measured: machine, versions and configuration, at the head of every table."""
 
+import csv
 import importlib.metadata
+import io
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
 from .. import __version__
+from ..files.content import write_bytes_atomically
+from ..files.kinds import Kind
 
+COMMENT = "# "
+"""Begins each line of the conditions in a table (CSV)."""
 PACKAGES = ("numpy", "opencv-contrib-python-headless", "scikit-image", "pyvista", "vtk", "torch", "pytorch3d")
 """Those whose versions are kept, where they are installed."""
 
@@ -87,3 +93,24 @@ def _processor() -> str:
             if line.startswith("model name"):
                 return line.split(":", 1)[1].strip()
     return platform.processor() or "an unknown processor"
+
+
+def measured_table(name: str, columns: Sequence[str]) -> Kind:
+    """The kind of a table with these columns; ``name`` has an article, such as "the scores of an evaluation"."""
+    header = ",".join(columns).encode()
+
+    def matches(data: bytes) -> bool:
+        first = next((line for line in data.splitlines() if not line.startswith(COMMENT.encode())), b"")
+        return first == header
+
+    return Kind(name, matches)
+
+
+def write_table(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]], conditions: Conditions) -> None:
+    """Write a table below its conditions, whole or not at all; floats keep six significant digits."""
+    text = io.StringIO(newline="")
+    text.writelines(f"{COMMENT}{line}\n" for line in conditions.lines())
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(columns)
+    table.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
+    write_bytes_atomically(path, text.getvalue().encode())

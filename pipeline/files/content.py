@@ -68,9 +68,34 @@ def _status(path: Path) -> os.stat_result:
         raise OSError(errno.EINVAL, str(error)) from None
 
 
-def _open_at_once(path: str, flags: int) -> int:
-    """Open a file, or a pipe that has taken its place, without waiting."""
+def regular_file(path: str, flags: int) -> int:
+    """The ``opener`` for ``open`` of files that nobody vouches for: it never waits, as a pipe for its other end.
+
+    Raises
+    ------
+    OSError
+        A pipe, a device (which may act when it is opened, or never end) or a folder; or as ``os.open``.
+    """
+    if not stat.S_ISREG(os.stat(path).st_mode):
+        raise OSError(errno.EINVAL, "no regular file", path)
+    # should it have become a pipe by now
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def read_file(path: Path, most: int = LARGEST_INPUT) -> bytes:
+    """Read the bytes of a file that a run has written, or that stands in its place.
+
+    Raises
+    ------
+    OSError
+        As for :func:`regular_file`; or it is longer than ``most`` bytes.
+    """
+    with open(path, "rb", opener=regular_file) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size > most:
+            raise OSError(errno.EFBIG, f"it has {size >> 20} MB", str(path))
+        # no more than that: a file may grow while it is read
+        return file.read(size)
 
 
 def read_content(path: Path, what: str, where: str | None = None, most: int = LARGEST_INPUT) -> bytes:
@@ -89,7 +114,7 @@ def read_content(path: Path, what: str, where: str | None = None, most: int = LA
         As for :func:`reading`; or the file is empty, or longer than ``most``.
     """
     place = path.name if where is None else where
-    with reading(path, what, where), open(path, "rb", opener=_open_at_once) as file:
+    with reading(path, what, where), open(path, "rb", opener=regular_file) as file:
         size = os.fstat(file.fileno()).st_size
         if size > most:
             raise InputError(f"{place}: expected {what}, found one of {size >> 20} MB; choose another")
@@ -113,7 +138,7 @@ def read_beginning(path: Path, what: str, most: int, where: str | None = None) -
     InputError
         As for :func:`reading`.
     """
-    with reading(path, what, where), open(path, "rb", opener=_open_at_once) as file:
+    with reading(path, what, where), open(path, "rb", opener=regular_file) as file:
         return file.read(min(os.fstat(file.fileno()).st_size, most))
 
 
@@ -199,6 +224,20 @@ def create_folder(path: Path) -> None:
     path.mkdir(parents=True, exist_ok=True)
     for folder in new:
         _flush_folder(folder.parent)
+
+
+def names_in(folder: Path) -> list[str]:
+    """The names in a folder; none if there is no such folder, or another process has just removed it.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    """
+    try:
+        return os.listdir(folder)
+    except FileNotFoundError:
+        return []
 
 
 @contextmanager

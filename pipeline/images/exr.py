@@ -1,6 +1,6 @@
 """Read the uncompressed OpenEXR files that Blender's engines write: single- and multi-part, float or half channels.
 
-Blender hands the passes of its C++ engines (Eevee, Workbench) to Python only through a file. A stock Blender has no
+Blender hands the passes of its C++ engines (Eevee) to Python only through a file. A stock Blender has no
 EXR reader for Python on every platform, and without compression the format is a header and rows of numbers; anything
 beyond that (tiles, deep data, compression) is refused. Format: *OpenEXR File Layout*, openexr.com.
 """

@@ -7,6 +7,7 @@ import numpy as np
 from ..dataset.checksums import damaged_file
 from ..dataset.layout import VIEWS_PER_SCENE, scene_count, scene_folder
 from ..errors import InputError
+from ..files.content import LARGEST_FILE, read_content
 from ..files.tables import parsed_json
 from ..transforms import rigid
 from .source import Source
@@ -52,4 +53,4 @@ def _table(source: Source, name: str) -> dict[str, Any]:
             f"{source.root}: expected the tables that a run has written, but {problem}; remove the file and run the "
             "render command again"
         )
-    return dict(parsed_json(path.read_bytes(), str(path)))
+    return dict(parsed_json(read_content(path, "a table of the dataset", most=LARGEST_FILE), str(path)))

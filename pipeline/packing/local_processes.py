@@ -13,6 +13,7 @@ from queue import SimpleQueue
 from typing import BinaryIO, cast
 
 from ..errors import RunError
+from ..files.processors import available_cores
 from .shard import PackedShard, ShardOrder, pack_shard
 
 _ROOT = Path(__file__).resolve().parents[2]
@@ -76,11 +77,6 @@ def packed_locally(
             if isinstance(message, PackedShard):
                 yield message
         raise failure
-
-
-def available_cores() -> int:
-    """Number of processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _started() -> subprocess.Popen[bytes]:

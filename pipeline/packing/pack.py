@@ -120,9 +120,8 @@ def pack_dataset(
 
 def shard_orders(source: Source, out: Path, plan: Plan) -> list[ShardOrder]:
     """The orders of all shards of a pack."""
-    k = tuple(float(value) for value in source.description.camera.k.ravel())
     return [
-        ShardOrder(source.root, out, number, views, plan.identity, k, plan.jpeg_quality)
+        ShardOrder(source.root, out, number, views, plan.identity, source.description.camera, plan.jpeg_quality)
         for number, views in enumerate(plan.shard_views())
     ]
 

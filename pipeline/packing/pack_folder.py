@@ -7,7 +7,7 @@ removed but files that packing writes itself, by their names.
 import json
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,7 @@ from types import TracebackType
 from ..dataset.layout import MODEL_FOLDERS
 from ..dataset.lock import Busy, FileLock
 from ..errors import InputError, RunError
-from ..files.content import create_folder, partial_name, read_content, write_bytes_atomically
+from ..files.content import create_folder, names_in, partial_name, read_content, read_file, write_bytes_atomically
 from ..files.tables import parsed_json
 from .layout import MANIFEST, TABLES, WORK, is_note, is_shard, shard_name
 from .manifest import from_runs, read_manifest, shard_from_json, shard_to_json, to_runs
@@ -94,7 +94,7 @@ class PackFolder:
         except OSError as error:
             self._stack.close()
             raise RunError(
-                f"{path}: cannot write to the folder ({error.strerror}); choose another folder (--out)"
+                f"{path}: cannot write to the folder ({error.strerror or error}); choose another folder (--out)"
             ) from None
         except BaseException:
             self._stack.close()
@@ -129,7 +129,7 @@ class PackFolder:
             self._stack.close()  # Windows removes no open files
         # killed processes on other machines may have left some
         self._remove_partial()
-        for name in _names(self._work):
+        for name in names_in(self._work):
             if re.fullmatch(_WORK_FILES, name):
                 (self._work / name).unlink(missing_ok=True)
         with suppress(OSError):  # it holds files of somebody else
@@ -149,7 +149,7 @@ class PackFolder:
 
     def _remove_partial(self) -> None:
         for folder in ("", *MODEL_FOLDERS, WORK):
-            for name in _names(self.path / folder):
+            for name in names_in(self.path / folder):
                 if partial_name(name) is not None:
                     (self.path / folder / name).unlink(missing_ok=True)
 
@@ -158,7 +158,7 @@ class PackFolder:
         path = self._work / PLAN
         if path.is_file():
             try:
-                return dict(parsed_json(path.read_bytes(), str(path)))
+                return dict(parsed_json(read_file(path), str(path)))
             except (InputError, TypeError, ValueError):
                 raise RunError(
                     f"{path}: expected the plan of a pack, found a damaged file; remove the folder of the pack, or "
@@ -173,11 +173,11 @@ class PackFolder:
         """Check that the folder holds nothing, or the pack of this plan or of its first views."""
         if not self.path.exists():
             return
-        names = set(_names(self.path))
+        names = set(names_in(self.path))
         known = self._known_plan()
         if known is None:
             others = {name for name in names if name != WORK}
-            if others or any(not re.fullmatch(_WORK_FILES, name) for name in _names(self._work)):
+            if others or any(not re.fullmatch(_WORK_FILES, name) for name in names_in(self._work)):
                 raise RunError(
                     f"{self.path}: expected a new or empty folder or a pack to resume, found other files (such as "
                     f"{min(others or {WORK})}); choose another folder (--out)"
@@ -217,7 +217,7 @@ def kept_shard(
     """
     path = _sum_file(folder, number)
     with suppress(OSError, InputError):
-        known = shard_from_json(number, parsed_json(path.read_bytes(), str(path)), str(path))
+        known = shard_from_json(number, parsed_json(read_file(path), str(path)), str(path))
     with suppress(OSError):
         size = (folder / shard_name(number)).stat().st_size
         if known is not None and known.views == views and known.sum.bytes == size:
@@ -273,10 +273,3 @@ def _differences(known: Mapping[str, object], plan: Plan) -> list[str]:
 
 
 _WORK_FILES = r"run-[0-9a-f]{16}|plan\.json|shard-[0-9]{6,}\.tar\.json|lock(\.[0-9a-f]{16}\.(claim|new))?|\.partial-.*"
-
-
-def _names(folder: Path) -> Sequence[str]:
-    try:
-        return os.listdir(folder)
-    except FileNotFoundError:
-        return []

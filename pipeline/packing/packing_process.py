@@ -6,7 +6,6 @@ and its own child.
 
 import os
 import pickle
-import signal
 import sys
 
 
@@ -15,9 +14,6 @@ def main() -> None:
     out = os.fdopen(os.dup(1), "wb")
     # libraries print what they like
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-    if hasattr(signal, "SIGXFSZ"):
-        # a file beyond the limit (ulimit -f) is an error like a full disk
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 
     def report(message: object) -> None:
         pickle.dump(message, out)

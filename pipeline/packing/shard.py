@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from ..camera.pinhole import PinholeCamera
 from ..dataset.bop import scene_entries
 from ..dataset.checksums import FileSum, sum_of
-from ..dataset.layout import ViewPaths
+from ..dataset.layout import ViewPaths, largest_view_file
 from ..dataset.view_record import ViewRecord, read_record
 from ..errors import InputError, RunError
-from ..files.content import written_file
+from ..files.content import read_file, written_file
 from .colour_loss import ColourLoss
 from .disk import writing_pack
 from .layout import MASKS, shard_name, view_key
@@ -35,8 +36,8 @@ class ShardOrder:
         The views in it, in their order.
     identity
         Of the dataset: the records of the views must have it.
-    k
-        Intrinsics of the views, row by row, px.
+    camera
+        Of the views.
     jpeg_quality
         Of RGB as JPEG, 1..100; ``None`` keeps the PNG files.
     """
@@ -46,7 +47,7 @@ class ShardOrder:
     number: int
     views: tuple[int, ...]
     identity: str
-    k: tuple[float, ...]
+    camera: PinholeCamera
     jpeg_quality: int | None = None
 
 
@@ -116,14 +117,15 @@ def view_members(order: ShardOrder, paths: ViewPaths) -> tuple[list[tuple[str, b
             f"{paths.file('frame')}: expected a view of this dataset, found one of another run; put the right view in "
             "its place, or remove the file and render it again"
         )
-    camera, truth, info = scene_entries(record, order.k)
+    camera, truth, info = scene_entries(record, order.camera.k.ravel().tolist())
     members = [("camera.json", _json(camera)), ("gt.json", _json(truth)), ("gt_info.json", _json(info))]
-    masks = dict(_masks(paths, record))
+    most = largest_view_file(*order.camera.size_wh)
+    masks = dict(_masks(paths, record, most))
     members += [(f"{kind}.json", masks[kind]) for kind in MASKS]
-    members.append(("depth.png", checked_file(paths, record, "depth")))
+    members.append(("depth.png", checked_file(paths, record, "depth", most)))
     if paths.relative("depth_mm") in record.files:
-        members.append(("depth_mm.npy", checked_file(paths, record, "depth_mm")))
-    rgb = checked_file(paths, record, "rgb")
+        members.append(("depth_mm.npy", checked_file(paths, record, "depth_mm", most)))
+    rgb = checked_file(paths, record, "rgb", most)
     if order.jpeg_quality is None:
         return [*members, ("rgb.png", rgb)], ColourLoss()
     # only now: without JPEG, packing needs no OpenCV
@@ -136,8 +138,8 @@ def view_members(order: ShardOrder, paths: ViewPaths) -> tuple[list[tuple[str, b
     return [*members, ("rgb.jpg", jpeg)], loss
 
 
-def checked_file(paths: ViewPaths, record: ViewRecord, kind: str) -> bytes:
-    """The content of a view's file, which is what its record says.
+def checked_file(paths: ViewPaths, record: ViewRecord, kind: str, most: int) -> bytes:
+    """The content of a view's file, of at most so many bytes, which is what its record says.
 
     Raises
     ------
@@ -150,7 +152,7 @@ def checked_file(paths: ViewPaths, record: ViewRecord, kind: str) -> bytes:
     if known is None:
         raise RunError(f"{path}: expected it in the record of view {paths.index}, which lists no such file; {again}")
     try:
-        data = path.read_bytes()
+        data = read_file(path, most)
     except OSError as error:
         raise RunError(
             f"{path}: expected a file of view {paths.index}, cannot read it ({error.strerror}); {again}"
@@ -162,11 +164,11 @@ def checked_file(paths: ViewPaths, record: ViewRecord, kind: str) -> bytes:
     return data
 
 
-def _masks(paths: ViewPaths, record: ViewRecord) -> Iterator[tuple[str, bytes]]:
+def _masks(paths: ViewPaths, record: ViewRecord, most: int) -> Iterator[tuple[str, bytes]]:
     """Kind and run lengths of each mask, as BOP's ``save_masks`` has them: by the number of the object in the image."""
     known: dict[bytes, bytes] = {}
     for kind in MASKS:
-        data = checked_file(paths, record, kind)
+        data = checked_file(paths, record, kind, most)
         if data not in known:
             try:
                 mask = decoded_mask(data, str(paths.file(kind)))

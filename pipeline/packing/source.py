@@ -1,8 +1,6 @@
 """The folder of a complete dataset, from which views are packed."""
 
-import os
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -11,11 +9,12 @@ from ..camera.pinhole import PinholeCamera
 from ..dataset.checksums import Checksums, damaged_file, read_checksums
 from ..dataset.differences import COUNT, POSES_HASH
 from ..dataset.identity import identity_of
-from ..dataset.layout import CHECKSUMS, FORMAT, RECORD, ViewPaths, scene_count, scene_views
+from ..dataset.layout import CHECKSUMS, FORMAT, RECORD, scene_views
 from ..dataset.options import DatasetOptions
+from ..dataset.survey import unrecorded_views
 from ..dataset.view_ranges import view_ranges
 from ..errors import InputError
-from ..files.content import read_content
+from ..files.content import LARGEST_TEXT, read_content
 from ..files.tables import parsed_json
 from .layout import COPIED, MOST_VIEWS, TARGETS
 
@@ -56,7 +55,7 @@ def read_description(path: Path) -> Description:
     InputError
         Missing, damaged, or of another format.
     """
-    content = parsed_json(read_content(path, "the description of a dataset", str(path)), str(path))
+    content = parsed_json(read_content(path, "the description of a dataset", str(path), most=LARGEST_TEXT), str(path))
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         found = repr(content.get("format") if isinstance(content, dict) else content)[:60]
         raise InputError(
@@ -110,7 +109,7 @@ def open_source(root: Path) -> Source:
             "oneframe render named"
         )
     description = read_description(root / RECORD)
-    missing = missing_views(root, description.count)
+    missing = unrecorded_views(root, description.count)
     again = f"run {render_command(root, description)}"
     if missing:
         raise InputError(
@@ -132,18 +131,6 @@ def open_source(root: Path) -> Source:
     return Source(root, description, sums, _targets(root))
 
 
-def missing_views(root: Path, count: int) -> list[int]:
-    """The views without a record; nothing is read but the names of files."""
-    missing: list[int] = []
-    for number in range(scene_count(count)):
-        paths = [ViewPaths(root, index) for index in scene_views(number, count)]
-        names: set[str] = set()
-        with suppress(FileNotFoundError, NotADirectoryError):
-            names = set(os.listdir(paths[0].file("frame").parent))
-        missing += [path.index for path in paths if path.file("frame").name not in names]
-    return missing
-
-
 def render_command(root: Path, description: Description) -> str:
     """The command that renders a dataset; its case is not known."""
     given = description.content["options"]
@@ -163,6 +150,6 @@ def render_command(root: Path, description: Description) -> str:
 
 def _targets(root: Path) -> frozenset[int]:
     """The views of the table; its hash has been checked."""
-    entries = parsed_json((root / TARGETS).read_bytes(), str(root / TARGETS))
+    entries = parsed_json(read_content(root / TARGETS, "the targets of a dataset"), TARGETS)
     per_scene = len(scene_views(0, MOST_VIEWS))
     return frozenset(entry["scene_id"] * per_scene + entry["im_id"] for entry in entries)

@@ -13,8 +13,9 @@ import numpy as np
 
 from ..dataset.check.findings import Findings
 from ..dataset.checksums import FileSum, damaged_file
-from ..dataset.layout import RECORD, ViewPaths, scene_views
+from ..dataset.layout import RECORD, ViewPaths, largest_view_file, scene_views
 from ..errors import InputError, RunError
+from ..files.content import LARGEST_FILE, read_file
 from ..files.tables import parsed_json
 from ..progress import Progress
 from .colour_loss import ColourLoss
@@ -142,14 +143,14 @@ def _check_tables(folder: Path, manifest: Manifest, findings: Findings) -> None:
         if description.identity != manifest.identity:
             findings.add(DAMAGED, f"{RECORD}: it describes another dataset than the one that {MANIFEST} names")
     with suppress(InputError, OSError):
-        table = parsed_json((folder / KEY_TO_SHARD).read_bytes(), KEY_TO_SHARD)
+        table = parsed_json(read_file(folder / KEY_TO_SHARD), KEY_TO_SHARD)
         if table != {
             view_key(ViewPaths(folder, view)): shard.number for shard in manifest.shards for view in shard.views
         }:
             findings.add(DAMAGED, f"{KEY_TO_SHARD}: it names other views or shards than {MANIFEST}")
     with suppress(InputError, OSError, KeyError, TypeError):
         per_scene = len(scene_views(0, MOST_VIEWS))
-        targets = parsed_json((folder / TARGETS).read_bytes(), TARGETS)
+        targets = parsed_json(read_file(folder / TARGETS), TARGETS)
         if not {each["scene_id"] * per_scene + each["im_id"] for each in targets} <= set(manifest.views):
             findings.add(DAMAGED, f"{TARGETS}: it names views that the pack does not hold")
 
@@ -172,6 +173,7 @@ class _ShardCheck:
         self.found: list[tuple[str, str]] = []
         self._folder, self._manifest, self._shard = folder, manifest, shard
         self._description, self._source = description, source
+        self._most = 0 if description is None else largest_view_file(*description.camera.size_wh)
         self._name = shard_name(shard.number)
         self._jpeg = manifest.jpeg_quality is not None
         self._tables: dict[str, dict[str, Any]] = {}
@@ -204,7 +206,7 @@ class _ShardCheck:
         expected = ordered_names(keys, suffixes)
         try:
             with tarfile.open(self._folder / self._name, "r:") as archive:
-                names = [entry.name for entry in archive if entry.isreg()]
+                names = [entry.name for entry in archive if entry.isreg() and entry.size <= self._most]
                 if names != expected:
                     self._describe_difference(names, expected)
                     return
@@ -236,17 +238,17 @@ class _ShardCheck:
                 if suffix in SCENE_TABLES:
                     same = json.loads(data) == self._entry(paths, SCENE_TABLES[suffix])
                 elif kind in MASKS:
-                    image = decoded_mask(paths.file(kind).read_bytes(), paths.relative(kind))
+                    image = decoded_mask(read_file(paths.file(kind), self._most), paths.relative(kind))
                     height, width = image.shape
                     same = np.array_equal(image, mask_columns(data, (height, width), suffix).T)
                 elif suffix == "rgb.jpg":
                     # only here: without JPEG, packing needs no OpenCV
                     from .jpeg import jpeg_loss
 
-                    found = jpeg_loss(data, paths.file(kind).read_bytes(), paths.relative(kind))
+                    found = jpeg_loss(data, read_file(paths.file(kind), self._most), paths.relative(kind))
                     same, loss = found is not None, found or loss
                 else:
-                    same = data == paths.file(kind).read_bytes()
+                    same = data == read_file(paths.file(kind), self._most)
             except (InputError, RunError, OSError, ValueError, KeyError, TypeError):
                 same = False
             if not same:
@@ -261,5 +263,5 @@ class _ShardCheck:
         path = paths.scene / table
         if str(path) not in self._tables:
             self._tables = {name: known for name, known in self._tables.items() if Path(name).parent == path.parent}
-            self._tables[str(path)] = json.loads(path.read_bytes())
+            self._tables[str(path)] = json.loads(read_file(path, LARGEST_FILE))
         return self._tables[str(path)][str(paths.image_id)]

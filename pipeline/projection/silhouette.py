@@ -47,21 +47,18 @@ class SilhouetteEdges:
     ----------
     mesh
         The mesh, in the model frame.
-    plane_offsets
-        ``(F,)`` so that ``mesh.face_cross @ x - plane_offsets`` is positive in front of a face.
     ends
-        ``(2, E)`` vertex indices of the undirected edges, smaller index first.
+        ``(2, E)`` int32 vertex indices of the undirected edges, smaller index first.
     half_edges
         ``(2, E)`` the first two half-edges on each edge: f if face f runs from the smaller to the larger vertex index,
         F + f if it runs the other way, 2F for none.
     further_edges, further_half_edges
         ``(M,)`` edge, ``(M,)`` half-edge: the third and later half-edges of non-manifold edges.
     face_edges
-        ``(F, 3)`` the edge from each corner of a face to the next.
+        ``(F, 3)`` int32 the edge from each corner of a face to the next.
     """
 
     mesh: TriangleMesh
-    plane_offsets: np.ndarray
     ends: np.ndarray
     half_edges: np.ndarray
     further_edges: np.ndarray
@@ -71,26 +68,25 @@ class SilhouetteEdges:
     @classmethod
     def of(cls, mesh: TriangleMesh) -> "SilhouetteEdges":
         """Find the edges of a mesh."""
-        face_count = len(mesh.faces)
-        start = mesh.faces.astype(np.int64)
+        # int32 where it is enough: millions of faces have tens of millions of half-edges
+        face_count, start = len(mesh.faces), mesh.faces
         end = np.roll(start, -1, axis=1)
-        key = (np.minimum(start, end) * len(mesh.vertices) + np.maximum(start, end)).ravel()
-        half_edge = (np.arange(face_count)[:, None] + face_count * (start > end)).ravel()
+        key = (np.minimum(start, end).astype(np.int64) * len(mesh.vertices) + np.maximum(start, end)).ravel()
+        half_edge = (np.arange(face_count, dtype=np.int32)[:, None] + np.int32(face_count) * (start > end)).ravel()
         order = np.argsort(key, kind="stable")
         key, half_edge = key[order], half_edge[order]
         is_first = np.diff(key, prepend=-1) != 0
-        edge = np.cumsum(is_first) - 1
+        edge = np.cumsum(is_first, dtype=np.int32) - np.int32(1)
         first = np.flatnonzero(is_first)
-        place = np.arange(len(key)) - first[edge]
+        place = np.arange(len(key), dtype=np.int32) - first.astype(np.int32)[edge]
         half_edges = np.full((2, len(first)), 2 * face_count)
         paired = place < 2
         half_edges[place[paired], edge[paired]] = half_edge[paired]
-        face_edges = np.empty(len(key), dtype=np.int64)
+        face_edges = np.empty(len(key), dtype=np.int32)
         face_edges[order] = edge
         return cls(
             mesh,
-            plane_offsets=(mesh.face_cross * mesh.vertices[mesh.faces[:, 0]]).sum(axis=1),
-            ends=np.stack(np.divmod(key[first], len(mesh.vertices))),
+            ends=np.stack(np.divmod(key[first], len(mesh.vertices))).astype(np.int32),
             half_edges=half_edges,
             further_edges=edge[~paired],
             further_half_edges=half_edge[~paired],
@@ -99,7 +95,7 @@ class SilhouetteEdges:
 
     def facing(self, centre: np.ndarray) -> np.ndarray:
         """``(3,)`` centre of projection in the model frame -> ``(F,)`` int8: 1 front, -1 back, 0 seen edge-on."""
-        side = self.mesh.face_cross @ centre - self.plane_offsets
+        side = self.mesh.face_cross @ centre - self.mesh.plane_offsets
         return (side > 0).view(np.int8) - (side < 0).view(np.int8)
 
     def windings(self, facing: np.ndarray) -> np.ndarray:
@@ -212,13 +208,20 @@ def _segments(edges: SilhouetteEdges, camera: PinholeCamera, cam_from_model: np.
     """The silhouette edges of a pose: those whose half-edges do not cancel."""
     facing = edges.facing(camera_centre(cam_from_model))
     windings = edges.windings(facing)
+    vertices = edges.mesh.vertices
     # each vertex is projected once: its copies in two edges must not differ in the last bit
-    points = _homogeneous(edges.mesh.vertices, camera, cam_from_model)
-    front = points[2] > 0
-    if not front.all():
-        return _segments_to_infinity(edges, facing, windings, points, front)
+    if _homogeneous(edges.mesh.box, camera, cam_from_model)[2].min() <= 0:
+        points = _homogeneous(vertices, camera, cam_from_model)
+        front = points[2] > 0
+        if not front.all():
+            return _segments_to_infinity(edges, facing, windings, points, front)
     kept = np.flatnonzero(windings != 0)
-    return _Segments(points, points[1] / points[2], np.take(edges.ends, kept, axis=1), windings[kept])
+    ends, used = np.take(edges.ends, kept, axis=1), np.zeros(len(vertices), dtype=bool)
+    used[ends] = True
+    kept_vertices, number = np.flatnonzero(used), np.empty(len(vertices), np.int64)
+    number[kept_vertices] = np.arange(len(kept_vertices))
+    points = _homogeneous(vertices[kept_vertices], camera, cam_from_model)
+    return _Segments(points, points[1] / points[2], number[ends], windings[kept])
 
 
 def _segments_to_infinity(

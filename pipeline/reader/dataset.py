@@ -7,11 +7,12 @@ from types import TracebackType
 from typing import Self, overload
 
 from ..dataset.layout import RECORD, scene_count, scene_views
+from ..dataset.survey import unrecorded_views
 from ..dataset.view_ranges import view_ranges
 from ..errors import InputError
 from ..packing.layout import MANIFEST, WORK, is_shard, shard_name
 from ..packing.manifest import read_manifest
-from ..packing.source import Description, missing_views, read_description, render_command
+from ..packing.source import Description, read_description, render_command
 from .folder_files import FolderFiles
 from .pack_files import PackFiles
 from .view import View, ViewFiles
@@ -110,7 +111,7 @@ def open_dataset(path: str | Path) -> Dataset:
             "the folder that --out of oneframe render or oneframe pack named"
         )
     description = read_description(folder / RECORD)
-    missing = missing_views(folder, description.count)
+    missing = unrecorded_views(folder, description.count)
     if missing:
         raise InputError(
             f"{folder}: expected {description.count} views, views {view_ranges(missing)} are missing; run "

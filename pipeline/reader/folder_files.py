@@ -5,9 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..dataset.layout import ViewPaths
+from ..dataset.layout import ViewPaths, largest_view_file
 from ..dataset.view_record import read_record
 from ..errors import InputError, RunError
+from ..files.content import read_file
 from ..packing.source import Description
 from .decoding import decoded_array, decoded_depth, decoded_mask_image, decoded_rgb
 from .view import Boxes, Truth
@@ -66,7 +67,7 @@ class FolderFiles:
     def _read(self, index: int, kind: str) -> tuple[bytes, Path]:
         path = ViewPaths(self.root, index).file(kind)
         try:
-            return path.read_bytes(), path
+            return read_file(path, largest_view_file(*self.description.camera.size_wh)), path
         except OSError as error:
             raise InputError(
                 f"{path}: expected a file of view {index}, cannot read it ({error.strerror}); check the dataset "

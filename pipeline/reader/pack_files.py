@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..dataset.layout import ViewPaths
+from ..dataset.layout import ViewPaths, largest_view_file
 from ..errors import InputError
+from ..files.content import regular_file
 from ..packing.layout import shard_name, view_key
 from ..packing.manifest import Manifest
 from ..packing.source import Description
@@ -27,7 +28,7 @@ class PackFiles:
     def __init__(self, folder: Path, description: Description, manifest: Manifest) -> None:
         """Open nothing yet: a shard's headers are read when its first view is."""
         self._folder, self._description = folder, description
-        self._shape = description.camera.shape_hw
+        self._shape, self._most = description.camera.shape_hw, largest_view_file(*description.camera.size_wh)
         self._rgb = "rgb.png" if manifest.jpeg_quality is None else "rgb.jpg"
         self._shard_of = {view: shard.number for shard in manifest.shards for view in shard.views}
         self._closed = False
@@ -101,7 +102,7 @@ class PackFiles:
                 )
             offset, size = places[name]
             # a size that a header claims, before memory is taken for it
-            data = shard.read_at(offset, size) if offset + size <= shard.size else b""
+            data = shard.read_at(offset, size) if offset + size <= shard.size and size <= self._most else b""
         except OSError as error:
             raise InputError(
                 f"{path}: expected a shard of the pack, cannot read it ({error.strerror}); copy or pack it again"
@@ -128,7 +129,8 @@ class _Shard:
 
     def __init__(self, path: Path) -> None:
         self._descriptor = -1
-        self._descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0))
+        flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
+        self._descriptor = regular_file(str(path), flags)
         self._lock = threading.Lock()
         self.size = os.fstat(self._descriptor).st_size
 

@@ -12,12 +12,12 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..dataset.check.findings import printable
-from ..dataset.layout import FORMAT, RECORD, SPLIT, ViewPaths, occupied_views
+from ..dataset.layout import FORMAT, RECORD, SPLIT, ViewPaths, largest_view_file, occupied_views
 from ..dataset.view_record import ViewRecord, read_record
 from ..errors import InputError, RunError
-from ..files.content import read_content
+from ..files.content import LARGEST_TEXT, read_content
 from ..files.tables import parsed_json
-from ..images.image_check import check_image
+from ..images.image_check import LARGEST_IMAGE, check_image
 from ..transforms import checked_rigid
 from .thumbnails import Quality, shrunk, webp
 from .view_layers import ViewLayers
@@ -99,7 +99,9 @@ def open_dataset(root: Path) -> DatasetFolder:
         )
     problems, description = [], {}
     try:
-        content = parsed_json(read_content(root / RECORD, "the description of a dataset", RECORD), RECORD)
+        content = parsed_json(
+            read_content(root / RECORD, "the description of a dataset", RECORD, most=LARGEST_TEXT), RECORD
+        )
         if not isinstance(content, dict):
             raise InputError(f"{RECORD}: expected the description of a dataset, found no table")
         description = content
@@ -191,7 +193,7 @@ def _image(paths: ViewPaths, kind: str, problems: list[str]) -> np.ndarray | Non
         problems.append(f"{name}: the file is missing")
         return None
     try:
-        data = read_content(paths.file(kind), "an image of the view", name)
+        data = read_content(paths.file(kind), "an image of the view", name, most=largest_view_file(LARGEST_IMAGE, 1))
         check_image(data, name)
     except InputError as error:
         problems.append(shown_message(error, paths.root))

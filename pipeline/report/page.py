@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from importlib import resources
 
 from .. import __version__
-from ..evaluation.charts.page import THEMES, Theme
+from ..charts.page import THEMES, Theme
 from ..files.kinds import Kind, beginning
 
 MARK = "<!DOCTYPE html>\n<!-- OneFrame report -->\n"

@@ -16,8 +16,8 @@ LARGEST_COORDINATE = 1e9
 MOST_FACES = MOST_VERTICES = 10_000_000
 """Of a mesh; a temporal bone at the resolution of its CT has two million."""
 
-_BLOCK = 1 << 20
-"""Faces that are checked at a time, which bounds the memory that it takes."""
+_BLOCK = 1 << 18
+"""Faces that are computed at a time, which bounds the memory that it takes."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,20 @@ class TriangleMesh:
     @cached_property
     def face_cross(self) -> np.ndarray:
         """``(F, 3)`` outward face normals times twice the area, mm^2."""
-        a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
-        return np.cross(b - a, c - a)
+        cross = np.empty(self.faces.shape)
+        for at in range(0, len(cross), _BLOCK):
+            a, b, c = (self.vertices[corner] for corner in self.faces[at : at + _BLOCK].T)
+            cross[at : at + _BLOCK] = np.cross(b - a, c - a)
+        return cross
+
+    @cached_property
+    def plane_offsets(self) -> np.ndarray:
+        """``(F,)`` so that ``face_cross @ x - plane_offsets`` is positive in front of a face."""
+        offsets = np.empty(len(self.faces))
+        for at in range(0, len(offsets), _BLOCK):
+            part = slice(at, at + _BLOCK)
+            offsets[part] = (self.face_cross[part] * self.vertices[self.faces[part, 0]]).sum(axis=1)
+        return offsets
 
     @cached_property
     def face_normals(self) -> np.ndarray:
@@ -67,6 +79,11 @@ class TriangleMesh:
     def bounds(self) -> np.ndarray:
         """``(2, 3)`` smallest and largest vertex coordinates, mm."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+    @property
+    def box(self) -> np.ndarray:
+        """``(8, 3)`` corners of the box around the vertices, mm."""
+        return np.stack(np.meshgrid(*self.bounds.T), axis=-1).reshape(-1, 3)
 
     @cached_property
     def radius(self) -> float:

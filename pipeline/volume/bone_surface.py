@@ -39,7 +39,7 @@ class Finish:
     crumb_mm3
         Parts below this volume that the drill has cut off are dropped.
     smoothing_steps
-        Steps of :func:`.smoothed`; what the drill made is not smoothed.
+        Steps of :func:`pipeline.volume.smoothing.smoothed`; what the drill made is not smoothed.
     tolerance_mm
         How far the simplified surface may lie from the smoothed one; 0 keeps all faces.
     focus
@@ -119,6 +119,15 @@ def bone_surface(
 def moved_mm(grid: VoxelGrid, tolerance_mm: float) -> float:
     """How far the surface of what was removed may lie from its distance field: sampled, smoothed, simplified."""
     return 0.1 * float(grid.spacing_mm.min()) + tolerance_mm / FINER
+
+
+def widened_mm(margin_mm: float, grid: VoxelGrid, tolerance_mm: float) -> float:
+    """The margin in the distance field that leaves ``margin_mm`` on the surface.
+
+    If all corners of a cell keep a distance D from a point, what is interpolated within the cell keeps the root of
+    D² - (diagonal / 2)², since the mean of the squared distances from the corners is largest in its middle.
+    """
+    return moved_mm(grid, tolerance_mm) + float(np.hypot(margin_mm, np.linalg.norm(grid.spacing_mm) / 2))
 
 
 def removed_ball(grid: VoxelGrid, solid: np.ndarray, removed: RemovedField) -> Ball | None:

@@ -46,6 +46,8 @@ def clearances(
 ) -> tuple[Clearance, ...]:
     """The clearance of each structure, the nearest first; none if nothing of the surface is drilled.
 
+    It is measured at vertices, midpoints of edges and centres of faces.
+
     Parameters
     ----------
     surface
@@ -58,22 +60,26 @@ def clearances(
     margins_mm
         What the plan asks for.
     """
-    made = surface.mesh.vertices[surface.drilled]
-    if not len(made):
+    mesh, drilled = surface.mesh, surface.drilled
+    if not drilled.any():
         return ()
+    # a flat face around a round structure comes nearer than its corners
+    corners = mesh.vertices[mesh.faces[drilled[mesh.faces].all(axis=1)]]
+    middles = (corners + np.roll(corners, 1, axis=1)) / 2
+    made = np.concatenate([mesh.vertices[drilled], middles.reshape(-1, 3), corners.mean(axis=1)])
     depth, height, width = removed.distance_mm.shape
     box = grid.shifted(removed.first, (width, height, depth))
     found = []
-    for name, mesh in structures.items():
-        tree = SurfaceTree(mesh)
+    for name, structure in structures.items():
+        tree = SurfaceTree(structure)
         # a few first: they rule out most of the others
         distance = tree.distances(made, float(tree.distances(made[:: max(len(made) // _FEW, 1)]).min()))
         nearest = int(np.argmin(distance))
         smallest, at = float(distance[nearest]), made[nearest]
-        left = Sampler(box, mesh.vertices).values(removed.distance_mm, outside=np.inf)
+        left = Sampler(box, structure.vertices).values(removed.distance_mm, outside=np.inf)
         deepest = int(np.argmin(left))
         if left[deepest] < 0:
-            smallest, at = float(left[deepest]), mesh.vertices[deepest]
+            smallest, at = float(left[deepest]), structure.vertices[deepest]
         found.append(Clearance(name, margins_mm.get(name), smallest, at))
     return tuple(sorted(found, key=lambda each: each.smallest_mm))
 

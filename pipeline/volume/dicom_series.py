@@ -29,6 +29,8 @@ TAGS = {
     "rows": "0028|0010",
     "columns": "0028|0011",
     "spacing": "0028|0030",
+    "intercept": "0028|1052",
+    "slope": "0028|1053",
 }
 """All that is read of a header; the identifiers of instance and series only tell files apart."""
 
@@ -113,13 +115,17 @@ class SeriesInfo:
 
 @dataclass(frozen=True)
 class Slice:
-    """A file of a series; ``place`` is ``None`` where the header states no geometry."""
+    """A file of a series; ``place`` is ``None`` where the header states no geometry.
+
+    ``is_rescaled`` tells whether it states slope and intercept; GDCM takes 1 and 0 for what is missing or no number.
+    """
 
     path: Path
     modality: str
     place: SlicePlace | None
     size: tuple[int, int]
     is_grey: bool
+    is_rescaled: bool
 
 
 @dataclass(frozen=True)
@@ -280,7 +286,9 @@ def _slice(path: Path, tags: dict[str, str]) -> Slice:
             place = SlicePlace((columns, rows), spacing[::-1], axes, position)
     modality = tags["modality"] if tags["modality"] in MODALITIES else "other"
     is_grey = tags["components"] in ("", "1") and tags["photometry"] in ("", "MONOCHROME2")
-    return Slice(path, modality, place, (columns, rows), is_grey)
+    slope, intercept = numbers("slope", 1), numbers("intercept", 1)
+    is_rescaled = slope is not None and intercept is not None and slope[0] != 0
+    return Slice(path, modality, place, (columns, rows), is_grey, is_rescaled)
 
 
 def _series(number: int, slices: list[Slice]) -> Series:

@@ -1,6 +1,6 @@
 """What a drill must spare: structures, and a margin around each."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,12 +62,7 @@ class DrillGuard:
     def __init__(
         self, grid: VoxelGrid, structures: Mapping[str, TriangleMesh], margins_mm: Mapping[str, float]
     ) -> None:
-        missing = sorted(set(margins_mm) - set(structures))
-        if missing:
-            raise InputError(
-                f"margins: expected structures of the label map ({', '.join(sorted(structures)) or 'there are none'}), "
-                f"found {', '.join(missing)}; give labels that have them, or remove their margins"
-            )
+        check_margins(margins_mm, structures)
         self._grid = grid
         self._structures = [
             _Structure(margin, SurfaceTree(structures[name]), *filled(structures[name], grid))
@@ -139,6 +134,23 @@ class DrillGuard:
     def _placed(self, index: np.ndarray) -> np.ndarray:
         """``(N, 3)`` points of index space in the frame of the mesh."""
         return transform_points(self._grid.mesh_from_index, index)
+
+
+def check_margins(margins_mm: Collection[str], structures: Collection[str]) -> None:
+    """Check that there is a structure of the name for each margin.
+
+    Raises
+    ------
+    InputError
+        There is none: the margin would protect nothing.
+    """
+    missing = sorted(set(margins_mm) - set(structures))
+    if missing:
+        raise InputError(
+            f"margins: expected structures of the label map ({', '.join(sorted(structures)) or 'there are none'}), "
+            f"found {', '.join(missing)}; give labels that have them, with their names in labels.json, dataset.json or "
+            "ITK-SNAP's label descriptions (.txt) beside them, or remove their margins"
+        )
 
 
 def box_slices(first: np.ndarray, stop: np.ndarray) -> tuple[slice, ...]:

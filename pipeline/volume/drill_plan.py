@@ -144,6 +144,11 @@ def check_strokes(plan: DrillPlan, grid: VoxelGrid, where: str) -> list[str]:
     ]
 
 
+def unprotected(margins_mm: Mapping[str, float]) -> tuple[str, ...]:
+    """A message if a drill that keeps these margins spares nothing."""
+    return () if margins_mm else ("nothing is protected from the drill: give labels, and margins of their structures",)
+
+
 def _parsed(content: str | bytes, name: str) -> DrillPlan:
     table = parsed_toml(content, name)
     check_keys(table, ("strokes",), ("margins_mm",), f"{name}: ")

@@ -166,21 +166,15 @@ def drilled(plan: DrillPlan, grid: VoxelGrid, guard: DrillGuard | None = None) -
     return volume
 
 
-def removed_by_plan(
-    plan: DrillPlan, grid: VoxelGrid, structures: Mapping[str, TriangleMesh], *, slack_mm: float = 0.0
-) -> RemovedField | None:
+def removed_by_plan(plan: DrillPlan, grid: VoxelGrid, structures: Mapping[str, TriangleMesh]) -> RemovedField | None:
     """What a plan removes from a volume with these structures, closed meshes by name; ``None`` without strokes.
-
-    Script and window both call it, so that they remove the same. ``slack_mm`` widens the margins by what the surface
-    may move afterwards.
 
     Raises
     ------
     InputError
         A structure is not closed, or there is none for a margin of the plan.
     """
-    margins = {name: margin + slack_mm for name, margin in plan.margins_mm.items()}
-    return drilled(plan, grid, DrillGuard(grid, structures, margins)).removed
+    return drilled(plan, grid, DrillGuard(grid, structures, plan.margins_mm)).removed
 
 
 def _around(capsules: Sequence[_Capsule]) -> VoxelBox:

@@ -1,7 +1,8 @@
 """Label maps: read as nnU-Net, 3D Slicer and ITK-SNAP write them, on the grid of the volume.
 
-Names of the labels come from the file itself (``Segment0_Name`` of a ``.seg.nrrd``), from a JSON file beside it
-(nnU-Net's ``dataset.json``, also one folder up, or ``labels.json``), or from ITK-SNAP's label descriptions as text.
+Names of the labels come from a JSON file beside it (nnU-Net's ``dataset.json``, also one folder up, or
+``labels.json``), or from ITK-SNAP's label descriptions as text. Those in the file itself (``Segment0_Name`` of a
+``.seg.nrrd``) stand before them where they name anatomy; other words of a header may name the patient.
 """
 
 import re
@@ -14,6 +15,7 @@ from ..errors import InputError
 from ..files.content import LARGEST_TEXT, read_content
 from ..files.tables import parsed_json
 from ..transforms import transform_points
+from .structures import anatomical_name, is_bone
 from .volume import LabelMap, Volume, VoxelGrid
 from .volume_header import read_header, volume_suffix
 from .volume_reader import file_voxels
@@ -66,7 +68,10 @@ def read_labels(path: Path, like: Volume | None = None, *, resampled: bool = Tru
         if resampled:
             moved.setflags(write=False)
             values, grid = moved, like.grid
-    named = header.segments or names_beside(path)
+    named = names_beside(path)
+    for label, name in header.segments.items():
+        if known := name if is_bone(name) else anatomical_name(name):
+            named[label] = known
     return LabelMap(values, grid, _distinct(_present(values), named))
 
 

@@ -11,9 +11,13 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import reading
+from ..transforms import transform_points
 
 SMALLEST_SPACING_MM, LARGEST_SPACING_MM = 0.005, 20.0
 """Of voxels; others mean another unit than mm."""
+
+_SAME_PLACE_VOXELS, _SAME_TURN = 0.1, 1e-3
+"""Of two transforms of a header; near half turns, a quaternion in single precision is off by up to 8e-4 radians."""
 
 _CHUNK = 1 << 20
 
@@ -85,6 +89,16 @@ def check_axes(mesh_from_index: np.ndarray, where: str) -> None:
             f"{where}: expected axes at right angles, found them sheared by {np.rad2deg(np.arcsin(min(cosine, 1))):.2f}"
             "°; resample it to an upright grid, for example in 3D Slicer (Resample Scalar Volume)"
         )
+
+
+def apart_mm(one: np.ndarray, other: np.ndarray, size: tuple[int, int, int]) -> float:
+    """How far apart two ``(4, 4)`` transforms place a corner voxel; 0 if no farther than headers round."""
+    ends = np.array(np.meshgrid(*[(0.0, count - 1.0) for count in size])).reshape(3, -1).T
+    places = transform_points(one, ends)
+    distance = np.linalg.norm(transform_points(other, ends) - places, axis=1)
+    rounding = _SAME_PLACE_VOXELS * np.linalg.norm(one[:3, :3], axis=0).min()
+    same = distance <= rounding + _SAME_TURN * np.linalg.norm(places - places[0], axis=1)
+    return 0.0 if same.all() else float(distance.max())
 
 
 def check_data(header: VolumeHeader, where: str) -> None:

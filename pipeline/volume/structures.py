@@ -1,8 +1,10 @@
 """Meshes of the structures in a label map, named by the anatomy."""
 
+import itertools
 import re
 from collections.abc import Callable, Collection
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -44,8 +46,21 @@ def structure_name(label: str) -> str:
 
     Structures of the ear that are recognised get the names that colours and margins know; other names keep their words.
     """
-    # 3D Slicer and networks write words apart by spaces, underscores, dots or capitals
-    words = re.sub(r"[\W_]+", " ", re.sub(r"([a-z])([A-Z])", r"\1 \2", label)).lower().strip()
+    return anatomical_name(label) or _words(label).replace(" ", "_") or "structure"
+
+
+def name_of_file(path: Path, taken: Collection[str]) -> str:
+    """A name for a structure of which only the file is known, beside those that are taken."""
+    names = itertools.chain([anatomical_name(path.stem)], (f"structure_{number}" for number in itertools.count(1)))
+    return next(name for name in names if name and name not in taken)
+
+
+def anatomical_name(text: str) -> str | None:
+    """The structure of the ear that a text names, and nothing else of it; ``None`` if it names none.
+
+    For names that nobody typed: the rest of a header's or of a file's may name the patient.
+    """
+    words = _words(text)
     sides = {
         side for side, pattern in (("left", r"\b(left|l)\b"), ("right", r"\b(right|r)\b")) if re.search(pattern, words)
     }
@@ -53,14 +68,22 @@ def structure_name(label: str) -> str:
         known = "iac"
     else:
         known = next((name for pattern, name in _ANATOMY.items() if re.search(pattern, words)), "")
-    if not known:
-        return words.replace(" ", "_") or "structure"
-    return "_".join([known, *sides]) if len(sides) == 1 else known
+    return "_".join([known, *sides]) if known and len(sides) == 1 else known or None
+
+
+def _words(text: str) -> str:
+    # 3D Slicer and networks write words apart by spaces, underscores, dots or capitals
+    return re.sub(r"[\W_]+", " ", re.sub(r"([a-z])([A-Z])", r"\1 \2", text)).lower().strip()
+
+
+def is_bone(label: str) -> bool:
+    """Whether a label's name is that of the bone, of which the surface is made."""
+    return _BONE.search(label) is not None
 
 
 def without_bone(labels: LabelMap) -> LabelMap:
-    """The map without the names of labels for bone, of which the surface is made."""
-    return replace(labels, names={value: name for value, name in labels.names.items() if not _BONE.search(name)})
+    """The map without the names of labels for bone."""
+    return replace(labels, names={value: name for value, name in labels.names.items() if not is_bone(name)})
 
 
 def structure_meshes(
@@ -83,7 +106,7 @@ def structure_meshes(
     blur_voxels
         Standard deviation of the blur.
     smoothing_steps
-        Steps of :func:`.smoothed`.
+        Steps of :func:`pipeline.volume.smoothing.smoothed`.
     progress
         Called with the finished share, 0..1, after each structure; what it raises ends the work.
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import LARGEST_TEXT, read_beginning
-from .stored_voxels import VolumeHeader, check_axes, several_components, three_dimensions
+from ..transforms import rotation_from_vector
+from .stored_voxels import VolumeHeader, apart_mm, check_axes, several_components, three_dimensions
 
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 
@@ -115,13 +116,36 @@ def _nifti_header(path: Path, head: bytes) -> VolumeHeader:
     mm = _NIFTI_UNITS.get(head[123] & 7)
     if mm is None:
         raise InputError(f"{where}: expected lengths in mm, found no unit of length; correct xyzt_units")
-    matrix = None
+    matrix, lps = None, np.diag([-mm, -mm, mm, 1])
     if sform > 0:
-        matrix = np.vstack([np.diag([-mm, -mm, mm]) @ rows, [0, 0, 0, 1]])
+        matrix = lps @ np.vstack([rows, [0, 0, 0, 1]])
+    if matrix is not None and qform > 0:
+        check_axes(matrix, where)
+        _check_agreement(lps @ _qform(head, order), matrix, size, where)
     if not 352 <= start < 2**31:
         raise InputError(f"{where}: expected voxels after the header, found them at byte {start:g}; export it again")
     encoding = "nifti-gzip" if compressed else "raw"
     return VolumeHeader(size, _NIFTI_BYTES[datatype], path, int(start), encoding, matrix)
+
+
+def _qform(head: bytes, order: str) -> np.ndarray:
+    """``(4, 4)`` RAS, by the quaternion of NIfTI, whose real part is not stored."""
+    mirror, *spacing = struct.unpack_from(order + "4f", head, 76)
+    numbers = np.array(struct.unpack_from(order + "6f", head, 256), np.float64)
+    sine = np.linalg.norm(numbers[:3])
+    turn = rotation_from_vector(numbers[:3] * 2 * np.arcsin(np.minimum(sine, 1)) / max(sine, 1e-9))
+    axes = turn * spacing * [1, 1, -1 if mirror < 0 else 1]
+    return np.vstack([np.column_stack([axes, numbers[3:]]), [0, 0, 0, 1]])
+
+
+def _check_agreement(qform: np.ndarray, sform: np.ndarray, size: tuple[int, int, int], where: str) -> None:
+    if found_mm := apart_mm(sform, qform, size):
+        mirrored = np.linalg.det(qform[:3, :3]) * np.linalg.det(sform[:3, :3]) < 0
+        raise InputError(
+            f"{where}: expected one orientation, found two: qform and sform place voxels up to {found_mm:.1f} mm apart"
+            f"{', and one mirrors the other' if mirrored else ''}; keep the right one, for example with nibabel: "
+            "image.set_sform(image.get_qform()), or image.set_qform(image.get_sform()), and save"
+        )
 
 
 def _nrrd_header(path: Path, head: bytes) -> VolumeHeader:

@@ -3,25 +3,29 @@
 Nothing that ITK says is passed on: its messages quote lines of headers, which may name the patient.
 """
 
+import gzip
 import json
+import struct
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from ..errors import InputError
-from ..transforms import transform_points
 from .dicom_series import Slice, chosen_series, find_series
 from .slice_geometry import stack_of
-from .stored_voxels import check_axes
+from .stored_voxels import apart_mm, check_axes
 from .volume import VoxelGrid
 from .voxel_values import ValueSurvey
 
 _SLAB = 16
 """Slices that are converted at a time."""
 
-_SAME_PLACE_VOXELS = 0.1
-"""Between what the header states and what ITK makes of it."""
+_FLOATS = {"16": "f4", "64": "f8"}
+"""Types of NIfTI voxels that may be NaN."""
+
+_CHUNK = 1 << 22
 
 
 def file_as_npy(data: bytes, name: str, out: str, wanted: str) -> bytes:
@@ -67,10 +71,17 @@ def file_as_npy(data: bytes, name: str, out: str, wanted: str) -> bytes:
     matrix[:3, 3] = image.GetOrigin()
     check_axes(matrix, path.name)
     grid = VoxelGrid(image.GetSize(), matrix)
-    if stated["mesh_from_index"] is not None:
-        _check_place(grid, np.array(stated["mesh_from_index"]), path.name)
+    if stated["mesh_from_index"] is not None and apart_mm(np.array(stated["mesh_from_index"]), matrix, grid.size):
+        raise InputError(
+            f"{path.name}: expected one orientation, found a header that ITK understands in another way; export it "
+            "again as .nii.gz or .nrrd"
+        )
     values: np.ndarray = sitk.GetArrayViewFromImage(image)
     survey = ValueSurvey()
+    if path.name.lower().endswith((".nii", ".nii.gz")) and (kind := _FLOATS.get(reader.GetMetaData("datatype"))):
+        for chunk in _stored(path, int(float(reader.GetMetaData("vox_offset"))), values.size, kind):
+            # ITK has made 0 of these
+            survey.add(chunk[~np.isfinite(chunk)])
     for at in range(0, len(values), _SLAB):
         survey.add(values[at : at + _SLAB])
     _check_values(survey, wanted, path.name)
@@ -123,6 +134,13 @@ def series_as_npy(data: bytes, folder: str, out: str, number: int) -> bytes:
         places.append(part.place)
     grid, order = stack_of(places, where)
     check_axes(grid.mesh_from_index, where)
+    stored = [z + 1 for z in range(len(order)) if not chosen.slices[order[z]].is_rescaled]
+    if 0 < len(stored) < len(order):
+        raise InputError(
+            f"{where}: expected Rescale Slope and Intercept in all slices or in none, {len(stored)} of {len(order)} "
+            f"are without (the first: slice {stored[0]}, counted along the series), so their HU are unknown; copy or "
+            "export the series again"
+        )
     first, stop = _box(grid, json.loads(data)["box_mm"], where)
     survey = ValueSurvey()
     shape = tuple(int(count) for count in (stop - first)[::-1])
@@ -182,14 +200,14 @@ def _pixels(sitk: Any, part: Slice, where: str) -> np.ndarray:
     return pixels[0]
 
 
-def _check_place(grid: VoxelGrid, stated: np.ndarray, where: str) -> None:
-    ends = np.array(np.meshgrid(*[(0.0, count - 1.0) for count in grid.size])).reshape(3, -1).T
-    apart_mm = np.linalg.norm(transform_points(stated, ends) - transform_points(grid.mesh_from_index, ends), axis=1)
-    if apart_mm.max() > _SAME_PLACE_VOXELS * grid.spacing_mm.min():
-        raise InputError(
-            f"{where}: expected one orientation, found two in its header (such as qform and sform of NIfTI) that are "
-            f"{apart_mm.max():.1f} mm apart; save it again with one of them"
-        )
+def _stored(path: Path, start: int, count: int, kind: str) -> Iterator[np.ndarray]:
+    """The ``count`` voxels of a NIfTI file as they are stored, from byte ``start``, part by part."""
+    with gzip.open(path) if path.name.lower().endswith(".gz") else open(path, "rb") as file:
+        order = "<" if file.read(4) == struct.pack("<i", 348) else ">"
+        file.seek(start)
+        for at in range(0, count, _CHUNK):
+            stored = file.read(min(_CHUNK, count - at) * int(kind[1]))
+            yield np.frombuffer(stored, order + kind)
 
 
 def _check_values(survey: ValueSurvey, wanted: str, where: str) -> None:

@@ -21,6 +21,7 @@ import shutil
 import subprocess
 import tempfile
 import tomllib
+import zipfile
 from collections.abc import Iterable, Iterator, Sequence
 
 from pipeline import __version__
@@ -29,10 +30,10 @@ from pipeline.files.kinds import Kind, beginning
 from pipeline.files.outputs import Output, check_outputs
 
 WHEEL_TAGS = {
-    "linux-x64": "manylinux2014_x86_64",
-    "macos-arm64": "macosx_13_0_arm64",
-    "macos-x64": "macosx_13_0_x86_64",
-    "windows-x64": "win_amd64",
+    "linux-x64": ("manylinux2014_x86_64", "manylinux_2_28_x86_64"),
+    "macos-arm64": ("macosx_13_0_arm64",),
+    "macos-x64": ("macosx_13_0_x86_64",),
+    "windows-x64": ("win_amd64",),
 }
 """Blender's platform names -> pip's; without windows-arm64, for which OpenCV has no wheel."""
 SAMPLE_CACHE = ROOT / "build" / "sample"
@@ -47,8 +48,8 @@ for _ in write_sample_case(Path(sys.argv[2]), sample_surface(), held_out=False):
     pass
 """
 WHEEL_CACHE = ROOT / "build" / "wheels"
-OLDEST_PYTHON = "3.11"
-"""Python of Blender 4.5; the wheels use the stable ABI (abi3), so they serve all later Pythons as well."""
+PYTHONS = ("3.11", "3.12", "3.13", "3.14")
+"""From Blender 4.5's to that of Linux distributions; wheels of the stable ABI (abi3) for the first one serve all."""
 SCRIPTS = ("render_dataset.py", "check_dataset.py")
 """Scripts that the add-on runs in a background Blender; each finds the package in the folder above its own."""
 ZIP = Kind("a zip", beginning(b"PK"))
@@ -146,7 +147,7 @@ def build(names: Sequence[str], out: Path, *, blender: str | None = None) -> Ite
         A wheel cannot be downloaded.
     """
     tool, tags = _extension_tool(blender)
-    wheels = [wheel(requirement, name) for name in names for requirement in requirements()]
+    wheels = [path for name in names for path in wheels_for(name)]
     with tempfile.TemporaryDirectory(prefix="oneframe-extension-") as folder:
         staged, built = Path(folder, "oneframe"), Path(folder, "built")
         stage(staged, names, wheels)
@@ -187,7 +188,8 @@ def _filled_in(manifest: str, names: Sequence[str], wheels: Sequence[Path]) -> s
     lines = [
         f'version = "{__version__}"',
         f"platforms = {_toml_list(names)}",
-        f"wheels = {_toml_list(f'./wheels/{path.name}' for path in wheels)}",
+        # one of pure Python serves all platforms
+        f"wheels = {_toml_list(dict.fromkeys(f'./wheels/{path.name}' for path in wheels))}",
     ]
     return manifest.replace(VERSION_LINE, "\n".join(lines))
 
@@ -222,14 +224,51 @@ def sample_case() -> Path:
     return folder
 
 
-def requirements() -> list[str]:
-    """The packages that the extension brings as wheels: OpenCV, and the reader of volumes."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-    opencv = next(text for text in project["dependencies"] if text.startswith("opencv-"))
-    return [opencv, *project["optional-dependencies"]["volume"]]
+def wheels_for(name: str) -> list[Path]:
+    """The wheels of the extension for a platform: OpenCV, the reader of volumes, the editor of case files, and Embree.
+
+    Parameters
+    ----------
+    name
+        Blender's name of the platform.
+
+    Raises
+    ------
+    RunError
+        As :func:`wheel`.
+    """
+    needed = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
+    stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "tomlkit"))]
+    (embree,) = (text for text in needed if text.startswith("embreex"))
+    return [
+        *(wheel(requirement, name, PYTHONS[0]) for requirement in stable),
+        joined([wheel(embree, name, python) for python in PYTHONS]),
+    ]
 
 
-def wheel(requirement: str, name: str) -> Path:
+def joined(wheels: Sequence[Path]) -> Path:
+    """One wheel of those for several Pythons, whose modules have names of their own and whose libraries are the same.
+
+    Blender installs an extension only for the Pythons that all of its wheels name; this one names none.
+    """
+    files: dict[str, bytes] = {}
+    records: dict[str, str] = {}
+    for path in wheels:
+        with zipfile.ZipFile(path) as archive:
+            files |= {name: archive.read(name) for name in archive.namelist() if not name.endswith("/")}
+        record = next(name for name in files if name.endswith(".dist-info/RECORD"))
+        records |= {line.partition(",")[0]: line for line in files[record].decode().splitlines()}
+    files[record] = "".join(line + "\n" for line in records.values()).encode()
+    package, version, *_, platforms = wheels[0].name.split("-")
+    path = wheels[0].with_name(f"{package}-{version}-py3-none-{platforms}")
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, data in files.items():
+            # no date, so that the same wheels make the same one
+            archive.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
+    return path
+
+
+def wheel(requirement: str, name: str, python: str) -> Path:
     """The wheel of a package for a platform, from ``build/wheels`` or through pip.
 
     Parameters
@@ -238,6 +277,8 @@ def wheel(requirement: str, name: str) -> Path:
         ``package==version``, or ``package>=version`` for the newest.
     name
         Blender's name of the platform.
+    python
+        The Python for which it is, or the oldest one.
 
     Raises
     ------
@@ -246,28 +287,33 @@ def wheel(requirement: str, name: str) -> Path:
     """
     package, _, version = requirement.partition("==")
     package = re.split(r"[<>=~!]", package)[0].replace("-", "_")
-    folder, pattern = WHEEL_CACHE / name, f"{package}-{version or '*'}-*.whl".lower()
-    if not (found := _newest(folder, pattern)):
+    folder, tag = WHEEL_CACHE / name, f"cp{python.replace('.', '')}"
+    patterns = [
+        f"{package}-{version or '*'}-{end}".lower() for end in (f"{tag}-{tag}-*.whl", "*-abi3-*.whl", "*-none-any.whl")
+    ]
+    if not (found := _newest(folder, patterns)):
         WHEEL_CACHE.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".partial-", dir=WHEEL_CACHE) as partial:
-            _download(requirement, name, partial)
+            _download(requirement, name, python, partial)
             folder.mkdir(exist_ok=True)
-            if (path := _newest(Path(partial), pattern)) is not None:
+            if (path := _newest(Path(partial), patterns)) is not None:
                 os.replace(path, folder / path.name)
-        found = _newest(folder, pattern)
+        found = _newest(folder, patterns)
     if found is None:
-        raise RunError(f"wheel of {requirement} for {name}: pip downloaded another file than {pattern}")
+        raise RunError(f"wheel of {requirement} for {name}: pip downloaded another file than {' or '.join(patterns)}")
     return found
 
 
-def _newest(folder: Path, pattern: str) -> Path | None:
+def _newest(folder: Path, patterns: Sequence[str]) -> Path | None:
     # pip writes names in either case
-    found = [path for path in folder.glob("*.whl") if fnmatch.fnmatchcase(path.name.lower(), pattern)]
+    names = {path.name.lower(): path for path in folder.glob("*.whl")}
+    found = [names[name] for pattern in patterns for name in fnmatch.filter(names, pattern)]
     return max(found, key=lambda path: path.stat().st_mtime, default=None)
 
 
-def _download(requirement: str, name: str, folder: str) -> None:
-    target = f"--platform {WHEEL_TAGS[name]} --python-version {OLDEST_PYTHON} --implementation cp --abi abi3"
+def _download(requirement: str, name: str, python: str, folder: str) -> None:
+    tags = " ".join(f"--platform {tag}" for tag in WHEEL_TAGS[name])
+    target = f"{tags} --python-version {python} --implementation cp --abi abi3 --abi cp{python.replace('.', '')}"
     options = f"--quiet --disable-pip-version-check --no-input --retries 1 --no-deps --only-binary :all: {target}"
     command = [sys.executable, "-m", "pip", "download", *options.split(), "--dest", folder, requirement]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)

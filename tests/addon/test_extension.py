@@ -50,7 +50,6 @@ def run_stock(stock_python, tmp_path):
             [sys.executable, "-S", "-P", *map(str, command)],
             capture_output=True,
             text=True,
-            timeout=300,
             check=False,
             cwd=tmp_path,
             env=os.environ | environment,
@@ -93,6 +92,9 @@ def test_renders_with_blenders_own_modules(installed, run_stock, run_command, wr
     ended = run_stock(installed / "scripts" / "render_dataset.py", case, "--out", out, "--count", "2", "--workers", "1")
     assert ended.returncode == 0, ended.stderr
     assert ended.stderr == ""
+    traced = run_stock(installed / "scripts" / "render_dataset.py", case, "--out", tmp_path / "new", "--engine=raster")
+    assert (traced.returncode, traced.stderr.count("\n")) == (2, 1)
+    assert "expected the package embreex in this Python, found none; install it" in traced.stderr
     # this one needs the wheel
     checked = run_command([sys.executable, str(installed / "scripts" / "check_dataset.py"), str(out)])
     assert checked.returncode == 0, checked.stderr
@@ -110,7 +112,7 @@ def test_the_build_adds_version_platforms_and_wheels_to_the_manifest(extension_z
     assert "".join(written.split()) == "".join(expected.split())
     assert extension_zip.name == f"oneframe-{__version__}-{build_extension.this_platform().replace('-', '_')}.zip"
     wheels = [Path(name).name.partition("-")[0].lower() for name in files if name.endswith(".whl")]
-    assert sorted(wheels) == ["opencv_contrib_python_headless", "simpleitk"]
+    assert sorted(wheels) == ["embreex", "opencv_contrib_python_headless", "simpleitk"]
     assert not any("__pycache__" in name for name in files)
     for name in (
         "LICENSE",

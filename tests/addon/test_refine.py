@@ -1,7 +1,6 @@
 """Refining in the add-on: the function's result, one undo step, refusals, and which colours count as evidence."""
 
 import importlib
-import time
 from functools import partial
 
 import bpy
@@ -20,6 +19,7 @@ from pipeline.surface.mesh import TriangleMesh
 from pipeline.surface.mesh_reader import read_mesh
 from pipeline.surface.mesh_writer import write_ply
 from pipeline.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from tests.waiting import wait_until
 
 CAMERA = PinholeCamera(320, 240, fx=1734.0, fy=1739.0, cx=163.0, cy=117.0)
 TRUE_POSE = rigid(rotation_from_vector(np.array([2.9, 0.3, 0.1])), np.array([0.5, -0.3, 300.0]))
@@ -322,27 +322,20 @@ def test_colours_count_only_if_they_come_from_another_frame(addon, gather, refin
     assert rotation_error_deg(gather, scene) < 0.5
 
 
-def wait_for(work) -> None:
-    end = time.monotonic() + 60
-    while work.running and time.monotonic() < end:
-        time.sleep(0.01)
-    assert not work.running
-
-
 def test_the_thread_gives_the_same_and_can_be_stopped(opened, gather, refine):
     from blender_addon.ui.background_work import BackgroundWork
 
     loaded = gather.loaded_case(opened)
     work = BackgroundWork(partial(refine.refined, loaded, None))
-    wait_for(work)
+    wait_until(lambda: not work.running)
     assert work.fraction == 1
     assert work.result.message == refine.refined(loaded, None).message
     stopped = BackgroundWork(partial(refine.refined, loaded, None))
     stopped.stop()
-    wait_for(stopped)
+    wait_until(lambda: not stopped.running)
     assert (stopped.result, stopped.error) == (None, None)
     wrong = BackgroundWork(partial(refine.refined, loaded, np.zeros((3, 3))))
-    wait_for(wrong)
+    wait_until(lambda: not wrong.running)
     assert "expected one colour per vertex" in str(wrong.error)
 
 

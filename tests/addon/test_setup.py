@@ -475,22 +475,24 @@ def test_a_folder_that_does_not_exist_is_reported(opened, tmp_path):
 def test_structures_are_loaded_together_and_follow_the_surface(opened, case_path):
     from blender_addon.view.overlay_passes import world_from_structure
 
-    folder, names = case_path.parent, ["facial_nerve", "ossicles"]
-    for name in names:
-        write_ply(folder / f"{name}.ply", _tiny_surface())
-    bpy.ops.oneframe.add_structure(directory=str(folder), files=[{"name": f"{name}.ply"} for name in names])
+    folder, names = case_path.parent, ["facial_nerve", "ossicles", "structure_1"]
+    files = ["DOE_facial_nerve.ply", "ossicles.ply", "DOE_JOHN.ply"]
+    for name in files:
+        write_ply(folder / name, _tiny_surface())
+    bpy.ops.oneframe.add_structure(directory=str(folder), files=[{"name": name} for name in files])
     surface = opened.oneframe.surface
     added = {child.name: child for child in surface.children if child.name in names}
     assert {name: tuple(child.color[:3]) for name, child in added.items()} == {
         "facial_nerve": (1, 0, 1),
         "ossicles": (0, 1, 1),
+        "structure_1": (1, 1, 1),
     }
     surface.location.x += 5
     bpy.context.view_layer.update()
     assert all(np.allclose(world_from_structure(child), surface.matrix_world) for child in added.values())
     bpy.ops.oneframe.save_case(filepath=str(case_path))
     saved = [structure.name for structure in read_case(case_path).structures]
-    assert saved == ["zygoma", "antrum", "facial_nerve", "ossicles"]
+    assert saved == ["zygoma", "antrum", "facial_nerve", "ossicles", "structure_1"]
 
 
 def _tiny_surface():

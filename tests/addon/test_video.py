@@ -105,9 +105,10 @@ def test_a_frame_that_is_taken_is_that_of_the_command_and_goes_with_the_case(fil
         assert not shown_frame.is_shown(scene)
     assert written.tissue < 1
     # Save Case puts it beside the case, where everything else finds it
-    bpy.ops.oneframe.save_case(filepath=str(case_path))
+    taken = case_path.with_name("taken.toml")
+    bpy.ops.oneframe.save_case(filepath=str(taken))
     kept = case_path.parent / written.masked.name
-    assert read_case(case_path).image == kept
+    assert read_case(taken).image == kept
     assert kept.read_bytes() == written.masked.read_bytes()
     # the user's own picture of that name is not replaced
     bpy.ops.oneframe.take_frame(masked=False)
@@ -115,7 +116,7 @@ def test_a_frame_that_is_taken_is_that_of_the_command_and_goes_with_the_case(fil
     own.write_bytes(encode_png(np.zeros((2, 2), np.uint8)))
     before = own.read_bytes()
     with pytest.raises(RuntimeError, match=written.image.name):
-        bpy.ops.oneframe.save_case(filepath=str(case_path))
+        bpy.ops.oneframe.save_case(filepath=str(case_path.with_name("new.toml")))
     assert own.read_bytes() == before
 
 
@@ -171,16 +172,16 @@ def test_scoring_stops_when_the_user_stops_it(video):
     def work(progress):
         def stepped(fraction):
             begun.set()
-            go_on.wait(10)
+            go_on.wait()
             progress(fraction)
 
         return session.scorer((str(video), 1, 0.0, 0.0))(stepped)
 
     background_work = BackgroundWork(work)
-    assert begun.wait(10)
+    begun.wait()
     background_work.stop()
     go_on.set()
-    background_work._thread.join(10)
+    background_work._thread.join()
     assert not background_work.running
     assert background_work.result is None
     assert background_work.error is None

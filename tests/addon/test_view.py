@@ -222,7 +222,7 @@ def test_a_coloured_surface_shows_its_colours(gpu_context, domain):
     size=st.tuples(st.integers(20, 300), st.integers(20, 300)),
     point=st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-300, -50)),
 )
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 def test_a_loupe_magnifies_about_its_centre(at, times, size, point):
     import blender_addon  # noqa: F401  (finds the pipeline)
 

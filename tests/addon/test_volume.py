@@ -1,7 +1,6 @@
 """A CT in the add-on: the script's surface to the last bit, the drill, undo, files beside the case, bad files."""
 
 import threading
-import time
 
 import bpy
 import numpy as np
@@ -19,6 +18,7 @@ from pipeline.images.png import encode_png
 from pipeline.surface.mesh import TriangleMesh
 from pipeline.transforms import transform_points
 from pipeline.volume.drill_plan import Stroke, read_drill_plan
+from tests.waiting import wait_until
 
 SIZE, SPACING = (44, 40, 36), (0.5, 0.5, 0.6)
 ORIGIN = np.array([-12.0, 30.0, 5.0])
@@ -201,6 +201,25 @@ def test_margins_can_be_chosen_and_hold(scene, files):
     assert stops[2] == pytest.approx(1.0 + 1.0 + 2.0, abs=0.3)
 
 
+def test_a_drill_that_spares_nothing_says_so(scene, files, tmp_path, capfd):
+    bpy.ops.oneframe.make_surface()
+    assert "nothing is protected" not in capfd.readouterr().out
+    bpy.ops.oneframe.drill()
+    assert "nothing is protected from the drill: give labels" in capfd.readouterr().out
+    drilled(scene, STROKES[0])
+    bpy.ops.oneframe.make_surface()
+    assert "nothing is protected from the drill: give labels" in capfd.readouterr().out
+    drill_strokes.set_margins(scene, {"facial_nerve": 1.0})
+    for operator in (bpy.ops.oneframe.make_surface, bpy.ops.oneframe.drill):
+        with pytest.raises(RuntimeError, match=r"there are none\), found facial_nerve"):
+            operator()
+    with_labels(files)
+    capfd.readouterr()
+    bpy.ops.oneframe.drill()
+    bpy.ops.oneframe.make_surface()
+    assert "nothing is protected" not in capfd.readouterr().out
+
+
 def test_save_case_takes_surface_and_plan_beside_it(scene, files, tmp_path):
     with_labels(files)
     bpy.ops.oneframe.make_surface()
@@ -291,18 +310,16 @@ def test_work_that_is_stopped_ends_at_its_next_step(scene):
         def report(share):
             steps.append(share)
             entered.set()
-            go_on.wait(10)
+            go_on.wait()
             progress(share)
 
         return make(report)
 
     work = BackgroundWork(slowly)
-    assert entered.wait(30)
+    entered.wait()
     work.stop()
     go_on.set()
-    end = time.monotonic() + 20
-    while work.running and time.monotonic() < end:
-        time.sleep(0.01)
+    wait_until(lambda: not work.running)
     assert (work.running, work.result, work.error, len(steps)) == (False, None, None, 1)
     assert scene.oneframe.surface is None
 

@@ -31,7 +31,7 @@ def landmarks_at(points, pixels, **settings) -> list[Landmark]:
     ]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6), st.integers(5, 12), st.booleans())
 def test_the_frame_of_the_surface_does_not_matter(seed, count, with_outlier):
     """A script solves in the frame of the mesh file, the add-on in the demeaned one."""
@@ -105,7 +105,7 @@ def test_disabled_and_incomplete_landmarks_take_no_part():
     assert np.array_equal(found.pixels, pixels)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.integers(1, 40), st.sampled_from([0.01, 1.0, 30.0]))
 def test_distances_from_a_mesh_are_those_of_its_nearest_triangle(seed, faces, far):
     rng = np.random.default_rng(seed)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.alignment.landmarks.confidence_region import f_quantile, f_survival, pooled_dof, pooled_survival
@@ -15,8 +15,8 @@ from pipeline.alignment.landmarks.covariance import (
 from pipeline.alignment.landmarks.reprojection import Correspondences, apply_twist
 from pipeline.alignment.landmarks.solver import solve_pose
 from pipeline.camera.pinhole import PinholeCamera
-from pipeline.evaluation.trials.landmark_trials import MICROSCOPE, box_trial
 from pipeline.transforms import nearest_rotation, rigid, rotation_from_vector, transform_points
+from scripts.benchmarks.alignment.landmark_trials import MICROSCOPE, box_trial
 
 WIDE = PinholeCamera(1000, 800, 700.0, 690.0, 480.0, 410.0)
 
@@ -28,7 +28,6 @@ def uncertainty(covariance, pivot_cam=(0, 0, 300.0), dof=20.0):
 # --- the F distribution ----------------------------------------------------------------------------------------------
 
 
-@settings(deadline=None)  # the first import of scipy takes seconds
 @given(st.floats(0.01, 50), st.sampled_from([2, 4, 6]), st.floats(0.5, 400))
 def test_the_closed_form_is_the_f_distribution(value, above, below):
     stats = pytest.importorskip("scipy.stats")

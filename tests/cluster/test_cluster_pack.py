@@ -1,23 +1,23 @@
 """A pack made by Dask workers: the bytes of one made here."""
 
 import sys
-from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 import pytest
 
 pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[cluster]"')
 
-from pipeline.cluster.orders import Order
-from pipeline.cluster.pack_task import PackJob, perform
+from pipeline.cluster import on_worker
+from pipeline.cluster.pack_on_workers import PackOnWorker
 from pipeline.dataset.folder import run_token
+from pipeline.errors import InputError, RunError
 from pipeline.packing.pack import on_this_machine, pack_dataset
-from pipeline.packing.source import read_description
 from tests.dataset.synthetic_dataset import make_dataset
 from tests.different_files import different_files
 
 ROOT = Path(__file__).resolve().parents[2]
+RUN = "0" * 16
 
 
 @pytest.fixture(scope="module")
@@ -38,55 +38,44 @@ def test_workers_pack_the_same_bytes(dataset, tmp_path, run_command):
     assert different_files(tmp_path / "there", tmp_path / "here") == []
 
 
-class Worker:
-    address, host = "tcp://worker:1", "host"
+def pack_after(dataset: Path, out: Path, try_plugin) -> None:
+    """Pack; before, do what a worker does there with a plugin of the run."""
 
-    def beat(self, state, done):
-        pass
+    def engine(orders, progress):
+        # the token of the run, which its client puts there
+        run_token(out, RUN).touch()
+        try_plugin(PackOnWorker(RUN, str(out), {order.number: order for order in orders}, None), orders)
+        run_token(out, RUN).unlink()
+        yield from on_this_machine(1)(orders, progress)
 
-    def is_closing(self):
-        return False
-
-
-def order_of(dataset: Path, out: Path, changes: Mapping[str, str] = MappingProxyType({})) -> Order:
-    identity = read_description(dataset / "dataset.json").identity
-    job = PackJob(str(dataset), str(out), identity, "client", look_seconds=0.0).to_json()
-    return Order(1, "0" * 16, "pack", "", job | changes, (0, 1), 60.0)
+    with (out.parent / "log").open("w") as stream:
+        pack_dataset(dataset, out, views_per_shard=2, engine=engine, stream=stream)
 
 
 def test_what_a_lost_worker_packed_is_found(dataset, tmp_path):
-    outcomes = []
+    def twice(plugin: PackOnWorker, _orders) -> None:
+        plugin.open(tmp_path, None)
+        first = plugin.do((0, 1))
+        state = [path.stat().st_mtime_ns for path in sorted(tmp_path.glob("*.tar"))]
+        assert (plugin.do((0, 1)), len(state)) == (first, 2)
+        assert [path.stat().st_mtime_ns for path in sorted(tmp_path.glob("*.tar"))] == state
 
-    def engine(orders, progress):
-        # the workers' token, which packing puts there
-        run_token(tmp_path, "0" * 16).touch()
-        outcomes.extend(perform(order_of(dataset, tmp_path), Worker()) for _ in range(2))
-        yield from on_this_machine(1)(orders, progress)
-
-    with (tmp_path.parent / "log").open("w") as stream:
-        pack_dataset(dataset, tmp_path, views_per_shard=2, engine=engine, stream=stream)
-    first, second = outcomes
-    assert (first.finished, first.found, first.refused) == ((0, 1), (), "")
-    assert (second.finished, second.found) == ((), (0, 1))
-    assert second.results == first.results
+    pack_after(dataset, tmp_path, twice)
     assert not (tmp_path / ".work").exists()
 
 
-@pytest.mark.parametrize(
-    ("changes", "why"),
-    [
-        ({"out": "/nowhere"}, "does not see the folder that client writes to: /nowhere; the machine has no such"),
-        ({"identity": "ab" * 32}, "expected the dataset that client packs, found another one"),
-    ],
-)
-def test_a_worker_with_other_folders_refuses(dataset, tmp_path, changes, why):
-    def engine(orders, progress):
-        run_token(tmp_path, "0" * 16).touch()
-        outcome = perform(order_of(dataset, tmp_path, changes), Worker())
-        assert why in outcome.refused
-        assert outcome.left == (0, 1)
-        raise KeyboardInterrupt
-        yield
+def test_a_worker_with_other_folders_refuses_and_a_damaged_view_ends_the_run(dataset, tmp_path, monkeypatch):
+    monkeypatch.setattr(on_worker, "LOOK_SECONDS", 0.0)
 
-    with (tmp_path.parent / "log").open("w") as stream, pytest.raises(KeyboardInterrupt):
-        pack_dataset(dataset, tmp_path, views_per_shard=2, engine=engine, stream=stream)
+    def refused(plugin: PackOnWorker, orders) -> None:
+        with pytest.raises(RunError, match=r"client writes to: /nowhere; the machine has no such"):
+            replace(plugin, folder="/nowhere", client="client").open(tmp_path, None)
+        other = {order.number: replace(order, identity="ab" * 32) for order in orders}
+        with pytest.raises(RunError, match="found another one"):
+            replace(plugin, shards=other).open(tmp_path, None)
+        with pytest.raises(RunError, match="the pack's JPEG files are those of OpenCV 99"):
+            replace(plugin, opencv="99").open(tmp_path, None)
+        with pytest.raises(InputError):
+            replace(plugin, shards=other).do((0,))
+
+    pack_after(dataset, tmp_path, refused)

@@ -4,14 +4,15 @@ import os
 import signal
 import subprocess
 import threading
-import time
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[cluster]"')
 
+from tests.cluster.written_records import records
 from tests.different_files import different_files
+from tests.waiting import wait_until
 
 pytestmark = [
     pytest.mark.render,
@@ -51,24 +52,6 @@ def render_processes(client: int) -> dict[int, int]:
     return {pid: ppid for pid, (ppid, command) in descendants(client).items() if "--worker" in command}
 
 
-def records(out: Path) -> dict[str, int]:
-    """Inode of each record: a file that is written again gets another."""
-    found = {}
-    for path in out.glob("train_synt/*/frame/*.json"):
-        try:
-            found[path.name] = path.stat().st_ino
-        except OSError:
-            continue
-    return found
-
-
-def wait_until(condition, process: subprocess.Popen) -> None:
-    give_up = time.monotonic() + 120
-    while not condition() and process.poll() is None:
-        assert time.monotonic() < give_up, "waited for two minutes"
-        time.sleep(0.005)
-
-
 def test_killed_workers_and_processes_change_no_byte(case, tmp_path, render_command, run_command, rng):
     out, reference = tmp_path / "out", tmp_path / "reference"
     ended = run_command(render_command(case, "--out", reference, "--count", VIEWS, "--float-depth"))
@@ -80,13 +63,13 @@ def test_killed_workers_and_processes_change_no_byte(case, tmp_path, render_comm
         text=True,
         start_new_session=True,
     )
-    first_seen: dict[str, int] = {}
+    first_seen: dict[str, tuple[int, int]] = {}
     watching = threading.Event()
 
     def watch() -> None:
         while not watching.wait(0.01):
-            for name, inode in records(out).items():
-                first_seen.setdefault(name, inode)
+            for name, state in records(out).items():
+                first_seen.setdefault(name, state)
 
     watcher = threading.Thread(target=watch)
     watcher.start()
@@ -99,7 +82,7 @@ def test_killed_workers_and_processes_change_no_byte(case, tmp_path, render_comm
                 pid = int(rng.choice([*(running if victim == "process" else running.values())]))
                 os.kill(pid, signal.SIGKILL)
                 kills += 1
-        output, errors = process.communicate(timeout=120)
+        output, errors = process.communicate()
     finally:
         watching.set()
         watcher.join()
@@ -107,10 +90,10 @@ def test_killed_workers_and_processes_change_no_byte(case, tmp_path, render_comm
             os.killpg(process.pid, signal.SIGKILL)
     assert (process.returncode, errors) == (0, "")
     assert kills == 2
-    assert "1 render process lost; 1 worker lost" in output
+    assert "1 lost" in output
     assert different_files(out, reference) == []
     assert not (out / ".work").exists()
     # what the killed worker's process had in work may be finished by it and by another
-    again = [name for name, inode in records(out).items() if first_seen.get(name, inode) != inode]
+    again = [name for name, state in records(out).items() if first_seen.get(name, state) != state]
     assert len(again) <= AHEAD
     assert descendants(process.pid) == {}

@@ -72,7 +72,7 @@ def test_a_small_ball_before_the_background_is_seen_up_to_its_outline(diameter_p
     np.testing.assert_allclose(view.colours(view.project(points.points[observed])[0])[:, 2], 0, atol=1e-6)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_no_colour_leaks_from_background_or_occluder(seed):
     """Balls of one colour each, apart in depth, the first hiding parts of the second."""
@@ -120,7 +120,7 @@ def test_masked_pixels_are_no_background(rng):
     assert inside.sum() > 1000
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(slopes=st.tuples(st.floats(-3, 3), st.floats(-3, 3)), angle=st.floats(0, 6.28), shift=st.floats(-20, 20))
 def test_a_plane_is_continued_exactly(slopes, angle, shift):
     """A half-plane with a straight edge: one row of pixels more, on the plane."""

@@ -107,7 +107,7 @@ def description_of() -> dict:
         "options": {
             name: value
             for name, value in asdict(options).items()
-            if name not in ("count", "poses", "video", "video_frames", "quality", "tolerance_colour", "tolerance_px")
+            if name not in ("count", "poses", "video", "video_frames")
         },
         "camera": {**asdict(CAMERA), "K": CAMERA.k.tolist()},
         "frame": {**asdict(CAMERA), "distortion": None, "cam_from_model": pose_of(0).tolist()},

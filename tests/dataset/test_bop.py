@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from pipeline.dataset.bop import EVAL_VERTICES, bounding_box, write_models
 from pipeline.surface.decimation import reduced_mesh
@@ -14,7 +14,6 @@ from tests.dataset.blank_dataset import pose_of, record_of, scene_tables
 from tests.dataset.masks import masks
 
 
-@settings(deadline=None)
 @given(masks)
 def test_boxes_are_those_counted_pixel_by_pixel(mask):
     pixels = [(int(x), int(y)) for y, x in np.argwhere(mask)]

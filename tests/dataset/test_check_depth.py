@@ -26,7 +26,7 @@ def random_view(rng: np.random.Generator, nearest: float) -> tuple[TriangleMesh,
     return mesh, camera, pose
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(seeds, st.sampled_from([3.5, -1.0]))
 def test_projected_triangles_have_the_depths_of_cast_rays(rng, nearest):
     """Also from inside the surface: triangles that reach behind the camera are cut, not lost."""
@@ -37,7 +37,7 @@ def test_projected_triangles_have_the_depths_of_cast_rays(rng, nearest):
     assert (~same).sum() <= 1, (found.z[~same], expected[~same])
 
 
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 @given(seeds)
 def test_an_exact_depth_image_agrees_and_a_shifted_one_tells_its_shift(rng):
     pose = rigid(rotation_from_vector(2 * rng.normal(size=3)), [*rng.normal(scale=5, size=2), rng.uniform(220, 300)])
@@ -52,7 +52,7 @@ def test_an_exact_depth_image_agrees_and_a_shifted_one_tells_its_shift(rng):
     np.testing.assert_allclose(shifted.shift_px, -shift, atol=0.12)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(seeds, st.floats(0, 1.2))
 def test_a_plane_that_fills_the_image_raises_no_false_alarm(rng, tilt):
     plane = plate(400)
@@ -92,14 +92,3 @@ def test_each_statistic_tells_what_it_is_there_for(mesh, turn, depth_scale, shif
     ]
     assert not found[0].misfit
     assert re.search(expected, found[1].misfit)
-
-
-@pytest.mark.parametrize("tilt", [0.0, 0.4, 1.1])
-def test_a_surface_may_be_as_far_off_as_is_stated(tilt):
-    plane, off_mm = plate(400), 0.3
-    pose = rigid(rotation_from_vector(np.array([tilt, 0, 0.3])), [0, 0, 300])
-    moved = plane.moved(np.array([0, 0, -off_mm]))
-    depth = np.rint(cast_rays(moved, CAMERA, pose) / DEPTH_SCALE).astype(np.uint16)
-    for stated_mm, fits in ((0.0, False), (0.5 * off_mm, False), (1.05 * off_mm, True)):
-        found = agreement(depth, DEPTH_SCALE, surface_depth(plane, CAMERA, pose), CAMERA.fx, surface_off_mm=stated_mm)
-        assert (not found.misfit) == fits

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.dataset.coco import compressed_counts, run_lengths
@@ -12,7 +12,6 @@ from tests.dataset.blank_dataset import CAMERA, OBJECT_NAME, record_of, scene_ta
 from tests.dataset.masks import coco_mask, masks
 
 
-@settings(deadline=None)
 @given(masks)
 def test_run_lengths_are_the_shortest_code_of_the_mask(mask):
     """Uncompressed: down the columns, zeros first, then ones and zeros in turn."""
@@ -30,7 +29,6 @@ def test_run_lengths_are_the_shortest_code_of_the_mask(mask):
     assert sum(found[1::2]) == np.count_nonzero(mask)
 
 
-@settings(deadline=None)
 @given(masks)
 def test_compressed_counts_are_decoded_to_the_mask(mask):
     text = compressed_counts(run_lengths(mask))

@@ -17,11 +17,12 @@ from pipeline.dataset import folder as run_folder
 from pipeline.dataset import layout
 from pipeline.dataset.checksums import Checksums, read_checksums, sum_of
 from pipeline.dataset.folder import RunFolder, Shard
-from pipeline.dataset.identity import identity_of
+from pipeline.dataset.identity import identity_of, other_description
 from pipeline.dataset.layout import ViewPaths
 from pipeline.dataset.lock import STALE_SECONDS, lock_by_system
 from pipeline.errors import InputError, RunError
 from pipeline.files.content import partial_name
+from tests.impossible_files import impossible
 
 WHOLE = Shard()
 IDENTITY = {"format": "1", "count": 3, "options": {"seed": 0, "scale": 1.0}, "inputs_sha256": {"frame": "ab"}}
@@ -160,6 +161,21 @@ def test_a_damaged_record_is_reported(tmp_path):
     (tmp_path / "dataset.json").write_text("[{")
     with pytest.raises(RunError, match=r"dataset\.json: expected the description of a dataset, found no JSON"):
         RunFolder(tmp_path, IDENTITY, WHOLE)
+
+
+@impossible
+def test_what_cannot_be_a_description_is_reported(tmp_path, place):
+    place(tmp_path / "dataset.json")
+    with pytest.raises(RunError, match=r"dataset\.json: expected the description of a dataset, cannot read it"):
+        RunFolder(tmp_path, IDENTITY, WHOLE)
+
+
+@impossible
+def test_what_cannot_be_a_table_of_sums_is_none(tmp_path, place):
+    place(tmp_path / "checksums.json")
+    assert read_checksums(tmp_path, "ab") is None
+    place(tmp_path / "dataset.old.json")
+    assert other_description(tmp_path, "ab") is None
 
 
 def test_a_file_in_place_of_a_folder_is_reported(tmp_path):
@@ -369,8 +385,9 @@ def test_claims_of_the_dead_are_taken_over_and_those_of_the_living_are_not(tmp_p
                 assert not other.exists(), name
 
 
+@pytest.mark.parametrize("error", [InputError("bad"), RunError("bad")], ids=repr)
 @pytest.mark.parametrize("existing", ["", "deep", "deep/out"])
-def test_unusable_input_leaves_nothing_behind(tmp_path, existing):
+def test_a_refusal_before_the_first_view_leaves_nothing_behind(tmp_path, existing, error):
     (tmp_path / existing).mkdir(parents=True, exist_ok=True)
     out = tmp_path / "deep" / "out"
 
@@ -378,14 +395,24 @@ def test_unusable_input_leaves_nothing_behind(tmp_path, existing):
         with RunFolder(out, IDENTITY, WHOLE):
             (out / "camera.json").write_text("{}")
             (out / "models").mkdir()
-            raise InputError("bad")
+            raise error
 
-    with pytest.raises(InputError, match="bad"):
+    with pytest.raises(type(error), match="bad"):
         stopped()
     assert (tmp_path / existing).is_dir()
     assert sorted(tmp_path.rglob("*")) == sorted(
         tmp_path / part for part in ("deep", "deep/out") if existing.startswith(part)
     )
+
+
+def test_a_disk_that_is_full_from_the_start_is_left_empty(tmp_path, monkeypatch):
+    def full(path: Path, _: bytes) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+    monkeypatch.setattr(run_folder, "write_bytes_atomically", full)
+    with pytest.raises(RunError, match="cannot write to the folder"):
+        RunFolder(tmp_path / "out", IDENTITY, WHOLE)
+    assert not [*tmp_path.iterdir()]
 
 
 @pytest.mark.parametrize("error", [InputError("bad"), RunError("full"), KeyboardInterrupt()], ids=repr)

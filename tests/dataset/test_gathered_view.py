@@ -21,17 +21,14 @@ def other(tmp_path_factory) -> Path:
     return tmp_path_factory.getbasetemp() / "other0/dataset"
 
 
-def in_blocks(root: Path, change: dict[str, bytes] | None = None):
-    def read(name: str):
-        data = (change or {}).get(name) or (root / name).read_bytes()
-        return (data[at : at + 100] for at in range(0, len(data), 100))
-
-    return read
+def files_of(root: Path, index: int, change: dict[str, bytes] | None = None) -> dict[str, bytes]:
+    names = [ViewPaths(root, index).relative(kind) for kind in (*KINDS, "frame")]
+    return {name: (root / name).read_bytes() for name in names} | (change or {})
 
 
 def test_a_view_is_the_same_afterwards(other, tmp_path):
     for index in range(4):
-        gather_view(ViewPaths(tmp_path, index), IDENTITY, KINDS, in_blocks(other))
+        gather_view(ViewPaths(tmp_path, index), IDENTITY, KINDS, files_of(other, index))
     files = {path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file()}
     assert len(files) == 4 * (len(KINDS) + 1)
     assert all((tmp_path / file).read_bytes() == (other / file).read_bytes() for file in files)
@@ -44,18 +41,18 @@ def test_what_is_not_as_recorded_leaves_no_view(other, tmp_path, kind):
     data = (other / name).read_bytes()
     for wrong in (data[:-1], data[:40] + b"1" + data[41:], data + b"0", b"{}"):
         with pytest.raises(RunError):
-            gather_view(paths, IDENTITY, KINDS, in_blocks(other, {name: wrong}))
+            gather_view(paths, IDENTITY, KINDS, files_of(other, 1, {name: wrong}))
         assert not paths.file("frame").exists()
         assert not [*tmp_path.rglob(".partial*")]
 
 
 def test_a_view_of_another_dataset_or_place_is_refused(other, tmp_path):
     with pytest.raises(RunError, match="another"):
-        gather_view(ViewPaths(tmp_path, 1), "ab" * 32, KINDS, in_blocks(other))
+        gather_view(ViewPaths(tmp_path, 1), "ab" * 32, KINDS, files_of(other, 1))
     record = json.loads((other / ViewPaths(tmp_path, 1).relative("frame")).read_bytes())
     record["files"]["../outside.png"] = record["files"].popitem()[1]
     data = (json.dumps(record, separators=(",", ":")) + "\n").encode()
     harm = {ViewPaths(tmp_path, 1).relative("frame"): data}
     with pytest.raises(RunError, match="another"):
-        gather_view(ViewPaths(tmp_path, 1), IDENTITY, KINDS, in_blocks(other, harm))
+        gather_view(ViewPaths(tmp_path, 1), IDENTITY, KINDS, files_of(other, 1, harm))
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]

@@ -22,8 +22,8 @@ from pipeline.evaluation.record.evaluation_record import (
 from pipeline.evaluation.record.evaluation_tables import latex_summary, markdown_summary
 from pipeline.evaluation.scores.confidence import mean_interval
 from pipeline.evaluation.scores.exposure import colour_gain
+from pipeline.evaluation.scores.flow_alignment import aligned_by_flow
 from pipeline.evaluation.scores.reachable_scores import jittered_pose, perfect_view
-from pipeline.evaluation.scores.registration import registered
 from pipeline.evaluation.scores.view_scores import SCORES
 from pipeline.transforms import transform_points
 
@@ -40,7 +40,7 @@ def evaluation(ours: float, peer: float) -> Evaluation:
     )
     distribution = (Distribution("case", OURS, 12.3, True, 0.01, 0.002, 5),)
     return Evaluation(
-        current_conditions({}), (EvaluatedCase("case", "case.toml", ("0",)),), methods, rows,
+        current_conditions({}), (EvaluatedCase("case", ("0",)),), methods, rows,
         summarised(rows, np.random.default_rng(0)), distribution, (),
     )  # fmt: skip
 
@@ -112,4 +112,4 @@ def test_a_perfect_view_differs_by_the_exposure_and_the_shift_alone(rng, sharp_i
     gain = np.array([1.2, 1.1, 1.05])
     view, surface = perfect_view(real, depth, camera, gain, 1.5, rng), depth > 0
     assert colour_gain(real, view, surface) == pytest.approx(gain, rel=0.03)
-    assert registered(real, view, surface).median_px == pytest.approx(1.5, abs=0.6)
+    assert aligned_by_flow(real, view, surface).median_px == pytest.approx(1.5, abs=0.6)

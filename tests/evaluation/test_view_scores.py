@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.evaluation.scores.edge_measures import edge_measures
 from pipeline.evaluation.scores.exposure import colour_gain, corrected
-from pipeline.evaluation.scores.registration import registered
+from pipeline.evaluation.scores.flow_alignment import aligned_by_flow
 from pipeline.evaluation.scores.similarity import segmented_similarity, similarity
 from pipeline.evaluation.scores.view_scores import SCORES, scores_of
 
@@ -80,7 +80,7 @@ def test_a_gain_is_found_among_outliers(photograph, masks, rng):
 @pytest.mark.parametrize(("x", "y"), [(3.0, -2.0), (0.6, 0.0), (-5.4, 4.3)])
 def test_a_shift_is_measured_and_undone(photograph, masks, x, y):
     _, observed = masks
-    moved = registered(photograph, shifted(photograph, x, y), observed)
+    moved = aligned_by_flow(photograph, shifted(photograph, x, y), observed)
     assert moved.median_px == pytest.approx(np.hypot(x, y), abs=0.1)
     assert moved.high_px == pytest.approx(np.hypot(x, y), abs=0.2)
     assert similarity(photograph, moved.aligned, moved.mask).ssim > 0.97
@@ -89,7 +89,7 @@ def test_a_shift_is_measured_and_undone(photograph, masks, x, y):
 def test_other_images_are_not_made_alike_by_displacement(photograph, masks):
     _, observed = masks
     other = np.ascontiguousarray(photograph[::-1, ::-1])
-    moved = registered(photograph, other, observed)
+    moved = aligned_by_flow(photograph, other, observed)
     before = similarity(photograph, other, observed).ssim
     assert similarity(photograph, moved.aligned, moved.mask).ssim < before + 0.05
 

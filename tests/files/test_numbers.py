@@ -47,7 +47,7 @@ def test_a_header_that_does_not_fit_takes_no_memory(shape):
         npy_array(data, "a.npy")
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     st.lists(st.sampled_from(["1", "-2.5e3", "nan", "7"]), max_size=60),
     st.sampled_from([" ", "\n", "\t\n"]),

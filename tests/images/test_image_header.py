@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import InputError
@@ -14,7 +14,6 @@ FORMATS = {".png": 16, ".jpg": 8, ".tif": 16, ".bmp": 8}
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
-@settings(deadline=None)
 @given(shape=st.tuples(st.integers(1, 200), st.integers(1, 200)), channels=st.sampled_from([1, 3]), deep=st.booleans())
 def test_the_size_is_the_decoders(suffix, shape, channels, deep):
     bits = FORMATS[suffix] if deep else 8

@@ -11,7 +11,7 @@ from pipeline.files.signature import is_signed
 from pipeline.images.masked_frame import encoded_frame, joined_mask, shown_by_mask
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([255, 65535]), st.booleans())
 def test_the_values_are_those_of_the_frame(seed, largest, masked):
     rng = np.random.default_rng(seed)

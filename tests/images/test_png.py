@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from PIL import Image
@@ -95,7 +95,6 @@ images = st.one_of(
 )
 
 
-@settings(deadline=None)
 @given(images, st.booleans(), st.booleans())
 def test_png_files_hold_what_another_decoder_reads(image, mirrored, transposed):
     if mirrored:
@@ -113,7 +112,6 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("scratch") / "image.png"
 
 
-@settings(deadline=None)
 @given(images, st.data())
 def test_a_png_file_with_any_byte_changed_or_lost_is_refused(scratch, image, data):
     whole = encode_png(image)

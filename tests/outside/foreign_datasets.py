@@ -45,7 +45,7 @@ def awkward_case(tmp_path_factory: pytest.TempPathFactory, write_tiny_case: Call
     """The tiny case; its mesh has a name with a space and a letter beyond ASCII."""
     case = write_tiny_case(tmp_path_factory.mktemp("case") / "case")
     (case.parent / "surface.ply").rename(case.parent / f"{OBJECT}.ply")
-    case.write_text(case.read_text().replace("surface.ply", f"{OBJECT}.ply"), encoding="utf-8")
+    case.write_text(case.read_text().replace('"surface.ply"', f'"{OBJECT}.ply"\nname = "{OBJECT}"'), encoding="utf-8")
     return case
 
 

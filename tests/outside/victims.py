@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-SECONDS, MEGABYTES = 5.0, 1024.0
+MEGABYTES = 1024.0
 """What opening a file may take at most."""
 
 PATIENCE_S = 30.0
@@ -90,8 +90,6 @@ def faults_of(answers: Iterable[tuple[str, str, dict[str, Any]]]) -> list[str]:
         if answer["kind"] not in ("value", "sentence"):
             faults.append(f"{name}: {answer['kind']}: {answer['text']}")
             continue
-        if answer["seconds"] > SECONDS:
-            faults.append(f"{name}: {answer['seconds']:.1f} s")
         if answer["mb"] > MEGABYTES:
             faults.append(f"{name}: {answer['mb']:.0f} MB")
         text = answer.get("text", file)

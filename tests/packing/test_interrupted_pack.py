@@ -14,6 +14,7 @@ from pipeline.errors import RunError
 from pipeline.packing.local_processes import packed_locally
 from pipeline.packing.pack import pack_dataset
 from pipeline.packing.tar import member_places
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 PROGRAM = Path(__file__).with_name("interrupted_pack.py")
@@ -25,7 +26,7 @@ def tree(folder: Path) -> dict[str, bytes]:
 
 def run(dataset: Path, out: Path, place: int, workers: int = 1) -> subprocess.CompletedProcess:
     command = [sys.executable, PROGRAM, place, dataset, "--out", out, "--views-per-shard", 2, "--workers", workers]
-    return subprocess.run([*map(str, command)], capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -57,18 +58,13 @@ def test_processes_end_with_a_killed_parent(delay_s, dataset, whole, tmp_path):
     """Killed while its processes start or work; the same command makes the same files."""
     command = [sys.executable, PROGRAM, -1, dataset, "--out", tmp_path / "out", "--views-per-shard", 2, "--workers", 2]
     process = subprocess.Popen([*map(str, command)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    give_up = time.monotonic() + 60
-    while not (started := children(process.pid)):
-        assert time.monotonic() < give_up
-        assert process.poll() is None
-        time.sleep(0.002)
+    wait_until(lambda: children(process.pid), process)
     time.sleep(delay_s)
-    started |= children(process.pid)
+    started = children(process.pid)
+    assert started
     process.kill()
     process.wait()
-    while any(Path(f"/proc/{child}").exists() for child in started):
-        assert time.monotonic() < give_up, "a process outlives its parent"
-        time.sleep(0.02)
+    wait_until(lambda: not any(Path(f"/proc/{child}").exists() for child in started))
     ended = run(dataset, tmp_path / "out", -1, workers=2)
     assert ended.returncode == 0, ended.stderr
     assert tree(tmp_path / "out") == whole[0]
@@ -98,7 +94,7 @@ def test_ctrl_c_is_one_line(dataset, tmp_path):
         assert process.poll() is None
         time.sleep(0.002)
     os.killpg(process.pid, signal.SIGINT)
-    _, told = process.communicate(timeout=60)
+    _, told = process.communicate()
     assert (process.returncode, told) == (130, "error: stopped; run the same command again to continue\n")
 
 

@@ -16,10 +16,12 @@ import numpy as np
 import pytest
 
 from pipeline.dataset.bop import write_test_targets
+from pipeline.dataset.layout import ViewPaths
 from pipeline.errors import InputError, RunError
 from pipeline.packing.pack import on_this_machine, pack_dataset
 from pipeline.packing.shard import PackedShard, pack_shard
 from pipeline.packing.verify import verify_pack
+from tests.impossible_files import impossible
 
 ROOT = Path(__file__).resolve().parents[2]
 COUNT = 4
@@ -174,6 +176,14 @@ def test_a_damaged_dataset_is_refused(name, copied, tmp_path):
         with pytest.raises(InputError, match=f"{Path(name).name}|no checksums.json|JSON"):
             pack(copied, tmp_path / "out")
         assert not (tmp_path / "out").exists()
+
+
+@impossible
+@pytest.mark.parametrize("name", ["dataset.json", "checksums.json", "camera.json", "rgb", "depth_mm", "mask", "frame"])
+def test_what_cannot_be_a_file_of_a_dataset_is_a_sentence(name, place, copied, tmp_path):
+    place(copied / name if "." in name else ViewPaths(copied, 3).file(name))
+    with pytest.raises((InputError, RunError), match=r": expected .*; .*"):
+        pack(copied, tmp_path / "out", engine=on_this_machine(1))
 
 
 @pytest.mark.parametrize("kind", ["rgb", "depth", "depth_mm", "mask", "mask_visib", "mask_observed", "frame"])

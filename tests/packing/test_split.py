@@ -1,6 +1,5 @@
 """Splits: parts are disjoint, a gap apart, and the same whatever the order of the views."""
 
-import time
 import tracemalloc
 
 import numpy as np
@@ -58,7 +57,7 @@ cases = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(cases, st.randoms(use_true_random=False))
 def test_parts_are_a_gap_apart_whatever_the_order(case, random):
     poses = drawn(case["sampler"], case["count"], case["seed"])
@@ -134,17 +133,15 @@ def test_the_gap_in_millimetres_and_degrees():
     assert displacement_px(start, start @ rigid(turn)) == pytest.approx(4, rel=0.1)
 
 
-def test_many_views_take_seconds_and_little_memory():
+def test_many_views_take_little_memory():
     random = np.random.default_rng(4)
     poses = np.tile(rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0]), (30_000, 1, 1))
     poses[:, :3, 3] += random.uniform(-30, 30, (30_000, 3))
     tracemalloc.start()
-    begin = time.process_time()
     split = split_of_views(poses, CORNERS, CAMERA)
-    taken, (_, most) = time.process_time() - begin, tracemalloc.get_traced_memory()
+    _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert len(split.test) == 3000
-    assert taken < 15
     assert most < 100e6
 
 

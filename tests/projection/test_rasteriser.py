@@ -36,7 +36,7 @@ def triangulated_box(rng, low, high, cells, grid):
     )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     seed=st.integers(0, 2**32),
     corner=st.tuples(st.integers(-400, 400), st.integers(-400, 400)),
@@ -76,7 +76,7 @@ def chebyshev_distance(triangle, points):
     return np.where(inside, 0, best)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=st.integers(0, 2**32), size=st.sampled_from([0.2, 3, 20]), margin=st.sampled_from([0.0, 0.5, 1.0, 2.3]))
 def test_margin_is_a_square_round_the_triangle(seed, size, margin):
     rng = np.random.default_rng(seed)

@@ -102,7 +102,7 @@ def mask_of(mesh: TriangleMesh, pose: np.ndarray, window: tuple[int, int, int, i
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(rng=seeds, pose=poses)
 def test_mask_is_that_of_casting_rays(shape, rng, pose):
     mesh = shape(rng)
@@ -127,7 +127,7 @@ def test_random_scenes_are_worth_testing():
         assert crossing >= crossing_expected
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(meshes, poses, seeds)
 def test_winding_of_faces_does_not_matter(mesh, pose, rng):
     flip = rng.random(len(mesh.faces)) < 0.5
@@ -135,7 +135,7 @@ def test_winding_of_faces_does_not_matter(mesh, pose, rng):
     np.testing.assert_array_equal(mask_of(flipped, pose), mask_of(mesh, pose))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(meshes, poses, seeds)
 def test_mask_is_the_union_of_those_of_the_parts(mesh, pose, rng):
     first = rng.random(len(mesh.faces)) < 0.5
@@ -143,7 +143,7 @@ def test_mask_is_the_union_of_those_of_the_parts(mesh, pose, rng):
     np.testing.assert_array_equal(mask_of(mesh, pose), parts[0] | parts[1])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(meshes, poses, seeds)
 def test_smaller_window_is_a_crop(mesh, pose, rng):
     left, top, right, bottom = canvas(CAMERA)
@@ -153,7 +153,7 @@ def test_smaller_window_is_a_crop(mesh, pose, rng):
     np.testing.assert_array_equal(mask_of(mesh, pose, (x0, y0, x1, y1)), crop)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(meshes, poses)
 def test_statistics_are_those_of_the_mask(mesh, pose):
     statistics = silhouette_statistics(SilhouetteEdges.of(mesh), CAMERA, pose)
@@ -169,7 +169,7 @@ def test_statistics_are_those_of_the_mask(mesh, pose):
     assert statistics.bbox_obj == expected
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(meshes, poses)
 def test_projected_bounds_hold_the_silhouette(mesh, pose):
     bounds = projected_bounds(mesh.vertices, CAMERA, pose)
@@ -189,7 +189,7 @@ def test_projected_bounds_hold_the_silhouette(mesh, pose):
         assert statistics.px_count_inside == statistics.px_count_all
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seeds)
 def test_every_pixel_of_a_tiling_belongs_to_one_tile(rng):
     """Vertices and edges exactly on pixel centres: no pixel twice, none left out, for any order of corners."""

@@ -25,6 +25,7 @@ from pipeline.images.png import encode_png
 from pipeline.packing.pack import pack_dataset
 from pipeline.reader import Dataset, View, open_dataset
 from pipeline.reader.pack_files import MOST_OPEN
+from tests.impossible_files import impossible
 
 PARTS = ("rgb", "depth_mm", "mask", "observed", "k", "cam_from_model")
 ROOT = Path(__file__).resolve().parents[2]
@@ -222,8 +223,13 @@ def test_claims_take_no_memory(copied, copied_pack):
     entry = tarfile.TarInfo("000000_000000.camera.json")
     entry.size = 8**11 - 1
     shard.write_bytes(entry.tobuf(tarfile.USTAR_FORMAT) + shard.read_bytes()[512:])
-    with pytest.raises(InputError, match=r"shard-000000\.tar: expected a whole shard"):
-        open_dataset(copied_pack)[0].k  # noqa: B018
+    sums = json.loads((copied_pack / "pack.json").read_text())
+    for size in (shard.stat().st_size, 8**11 + 512):
+        os.truncate(shard, size)
+        sums["shards"][shard.name]["bytes"] = size
+        (copied_pack / "pack.json").write_text(json.dumps(sums))
+        with pytest.raises(InputError, match=r"shard-000000\.tar: expected a whole shard"):
+            open_dataset(copied_pack)[0].k  # noqa: B018
     path = copied_pack / "pack.json"
     text = path.read_text()
     for count in (4, 10**12):
@@ -232,6 +238,15 @@ def test_claims_take_no_memory(copied, copied_pack):
         path.write_text(json.dumps(content | {"count": count}))
         with pytest.raises(InputError, match=r"pack\.json: .*expected at most [0-9]+ views, found"):
             open_dataset(copied_pack)
+
+
+@impossible
+@pytest.mark.parametrize("kind", ["rgb", "depth_mm", "mask_visib", "mask_observed", "frame"])
+def test_what_cannot_be_a_file_of_a_view_is_a_sentence(kind, place, copied):
+    place(ViewPaths(copied, 1).file(kind))
+    view = open_dataset(copied)[1]
+    with pytest.raises(InputError, match=f"{kind}/000001.*: expected .*; .*"):
+        [getattr(view, part) for part in ("rgb", "depth_mm", "mask", "observed", "k")]
 
 
 def test_damaged_files_are_sentences(copied):

@@ -21,7 +21,7 @@ SWITCHES = (
     "--disable-sync", "--disable-dev-shm-usage", "--hide-scrollbars", "--force-device-scale-factor=1",
     "--remote-debugging-pipe",
 )  # fmt: skip
-SECONDS = 60.0
+SECONDS = 600.0
 """Longest wait for an answer."""
 
 
@@ -137,7 +137,7 @@ class Chromium:
         assert "exceptionDetails" not in found, found["exceptionDetails"]
         return found["result"].get("value")
 
-    def wait(self, condition: str, seconds: float = 20.0) -> None:
+    def wait(self, condition: str, seconds: float = SECONDS) -> None:
         """Wait until an expression is true."""
         limit = time.monotonic() + seconds
         while not self.evaluate(f"Boolean({condition})"):

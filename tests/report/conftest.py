@@ -12,14 +12,14 @@ from tests.report.chromium import PROGRAM, Chromium
 from tests.report.synthetic_evaluation import write_evaluation
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def small_scenes() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(layout, "VIEWS_PER_SCENE", PER_SCENE)
         yield
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def dataset(small_scenes: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A dataset with nothing wrong, made without Blender; not to be changed."""
     root = tmp_path_factory.mktemp("report") / "lumpy views"

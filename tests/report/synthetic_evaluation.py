@@ -7,7 +7,7 @@ import numpy as np
 
 from pipeline.images.png import encode_png
 
-METHODS = (("ours, projective, cycles", False), ("ours, vertex, workbench", False), ("paper (PyVista)", True))
+METHODS = (("ours, projective, cycles", False), ("ours, vertex, eevee", False), ("paper (PyVista)", True))
 CASES = {"relief": ("frame_03.png", "frame_05.png", "frame_09.png"), "bone": ("view_1.png", "view_2.png")}
 LONG = "error_observed_corrected_for_exposure_and_colour"
 SCORES = (

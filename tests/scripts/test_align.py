@@ -14,6 +14,8 @@ from pipeline.case.case_file import Case, read_case
 from pipeline.case.case_writer import write_case
 from pipeline.case.landmark_file import write_landmarks
 from pipeline.case.landmarks import Landmark
+from pipeline.commands.__main__ import dispatch
+from pipeline.errors import InputError
 from pipeline.surface.mesh_reader import read_mesh
 from pipeline.surface.mesh_writer import write_ply
 from pipeline.transforms import transform_points
@@ -264,3 +266,17 @@ def test_a_refused_pose_is_taken_by_choice_and_marked_as_such(case_path, tmp_pat
     ended = align(true, "--take-refused")
     assert ended.returncode == 2
     assert "expected --refine" in ended.stderr
+
+
+def test_a_case_of_another_frame_is_replaced_by_choice_only(case_path, write_tiny_case, tmp_path):
+    other = write_tiny_case(tmp_path / "other")
+    text, pairs = other.read_bytes(), tmp_path / "pairs.csv"
+    write_landmarks(pairs, clicked_landmarks(case_path), mm_per_unit=1.0)
+    line = ["align", str(case_path), "--landmarks", str(pairs), FINE, "--out", str(other)]
+    with pytest.raises(InputError, match=r"another frame \(frame.png\) and another surface .* --overwrite"):
+        dispatch(line)
+    assert other.read_bytes() == text
+    assert dispatch([*line, "--overwrite"]) == 0
+    assert read_case(other).image.resolve() == case_path.with_name("frame.png")
+    # its own result, again
+    assert dispatch(line) == 0

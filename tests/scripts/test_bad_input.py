@@ -335,11 +335,16 @@ RUNS = {
     "an unknown engine": (
         None,
         ("--engine", "cycle"),
-        "engine: expected cycles or raster or eevee or workbench, found 'cycle'",
+        "engine: expected cycles or raster or eevee, found 'cycle'",
     ),
     "a number that is none": (None, ("--count", "many"), "argument --count: invalid number value: 'many'"),
     "no views": (None, ("--count", "0"), "count: expected 1 to 1e+07, found 0"),
-    "Workbench with a shader": (None, ("--engine", "workbench"), "add --colour vertex, or use --engine cycles"),
+    "an engine of earlier versions": (None, ("--engine", "workbench"), "it is gone: write raster"),
+    "an option of earlier versions": (
+        None,
+        ("--quality", "auto"),
+        "it is gone: leave it out, and write --engine raster",
+    ),
     "constraints that nothing meets": (
         None,
         ("--min-clearance-mm", "1e6", "--workers", "2", "--count", "5"),

@@ -238,9 +238,9 @@ def test_the_frame_compared_with_itself_is_the_same(write_tiny_case, tmp_path, o
     assert (ended.returncode, ended.stderr) == (0, "")
     assert ended.stdout.splitlines()[-1] == f"photograph, view, difference: {out / 'sheet.png'}"
     (row,) = csv.DictReader((out / "likeness.csv").read_text().splitlines())
-    assert (row["image"], row["ssim"]) == ("frame.png", "1.0000")
+    assert (row["image"], row["ssim"]) == ("photograph_1", "1.0000")
     assert float(row["mean_error_of_255"]) < 0.5
-    assert {path.name for path in out.iterdir()} == {"frame.png", "likeness.csv", "sheet.png"}
+    assert {path.name for path in out.iterdir()} == {"photograph_1.png", "likeness.csv", "sheet.png"}
 
 
 @pytest.mark.render

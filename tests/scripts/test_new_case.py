@@ -140,7 +140,10 @@ def test_a_second_run_replaces_the_first_until_somebody_changes_it(given, tmp_pa
     first = hashes(out)
     assert dispatch(line(given)) == 0
     assert hashes(out) == first
-    assert dispatch(line(given, mask=given / "mask.png")) == 0
+    with pytest.raises(InputError, match=r"frame.png: expected no such file or that of this case, .* --overwrite"):
+        dispatch(line(given, mask=given / "mask.png"))
+    assert hashes(out) == first
+    assert dispatch(line(given, mask=given / "mask.png", overwrite=True)) == 0
     assert {Path(name).name for name, digest in hashes(out).items() if first[name] != digest} == {
         "frame.png",
         "overlay.png",
@@ -191,12 +194,18 @@ def test_the_colours_are_those_that_blender_reads(given, tmp_path, kind):
 
 
 def test_structures_by_choice(given, tmp_path):
-    shutil.copy(given / "surface" / "structures" / "facial_nerve.ply", given / "chorda.ply")
+    for name in ("DOE_chorda.ply", "DOE_JOHN.ply"):
+        shutil.copy(given / "surface" / "structures" / "facial_nerve.ply", given / name)
     break_record(given, lambda record: record["structures"].update(bone=record["structures"]["facial_nerve"]))
-    assert dispatch([*line(given, only="facial_nerve"), "--structure", str(given / "chorda.ply")]) == 0
+    words = line(given, only="facial_nerve")
+    for name in ("DOE_chorda.ply", "DOE_JOHN.ply"):
+        words += ["--structure", str(given / name)]
+    assert dispatch(words) == 0
     case = read_case(tmp_path / "case" / "case.toml")
-    assert [structure.name for structure in case.structures] == ["chorda", "facial_nerve"]
+    assert [structure.name for structure in case.structures] == ["chorda_tympani", "facial_nerve", "structure_1"]
     assert case.structures[0].colour == (0, 1, 0)
+    written = [path for path in case.path.parent.rglob("*") if path.is_file()]
+    assert not [path for path in written if "DOE" in path.name or b"DOE_" in path.read_bytes()]
 
 
 def test_k_of_another_size_is_refused_with_the_factor_or_rescaled(given, tmp_path):
@@ -244,7 +253,7 @@ def test_meshes_of_others_in_metres_with_a_pose(given, tmp_path, capfd):
     assert "from RAS to LPS" in ras
     (large,) = (text for text in said if text.startswith("warning: incus"))
     assert "in millimetres it would be in place" in large
-    assert not [text for text in said if "vii" in text and "warning" in text]
+    assert not [text for text in said if "structure_1" in text and "warning" in text]
     case = read_case(tmp_path / "case" / "case.toml")
     assert case.mm_per_unit == 1000
     np.testing.assert_allclose(case.cam_from_mesh, pose, atol=1e-9)

@@ -17,7 +17,7 @@ def _brute_force(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.linalg.norm(nearest - repeated, axis=1).reshape(len(points), len(triangles))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 10**6), st.integers(1, 300), st.floats(0.01, 100))
 def test_equals_brute_force(seed: int, faces: int, spread: float) -> None:
     rng = np.random.default_rng(seed)

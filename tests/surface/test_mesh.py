@@ -32,14 +32,12 @@ def area(mesh: TriangleMesh) -> float:
     return float(np.linalg.norm(mesh.face_cross, axis=1).sum() / 2)
 
 
-@settings(deadline=None)
 @given(st.one_of(lattices, clouds), flattenings, st.floats(-1e3, 1e3))
 def test_diameter_is_that_of_all_pairs(points, flattening, offset):
     points = points * flattening + offset
     assert diameter(points) == pytest.approx(brute_force_diameter(points), rel=1e-12, abs=1e-9)
 
 
-@settings(deadline=None)
 @given(st.tuples(*[st.integers(-5, 5).map(lambda x: x + 0.5)] * 3))
 def test_a_cube_shows_its_front_on_the_sides_that_a_viewpoint_is_beyond(viewpoint):
     cube = TriangleMesh(CUBE_VERTICES, CUBE_FACES)
@@ -72,7 +70,6 @@ def test_diameter_of_many_points(shape):
     assert diameter(points) == pytest.approx(brute_force_diameter(points), rel=1e-13)
 
 
-@settings(deadline=None)
 @given(
     hnp.arrays(np.float64, 3, elements=st.floats(-3, 3)),
     hnp.arrays(np.float64, 3, elements=st.floats(-50, 50)),
@@ -94,7 +91,6 @@ def test_measures_of_a_moved_turned_scaled_cube(rotation_vector, offset, factor)
     assert np.allclose((outward[mesh.faces[:, 0]] * mesh.face_normals).sum(axis=1), factor / 2)
 
 
-@settings(deadline=None)
 @given(lattices, st.integers(0, 2))
 def test_bounds_radius_and_edges_do_not_depend_on_the_order(points, shift):
     faces = np.arange(len(points) * 3).reshape(-1, 3) * 7 % len(points)
@@ -119,7 +115,7 @@ def test_vertex_normals_of_a_sphere_are_radial():
     assert (mesh.vertex_normals[-1] == 0).all()  # no face uses it
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.data())
 def test_checked_mesh_keeps_the_surface_and_nothing_else(data):
     vertices = data.draw(hnp.arrays(np.float64, (12, 3), elements=st.integers(-4, 4).map(float)))
@@ -145,7 +141,6 @@ def test_checked_mesh_keeps_the_surface_and_nothing_else(data):
 
 
 @given(st.floats(-6, 6), st.integers(0, 2))
-@settings(deadline=None)
 def test_needles_are_dropped_at_any_scale(power, shift):
     width = np.array([3e-8, 3e-7])  # relative to the length: too thin for single precision, and just enough
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0.5, width[0], 0], [0.5, 0, width[1]]]) * 10**power

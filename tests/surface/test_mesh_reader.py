@@ -29,7 +29,7 @@ TYPE_NAMES = {
     "d": ("double", "float64"),
 }
 ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
-quick = settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+quick = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @st.composite

@@ -18,7 +18,7 @@ from pipeline.surface.mesh_reader import read_mesh
 from pipeline.surface.mesh_writer import material_path, texture_path, write_obj, write_ply
 
 SHARED_DATA = Path(__file__).parents[3] / "shared" / "data"
-quick = settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+quick = settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @st.composite
@@ -122,7 +122,6 @@ def test_trimesh_reads_texture_coordinates_per_corner(tmp_path, mesh, seed):
         assert struct.unpack_from("<6f", rows, 38 * index + 14) == tuple(uv[index].ravel().tolist())
 
 
-@settings(deadline=None)
 @given(st.text(st.characters(exclude_characters="/\0", exclude_categories=("Cs",)), min_size=1, max_size=60))
 def test_companions_have_names_that_every_reader_finds(stem):
     """Pure ASCII without spaces, the same for the same name, and the file's own name where that is safe."""

@@ -18,7 +18,7 @@ def scene(seed: int) -> np.ndarray:
     return 120 + 600 * texture
 
 
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 @given(
     u=st.floats(840, 1080), v=st.floats(480, 600), radius=st.floats(420, 800), softness=st.floats(0.8, 5),
     black=st.floats(0, 8), seed=st.integers(0, 5),

@@ -1,7 +1,5 @@
 """DICOM: slices come together by their positions whatever the files are called, and a stack with faults is refused."""
 
-import time
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -24,7 +22,7 @@ def here():
         yield
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(vector=st.tuples(*[st.floats(-3, 3)] * 3), seed=st.integers(0, 99), step=st.floats(0.3, 3))
 def test_a_voxel_is_read_where_it_was_written(here, write_series, tmp_path_factory, vector, seed, step):
     folder = tmp_path_factory.mktemp("series")
@@ -108,10 +106,8 @@ BAD = {
 def test_stacks_with_faults_are_refused_in_a_sentence(here, write_series, tmp_path, name):
     options, expected = BAD[name]
     write_series(tmp_path, **options)
-    begin = time.monotonic()
     with pytest.raises(InputError, match=expected):
         read_volume(tmp_path)
-    assert time.monotonic() - begin < 5
 
 
 @pytest.mark.parametrize(
@@ -137,6 +133,39 @@ def changed(folder, change) -> None:
         dataset = pydicom.dcmread(path)
         change(dataset)
         dataset.save_as(path)
+
+
+def test_each_slice_has_its_own_rescale(here, write_series, tmp_path):
+    """As some scanners choose it to use all bits."""
+    values = write_series(tmp_path)
+
+    def rescale(dataset) -> None:
+        if dataset.InstanceNumber % 2:
+            dataset.RescaleSlope, dataset.RescaleIntercept = 0.5, -100
+
+    changed(tmp_path, rescale)
+    odd = np.random.default_rng(0)
+    odd.integers(0, 3000, values.shape, dtype=np.uint16)
+    odd = odd.permutation(len(values)) % 2 == 1
+    values[odd] = np.rint((values[odd] + 1024) * 0.5 - 100)
+    np.testing.assert_array_equal(read_volume(tmp_path).values, values)
+
+
+@pytest.mark.parametrize(
+    "lost",
+    [
+        {"RescaleSlope": None, "RescaleIntercept": None},
+        {"RescaleIntercept": None},
+        {"RescaleIntercept": ""},
+        {"RescaleSlope": 0},
+    ],
+)
+def test_slices_without_a_rescale_among_others_are_refused(here, write_series, tmp_path, lost):
+    """GDCM takes what such a slice stores for HU."""
+    write_series(tmp_path, SeriesInstanceUID="1.2.3")
+    write_series(tmp_path, 1, number=4, origin=(-10, 20.5, 307.2), SeriesInstanceUID="1.2.3", **lost)
+    with pytest.raises(InputError, match=r"Slope and Intercept in all slices .* 1 of 9 .*\(the first: slice 9, "):
+        read_volume(tmp_path)
 
 
 def test_transfer_syntaxes_that_cannot_be_read_are_named(here, write_series, tmp_path):
@@ -175,7 +204,7 @@ def test_enhanced_damaged_and_single_files_are_refused(here, write_series, tmp_p
         list_series(next((tmp_path / "ct").iterdir()))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     order=st.permutations(range(6)),
     vector=st.tuples(*[st.floats(-3, 3)] * 3),

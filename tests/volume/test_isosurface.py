@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from skimage.measure import marching_cubes
 
-from pipeline.evaluation.trials.surface_accuracy import scanned
 from pipeline.surface.mesh import TriangleMesh
 from pipeline.transforms import rigid, transform_points
 from pipeline.volume.cell_table import EDGES, cell_table
 from pipeline.volume.isosurface import Isosurface, RemovedField, block_surface, isosurface
 from pipeline.volume.volume import VoxelGrid
+from scripts.benchmarks.surface_accuracy import scanned
 
 SEEDS = st.integers(0, 2**32 - 1)
 

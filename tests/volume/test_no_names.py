@@ -144,7 +144,8 @@ def test_no_text_of_a_header_is_ever_reported(here, tmp_path, suffix, fault):
             image.header[field] = SECRET.encode()
         nib.save(image, path)
     elif suffix == ".nrrd":
-        text = f"# {SECRET}\nPatient Name:={SECRET}\nSegment0_ID:={SECRET}\ncontent: {SECRET}\nlabels: "
+        text = f"Segment0_Name:={SECRET}\nSegment0_LabelValue:=1\n"
+        text += f"# {SECRET}\nPatient Name:={SECRET}\nSegment0_ID:={SECRET}\ncontent: {SECRET}\nlabels: "
         text += f'"{SECRET}" "{SECRET}" "{SECRET}"\n' + (f"no such line {SECRET}\n" if fault == "keyword" else "")
         path.write_bytes(path.read_bytes().replace(b"kinds:", text.encode() + b"kinds:", 1))
     else:

@@ -11,7 +11,7 @@ from pipeline.case.structure_colour import OTHER, structure_colour
 from pipeline.errors import InputError
 from pipeline.surface.mesh_reader import read_mesh
 from pipeline.volume.label_map import read_labels
-from pipeline.volume.structures import structure_meshes, structure_name
+from pipeline.volume.structures import name_of_file, structure_meshes, structure_name
 from pipeline.volume.threshold import otsu_threshold
 from pipeline.volume.volume import LabelMap, VoxelGrid
 from pipeline.volume.volume_reader import read_volume
@@ -85,6 +85,18 @@ def test_names_are_those_of_the_anatomy():
         assert structure_name(given) == expected
     for name in ("facial_nerve_left", "chorda_tympani", "malleus", "incus", "stapes", "ossicles"):
         assert structure_colour(name) != OTHER
+
+
+@pytest.mark.parametrize(
+    ("file", "expected"),
+    [
+        ("DOE_JOHN_1970.stl", "structure_1"),
+        ("DOE facial nerve R.ply", "facial_nerve_right"),
+        ("chorda.obj", "structure_1"),
+    ],
+)
+def test_names_of_files_give_the_anatomy_alone(file, expected):
+    assert name_of_file(Path(file), ["chorda_tympani", "structure_2"]) == expected
 
 
 def test_names_that_meet_stay_apart_and_unknown_ones_are_refused():

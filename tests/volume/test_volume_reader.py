@@ -3,7 +3,6 @@
 import gzip
 import itertools
 import struct
-import time
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from pipeline.errors import InputError
 from pipeline.transforms import rotation_from_vector, transform_points
 from pipeline.volume import volume_reader
 from pipeline.volume.volume import Volume
+from pipeline.volume.volume_header import read_header
 from pipeline.volume.volume_reader import read_volume
 
 sitk = pytest.importorskip("SimpleITK")
@@ -50,7 +50,7 @@ def corners(volume: Volume) -> np.ndarray:
     return np.array(list(itertools.product(*[(0.0, count - 1.0) for count in volume.grid.size])))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     suffix=st.sampled_from(FORMATS),
     packed=st.booleans(),
@@ -77,6 +77,28 @@ def test_a_voxel_is_read_where_it_was_written(
     np.testing.assert_allclose(transform_points(volume.grid.mesh_from_index, corners(volume)), wanted, atol=atol)
     if suffix.startswith(".nii"):
         np.testing.assert_allclose(volume.grid.mesh_from_index, LPS_FROM_RAS @ nib.load(path).affine, atol=2e-4)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    axis=st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda axis: np.linalg.norm(axis) > 0.1),
+    half_turn_but=st.one_of(st.floats(0, np.pi), st.floats(1e-5, 2e-3)),
+    mirror=st.sampled_from([-1, 1]),
+    spacing=st.tuples(*[st.floats(0.1, 3)] * 3),
+    origin=st.tuples(*[st.floats(-500, 500)] * 3),
+)
+def test_qform_and_sform_of_one_affine_agree(tmp_path_factory, axis, half_turn_but, mirror, spacing, origin):
+    """The quaternion of half a turn is ill-conditioned in single precision; few voxels, as large as a head."""
+    turn = rotation_from_vector((np.pi - half_turn_but) * np.array(axis) / np.linalg.norm(axis))
+    affine = np.eye(4)
+    affine[:3, :3], affine[:3, 3] = turn * spacing * [1, 1, mirror], origin
+    image = nib.Nifti1Image(voxels().T, None)
+    image.set_qform(affine, 1)
+    image.set_sform(affine, 1)
+    path = tmp_path_factory.mktemp("volume") / "ct.nii"
+    nib.save(image, path)
+    patched(path, 40, "4h", 3, 512, 512, 400)
+    np.testing.assert_allclose(read_header(path).mesh_from_index, LPS_FROM_RAS @ affine, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("metres", [False, True])
@@ -216,6 +238,14 @@ BAD = {
         lambda p: written(p / "a.mha", np.where(voxels() > 0, np.nan, voxels())),
         "NaN or infinity in [0-9,]+ voxels",
     ),
+    "NaN in NIfTI": (
+        lambda p: nifti(p / "a.nii", np.where(voxels().T > 0, np.nan, voxels().T).astype(np.float32)),
+        "NaN or infinity in [0-9]+ voxels",
+    ),
+    "infinity in NIfTI, big-endian": (
+        lambda p: big_endian(p / "a.nii.gz", np.where(voxels().T > 2900, np.inf, voxels().T)),
+        "NaN or infinity in [0-9]+ voxels",
+    ),
     "two dimensions": (lambda p: written(p / "a.nii", voxels((1, 8, 8))), "at least 2 voxels along each of 3 axes"),
     "a flat NIfTI": (lambda p: nifti(p / "a.nii", voxels()[0]), "at least 2 voxels along each of 3 axes"),
     "four dimensions": (lambda p: nifti(p / "a.nii", np.zeros((4, 5, 6, 3), np.int16)), "of 3 dimensions, found 4"),
@@ -243,7 +273,14 @@ BAD = {
         lambda p: text(written(p / "a.nrrd", voxels()), b"(0,0.5", b"(0.1,0.5"),
         "at right angles, found them sheared",
     ),
-    "two orientations": (lambda p: two_orientations(p / "a.nii"), "found two in its header .*mm apart"),
+    "two orientations": (
+        lambda p: two_orientations(p / "a.nii", np.eye(4) + np.outer([20, 0, 0, 0], [0, 0, 0, 1]), 2),
+        "found two: qform and sform place voxels up to 20.0 mm apart; keep .*set_sform",
+    ),
+    "left and right exchanged in one of two": (
+        lambda p: two_orientations(p / "a.nii.gz", np.diag([-1, 1, 1, 1]), 1),
+        "qform and sform place voxels up to 5.0 mm apart, and one mirrors the other",
+    ),
     "cut off": (lambda p: cut(nifti(p / "a.nii"), 0.7), r"expected 240 bytes .* found .*cut off"),
     "cut off and compressed": (lambda p: cut(written(p / "a.nii.gz", voxels(), True), 0.7), "was cut off"),
     "cut off NRRD": (lambda p: cut(written(p / "a.nrrd", voxels((9, 30, 30)), True), 0.7), "was cut off"),
@@ -279,12 +316,17 @@ def vector(path: Path) -> Path:
     return path
 
 
-def two_orientations(path: Path) -> Path:
-    """ITK takes the one, nibabel the other."""
-    image = nib.Nifti1Image(voxels().T, np.diag([0.5, 0.5, 0.5, 1]))
+def two_orientations(path: Path, sform_from_qform: np.ndarray, code: int) -> Path:
+    """Of different codes, ITK takes the one and nibabel the other; of equal ones, both take sform."""
+    image = nib.Nifti1Image(voxels().T, None)
     image.set_qform(np.diag([0.5, 0.5, 0.5, 1]), 1)
-    image.set_sform(np.diag([0.5, 0.5, 0.5, 1]) + np.outer([20, 0, 0, 0], [0, 0, 0, 1]), 2)
+    image.set_sform(sform_from_qform @ np.diag([0.5, 0.5, 0.5, 1]), code)
     nib.save(image, path)
+    return path
+
+
+def big_endian(path: Path, values: np.ndarray) -> Path:
+    nib.save(nib.Nifti1Image(values, np.eye(4), nib.Nifti1Header(endianness=">")), path)
     return path
 
 
@@ -307,10 +349,8 @@ def nifti2(path: Path) -> Path:
 def test_bad_files_are_refused_in_a_sentence(here, tmp_path, name):
     make, expected = BAD[name]
     path = make(tmp_path)
-    begin = time.monotonic()
     with pytest.raises(InputError, match=expected):
         read_volume(path)
-    assert time.monotonic() - begin < 5
 
 
 @pytest.mark.skipif(not (DATA / "head_ct").is_dir(), reason="needs the test data beside the project")

@@ -88,7 +88,7 @@ class Hands:
 
     # --- waiting ----------------------------------------------------------------------------------------------------
 
-    def until(self, condition: Callable[[], object], what: str, timeout_s: float = 20.0) -> Action:
+    def until(self, condition: Callable[[], object], what: str, timeout_s: float = 300.0) -> Action:
         """Wait until a condition holds; ``what`` names it in the message of a failure."""
         end = time.monotonic() + timeout_s
         while not condition():
@@ -100,7 +100,7 @@ class Hands:
         """Wait until the 3D view has been drawn again."""
         drawn = self._draws
         self.area.tag_redraw()
-        yield from self.until(lambda: self._draws > drawn, "a redraw of the 3D view", timeout_s=60)
+        yield from self.until(lambda: self._draws > drawn, "a redraw of the 3D view")
         yield LOOP_S
 
     # --- pointer and keys -------------------------------------------------------------------------------------------

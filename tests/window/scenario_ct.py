@@ -8,7 +8,6 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 PACKAGE = "bl_ext.user_default.oneframe"
-TIMEOUT_S = 400
 SIZE, SPACING = (49, 49, 45), 0.6
 
 

@@ -33,7 +33,7 @@ def scenario(user):
         bpy.ops.oneframe.project_colour("INVOKE_DEFAULT", mode="texture")
     yield 1.0
     yield from user.picture("2_colouring")
-    yield from user.until(lambda: "oneframe_colour" in surface, "the colours", timeout_s=60)
+    yield from user.until(lambda: "oneframe_colour" in surface, "the colours")
     yield from user.redraw()
     assert bpy.data.is_dirty, "colours are a change that Blender asks about before it quits"
     with user.context():
@@ -90,7 +90,7 @@ def scenario(user):
     assert background_job.current().check(), "the run goes on until the user answers"
     with user.context():
         bpy.ops.oneframe.cancel_dataset()
-    yield from user.until(lambda: not background_job.current().running, "the end of the run", timeout_s=30)
+    yield from user.until(lambda: not background_job.current().running, "the end of the run")
     assert user.case.read_bytes() == text
     assert (user.folder / "dataset.case.toml").is_file()
 

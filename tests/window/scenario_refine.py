@@ -40,7 +40,7 @@ def scenario(user):
     yield from user.picture("1_by_landmarks")
 
     yield from user.key("F", user.middle())
-    yield from user.until(lambda: not np.array_equal(pose(), by_landmarks), "a refined pose", timeout_s=90)
+    yield from user.until(lambda: not np.array_equal(pose(), by_landmarks), "a refined pose")
     refined = pose()
     yield from user.picture("2_preview")
     yield from user.key("SPACE")
@@ -89,7 +89,7 @@ def scenario(user):
     yield from user.redraw()
     start = pose()
     yield from user.key("F", user.middle())
-    yield from user.until(lambda: not np.array_equal(pose(), start), "a refused pose", timeout_s=90)
+    yield from user.until(lambda: not np.array_equal(pose(), start), "a refused pose")
     refused = pose()
     yield from user.picture("5_refused")
     yield from user.key("RET")

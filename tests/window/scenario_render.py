@@ -43,11 +43,11 @@ def scenario(user):
     settings.dataset.count, settings.dataset.scale = VIEWS, 0.25
     with user.context():
         bpy.ops.oneframe.render_dataset()
-    yield from user.until(lambda: len(views(out)) >= 3, "views of the running job", timeout_s=90)
+    yield from user.until(lambda: len(views(out)) >= 3, "views of the running job")
     yield from user.picture("4_running")
     with user.context():
         bpy.ops.oneframe.cancel_dataset()
-    yield from user.until(lambda: not running(), "the job to end", timeout_s=30)
+    yield from user.until(lambda: not running(), "the job to end")
     kept = views(out)
     assert 3 <= len(kept) < VIEWS
     yield 1.0
@@ -56,7 +56,7 @@ def scenario(user):
 
     with user.context():
         bpy.ops.oneframe.render_dataset()
-    yield from user.until(lambda: not running(), "the dataset to be finished", timeout_s=240)
+    yield from user.until(lambda: not running(), "the dataset to be finished")
     assert len(views(out)) == VIEWS
     assert kept.items() <= views(out).items(), "views were rendered twice"
     assert json.loads((out / "dataset.json").read_text())["count"] == VIEWS
@@ -74,7 +74,7 @@ def change_the_surface_meanwhile(user, scene):
     other = next((user.case.parent / "structures").glob("*.ply"))
     with user.context():
         assert bpy.ops.oneframe.load_surface("EXEC_DEFAULT", filepath=str(other)) == {"FINISHED"}
-    yield from user.until(lambda: not user.window.modal_operators, "colouring to end", timeout_s=60)
+    yield from user.until(lambda: not user.window.modal_operators, "colouring to end")
     assert colour_record(scene.oneframe.surface) is None
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import x11_capture
 
 PACKAGE = "bl_ext.user_default.oneframe"
-TIMEOUT_S = 300
 KINDS = ("clear", "tool", "clear", "blur", "clear", "glare", "clear")
 EACH = 7
 SIZE_WH = 480, 360

@@ -34,7 +34,6 @@ def install_extension(blender: str, extension_zip: Path, resources: Path) -> Non
         [blender, "--command", "extension", "install-file", "-r", "user_default", extension_zip],
         capture_output=True,
         text=True,
-        timeout=120,
         check=False,
         env=os.environ | {"BLENDER_USER_RESOURCES": str(resources)},
     )

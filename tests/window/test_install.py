@@ -17,7 +17,6 @@ def test_the_program_installs_and_removes_it(blender, extension_zip, tmp_path):
             [blender, "--command", "extension", *arguments],
             capture_output=True,
             text=True,
-            timeout=120,
             check=False,
             env=os.environ | {"BLENDER_USER_RESOURCES": str(own)},
         )

@@ -194,15 +194,23 @@ class User(Hands):
 
     def choose_file(self, path: Path) -> Action:
         """Choose a file in the file selector; waits for it to open."""
-        yield from self.until(lambda: self._selector() and self._selector().spaces.active.params, "a file selector")
-        yield 0.3
-        selector = self._selector()
+        selector = yield from self.file_selector()
         parameters = selector.spaces.active.params
         parameters.directory, parameters.filename = str(path.parent).encode(), path.name
-        yield 0.3
+        yield from self.accept_file()
+
+    def accept_file(self) -> Action:
+        """Accept the file that the file selector suggests; waits for it to open."""
+        selector = yield from self.file_selector()
         yield from self.key("RET", (selector.x + selector.width / 2, selector.y + selector.height / 2))
-        yield from self.until(lambda: not self._selector(), "the file selector to close", timeout_s=60)
+        yield from self.until(lambda: not self._selector(), "the file selector to close")
         yield from self.redraw()
+
+    def file_selector(self) -> Generator[float, None, bpy.types.Area]:
+        """The file selector, once it is open."""
+        yield from self.until(lambda: self._selector() and self._selector().spaces.active.params, "a file selector")
+        yield 0.3
+        return self._selector()
 
     def _selector(self) -> bpy.types.Area | None:
         return next((area for area in self.window.screen.areas if area.type == "FILE_BROWSER"), None)

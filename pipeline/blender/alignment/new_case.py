@@ -94,8 +94,8 @@ class CaseInputs:
         return files | {f"structure {structure.name}": structure.mesh for structure in folder.structures}
 
 
-def make_case(given: CaseInputs, out: Path) -> Iterator[str]:
-    """Check everything, then write the folder ``out``.
+def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]:
+    """Check everything, then write the folder ``out``; ``overwrite`` replaces another frame or surface in it.
 
     Yields
     ------
@@ -148,7 +148,7 @@ def make_case(given: CaseInputs, out: Path) -> Iterator[str]:
         *(kept_mesh(each.mesh, out / structure_file(each.name)) for each in surface.structures),
         kept_case(case),
     ]
-    keep_files(files, inputs)
+    keep_files(files, inputs, instead="" if overwrite else "choose another folder, or replace it with --overwrite")
     yield f"case: {case.path}"
     # as every other command reads it
     picture = signed(encode_png(to_uint8(_overlay(load_case(read_case(case.path), aligned=False)))))

@@ -67,12 +67,6 @@ def set_vertex_colors(mesh_object: bpy.types.Object, name: str, rgba: np.ndarray
     attribute.data.foreach_set("color", np.ascontiguousarray(rgba, dtype=np.float32).ravel())
 
 
-def set_corner_flags(mesh_object: bpy.types.Object, name: str, flags: np.ndarray) -> None:
-    """Store ``(F, 3)`` bool as a colour attribute of the triangles' corners: white or black."""
-    attribute = mesh_object.data.color_attributes.new(name, "BYTE_COLOR", "CORNER")
-    attribute.data.foreach_set("color", np.repeat(flags.ravel(), 4).astype(np.float32))
-
-
 def set_corner_uv(mesh_object: bpy.types.Object, name: str, uv: np.ndarray) -> None:
     """Store ``(F, 3, 2)`` texture coordinates (origin bottom-left) as a UV map."""
     layer = mesh_object.data.uv_layers.new(name=name, do_init=False)

@@ -7,7 +7,6 @@ IS_5 = bpy.app.version >= (5, 0, 0)
 ENGINE_IDS = {
     "cycles": "CYCLES",
     "eevee": "BLENDER_EEVEE" if IS_5 else "BLENDER_EEVEE_NEXT",
-    "workbench": "BLENDER_WORKBENCH",
 }
 """The project's name of an engine -> Blender's."""
 

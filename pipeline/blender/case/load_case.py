@@ -12,14 +12,11 @@ from ...case.loaded_case import LoadedCase, check_pose, load_surface
 from ...case.precision import precision_doubts
 from ...case.surface_size import extents_of, size_doubt
 from ...errors import InputError
-from ...surface.mesh import TriangleMesh
 from ...surface.mesh_reader import read_mesh
 from ..bridge.image import read_image
 
 
-def load_case(
-    case: Case, *, aligned: bool = True, surface: tuple[TriangleMesh, np.ndarray] | None = None
-) -> LoadedCase:
+def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
     """Open the files of a case and check that they fit together.
 
     Parameters
@@ -28,8 +25,6 @@ def load_case(
         The case.
     aligned
         False accepts any pose: use it before the alignment.
-    surface
-        A mesh to use instead of the file's, model frame, mm, and ``mesh_from_model`` (4x4, mm).
 
     Raises
     ------
@@ -38,7 +33,7 @@ def load_case(
         behind the camera, outside the frame or at an implausible distance.
     """
     image, valid = load_frame(case.image, case.camera, case.distortion, name=case.path.name)
-    mesh, mesh_from_model, messages = (*surface, []) if surface else load_surface(case.mesh, case.mm_per_unit)
+    mesh, mesh_from_model, messages = load_surface(case.mesh, case.mm_per_unit)
     cam_from_model = case.cam_from_mesh @ mesh_from_model
     doubt = size_doubt(extents_of(mesh), UNIT_OF[case.mm_per_unit], case.camera, case.mesh.name)
     messages = messages if doubt is None else [*messages, doubt.message]

@@ -1,7 +1,7 @@
 """The reference view: the aligned frame as a source of colour, and the surface that it saw.
 
 Datasets take the surface from a render, by the ray tracer of their views. Coloured surfaces for the viewport and for
-files take it from a z-buffer in double precision, which needs no Blender. The two depths agree to the rounding of
+files take it from a z-buffer in double precision, which needs no Blender. The depths agree to the rounding of
 single precision, except at the few pixels whose centre lies on the outline of a surface to that rounding. A colour
 depends on the depth only through the question whether the frame saw its point, so the colours are the same.
 """
@@ -11,20 +11,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...colour.fill import filled_colours
+from ...colour.ray_tracer import RayTracer
+from ...colour.shading import SurfaceColour
 from ...colour.source_view import SourceView
 from ...colour.texture_atlas import TextureAtlas, bake_atlas, classify_faces
 from ...colour.vertex_colours import VertexColours, colour_vertices
-from ...dataset.view import RenderedView
 from ...errors import InputError
+from ...projection.rays import MeshRays
 from ...projection.visible_surface import most_central
 from ...projection.z_buffer import DepthRaster, inverse_depth_map, is_within_limits, rasterise_depth
 from ...surface.mesh import TriangleMesh
 from ...transforms import camera_centre, inverse_rigid, transform_points
 from ..render.engines import render_view
-from ..render.material import SurfaceColour
 from ..render.surface_scene import SurfaceScene
 
 CLASSIFIED = 0.45
@@ -46,8 +46,8 @@ class ReferenceView:
         ``(3,)`` mm: the surface point at the centre of the visible surface; pose distributions use it as pivot.
     messages
         Messages for the user.
-    raster
-        The z-buffer of the view if it comes from one; its faces are those of ``mesh``.
+    raster, rays
+        The z-buffer of the view, or what casts rays at ``mesh``, if it comes from one.
     """
 
     mesh: TriangleMesh
@@ -55,17 +55,25 @@ class ReferenceView:
     pivot_model: np.ndarray
     messages: tuple[str, ...]
     raster: DepthRaster | None = None
+    rays: MeshRays | None = None
 
 
-def reference_view_of(loaded: LoadedCase) -> ReferenceView:
-    """Render the frame's own pose to find the surface that it saw.
+def reference_view_of(loaded: LoadedCase, engine: str = "cycles") -> ReferenceView:
+    """Render the frame's own pose to find the surface that it saw: by ``"raster"`` if that is the engine, or Cycles.
 
     Raises
     ------
     InputError
-        No pixel of the frame shows the surface.
+        No pixel of the frame shows the surface, or there is no such engine here.
     """
-    seen = _geometry(loaded.mesh, loaded.case.camera, loaded.cam_from_model)
+    mesh, camera, pose = loaded.mesh, loaded.case.camera, loaded.cam_from_model
+    if engine == "raster":
+        rays = MeshRays(mesh)
+        seen = RayTracer(mesh, camera, None, rays=rays).render(pose)
+        view = _view_of(loaded, seen.depth_mm, seen.observed)
+        return replace(view, rays=rays) if view.mesh is mesh else view
+    with SurfaceScene(mesh, camera, None) as surface_scene:
+        seen = render_view(surface_scene, pose)
     return _view_of(loaded, seen.depth_mm, seen.observed)
 
 
@@ -213,8 +221,3 @@ def vertex_colours_of(source: ReferenceView) -> tuple[VertexColours, list[str]]:
         f"{spacing_px:.1f} px apart (median): detail finer than that is lost"
     )
     return colours, [message]
-
-
-def _geometry(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> RenderedView:
-    with SurfaceScene(mesh, camera, None) as surface_scene:
-        return render_view(surface_scene, cam_from_model)

@@ -15,7 +15,7 @@ from ...dataset.pose_tables import POSE_COLUMNS, pose_cells
 from ...dataset.survey import Tally
 from ...dataset.view_tables import scene_records, write_view_tables
 from ...errors import RunError
-from ...files.content import create_folder, write_bytes_atomically
+from ...files.content import create_folder, read_file, write_bytes_atomically
 from ...files.tables import write_csv
 from ...images.contact_sheet import contact_sheet
 from ...images.pixel_values import to_uint8
@@ -32,7 +32,7 @@ SHEET_VIEWS, SHEET_COLUMNS, SHEET_TILE_PX = 24, 6, 240
 
 def write_model_files(job: OpenJob, renderer: ViewRenderer) -> None:
     """Write ``camera.json`` and ``models/``, which are known before the first view."""
-    out, source = job.job.out, job.model_of(renderer)
+    out, source = job.job.out, renderer.source
     write_camera(out, renderer.camera, renderer.depth_scale)
     colours = colour_vertices(source.mesh, source.view)
     write_models(out, source.mesh, to_uint8(colours.rgb))
@@ -65,7 +65,7 @@ def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
     RunError
         A record is missing, damaged or of another run.
     """
-    out, camera, mesh = job.job.out, renderer.camera, job.model_of(renderer).mesh
+    out, camera, mesh = job.job.out, renderer.camera, renderer.source.mesh
     depth_scale = renderer.depth_scale
     tally = write_view_tables(
         out,
@@ -102,7 +102,7 @@ def video_to_render(job: OpenJob, files: FileSurvey) -> int | None:
 
 
 def _video_frames(poses: Path) -> int:
-    return poses.read_bytes().count(b"\n") - 1
+    return read_file(poses).count(b"\n") - 1
 
 
 def write_trajectory_video(job: OpenJob, renderer: ViewRenderer, frames: int, progress: Progress) -> Path:

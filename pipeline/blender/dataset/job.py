@@ -1,7 +1,6 @@
 """The dataset job: from a case and options to a complete dataset on disk, in any number of processes, resumable."""
 
 import errno
-import os
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -17,18 +16,16 @@ from ...case.loaded_case import LoadedCase
 from ...dataset import layout
 from ...dataset.description import POSES, describe, input_files, object_name
 from ...dataset.folder import Shard
-from ...dataset.identity import geometry_hash, identity_of
+from ...dataset.identity import identity_of
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
-from ...dataset.quality import Setting
 from ...dataset.view import RenderedSample, write_view
 from ...errors import RunError
 from ...files.content import hashed_reading
 from ...poses.pose_file import read_poses
 from ..case.load_case import load_case
-from ..colour.reference_view import ReferenceView, colouring_view_of, reference_view_of
+from ..colour.reference_view import reference_view_of
 from ..process import STDOUT
-from .reduced_surface import KeptSurface, rendered_mesh, rendered_view_of
 from .view_renderer import ViewRenderer
 
 IN_FLIGHT = 3
@@ -73,10 +70,6 @@ class OpenJob:
         Messages about what was corrected.
     inputs_sha256
         SHA-256 of the bytes that were read of each input, by its name.
-    setting
-        How views are rendered, if the quality is not ``exact``.
-    kept
-        The reduced surface of the setting, if it takes the place of the one given in ``loaded``.
     """
 
     job: Job
@@ -84,8 +77,6 @@ class OpenJob:
     given_poses: np.ndarray | None
     messages: tuple[str, ...]
     inputs_sha256: Mapping[str, str]
-    setting: Setting | None = None
-    kept: KeptSurface | None = None
 
     @property
     def count(self) -> int:
@@ -104,35 +95,9 @@ class OpenJob:
 
     def renderer(self, *, threads: int) -> ViewRenderer:
         """Create the renderer of this job's views, with this number of render threads."""
-        setting = self.setting
-        if setting is None:
-            source = reference_view_of(self.loaded)
-        else:
-            mesh = self.loaded.mesh if self.kept else rendered_mesh(self.loaded.mesh, setting, self.job.out)
-            source = rendered_view_of(self.loaded, setting.pivot_model, mesh)
-        return ViewRenderer(
-            self.loaded,
-            source,
-            self.job.options,
-            self.given_poses,
-            setting=setting,
-            radius_mm=self.radius_mm,
-            identity=self.identity,
-            threads=threads,
-        )
-
-    def model_of(self, renderer: ViewRenderer) -> ReferenceView:
-        """The view of the surface as given, which is the dataset's model, whatever surface the views are of."""
-        return renderer.source if self.setting is None else self._given_view
-
-    @cached_property
-    def _given_view(self) -> ReferenceView:
-        return colouring_view_of(self.loaded)
-
-    @property
-    def radius_mm(self) -> float:
-        """The radius of the surface as given, about the origin of the model frame."""
-        return self.kept.radius_mm if self.kept else self.loaded.mesh.radius
+        options = self.job.options
+        source = reference_view_of(self.loaded, options.engine)
+        return ViewRenderer(self.loaded, source, options, self.given_poses, identity=self.identity, threads=threads)
 
     @cached_property
     def identity(self) -> str:
@@ -148,21 +113,11 @@ class OpenJob:
             self.given_poses,
             hashes=self.inputs_sha256,
             blender=bpy.app.version_string,
-            radius_mm=self.radius_mm,
-            geometry_sha256=self.kept.geometry_sha256 if self.kept else geometry_hash(self.loaded.mesh),
-            setting=self.setting,
         )
 
 
-def open_job(job: Job, kept: KeptSurface | None = None) -> OpenJob:
+def open_job(job: Job) -> OpenJob:
     """Read and check all inputs of a job; its case file has been read before.
-
-    Parameters
-    ----------
-    job
-        The job.
-    kept
-        A reduced surface that makes it needless to read the one given.
 
     Raises
     ------
@@ -173,14 +128,12 @@ def open_job(job: Job, kept: KeptSurface | None = None) -> OpenJob:
     given_poses: np.ndarray | None = None
     messages: list[str] = []
     with hashed_reading() as hashes:
-        loaded = load_case(case, surface=(kept.mesh, kept.mesh_from_model) if kept else None)
+        loaded = load_case(case)
         if POSES in files:
             given_poses, messages = read_poses(
                 files[POSES], mesh_from_model=loaded.mesh_from_model, mm_per_unit=case.mm_per_unit
             )
-    known = {case.mesh: kept.file_sha256} if kept else {}
-    sums = {name: known.get(path) or hashes[path] for name, path in files.items()}
-    return OpenJob(job, loaded, given_poses, tuple(messages), sums, kept=kept)
+    return OpenJob(job, loaded, given_poses, tuple(messages), {name: hashes[path] for name, path in files.items()})
 
 
 def render_views(
@@ -239,8 +192,3 @@ def write_error(error: OSError, out: Path) -> RunError:
         f"{out}: cannot write {error.filename or 'a file'} ({error.strerror}); "
         "the views finished so far are safe: fix the cause and run the same command again"
     )
-
-
-def available_cores() -> int:
-    """Number of processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

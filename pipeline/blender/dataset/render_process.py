@@ -10,13 +10,14 @@ import queue
 import subprocess
 import sys
 import threading
-import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TextIO
 
+from ...errors import InputError, RunError
+from ..command_line import EXIT_INPUT, EXIT_RUN
 from ..process import end_process
 
 _READY, _FINISHED = "ready", "finished: "
@@ -36,6 +37,12 @@ class Ending:
     def how(self) -> str:
         """A clause: "was killed by signal 9", "ended with code 1"."""
         return f"was killed by signal {-self.code}" if self.code < 0 else f"ended with code {self.code}"
+
+    @property
+    def error(self) -> InputError | RunError | None:
+        """The error that it reported, if it ended by one."""
+        kind = {EXIT_INPUT: InputError, EXIT_RUN: RunError}.get(self.code)
+        return None if kind is None else kind(self.last)
 
 
 class RenderProcess:
@@ -59,15 +66,13 @@ class RenderProcess:
             errors="replace",
             env=None if environment is None else os.environ | environment,
         )
-        self.started = time.monotonic()
-        self.ready_since: float | None = None
-        """When its scene was built; ``None`` before."""
+        self.is_ready = False
+        """Whether its scene is built."""
         self.assigned: deque[int] = deque()
         """Views that it has not finished, in its order."""
         self.has_ended = False
         """Whether it has ended and all that it answered has been read."""
-        self.seconds_per_view: float | None = None
-        """Mean time of a view, as its user has measured it."""
+        self._begun = threading.Event()
         self._answers: queue.SimpleQueue[int | None] = queue.SimpleQueue()
         self._errors: deque[str] = deque(maxlen=20)
         self._readers = [threading.Thread(target=read, daemon=True) for read in (self._read, self._collect)]
@@ -85,6 +90,12 @@ class RenderProcess:
         except (BrokenPipeError, ValueError):
             # it died, and its exit code says more; or it no longer reads its input, so end it
             self.kill()
+
+    def wait_until_ready(self, seconds: float) -> bool:
+        """Wait until its scene is built, for this time at most; whether it is."""
+        if self._begun.wait(seconds) and not self.is_ready:
+            self.has_ended = True
+        return self.is_ready
 
     def wait_for_view(self, seconds: float | None = None) -> int | None:
         """The next view that is on disk; ``None`` if the process has ended, or after this time."""
@@ -128,9 +139,11 @@ class RenderProcess:
         for line in self._process.stdout or ():
             if line.startswith(_FINISHED):
                 self._answers.put(int(line.removeprefix(_FINISHED)))
-            elif line.rstrip() == _READY and self.ready_since is None:
-                self.ready_since = time.monotonic()
+            elif line.rstrip() == _READY:
+                self.is_ready = True
+                self._begun.set()
         self._answers.put(None)
+        self._begun.set()
 
     def _collect(self) -> None:
         self._errors.extend(self._process.stderr or ())

@@ -1,4 +1,7 @@
-"""A dataset's views, video frames and other files rendered again from its case, to be compared with those on disk."""
+"""A dataset's views, video frames and other files rendered again from its case, to be compared with those on disk.
+
+Views of ``--engine raster`` are proven by Cycles.
+"""
 
 import json
 import tempfile
@@ -15,11 +18,12 @@ from ...dataset.differences import POSES_HASH
 from ...dataset.folder import Shard
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions, checked_options
-from ...dataset.quality import setting_in
-from ...images.pixel_values import to_uint8
+from ...dataset.view import RenderedSample
+from ...files.processors import available_cores
 from ..render.engines import check_engine
+from ..render.video import write_video
 from . import finish
-from .job import Job, OpenJob, available_cores, open_job
+from .job import Job, OpenJob, open_job
 
 
 class CaseRenderer:
@@ -48,23 +52,27 @@ class CaseRenderer:
         check_engine(options.engine)
         # the dataset itself is never written to
         self._folder = tempfile.TemporaryDirectory(prefix="oneframe-check-")
-        self._opened: OpenJob = replace(
-            open_job(Job(case, Path(self._folder.name), options, Shard())), setting=setting_in(content, "dataset.json")
-        )
+        self._opened: OpenJob = open_job(Job(case, Path(self._folder.name), options, Shard()))
         self.description: dict[str, Any] = json.loads(json.dumps(self._opened.description))
-        self._renderer = self._opened.renderer(threads=available_cores())
+        self.same_renderer = options.engine != "raster"
+        self._renderer = self._prover = self._opened.renderer(threads=available_cores())
+        if not self.same_renderer:
+            by_cycles = replace(self._opened.job, options=replace(options, engine="cycles"))
+            self._prover = replace(self._opened, job=by_cycles).renderer(threads=available_cores())
 
     def __enter__(self) -> "CaseRenderer":
         return self
 
     def __exit__(self, *_: object) -> None:
         self._renderer.__exit__()
+        self._prover.__exit__()
         self._folder.cleanup()
 
     def view(self, index: int) -> tuple[dict[str, bytes], dict[str, Any]]:
         """The files of a view, by kind, and the object of its record."""
-        paths = ViewPaths(Path(self._folder.name), index)
-        files, record = self._renderer.encode(paths, self._renderer.make(index))
+        paths, planned = ViewPaths(Path(self._folder.name), index), self._renderer.plan(index)
+        sample = RenderedSample(planned, self._prover.render(planned.cam_from_model))
+        files, record = self._renderer.encode(paths, sample)
         return files, json.loads(json.dumps(record.to_json()))
 
     def files(self) -> dict[str, bytes]:
@@ -77,7 +85,7 @@ class CaseRenderer:
             self._opened.object_name,
             self._opened.count,
             renderer.camera,
-            self._opened.model_of(renderer).mesh,
+            renderer.source.mesh,
             renderer.depth_scale,
         )
         return {path.relative_to(root).as_posix(): path.read_bytes() for path in root.rglob("*") if path.is_file()}
@@ -86,9 +94,9 @@ class CaseRenderer:
         """``(frames, 4, 4)`` poses of a video of so many frames, mm."""
         return self._renderer.video_poses(frames)
 
-    def picture(self, cam_from_model: np.ndarray) -> np.ndarray:
-        """``(H, W, 3)`` uint8 view from a pose (4x4, mm)."""
-        return to_uint8(self._renderer.render(cam_from_model).rgb)
+    def write_video(self, path: Path, poses: np.ndarray) -> None:
+        """Write the views from ``(N, 4, 4)`` poses, mm, as a video, encoded as the dataset's."""
+        write_video(path, (self._prover.render(pose).rgb for pose in poses))
 
 
 def _options(case: Case, content: Mapping[str, Any], poses: Path | None) -> DatasetOptions:

@@ -3,25 +3,21 @@
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TextIO
 
 from ...dataset.checksums import FileSurvey, survey_files
 from ...dataset.folder import RunFolder
-from ...dataset.identity import check_description, geometry_hash
+from ...dataset.identity import check_description
 from ...dataset.layout import RECORD, VIDEO_FILES, other_files, view_kinds
-from ...dataset.missing_views import MissingViews, ViewPool
-from ...dataset.quality import Setting, stored_setting
-from ...dataset.survey import Survey, Tally, recorded_views, survey_views
+from ...dataset.missing_views import Elsewhere, MissingViews
+from ...dataset.survey import Survey, Tally, survey_views, unrecorded_views
 from ...dataset.view_ranges import view_ranges
-from ...errors import RunError
+from ...files.processors import available_cores
 from ...progress import LINE_SECONDS, Progress
-from ...surface.mesh import TriangleMesh
 from ..render.engines import check_engine, keep_freed_memory
 from . import finish
-from .job import Job, OpenJob, available_cores, open_job, render_views, write_error
-from .quality import choose_setting
-from .reduced_surface import KeptSurface, keep_surface, kept_surface, rendered_mesh
+from .job import Job, OpenJob, open_job, render_views, write_error
 from .render_process import assigned_views, report_finished, report_ready
 from .view_renderer import ViewRenderer
 from .workers import WorkerPool
@@ -37,7 +33,7 @@ def run(
     stream: TextIO,
     verify: bool = False,
     progress_seconds: float = LINE_SECONDS,
-    pool: ViewPool | None = None,
+    elsewhere: Elsewhere | None = None,
 ) -> None:
     """Render the missing views of a job and, when the dataset is complete, write its tables.
 
@@ -55,7 +51,7 @@ def run(
         Compare the hashes of all existing files, not only their sizes.
     progress_seconds
         Time between lines of progress where there is no terminal.
-    pool
+    elsewhere
         Renders the views in place of this process and ``workers`` others.
 
     Raises
@@ -65,13 +61,9 @@ def run(
     RunError
         The folder is in use or holds another dataset, or a file cannot be written. Finished views are kept.
     """
-
-    def report(message: str) -> None:
-        stream.write(message + "\n")
-        stream.flush()
-
+    report = _reporter(stream)
     check_engine(job.options.engine)
-    opened, mesh = _with_setting(open_job(job), report)
+    opened = open_job(job)
     with RunFolder(job.out, opened.description, job.shard, poses=opened.given_poses) as folder:
         try:
             found = _survey(opened, verify=verify)
@@ -79,8 +71,7 @@ def run(
                 report(message)
             tally: Tally | None = found.views.tally
             if found.missing or not found.has_tables or found.video_frames is not None:
-                _keep_surface(opened, mesh)
-                tally = _render_missing(opened, found, workers, worker_command, report, stream, progress_seconds, pool)
+                tally = _render_missing(opened, found, workers, worker_command, stream, progress_seconds, elsewhere)
         except OSError as error:
             raise write_error(error, job.out) from error
         if tally is not None:
@@ -95,35 +86,12 @@ def run(
         )
 
 
-def _with_setting(opened: OpenJob, report: Report) -> tuple[OpenJob, TriangleMesh | None]:
-    """The job with the setting of its dataset, or a new one, and the mesh if it is known."""
-    options = opened.job.options
-    if options.quality == "exact":
-        return opened, None
-    setting = _stored(opened.job)
-    if setting is not None:
-        return replace(opened, setting=setting), None
-    choice = choose_setting(opened.loaded, options, opened.given_poses, threads=available_cores(), report=report)
-    report(choice.message)
-    return replace(opened, setting=choice.setting), choice.mesh
+def _reporter(stream: TextIO) -> Report:
+    def report(message: str) -> None:
+        stream.write(message + "\n")
+        stream.flush()
 
-
-def _keep_surface(opened: OpenJob, mesh: TriangleMesh | None) -> None:
-    """Keep the reduced surface of a job's setting for its processes, made again if it is not known."""
-    given, setting, out = opened.loaded, opened.setting, opened.job.out
-    if setting is None or setting.mesh_tolerance_mm == 0 or kept_surface(setting, out) is not None:
-        return
-    mesh = rendered_mesh(given.mesh, setting, out) if mesh is None else mesh
-    geometry, file = geometry_hash(given.mesh), opened.inputs_sha256["surface"]
-    keep_surface(KeptSurface(mesh, given.mesh_from_model, opened.radius_mm, geometry, file), setting, out)
-
-
-def _stored(job: Job) -> Setting | None:
-    """The setting of the dataset in the folder, which a run with a quality other than ``exact`` takes over."""
-    try:
-        return stored_setting(job.out) if job.options.quality != "exact" else None
-    except OSError as error:
-        raise RunError(f"{job.out}: cannot read {RECORD} ({error.strerror}); choose another folder (--out)") from None
+    return report
 
 
 @dataclass(frozen=True)
@@ -193,21 +161,18 @@ def _render_missing(
     found: _Found,
     workers: int,
     worker_command: Sequence[str],
-    report: Report,
     stream: TextIO,
     progress_seconds: float,
-    elsewhere: ViewPool | None,
+    elsewhere: Elsewhere | None,
 ) -> Tally | None:
     """Render what is missing, and write the tables and the video; sums over all views if the dataset is complete."""
-    out, total = opened.job.out, len(found.views.finished) + len(found.missing)
+    total, report = len(found.views.finished) + len(found.missing), _reporter(stream)
     workers = 1 if elsewhere else min(workers or available_cores(), max(1, len(found.missing)))
     keep_freed_memory()
     shown = Progress(total, "views", finished=len(found.views.finished), stream=stream, line_seconds=progress_seconds)
     with shown as progress:
         pool = WorkerPool(() if elsewhere else found.missing, lambda _index: progress.advance())
         try:
-            if elsewhere and found.missing:
-                elsewhere.start(_missing_views(opened, found), progress)
             pool.start(worker_command, workers - 1)
             with opened.renderer(threads=_threads(workers)) as renderer:
                 for message in (*opened.messages, *renderer.messages):
@@ -218,16 +183,10 @@ def _render_missing(
                     progress.note(doubt)
                 if found.missing or not found.has_tables:
                     finish.write_model_files(opened, renderer)
-                    are_here = True
                     if elsewhere and found.missing:
-                        are_here = elsewhere.wait()
-                    else:
-                        render_views(renderer, out, pool.views(), lambda _index: progress.advance())
+                        elsewhere(_missing_views(opened, found), progress)
+                    render_views(renderer, opened.job.out, pool.views(), lambda _index: progress.advance())
                     progress.close()
-                    for message in elsewhere.messages if elsewhere else ():
-                        report(message)
-                    if not are_here:
-                        return None
                     tally = _write_tables(opened, renderer, report)
                     # the description is written by the folder, which forgets its sum
                     written += set(other_files(opened.count)) - {RECORD}
@@ -245,8 +204,6 @@ def _render_missing(
                     finish.write_sums(opened, written=written, rendered=found.missing, video=video)
         finally:
             pool.stop()
-            if elsewhere:
-                elsewhere.stop()
     for message in pool.messages:
         sys.stderr.write(message + "\n")
     return tally
@@ -256,7 +213,7 @@ def _write_tables(opened: OpenJob, renderer: ViewRenderer, report: Report) -> Ta
     """Write the tables if all views of the dataset exist; sums over the views, or ``None`` if some are missing."""
     out, count = opened.job.out, opened.count
     complete = len(opened.views) == count
-    if not complete and recorded_views(out, count) == count:
+    if not complete and not unrecorded_views(out, count):
         others = _survey_views(opened, range(count))
         complete = len(others.finished) == count
         if not complete:
@@ -287,9 +244,7 @@ def work(job: Job, *, workers: int, stream: TextIO, threads: int = 0) -> None:
     # Ctrl-C reaches all processes of a terminal: the parent handles it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     keep_freed_memory()
-    setting = _stored(job)
-    kept = kept_surface(setting, job.out) if setting is not None and setting.mesh_tolerance_mm > 0 else None
-    opened = replace(open_job(job, kept), setting=setting)
+    opened = open_job(job)
     # the files may have changed since the run began
     advice = {"advice": _ADVICE_ELSEWHERE} if threads else {}
     check_description(job.out, opened.description, opened.given_poses, may_shrink=False, **advice)

@@ -1,33 +1,45 @@
 """One view of a dataset from its number: pose, render, ground truth. Independent of worker, shard and order."""
 
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import partial
+
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
+from ...colour.ray_tracer import RayTracer
+from ...colour.shading import SurfaceColour
 from ...dataset.description import farthest_listed_mm, view_camera
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
-from ...dataset.quality import Setting
-from ...dataset.view import RenderedSample, RenderedView, depth_scale_for, encode_view
+from ...dataset.view import RenderedSample, depth_scale_for, encode_view
 from ...dataset.view_record import ViewRecord
 from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose, sampling_doubt
 from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
+from ...projection.rendered_view import RenderedView
 from ...projection.silhouette import SilhouetteEdges
 from ..colour.reference_view import ReferenceView, colour_of, limited_to_incidence, unseen_colours_of
 from ..render.anti_aliasing import EdgeSampler
 from ..render.engines import render_view
-from ..render.raster import check_raster
 from ..render.surface_scene import SurfaceScene
-from ..render.z_buffer_view import ZBufferRenderer
 from .view_probe import ViewProbe
+
+Render = Callable[[np.ndarray], RenderedView]
 
 SAMPLED_VIEWS = 4
 """Views whose poses are planned before a run, to see whether the constraints leave enough of them."""
 
 
 class ViewRenderer:
-    """Renders views of one dataset; creating it prepares everything that they share. Use as a context manager."""
+    """Renders views of one dataset; creating it prepares everything that they share. Use as a context manager.
+
+    Attributes
+    ----------
+    render
+        Renders any pose (4x4, mm).
+    """
 
     def __init__(
         self,
@@ -36,8 +48,6 @@ class ViewRenderer:
         options: DatasetOptions,
         given_poses: np.ndarray | None,
         *,
-        setting: Setting | None = None,
-        radius_mm: float | None = None,
         identity: str = "",
         threads: int = 0,
     ) -> None:
@@ -51,17 +61,12 @@ class ViewRenderer:
             The run's options.
         given_poses
             ``(N, 4, 4)`` explicit ``cam_from_model``, mm, or ``None`` to draw poses.
-        setting
-            How to render, if not as the options say.
-        radius_mm
-            Radius of the surface as given, if ``loaded`` has another one.
         identity
             Identity of the dataset, for the records of the views.
         threads
-            Number of render threads, 0 for one per core.
+            Number of render threads of Cycles, 0 for one per core.
         """
         self._options, self._identity = options, identity
-        self._threads = threads
         self.camera = view_camera(loaded, options)
         source = limited_to_incidence(source, options.max_incidence_deg)
         self.source = source
@@ -74,18 +79,11 @@ class ViewRenderer:
             reduction_doubt(view_px, frame_px, farthest, options.samples),
         )
         self.messages = (*loaded.messages, *source.messages, *filter(None, doubts))
-        self._colour_mode, self._samples = options.colour, options.samples
-        if setting is not None:
-            self._colour_mode, self._samples = setting.colour, setting.samples
-        self._scene: SurfaceScene | None = None
-        self._sampler: EdgeSampler | None = None
-        self._z_buffer: ZBufferRenderer | None = None
-        if setting is not None and setting.renderer == "z-buffer":
-            self._z_buffer = ZBufferRenderer(source.mesh, self.camera, source.view)
-            with SurfaceScene(source.mesh, self.camera, None) as scene:
-                self._probe = ViewProbe(scene, source, self.camera)
-        else:
-            self._probe = ViewProbe(self._traced_scene(), source, self.camera)
+        colour, messages = colour_of(source, options.colour)
+        self.messages = (*self.messages, *messages)
+        self._resources = ExitStack()
+        opened = _opened_renderer(source, self.camera, colour, options, threads)
+        self.render, self._probe = self._resources.enter_context(opened)
         self._edges = SilhouetteEdges.of(source.mesh)
         self._given = given_poses
         reference = ReferencePose(loaded.cam_from_model, source.pivot_model)
@@ -104,42 +102,13 @@ class ViewRenderer:
             min_observed=options.min_observed,
             min_clearance_mm=options.min_clearance_mm,
         )
-        self.depth_scale = depth_scale_for(
-            _farthest_mm(radius_mm or loaded.mesh.radius, source, options, reference, given_poses)
-        )
+        self.depth_scale = depth_scale_for(_farthest_mm(loaded.mesh.radius, source, options, reference, given_poses))
 
     def __enter__(self) -> "ViewRenderer":
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._scene is not None:
-            self._scene.close()
-
-    def _traced_scene(self) -> SurfaceScene:
-        """The scene for ray tracing, made when it is first used."""
-        if self._scene is None:
-            options, source = self._options, self.source
-            colour, messages = colour_of(source, self._colour_mode)
-            self.messages = (*self.messages, *messages)
-            if options.engine == "raster":
-                check_raster(source.mesh, source.view)
-            # rasterisers average many samples at little cost
-            at_edges = self._samples > 1 and options.engine == "cycles"
-            self._scene = SurfaceScene(
-                source.mesh,
-                self.camera,
-                colour,
-                unseen=unseen_colours_of(source, options.unseen),
-                engine=options.engine,
-                samples=1 if at_edges else self._samples,
-                filtered=at_edges,
-                threads=self._threads,
-            )
-            if at_edges:
-                self._sampler = EdgeSampler(
-                    self._scene, source.view, source.pivot_model, colour, self.camera, self._samples
-                )
-        return self._scene
+        self._resources.close()
 
     def plan(self, index: int) -> PlannedPose:
         """Plan the pose of view ``index``; it depends only on the case, the options and (seed, index).
@@ -175,13 +144,6 @@ class ViewRenderer:
         planned = self.plan(index)
         return RenderedSample(planned, self.render(planned.cam_from_model))
 
-    def render(self, cam_from_model: np.ndarray) -> RenderedView:
-        """Render any pose (4x4, mm)."""
-        if self._z_buffer is not None and self._z_buffer.can_render(cam_from_model):
-            return self._z_buffer.render(cam_from_model)
-        scene = self._traced_scene()
-        return render_view(scene, cam_from_model) if self._sampler is None else self._sampler.render(cam_from_model)
-
     def video_poses(self, frames: int) -> np.ndarray:
         """``(frames, 4, 4)`` poses of the video's trajectory."""
         return self._trajectory.poses(frames)
@@ -197,6 +159,38 @@ class ViewRenderer:
             depth_scale=self.depth_scale,
             float_depth=self._options.float_depth,
         )
+
+
+@contextmanager
+def _opened_renderer(
+    source: ReferenceView, camera: PinholeCamera, colour: SurfaceColour, options: DatasetOptions, threads: int
+) -> Iterator[tuple[Render, ViewProbe]]:
+    """What renders any pose (4x4, mm) with the options' engine, and the probe."""
+    unseen, pivot = unseen_colours_of(source, options.unseen), source.pivot_model
+    if options.engine == "raster":
+        with SurfaceScene(source.mesh, camera, None) as scene:
+            probe = ViewProbe(scene, source, camera)
+        tracer = RayTracer(
+            source.mesh, camera, colour, unseen=unseen, samples=options.samples, pivot_model=pivot, rays=source.rays
+        )
+        yield tracer.render, probe
+        return
+    # Eevee averages many samples at little cost
+    at_edges = options.samples > 1 and options.engine == "cycles"
+    with SurfaceScene(
+        source.mesh,
+        camera,
+        colour,
+        unseen=unseen,
+        engine=options.engine,
+        samples=1 if at_edges else options.samples,
+        filtered=at_edges,
+        threads=threads,
+    ) as scene:
+        render: Render = partial(render_view, scene)
+        if at_edges:
+            render = EdgeSampler(scene, source.view, pivot, colour, camera, options.samples).render
+        yield render, ViewProbe(scene, source, camera)
 
 
 def _distribution(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> PoseDistribution | None:

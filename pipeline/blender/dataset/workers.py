@@ -4,8 +4,6 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 
-from ...errors import InputError, RunError
-from ..command_line import EXIT_INPUT, EXIT_RUN
 from .render_process import AHEAD, RenderProcess
 
 
@@ -67,10 +65,8 @@ class WorkerPool:
         ending = process.ending()
         # its unfinished views go back to the queue
         self._views.extendleft(reversed(process.assigned))
-        if ending.code == EXIT_INPUT:
-            self._failure = InputError(ending.last)
-        elif ending.code == EXIT_RUN:
-            self._failure = RunError(ending.last)
+        if ending.error is not None:
+            self._failure = ending.error
         elif ending.code != 0:
             last = f"({ending.last})" if ending.last else ""
             self.messages.append(f"worker {number} {ending.how}; the others continue {last}".rstrip())

@@ -1,4 +1,4 @@
-"""Views compared with photographs of the same poses, and the speed of rendering.
+"""Views compared with photographs of the same poses.
 
-In: a case and posed photographs; nothing for the speed. Out: figures and pictures.
+In: a case and posed photographs. Out: figures and pictures.
 """

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
-from ...dataset.view import RenderedView
 from ...errors import InputError
 from ...evaluation.photographs import PosedPhotograph
 from ...evaluation.scores.similarity import Similarity, similarity
+from ...projection.rendered_view import RenderedView
 from ..colour.reference_view import colour_of, reference_view_of
 from ..render.engines import render_view
 from ..render.surface_scene import SurfaceScene

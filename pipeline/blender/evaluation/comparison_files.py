@@ -7,7 +7,6 @@ import numpy as np
 
 from ...case.loaded_case import LoadedCase
 from ...evaluation.photographs import PosedPhotograph
-from ...evaluation.picture_names import picture_names, shown_path
 from ...files.content import write_bytes_atomically
 from ...files.kinds import PNG, Kind, csv_table
 from ...files.outputs import check_outputs, companion, made_folder, writing
@@ -89,7 +88,8 @@ def write_comparisons(
 
 
 def _picture_names(photographs: Sequence[PosedPhotograph]) -> list[str]:
-    return picture_names([photograph.path for photograph in photographs], (TABLE, SHEET))
+    # not those of the files, which may name the patient
+    return [f"photograph_{number}.png" for number in range(1, len(photographs) + 1)]
 
 
 def _write_picture(path: Path, picture: np.ndarray) -> None:
@@ -99,7 +99,7 @@ def _write_picture(path: Path, picture: np.ndarray) -> None:
 
 
 def _row(picture: str, comparison: Comparison) -> tuple[object, ...]:
-    found, names = comparison.similarity, (shown_path(comparison.photograph.path), shown_path(Path(picture)))
+    found, names = comparison.similarity, (Path(picture).stem, picture)
     if found is None:
         return (*names, "", "", "", 0)
     return (

@@ -2,21 +2,16 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
 from ...errors import InputError
 from ...evaluation.photographs import PosedPhotograph
-from ...evaluation.picture_names import picture_names
 from ..bridge.image import read_image
 from ..colour.reference_view import ReferenceView
 from ..render.engines import render_view
 from ..render.surface_scene import SurfaceScene
-
-PLAIN_NAMES = ("case", "aligned", "refined")
-"""Names of case files that say nothing; the folder's name is used instead."""
 
 
 @dataclass(frozen=True)
@@ -41,17 +36,14 @@ class ShownSurface:
 def named_cases(
     given: Sequence[tuple[LoadedCase, Sequence[PosedPhotograph]]],
 ) -> tuple[EvaluationCase, ...]:
-    """Give each case and each photograph a name of its own."""
-    paths = [loaded.case.path for loaded, _ in given]
-    plain = [Path(path.resolve().parent.name if path.stem in PLAIN_NAMES else path.stem) for path in paths]
-    # as for pictures: printable, and different from each other
-    names = [name.removesuffix(".png") for name in picture_names([Path(f"{name}.x") for name in plain], ())]
-    cases = []
-    for name, (loaded, photographs) in zip(names, given, strict=True):
-        images = picture_names([photograph.path for photograph in photographs], ())
-        cases.append(
-            EvaluationCase(name, loaded, tuple(photographs), tuple(image.removesuffix(".png") for image in images))
-        )
+    """Give each case the name of its surface, and each photograph its number: names of files may name the patient."""
+    cases: list[EvaluationCase] = []
+    for place, (loaded, photographs) in enumerate(given, start=1):
+        name = loaded.case.object_name or "case"
+        if name in {case.name for case in cases}:
+            name = f"{name} {place}"
+        images = tuple(f"photograph_{number}" for number in range(1, len(photographs) + 1))
+        cases.append(EvaluationCase(name, loaded, tuple(photographs), images))
     return tuple(cases)
 
 

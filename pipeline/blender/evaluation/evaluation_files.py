@@ -9,12 +9,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 
+from ...charts.evaluation_chart import evaluation_charts
+from ...charts.page import chart_outputs
 from ...errors import InputError
-from ...evaluation.charts.evaluation_chart import evaluation_charts
-from ...evaluation.charts.page import chart_outputs
-from ...evaluation.conditions import Conditions, current_conditions
-from ...evaluation.measured_table import write_table
-from ...evaluation.picture_names import picture_names
+from ...evaluation.conditions import Conditions, current_conditions, write_table
 from ...evaluation.record.evaluation_notes import evaluation_notes
 from ...evaluation.record.evaluation_pictures import Crop, crop_of, labelled_grid, tile
 from ...evaluation.record.evaluation_record import (
@@ -146,7 +144,7 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
     rng = np.random.default_rng(run.settings.seed)
     evaluation = Evaluation(
         conditions=_conditions(run),
-        cases=tuple(EvaluatedCase(case.name, str(case.loaded.case.path), case.images) for case in run.cases),
+        cases=tuple(EvaluatedCase(case.name, case.images) for case in run.cases),
         methods=(
             *(EvaluatedMethod(method.name, method.peer) for method in run.settings.methods),
             *(EvaluatedMethod(method.name, method.peer, reason) for method, reason in run.skipped.items()),
@@ -204,10 +202,11 @@ class _PictureNames:
 
     def __init__(self, run: EvaluationRun) -> None:
         self.shown = {case.name: set(shown_numbers(len(case.images), run.pictures)) for case in run.cases}
-        keys = [(case.name, number) for case in run.cases for number in sorted(self.shown[case.name])]
-        images = {case.name: case.images for case in run.cases}
-        stems = picture_names([Path(f"{case} {images[case][number]}.x") for case, number in keys], ())
-        self._stems = {key: stem.removesuffix(".png") for key, stem in zip(keys, stems, strict=True)}
+        self._stems = {
+            (case.name, number): f"case_{place} {case.images[number]}"
+            for place, case in enumerate(run.cases, start=1)
+            for number in sorted(self.shown[case.name])
+        }
         self._methods = run.settings.methods
 
     def of(self, case: str, number: int, what: str) -> str:

@@ -10,19 +10,16 @@ from importlib.util import find_spec
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
+from ...colour.shading import SurfaceColour
 from ...colour.vertex_colours import VertexColours
 from ...dataset.options import COLOURS, UNSEEN
 from ...errors import InputError
-from ...evaluation.baseline.projected_colours import projected_colours
-from ...evaluation.baseline.pyvista_baseline import pyvista_renderer
+from ...evaluation.baseline import projected_colours, pyvista_renderer
 from ...files.keys import nearest_name
 from ...images.pixel_values import to_uint8
 from ...transforms import transform_points
 from ..colour.reference_view import ReferenceView, colour_of, unseen_colours_of
-from ..render.engines import check_engine, render_view
-from ..render.material import SurfaceColour
-from ..render.raster import check_raster
-from ..render.surface_scene import SurfaceScene
+from ..render.engines import check_engine, opened_engine
 
 Render = Callable[[np.ndarray], np.ndarray]
 """From ``cam_from_model`` (4x4, mm) to ``(H, W, 3)`` float32 code values 0..1."""
@@ -69,7 +66,6 @@ METHODS = {
     for method in (
         *(_ours(colour, engine, unseen) for unseen in UNSEEN for engine in ("cycles", "eevee") for colour in COLOURS),
         *(_ours("projective", "raster", unseen) for unseen in UNSEEN),
-        _ours("vertex", "workbench"),
         Method("paper-pyvista", "paper (PyVista)", PAPER, "pyvista"),
         Method("paper-cycles", "paper's colours (Cycles)", PAPER, "cycles"),
         Method("paper-pytorch3d", "paper (PyTorch3D)", PAPER, "pytorch3d"),
@@ -118,7 +114,7 @@ def _failure(renderer: str) -> str:
         return "this version has no adapter for it" if installed else "PyTorch3D is not installed"
     if renderer == "pyvista":
         if find_spec("pyvista") is None:
-            return "PyVista is not installed (pip install 'oneframe[bench]')"
+            return "PyVista is not installed (pip install pyvista)"
         # without OpenGL, VTK ends the process
         trial = (
             "import pyvista; p = pyvista.Plotter(off_screen=True, window_size=(8, 8)); p.add_mesh(pyvista.Sphere()); "
@@ -130,7 +126,7 @@ def _failure(renderer: str) -> str:
     try:
         check_engine(renderer)
     except InputError:
-        return "Blender gets no OpenGL context on this machine"
+        return "embreex is not installed" if renderer == "raster" else "Blender gets no OpenGL context on this machine"
     return ""
 
 
@@ -150,11 +146,6 @@ def opened(
         Intrinsics of the views.
     poses
         All poses that will be rendered, for the clipping planes of renderers that have fixed ones.
-
-    Raises
-    ------
-    RunError
-        This machine's OpenGL does not draw what Cycles does, which ``raster`` relies on.
     """
     if method.renderer == "pyvista":
         view = source.view
@@ -164,11 +155,9 @@ def opened(
         )
         yield lambda pose: render(pose).astype(np.float32) / 255
         return
-    if method.renderer == "raster":
-        check_raster(source.mesh, source.view)
     unseen = unseen_colours_of(source, method.unseen)
-    with SurfaceScene(source.mesh, camera, _colour(method, source), unseen=unseen, engine=method.renderer) as scene:
-        yield lambda pose: render_view(scene, pose).rgb
+    with opened_engine(method.renderer, source.mesh, camera, _colour(method, source), unseen=unseen) as render_view:
+        yield lambda pose: render_view(pose).rgb
 
 
 def _colour(method: Method, source: ReferenceView) -> SurfaceColour:

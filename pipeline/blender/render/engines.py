@@ -1,29 +1,32 @@
 """Render one view of a surface to arrays: colour, depth and observed surface from the same rays.
 
-Cycles' passes are read from memory before its render call returns. Eevee and Workbench are built into Blender and
-write their passes only to files, so theirs are read from an uncompressed EXR in a temporary folder.
+Cycles' passes are read from memory before its render call returns. Eevee is built into Blender and writes its passes
+only to files, so they are read from an uncompressed EXR in a temporary folder.
 """
 
 import ctypes
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 
 import bpy
 import numpy as np
 
-from ...colour.vertex_colours import NEUTRAL, VertexColours
-from ...dataset.view import RenderedView
+from ...camera.pinhole import PinholeCamera
+from ...colour.ray_tracer import RayTracer
+from ...colour.shading import SurfaceColour
 from ...errors import InputError
 from ...files.temporary import temporary_folder, unwritable_temporary
 from ...images.exr import ExrError, read_exr
-from ...transforms import inverse_rigid, transform_points
+from ...projection.rays import require_embree
+from ...projection.rendered_view import RenderedView
+from ...surface.mesh import TriangleMesh
 from ..bridge.image import render_path
-from ..bridge.versions import ENGINE_IDS, set_multilayer_exr
+from ..bridge.versions import set_multilayer_exr
 from ..process import delayed_interrupts
-from .material import COLOUR_ATTRIBUTE, OBSERVED_COLOUR_ATTRIBUTE, OBSERVED_PASS, UNSEEN_ATTRIBUTE
+from .material import OBSERVED_PASS
 from .surface_scene import SurfaceScene
 
 _TRIAL_ENDED = "trial render ended"
@@ -32,13 +35,9 @@ _BACKGROUND_MM = 1e9  # Blender's background has depth 1e10
 
 def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> RenderedView:
     """Render the surface from a pose (4x4, mm)."""
-    if surface_scene.raster is not None:
-        return surface_scene.raster.render(cam_from_model, surface_scene.clip_mm(cam_from_model)[0])
     surface_scene.look_from(cam_from_model)
     if surface_scene.engine == "cycles":
         passes = _render_cycles(surface_scene.scene)
-    elif surface_scene.engine == "workbench":
-        passes = _render_workbench(surface_scene, cam_from_model)
     else:
         passes = _render_to_file(surface_scene.scene)
     combined, depth = passes["Combined"], passes["Depth"][..., 0]
@@ -48,6 +47,29 @@ def render_view(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> Rend
     flag = np.where(depth > 0, passes[OBSERVED_PASS][..., 0], np.float32(0))
     rgb = combined[..., :3] if surface_scene.samples == 1 else _without_background(combined, depth)
     return RenderedView(rgb, depth, flag > 0.5, flag > 1.5)
+
+
+@contextmanager
+def opened_engine(
+    engine: str,
+    mesh: TriangleMesh,
+    camera: PinholeCamera,
+    colour: SurfaceColour | None,
+    *,
+    unseen: np.ndarray | None = None,
+) -> Iterator[Callable[[np.ndarray], RenderedView]]:
+    """What renders a surface from any pose (4x4, mm) with one sample a pixel; arguments as of :class:`.SurfaceScene`.
+
+    Raises
+    ------
+    InputError
+        The engine cannot render it.
+    """
+    if engine == "raster":
+        yield RayTracer(mesh, camera, colour, unseen=unseen).render
+        return
+    with SurfaceScene(mesh, camera, colour, unseen=unseen, engine=engine) as scene:
+        yield partial(render_view, scene)
 
 
 def _without_background(combined: np.ndarray, depth: np.ndarray) -> np.ndarray:
@@ -97,44 +119,6 @@ def _pass_array(render_pass: bpy.types.RenderPass, height: int) -> np.ndarray:
     return values.reshape(height, -1, render_pass.channels)[::-1]
 
 
-def _render_workbench(surface_scene: SurfaceScene, cam_from_model: np.ndarray) -> dict[str, np.ndarray]:
-    """Workbench runs no shaders and has no pass for the observed flag, so further renders draw what the flag needs.
-
-    The second render culls back sides: where its depth differs from the first one's, the first shows a back side. Its
-    colour tells where the triangle can be observed; the reference view is asked about the points themselves.
-    """
-    scene, colour = surface_scene.scene, surface_scene.colour
-    attributes, shading = surface_scene.surface_object.data.color_attributes, scene.display.shading
-    passes = _render_to_file(scene)
-    shading.show_backface_culling = True
-    if colour is not None:
-        attributes.active_color_name = OBSERVED_COLOUR_ATTRIBUTE
-    try:
-        flags = _render_to_file(scene)
-        shading.show_backface_culling = False
-        observed = flags["Depth"] == passes["Depth"]
-        if isinstance(colour, VertexColours):
-            # half-float buffers: 1 may become the next smaller value
-            observed &= flags["Combined"][..., :1] > 0.999
-            if colour.source is not None:
-                v, u, _ = np.nonzero(observed)
-                rays_cam = surface_scene.camera.rays_cam(np.stack([u, v], axis=1).astype(float))
-                points_cam = rays_cam * passes["Depth"][v, u].astype(float)
-                observed[v, u, 0] = colour.source.unoccluded(
-                    transform_points(inverse_rigid(cam_from_model), points_cam)
-                )
-            unseen = np.float32(NEUTRAL) * passes["Combined"][..., 3:]
-            if UNSEEN_ATTRIBUTE in attributes:
-                attributes.active_color_name = UNSEEN_ATTRIBUTE
-                unseen = _render_to_file(scene)["Combined"][..., :3]
-            passes["Combined"][..., :3] = np.where(observed, passes["Combined"][..., :3], unseen)
-    finally:
-        shading.show_backface_culling = False
-        if colour is not None:
-            attributes.active_color_name = COLOUR_ATTRIBUTE
-    return passes | {OBSERVED_PASS: observed.astype(np.float32)}
-
-
 def _render_to_file(scene: bpy.types.Scene) -> dict[str, np.ndarray]:
     set_multilayer_exr(scene)
     with temporary_folder() as folder:
@@ -163,7 +147,9 @@ def check_engine(engine: str) -> None:
     InputError
         The engine cannot render.
     """
-    if engine != "cycles" and not _has_opengl():
+    if engine == "raster":
+        require_embree()
+    if engine == "eevee" and not _has_opengl():
         raise InputError(
             f"--engine {engine}: expected an OpenGL context, Blender gets none on this machine; "
             "install Mesa's software OpenGL (libegl1, libgl1-mesa-dri) or a graphics driver, or use --engine cycles"
@@ -178,7 +164,7 @@ def _has_opengl() -> bool:
     segmentation fault (5.2, also in ``gpu.init()``) or an abort (4.5).
     """
     trial = (
-        f"import bpy; scene = bpy.context.scene; scene.render.engine = {ENGINE_IDS['workbench']!r}; "
+        f"import bpy; scene = bpy.context.scene; scene.render.engine = 'BLENDER_WORKBENCH'; "
         f"scene.render.resolution_x = scene.render.resolution_y = 8; bpy.ops.render.render(); print({_TRIAL_ENDED!r})"
     )
     command = [sys.executable, "-c", trial]

@@ -11,19 +11,19 @@ lookup must also find colour: a texel that the frame saw, or three vertices with
 import bpy
 import numpy as np
 
+from ...colour.shading import SurfaceColour
 from ...colour.source_view import SourceView
-from ...colour.texture_atlas import TextureAtlas
+from ...colour.texture_atlas import COVERED_LEAST, TextureAtlas
 from ...colour.vertex_colours import NEUTRAL, VertexColours
 from ...surface.mesh import TriangleMesh
 from ...transforms import transform_points
-from ..bridge.data_blocks import set_corner_flags, set_corner_uv, set_corner_vectors, set_vertex_colors
+from ..bridge.data_blocks import set_corner_uv, set_corner_vectors, set_vertex_colors
 from ..bridge.image import new_float_image
 from ..bridge.node_tree import Nodes
 from ..bridge.versions import new_node_material
 
 OBSERVED_PASS = "observed"
 COLOUR_ATTRIBUTE = "frame_colour"
-OBSERVED_COLOUR_ATTRIBUTE = "frame_observed_colour"
 UNSEEN_ATTRIBUTE = "frame_unseen_colour"
 UV_MAP = "frame_uv"
 PROJECTION_ATTRIBUTE = "frame_projection"
@@ -32,12 +32,8 @@ FILTER_LOOKUPS = tuple((f"filter offset {number}", f"filter image {number}") for
 """Names of the shader's image nodes, and of what moves the filter's lookups, see :func:`assign_colour`."""
 OBSERVED_LEAST = 0.9999
 """If an interpolated flag is at least this large, all values that it was interpolated from are observed."""
-COVERED_LEAST = 1e-3
-"""Least weight of observed texels in a lookup: below it, single precision tells too little of their colour."""
 NEUTRAL_RGBA = (NEUTRAL, NEUTRAL, NEUTRAL, 1.0)
 _NOWHERE = (-1.0, -1.0, 1.0)  # projects outside the frame
-
-SurfaceColour = VertexColours | TextureAtlas | SourceView
 
 
 def assign_colour(
@@ -95,13 +91,7 @@ def assign_colour(
 
 
 def _vertex_colour(nodes: Nodes, mesh_object: bpy.types.Object, mesh: TriangleMesh, colour: VertexColours) -> tuple:
-    # Workbench draws attributes instead of materials, and ignores their alpha
-    flags = colour.least[mesh.faces]
-    if colour.source is not None:
-        flags = flags & colour.source.facing_faces(mesh)[:, None]
-    set_corner_flags(mesh_object, OBSERVED_COLOUR_ATTRIBUTE, flags)
     set_vertex_colors(mesh_object, COLOUR_ATTRIBUTE, np.concatenate([colour.rgb, colour.least[:, None]], axis=1))
-    mesh_object.data.color_attributes.active_color_name = COLOUR_ATTRIBUTE
     attribute = nodes.add("ShaderNodeAttribute", attribute_name=COLOUR_ATTRIBUTE)
     rgb, cover = attribute.outputs["Color"], attribute.outputs["Alpha"]
     return rgb, _flag(nodes, cover, mesh_object, mesh, colour), None

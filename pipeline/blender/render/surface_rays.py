@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...colour.shading import SurfaceColour
 from ...colour.source_view import SourceView
 from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import VertexColours
@@ -22,15 +23,12 @@ from .material import (
     PROJECTION_ATTRIBUTE,
     UNSEEN_ATTRIBUTE,
     UV_MAP,
-    SurfaceColour,
     least_cover,
 )
 from .surface_scene import SurfaceScene
 
 _FARTHEST_MM = 1e9
 _KIND_ATTRIBUTE = "ray_kind"
-MISSED, UNSEEN, OBSERVED = 0, 1, 2
-"""What a ray meets: no surface, surface that the frame did not see, surface that it saw."""
 
 
 class SurfaceRays:
@@ -59,8 +57,8 @@ class SurfaceRays:
 
         Returns
         -------
-        ``(N, 3)`` float32 colours, black without a hit, and ``(N,)`` int8: ``MISSED``, ``UNSEEN`` or
-        ``OBSERVED``.
+        ``(N, 3)`` float32 colours, black without a hit, and ``(N,)`` int8: what they meet, see
+        :mod:`pipeline.colour.anti_aliasing`.
         """
         points, count = self._points, len(directions_model)
         if count == 0:

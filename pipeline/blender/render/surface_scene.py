@@ -8,14 +8,13 @@ import bpy
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...colour.source_view import SourceView
+from ...colour.shading import SurfaceColour
 from ...errors import InputError
 from ...surface.mesh import TriangleMesh
 from ..bridge.camera import new_camera, place_camera, set_clip
 from ..bridge.data_blocks import data_blocks, new_mesh_object, remove_data
 from ..bridge.versions import ENGINE_IDS
-from .material import OBSERVED_PASS, SurfaceColour, assign_colour
-from .raster import Raster
+from .material import OBSERVED_PASS, assign_colour
 
 POINT_FILTER_PX = 0.01
 """Width of the pixel filter with one sample: practically the pixel's centre (0 is not allowed)."""
@@ -23,7 +22,7 @@ POINT_FILTER_PX = 0.01
 LARGEST_VIEW_PX = 8192**2
 """Pixels of a view: with its passes it takes 7 GB."""
 LARGEST_SIDE_PX = 16_384
-"""Of a view by Eevee or Workbench: with more, OpenGL has no memory, and Eevee shows nothing without an error."""
+"""Of a view by Eevee: with more, OpenGL has no memory, and Eevee shows nothing without an error."""
 
 
 class SurfaceScene:
@@ -33,10 +32,6 @@ class SurfaceScene:
     ----------
     scene, camera_object, surface_object
         The Blender data; removed on exit, so that the open file is unchanged.
-    camera, colour
-        The intrinsics of the views, and the source of the surface's colour.
-    raster
-        What renders instead of the scene with engine ``"raster"``, otherwise ``None``.
     """
 
     def __init__(
@@ -64,8 +59,7 @@ class SurfaceScene:
         unseen
             ``(V, 3)`` colours of the vertices for what the frame did not see; ``None``: neutral grey.
         engine
-            ``"cycles"`` is exact, and so is ``"raster"``, which knows projective colours and single samples only; this
-            and the others are rasterisers that need OpenGL.
+            ``"cycles"`` is exact; ``"eevee"`` is a rasteriser that needs OpenGL.
         samples
             Samples per pixel: 1 is a point sample at the pixel's centre, more average over the pixel's square.
         filtered
@@ -76,33 +70,27 @@ class SurfaceScene:
         Raises
         ------
         InputError
-            Views of more than :data:`LARGEST_VIEW_PX`, or :data:`LARGEST_SIDE_PX` by a rasteriser; a surface too large
-            for engine ``"raster"``.
+            Views of more than :data:`LARGEST_VIEW_PX`, or :data:`LARGEST_SIDE_PX` by Eevee.
         """
         if camera.width * camera.height > LARGEST_VIEW_PX:
             raise InputError(
                 f"view: expected at most {LARGEST_VIEW_PX / 1e6:.0f} million pixels, found {camera.width}x"
                 f"{camera.height}; use a smaller frame or --scale"
             )
-        if engine in ("eevee", "workbench") and max(camera.size_wh) > LARGEST_SIDE_PX:
+        if engine == "eevee" and max(camera.size_wh) > LARGEST_SIDE_PX:
             raise InputError(
                 f"view: expected at most {LARGEST_SIDE_PX} px a side with engine {engine}, found {camera.width}x"
                 f"{camera.height}; use --engine cycles or --scale"
             )
         self._own: list[bpy.types.ID] = []
         with self.owning():
-            self._mesh, self.camera, self.colour = mesh, camera, colour
+            self._mesh = mesh
             self.scene = bpy.data.scenes.new("oneframe")
             self.surface_object = new_mesh_object("surface", mesh)
             self.scene.collection.objects.link(self.surface_object)
             assign_colour(self.surface_object, mesh, colour, unseen=unseen, filtered=filtered)
             self.camera_object = new_camera(self.scene, camera, clip_mm=(1.0, 1000.0))
             self.engine, self.samples = engine, samples
-            self.raster: Raster | None = None
-            if engine == "raster":
-                if not (colour is None or isinstance(colour, SourceView)) or samples > 1:
-                    raise ValueError("expected projective colours and one sample with engine raster, found others")
-                self.raster = Raster(mesh, camera, colour, unseen)
             _set_exact_colour(self.scene)
             _set_passes(self.scene)
             _set_sampling(self.scene, engine, samples)
@@ -121,8 +109,6 @@ class SurfaceScene:
     def close(self) -> None:
         """Remove the scene and all its data."""
         own, self._own = self._own, []
-        if self.raster is not None:
-            self.raster.close()
         remove_data(own)
 
     @contextmanager
@@ -137,14 +123,10 @@ class SurfaceScene:
     def look_from(self, cam_from_model: np.ndarray) -> None:
         """Put the camera at a pose (4x4, mm) and fit the clip planes to the surface's bounding sphere."""
         place_camera(self.camera_object, cam_from_model)
-        set_clip(self.camera_object, self.clip_mm(cam_from_model))
-
-    def clip_mm(self, cam_from_model: np.ndarray) -> tuple[float, float]:
-        """Clip planes that fit the surface's bounding sphere at a pose (4x4, mm)."""
         depth, radius = float(cam_from_model[2, 3]), self._mesh.radius
         far = max(1.01 * (depth + radius), 1e-3 * radius)
         # margins far above single precision; the near plane is far away for the sake of a rasteriser's depth buffer
-        return max(0.99 * (depth - radius), 1e-4 * far), far
+        set_clip(self.camera_object, (max(0.99 * (depth - radius), 1e-4 * far), far))
 
 
 def _set_exact_colour(scene: bpy.types.Scene) -> None:
@@ -170,8 +152,6 @@ def _set_passes(scene: bpy.types.Scene) -> None:
 
 
 def _set_sampling(scene: bpy.types.Scene, engine: str, samples: int) -> None:
-    if engine == "raster":
-        return
     scene.render.engine = ENGINE_IDS[engine]
     filter_px = POINT_FILTER_PX if samples == 1 else 1.0
     if engine == "cycles":
@@ -186,13 +166,7 @@ def _set_sampling(scene: bpy.types.Scene, engine: str, samples: int) -> None:
         cycles.max_bounces = cycles.transparent_max_bounces = 0
         cycles.use_light_tree = cycles.caustics_reflective = cycles.caustics_refractive = False
         cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
-    elif engine == "eevee":
+    else:
         scene.render.filter_size = POINT_FILTER_PX if samples == 1 else 1.0
         scene.eevee.taa_render_samples = samples
         scene.eevee.use_raytracing = scene.eevee.use_shadows = False
-    else:
-        shading = scene.display.shading
-        shading.light, shading.color_type = "FLAT", "VERTEX"
-        shading.show_cavity = shading.show_shadows = shading.show_object_outline = False
-        shading.show_backface_culling = shading.show_specular_highlight = False
-        scene.display.render_aa = "OFF"

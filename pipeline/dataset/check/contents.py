@@ -151,6 +151,9 @@ def _listed(root: Path, folder: str, findings: Findings) -> tuple[set[str], set[
         with os.scandir(root / folder) as entries:
             for entry in entries:
                 name = f"{folder}/{entry.name}" if folder else entry.name
+                if entry.is_symlink() and not Path(os.path.realpath(entry)).is_relative_to(os.path.realpath(root)):
+                    found = "found a link that leads out of the folder: put a copy in its place"
+                    findings.add("links that lead out", f"{name}: expected a part of the dataset, {found}")
                 (folders if _is_folder(entry) else files).add(name)
     except OSError as error:
         findings.add("damaged files", f"{folder or root}: cannot list the folder ({error.strerror or error})")

@@ -65,8 +65,6 @@ class DepthAgreement:
         Number of pixels with surface in only one of the two; number of pixels of the outline.
     elsewhere
         Number of pixels on an unbroken part of the surface whose depths differ by more than twice that rounding.
-    off_px
-        By how much the depth image may be of another surface, in pixels at the nearest point.
     """
 
     compared: int
@@ -77,19 +75,18 @@ class DepthAgreement:
     only_one: int
     outline: int
     elsewhere: int
-    off_px: float = 0.0
 
     @property
     def misfit(self) -> str:
         """Disagreements beyond rounding, separated by commas; empty if the view fits."""
-        parts, largest_shift = [], LARGEST_SHIFT_PX + self.off_px
-        if self.only_one > largest_shift * self.outline + PIXELS_OF_ROUNDING:
+        parts = []
+        if self.only_one > LARGEST_SHIFT_PX * self.outline + PIXELS_OF_ROUNDING:
             parts.append(f"{self.only_one} px are in only one of the two masks (outline {self.outline} px)")
         if self.agreeing < LEAST_AGREEING * self.compared:
             parts.append(f"only {self.agreeing / self.compared:.1%} of the depths agree")
         if self.elsewhere > PIXELS_OF_ROUNDING + ELSEWHERE * self.compared:
             parts.append(f"the depths of {self.elsewhere} px on unbroken surface differ")
-        if np.hypot(*self.shift_px) > largest_shift + 5 * self.shift_error_px:
+        if np.hypot(*self.shift_px) > LARGEST_SHIFT_PX + 5 * self.shift_error_px:
             parts.append(f"the depths fit best with a shift of ({self.shift_px[0]:+.2f}, {self.shift_px[1]:+.2f}) px")
         return ", ".join(parts)
 
@@ -113,21 +110,14 @@ def surface_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.
     return SurfaceDepth(z.reshape(camera.shape_hw), slope.reshape(2, *camera.shape_hw))
 
 
-def agreement(
-    depth: np.ndarray, depth_scale: float, surface: SurfaceDepth, focal_px: float, *, surface_off_mm: float = 0.0
-) -> DepthAgreement:
-    """Compare ``(H, W)`` uint16 depth in units of ``depth_scale`` mm with a surface, which may be so far from its own.
-
-    A surface that lies farther along its normal is farther by more along the axis, the steeper it is.
-    """
+def agreement(depth: np.ndarray, depth_scale: float, surface: SurfaceDepth, focal_px: float) -> DepthAgreement:
+    """Compare ``(H, W)`` uint16 depth in units of ``depth_scale`` mm with a surface."""
     seen, expected = depth > 0, surface.z > 0
     both = seen & expected
     z, slope = surface.z[both], surface.slope[:, both]
     dz = depth[both] * depth_scale - z
     per_px = np.abs(slope).sum(axis=0)
     tolerance = 0.5 * depth_scale + RAY_PX * per_px + RELATIVE * z
-    if surface_off_mm > 0:
-        tolerance += surface_off_mm * np.sqrt(1 + ((slope * focal_px / z) ** 2).sum(axis=0))
     shift, error = _best_shift(dz, slope, tolerance, z / focal_px, near=np.abs(dz) <= tolerance + 2 * per_px)
     outline = expected & (cv2.erode(expected.view(np.uint8), _CROSS, borderType=cv2.BORDER_REPLICATE) == 0)
     return DepthAgreement(
@@ -139,7 +129,6 @@ def agreement(
         only_one=int((seen != expected).sum()),
         outline=int(outline.sum()),
         elsewhere=int((_smooth(surface)[both] & (np.abs(dz) > 2 * tolerance)).sum()),
-        off_px=surface_off_mm * focal_px / float(z.min()) if len(z) else 0.0,
     )
 
 

@@ -7,13 +7,14 @@ A file of a dataset may be a pipe, a device, a link to itself, or of any size. E
 import hashlib
 import json
 import os
-import stat
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+
+from ...files.content import regular_file
 
 LARGEST_SMALL_FILE = 1 << 20
 """Bytes of a JSON file that does not grow with the number of views."""
@@ -34,30 +35,11 @@ def opened(root: Path, name: str) -> Iterator[tuple[BinaryIO, int]]:
     DamagedFile
         Missing, not a regular file, or unreadable, also while the block reads it.
     """
-    path = root / name
     try:
-        # a device may act when it is opened, so the kind is checked before
-        _require_regular(os.stat(path).st_mode, name)
-        # should it have become a pipe by now: never wait for its other end
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
-        with open(descriptor, "rb") as stream:
-            status = os.fstat(descriptor)
-            _require_regular(status.st_mode, name)
-            yield stream, status.st_size
+        with open(root / name, "rb", opener=regular_file) as stream:
+            yield stream, os.fstat(stream.fileno()).st_size
     except OSError as error:
         raise DamagedFile(f"{name}: cannot read the file ({error.strerror or error})") from None
-
-
-def _require_regular(mode: int, name: str) -> None:
-    if not stat.S_ISREG(mode):
-        raise DamagedFile(f"{name}: expected a file, found {kind_of(mode)}")
-
-
-def kind_of(mode: int) -> str:
-    """What a mode of ``stat`` says about a file, with an article."""
-    kinds = ((stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"),
-             (stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a device"), (stat.S_ISLNK, "a broken link"))  # fmt: skip
-    return next((kind for test, kind in kinds if test(mode)), "something else")
 
 
 def read_bytes(root: Path, name: str, most: int) -> bytes:

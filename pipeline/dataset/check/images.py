@@ -54,13 +54,12 @@ def check_view(
             record.depth_scale,
             surface_depth(surface.mesh, description.camera, record.cam_from_model),
             description.camera.fx,
-            surface_off_mm=description.surface_tolerance_mm,
         )
         misfit = found.misfit
         if misfit:
             where = paths.relative("depth")
             raise DamagedFile(f"{where}: the surface projected with scene_gt and cam_K does not fit: {misfit}")
-        _check_silhouette(surface, record, description, found.off_px)
+        _check_silhouette(surface, record, description)
     except DamagedFile as damage:
         findings.add(POSES, damage)
         return None
@@ -142,14 +141,13 @@ def _box(mask: np.ndarray) -> list[int]:
     return [x, y, width - 1, height - 1] if width else [-1, -1, -1, -1]
 
 
-def _check_silhouette(surface: SilhouetteEdges, record: ViewRecord, description: Description, off_px: float) -> None:
-    """Check the numbers about the silhouette outside the image, which no image shows, known up to ``off_px``."""
+def _check_silhouette(surface: SilhouetteEdges, record: ViewRecord, description: Description) -> None:
+    """Check the numbers about the silhouette outside the image, which no image shows."""
     info, silhouette = record.gt_info, silhouette_statistics(surface, description.camera, record.cam_from_model)
     visible = info["px_count_visib"]
     whole = silhouette.px_count_all - silhouette.px_count_inside + visible
-    outline = 4 * sum(silhouette.bbox_obj[2:])
-    if abs(info["px_count_all"] - whole) > PIXELS_OF_ROUNDING + 1e-3 * whole + off_px * outline:
+    if abs(info["px_count_all"] - whole) > PIXELS_OF_ROUNDING + 1e-3 * whole:
         raise DamagedFile(f"{record.where}: px_count_all is {info['px_count_all']}, the surface covers {whole} px")
     box = list(silhouette.bbox_obj) if visible else [-1, -1, -1, -1]
-    if np.abs(np.subtract(info["bbox_obj"], box)).max() > 1 + np.ceil(off_px):
+    if np.abs(np.subtract(info["bbox_obj"], box)).max() > 1:
         raise DamagedFile(f"{record.where}: bbox_obj is {info['bbox_obj']}, that of the projected surface is {box}")

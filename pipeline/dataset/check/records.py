@@ -41,11 +41,6 @@ DESCRIPTION_KEYS = {
 }  # fmt: skip
 LISTED_KEYS = {"poses_sha256", "depth_scale"}
 """Keys of a dataset whose poses were listed."""
-QUALITY = {"quality", "tolerance_colour", "tolerance_px"}
-"""Options that only the description of a dataset of another quality than exact has, with the setting."""
-SETTING_KEYS = {
-    "renderer", "colour", "samples", "mesh_tolerance_mm", "faces", "pivot_model", "surface_sha256",
-}  # fmt: skip
 CAMERA_KEYS = {"width", "height", "fx", "fy", "cx", "cy"}
 ELSEWHERE = {"count", "poses", "video", "video_frames"}
 """Options that the description does not list among the others."""
@@ -75,8 +70,6 @@ class Description:
         4x4, mm.
     kinds
         Kinds of a view's files, without its record.
-    surface_tolerance_mm
-        Largest distance of the surface that the views show from the model; 0 for exact quality.
     """
 
     content: dict[str, Any]
@@ -86,7 +79,6 @@ class Description:
     camera: PinholeCamera
     mesh_from_model: np.ndarray
     kinds: tuple[str, ...]
-    surface_tolerance_mm: float
 
     @property
     def poses_hash(self) -> str | None:
@@ -174,13 +166,17 @@ def read_description(root: Path) -> Description:
         )
     listed = LISTED_KEYS & content.keys()
     options = mapping(content, "options", RECORD)
-    chosen = {"setting"} if "quality" in options else set()
-    require_keys(content, DESCRIPTION_KEYS | (LISTED_KEYS if listed else set()) | chosen, RECORD)
+    if "setting" in content:
+        raise InputError(
+            f"{root / RECORD}: its views are of --quality {shortened(options.get('quality'))}, which this version does "
+            "not have; check the dataset with the version that made it"
+        )
+    require_keys(content, DESCRIPTION_KEYS | (LISTED_KEYS if listed else set()), RECORD)
     count = whole_number(content, "count", RECORD, least=1, most=MOST_VIEWS)
     if not isinstance(content["object"], str):
         raise DamagedFile(f"{RECORD}: expected object to be a name, found {shortened(content['object'])}")
     given = mapping(content, "camera", RECORD)
-    names = set(option_names()) - ELSEWHERE - (set() if chosen else QUALITY)
+    names = set(option_names()) - ELSEWHERE
     if options.get("sampler") == "trajectory" and not listed:
         # each pose of a trajectory depends on their number
         names.add("views")
@@ -212,7 +208,6 @@ def read_description(root: Path) -> Description:
                 f"{RECORD}: expected poses_sha256 to be a hash, found {shortened(content['poses_sha256'])}"
             )
     whole_number(options, "samples", f"{RECORD}: options", least=1)
-    tolerance_mm = _surface_tolerance_mm(mapping(content, "setting", RECORD)) if chosen else 0.0
     float_depth = ("depth_mm",) if options["float_depth"] else ()
     return Description(
         content=content,
@@ -222,18 +217,7 @@ def read_description(root: Path) -> Description:
         camera=camera,
         mesh_from_model=mesh_from_model,
         kinds=("rgb", "depth", "mask", "mask_visib", "mask_observed", *float_depth),
-        surface_tolerance_mm=tolerance_mm,
     )
-
-
-def _surface_tolerance_mm(setting: Mapping) -> float:
-    """The largest distance of the surface in the views from the model, which a quality other than exact states."""
-    where = f"{RECORD}: setting"
-    require_keys(setting, SETTING_KEYS, where)
-    tolerance_mm = float(numbers(setting, "mesh_tolerance_mm", (), where))
-    if tolerance_mm < 0:
-        raise DamagedFile(f"{where}: expected mesh_tolerance_mm of 0 or more, found {tolerance_mm:g}")
-    return tolerance_mm
 
 
 def _camera(given: Mapping) -> PinholeCamera:

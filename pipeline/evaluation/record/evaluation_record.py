@@ -24,10 +24,9 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class EvaluatedCase:
-    """A case: its name in all tables, its path as given, and the names of its photographs."""
+    """A case: its name in all tables, and the names of its photographs."""
 
     name: str
-    case: str
     frames: tuple[str, ...]
 
 
@@ -191,7 +190,7 @@ def read_evaluation(path: Path) -> Evaluation:
             raise ValueError(f"format {table['format']!r}")
         return Evaluation(
             conditions=Conditions(**table["conditions"]),
-            cases=tuple(EvaluatedCase(e["name"], e["case"], tuple(e["frames"])) for e in table["cases"]),
+            cases=tuple(EvaluatedCase(e["name"], tuple(e["frames"])) for e in table["cases"]),
             methods=tuple(EvaluatedMethod(**entry) for entry in table["methods"]),
             rows=tuple(
                 Row(e["case"], e["image"], e["method"], {score: _number(e[score]) for score in SCORES})

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from ...files.kinds import Kind, beginning
-from ..measured_table import measured_table
+from ..conditions import measured_table
 from ..scores.view_scores import SCORES, is_better
 from .evaluation_record import ALL, Evaluation
 

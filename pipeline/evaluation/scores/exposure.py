@@ -10,7 +10,7 @@ DARKEST, BRIGHTEST = 10 / 255, 250 / 255
 """Code values beyond these are noise or saturated and say nothing about a factor."""
 FEWEST_PIXELS = 50
 MOST_PIXELS = 50_000
-"""More make the estimate slower, not better: its error is that of shading and registration."""
+"""More make the estimate slower, not better: its error is that of shading and alignment."""
 TUKEY = 4.685
 """Cut-off of Tukey's biweight in standard deviations: 95 % efficiency for normal errors (Huber, Robust Statistics)."""
 MAD_TO_SIGMA = 1.4826

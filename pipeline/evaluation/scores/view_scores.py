@@ -4,7 +4,7 @@ import numpy as np
 
 from .edge_measures import edge_measures
 from .exposure import colour_gain, corrected
-from .registration import registered
+from .flow_alignment import aligned_by_flow
 from .similarity import segmented_similarity, similarity
 
 SCORES = {
@@ -85,7 +85,7 @@ def scores_of(real: np.ndarray, synthetic: np.ndarray, surface: np.ndarray, obse
 
 
 def _registered_scores(real: np.ndarray, synthetic: np.ndarray, observed: np.ndarray) -> dict[str, float]:
-    moved = registered(real, synthetic, observed)
+    moved = aligned_by_flow(real, synthetic, observed)
     values = {"flow_px": moved.median_px, "flow_high_px": moved.high_px}
     # measured before the alignment, whose interpolation blurs a little
     values["sharpness"] = edge_measures(real, synthetic, observed).sharpness

@@ -33,7 +33,7 @@ def test_an_array_comes_back_bit_by_bit(values):
     assert_same_bits(exact(holder(), "values"), values)
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(several=st.lists(ARRAYS, min_size=1, max_size=20), compressed=st.booleans())
 def test_a_saved_file_gives_the_same_bits(tmp_path_factory, several, compressed):
     path = str(tmp_path_factory.getbasetemp() / "exact.blend")

@@ -14,7 +14,7 @@ from pipeline.blender.render.engines import render_view
 from pipeline.blender.render.surface_scene import SurfaceScene
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.colour.vertex_colours import NEUTRAL
-from pipeline.dataset.view import RenderedView
+from pipeline.projection.rendered_view import RenderedView
 from pipeline.surface.mesh import TriangleMesh
 from pipeline.transforms import camera_centre, inverse_rigid, rigid, rotation_from_vector, transform_points
 

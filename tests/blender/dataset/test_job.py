@@ -29,12 +29,13 @@ from pipeline.dataset import layout as dataset
 from pipeline.dataset.check.check_dataset import check_dataset
 from pipeline.dataset.folder import Shard
 from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.options import DatasetOptions
+from pipeline.dataset.options import COLOURS, DatasetOptions
 from pipeline.dataset.view_record import read_record
 from pipeline.errors import InputError, RunError
 from pipeline.images.png import encode_png
 from pipeline.progress import Progress, duration, read_progress
 from pipeline.transforms import inverse_rigid, rigid, rotation_from_vector
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.render
 
@@ -121,6 +122,16 @@ def test_workers_make_the_same_dataset(case, reference, tmp_path, render_command
     ended = run_command(render_command(case, "--out", out, *ARGUMENTS, "--workers", 3))
     assert (ended.returncode, ended.stderr) == (0, "")
     assert_same_dataset(out, reference)
+
+
+def test_raster_makes_the_same_dataset_in_any_processes(case, tmp_path, render_command, run_command):
+    """Also in one where Embree has other threads, and other views before."""
+    options = dataclasses.replace(OPTIONS, count=8, engine="raster", samples=4)
+    run_here(case, tmp_path / "one", options)
+    arguments = ("--count", 8, "--seed", 3, "--float-depth", "--engine", "raster", "--samples", 4)
+    ended = run_command(render_command(case, "--out", tmp_path / "three", *arguments, "--workers", 3))
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert_same_dataset(tmp_path / "three", tmp_path / "one")
 
 
 def test_shards_in_one_folder_make_the_same_dataset(case, reference, tmp_path, render_command, run_command):
@@ -216,14 +227,6 @@ def is_alive(process: int) -> bool:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
-
-
-def wait_until(condition, process: subprocess.Popen | None = None) -> None:
-    """Wait for a condition, or for the end of a process; not for longer than two minutes."""
-    give_up = time.monotonic() + 120
-    while not condition() and (process is None or process.poll() is None):
-        assert time.monotonic() < give_up, "waited for two minutes"
-        time.sleep(0.002)
 
 
 @pytest.fixture
@@ -387,7 +390,7 @@ def test_a_run_ends_with_its_input_and_resumes_later(case, tmp_path, render_comm
     counts = [next(messages).count, next(messages).count]
     # what the system does when the program that started it dies
     running.stdin.close()
-    assert running.wait(timeout=20) == 130
+    assert running.wait() == 130
     assert "run the same command again to continue" in running.stderr.read()
     assert counts == sorted(counts)
     assert 0 < finished_views(out) < views
@@ -500,6 +503,30 @@ def test_what_is_lost_or_damaged_is_written_again_and_reported(case, tmp_path):
     assert "1 finished views are no longer whole and are rendered again: 1 (" in stream.getvalue()
     assert "2 files of the dataset are no longer whole and are written again" in stream.getvalue()
     assert_same_dataset(out, whole)
+
+
+def test_a_removed_description_is_written_again_if_the_records_are_of_the_run(case, reference, tmp_path):
+    out = Path(shutil.copytree(reference, tmp_path / "out"))
+    (out / "dataset.json").unlink()
+    (out / "notes.txt").write_text("")
+    before = tree(out)
+    for options, message in [
+        (dataclasses.replace(OPTIONS, seed=4), "found other files"),
+        (dataclasses.replace(OPTIONS, count=29), r"views up to number 29 .*, and 29 are wanted: .* to 30 or more"),
+    ]:
+        with pytest.raises(RunError, match=message):
+            run_here(case, out, options)
+        assert tree(out) == before
+    ViewPaths(out, 4).file("rgb").unlink()
+    run_here(case, out)
+    (out / "notes.txt").unlink()
+    assert_same_dataset(out, reference)
+    # as it was before it grew
+    few, grown = tmp_path / "few", dataclasses.replace(OPTIONS, count=6)
+    run_here(case, few, grown)
+    (few / "dataset.json").unlink()
+    run_here(case, few)
+    assert_same_dataset(few, reference)
 
 
 @pytest.mark.parametrize("shards", [1, 2])
@@ -722,6 +749,13 @@ def test_a_list_of_poses_grows_at_its_end(case, tmp_path):
         run_list(out, np.stack([*poses, farther]))
     with pytest.raises(RunError, match=r"its poses were listed \(--poses\), now they are drawn"):
         run_here(case, out, OPTIONS)
+    # also without a description
+    description = (out / "dataset.json").read_bytes()
+    (out / "dataset.json").unlink()
+    with pytest.raises(RunError, match="found other files"):
+        run_list(out, np.stack([*poses[:5], poses[0]]))
+    run_list(out, poses)
+    assert (out / "dataset.json").read_bytes() == description
     # shards of a shorter, of the whole and of another list
     other = poses.copy()
     other[4] = poses[0]
@@ -823,7 +857,7 @@ def some_view(case: Path, out: Path, **settings: object) -> tuple[np.ndarray, np
 @pytest.fixture(scope="module")
 def cycles_views(case, tmp_path_factory) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
     folder = tmp_path_factory.mktemp("cycles")
-    return {colour: some_view(case, folder / colour, colour=colour) for colour in ("projective", "texture", "vertex")}
+    return {colour: some_view(case, folder / colour, colour=colour) for colour in COLOURS}
 
 
 @pytest.mark.parametrize("colour", ["texture", "vertex"])
@@ -835,12 +869,14 @@ def test_colour_modes_agree_where_the_frame_is_smooth(cycles_views, colour):
     assert np.abs(view[0] - exact[0])[both].mean() < 2
 
 
-@pytest.mark.gl
 @pytest.mark.parametrize(
     ("engine", "colour"),
-    [("workbench", "vertex"), ("eevee", "projective"), ("eevee", "texture"), ("eevee", "vertex")],
+    [
+        *(("raster", colour) for colour in COLOURS),
+        *(pytest.param("eevee", colour, marks=pytest.mark.gl) for colour in COLOURS),
+    ],
 )
-def test_rasterisers_agree_with_cycles(case, tmp_path, cycles_views, engine, colour):
+def test_other_engines_agree_with_cycles(case, tmp_path, cycles_views, engine, colour):
     try:
         check_engine(engine)
     except InputError as error:
@@ -856,23 +892,6 @@ def test_rasterisers_agree_with_cycles(case, tmp_path, cycles_views, engine, col
     difference = np.abs(view[0] - exact[0])[inner]
     assert difference.max() <= 8
     assert difference.mean() < 0.5
-
-
-@pytest.mark.gl
-def test_workbench_fills_as_cycles_does(case, tmp_path, cycles_views):
-    """Eevee runs the shader nodes of Cycles."""
-    try:
-        check_engine("workbench")
-    except InputError as error:
-        pytest.skip(str(error))
-    exact, view = (
-        some_view(case, tmp_path / engine, engine=engine, colour="vertex", unseen="fill")
-        for engine in ("cycles", "workbench")
-    )
-    assert np.array_equal(exact[2], cycles_views["vertex"][2])
-    both = (exact[1] > 0) & (view[1] > 0)
-    assert (both & ~exact[2]).sum() > 100
-    assert np.abs(view[0] - exact[0])[both & ~exact[2] & ~view[2]].max() <= 8
 
 
 # --- Blender's own program ------------------------------------------------------------------------------------------

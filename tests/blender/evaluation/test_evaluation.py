@@ -47,7 +47,7 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_command):
     ended = run_command([sys.executable, str(ROOT / "scripts" / "evaluate.py"), *map(str, arguments)])
     assert ended.returncode == 0, ended.stderr
     assert "paper (PyTorch3D): skipped, PyTorch3D is not installed" in ended.stdout
-    assert "view_2 shows nothing of the surface" in ended.stdout
+    assert "photograph_2 shows nothing of the surface" in ended.stdout
     assert "FID and KID are missing" in ended.stdout
     record = json.loads((out / "evaluation.json").read_text())
     assert record["format"] == "oneframe evaluation 1"
@@ -62,10 +62,10 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_command):
     assert len(rows) == 2 * 3 * 3
     name = record["cases"][0]["name"]
     # the frame itself comes back, all of it that the frame saw
-    assert rows[name, "frame", ran[0]]["ssim_observed"] > 0.999
-    assert rows[name, "frame", ran[0]]["error_observed"] < 0.5
-    assert all(rows[name, "view_2", ran[0]][score] is None for score in SCORES if score.startswith("ssim"))
-    filled, grey = (rows[name, "view_1", method] for method in (ran[1], ran[0]))
+    assert rows[name, "photograph_3", ran[0]]["ssim_observed"] > 0.999
+    assert rows[name, "photograph_3", ran[0]]["error_observed"] < 0.5
+    assert all(rows[name, "photograph_2", ran[0]][score] is None for score in SCORES if score.startswith("ssim"))
+    filled, grey = (rows[name, "photograph_1", method] for method in (ran[1], ran[0]))
     assert filled["observed_px"] == grey["observed_px"]
     assert filled["error_surface"] < grey["error_surface"]
     # what is drawn and written is there, and nothing else
@@ -75,6 +75,8 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_command):
     tables = {"evaluation.json", "frames.csv", "summary.md", "summary.tex", "figure.png", "pairs.png"}
     assert files == tables | pictures | set(record["charts"])
     assert len(record["charts"]) == 8
+    assert not [path for path in files if b"view_" in path.encode() + (out / path).read_bytes()]
+    assert str(sample) not in (out / "evaluation.json").read_text()
     assert all((out / path).read_bytes().startswith(PNG_SIGNATURE) for path in pictures)
     table = [line for line in (out / "frames.csv").read_text().splitlines() if not line.startswith("# ")]
     written = list(csv.DictReader(table))
@@ -94,7 +96,7 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_command):
     assert ("all", "flow_px") not in bound
     # charts again from the record, alike
     charts = {path: (out / path).read_bytes() for path in record["charts"]}
-    assert read_evaluation(out / "evaluation.json").cases[0].frames == ("view_1", "view_2", "frame")
+    assert read_evaluation(out / "evaluation.json").cases[0].frames == ("photograph_1", "photograph_2", "photograph_3")
     assert evaluate.main(["--redraw", "--out", str(out)]) == 0
     assert {path: (out / path).read_bytes() for path in record["charts"]} == charts
 

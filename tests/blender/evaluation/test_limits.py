@@ -19,7 +19,6 @@ from pipeline.alignment.refinement.verdict import Refinement
 from pipeline.blender.bridge.camera import new_camera
 from pipeline.blender.case.load_case import load_case
 from pipeline.blender.dataset.job import Job, open_job
-from pipeline.blender.evaluation.stability_camera import Place, write_place
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.case.case_file import read_case
 from pipeline.colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
@@ -27,11 +26,12 @@ from pipeline.colour.source_view import SourceView
 from pipeline.dataset.folder import Shard
 from pipeline.dataset.options import DatasetOptions
 from pipeline.errors import InputError
-from pipeline.evaluation.stability.landmarks import Clicks, camera_of, draw_trial
 from pipeline.poses.constraints import Constraints, ViewStatistics, plan_pose, sampling_doubt
 from pipeline.projection.z_buffer import rasterise_depth
 from pipeline.surface.mesh import TriangleMesh, checked_mesh
 from pipeline.transforms import rigid, rotation_from_vector, transform_points
+from scripts.benchmarks.sweeps.camera import Place, write_place
+from scripts.benchmarks.sweeps.landmarks import Clicks, camera_of, draw_trial
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "limits.md"
 ROW = re.compile(r"^\| ([^|]+) \| ([^|]+) \| (\w+) \| `(\w+)` \(`([\w.]+)`\) \| `(\w+)` \|$", re.MULTILINE)

@@ -6,7 +6,6 @@ import pytest
 from scipy.ndimage import binary_erosion, gaussian_filter
 
 from pipeline.blender.colour.reference_view import ReferenceView, colour_of, reference_view_of, unseen_colours_of
-from pipeline.blender.evaluation.converged_view import converged_view
 from pipeline.blender.render.anti_aliasing import EdgeSampler
 from pipeline.blender.render.engines import render_view
 from pipeline.blender.render.surface_rays import SurfaceRays
@@ -15,6 +14,7 @@ from pipeline.camera.pinhole import PinholeCamera
 from pipeline.colour.vertex_colours import NEUTRAL
 from pipeline.projection.edge_pixels import edge_pixels
 from pipeline.transforms import camera_centre, rigid
+from scripts.benchmarks.rendering.converged_view import converged_view
 
 pytestmark = pytest.mark.render
 

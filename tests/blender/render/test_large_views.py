@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.blender.render.engines import check_engine, render_view
+from pipeline.blender.render.engines import opened_engine
 from pipeline.blender.render.surface_scene import SurfaceScene
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.errors import InputError
@@ -11,20 +11,16 @@ from pipeline.errors import InputError
 pytestmark = pytest.mark.render
 
 
-@pytest.mark.parametrize("engine", ["cycles", pytest.param("raster", marks=pytest.mark.gl)])
+@pytest.mark.parametrize("engine", ["cycles", "raster"])
 @pytest.mark.parametrize("size", [(8200, 24), (24, 8200)])
 def test_a_long_view_is_that_of_a_ray_cast_in_all_its_parts(bumpy_mesh, frontal_pose, ray_cast, engine, size):
     """Cycles splits views of more than 8192 px."""
-    try:
-        check_engine(engine)
-    except InputError as error:
-        pytest.skip(str(error))
     width, height = size
     # nearly as far from square pixels as is allowed, so that the short side shows the surface too
     fx, fy = (4 * width, 4 * width / 150) if width > height else (4 * height / 150, 4 * height)
     camera = PinholeCamera(width, height, fx, fy, (width - 1) / 2, (height - 1) / 2)
-    with SurfaceScene(bumpy_mesh, camera, None, engine=engine) as scene:
-        view = render_view(scene, frontal_pose)
+    with opened_engine(engine, bumpy_mesh, camera, None) as render:
+        view = render(frontal_pose)
     pixels = camera.pixel_grid().reshape(-1, 2)[::97]
     depth, _ = ray_cast(bumpy_mesh, camera, frontal_pose, pixels)
     shown = view.depth_mm.reshape(-1)[::97]
@@ -34,8 +30,7 @@ def test_a_long_view_is_that_of_a_ray_cast_in_all_its_parts(bumpy_mesh, frontal_
     assert np.abs(depth - shown)[both].max() < 0.01
 
 
-@pytest.mark.parametrize("engine", ["eevee", "workbench"])
-def test_what_opengl_cannot_show_is_refused(bumpy_mesh, engine):
+def test_what_opengl_cannot_show_is_refused(bumpy_mesh):
     camera = PinholeCamera(16_400, 16, 2000.0, 2000.0, 8000.0, 8.0)
     with pytest.raises(InputError, match="at most 16384 px a side with engine"):
-        SurfaceScene(bumpy_mesh, camera, None, engine=engine)
+        SurfaceScene(bumpy_mesh, camera, None, engine="eevee")

@@ -144,7 +144,7 @@ class Slurm:
         lines = [line.split() for line in self.call("squeue", "-h", "-r", "-t", "R", "-o", "%A %i %N").splitlines()]
         return {line[0]: (line[1], line[2]) for line in lines if len(line) == 3}
 
-    def wait_until_idle(self, seconds: float = 60) -> None:
+    def wait_until_idle(self, seconds: float = 600) -> None:
         """Wait until no job is in the queue."""
         try:
             _wait(lambda: not self.call("squeue", "-h").strip(), "jobs are still in the queue", seconds)
@@ -237,7 +237,7 @@ def _kill(numbers: Iterable[int]) -> int:
     return killed
 
 
-def _wait(until: Callable[[], bool], otherwise: str, seconds: float = 20) -> None:
+def _wait(until: Callable[[], bool], otherwise: str, seconds: float = 120) -> None:
     end = time.monotonic() + seconds
     while not until():
         if time.monotonic() > end:

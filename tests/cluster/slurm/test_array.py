@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from tests.cluster.slurm.slurm_on_this_machine import LARGEST_ARRAY, NODES
+from tests.cluster.written_records import records
 from tests.different_files import different_files
+from tests.waiting import wait_until
 
 SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "slurm_array.sh"
 SHARDS, VIEWS = 4, 800
@@ -36,15 +38,6 @@ def submit(run_command, submitting):
     return call
 
 
-def records(root: Path) -> dict[Path, tuple[int, int]]:
-    """Which finished views there are, each with what changes when it is written again."""
-    found = {}
-    for path in root.glob("*/*/frame/[0-9]*.json"):
-        state = path.stat()
-        found[path] = (state.st_ino, state.st_mtime_ns)
-    return found
-
-
 def test_same_bytes_whatever_is_killed(slurm, submit, case, tmp_path, render_command, run_command):
     alone, out, rng = tmp_path / "alone", tmp_path / "out", np.random.default_rng(6)
     assert run_command(render_command(case, "--out", alone, *RENDER)).returncode == 0
@@ -63,19 +56,15 @@ def test_same_bytes_whatever_is_killed(slurm, submit, case, tmp_path, render_com
 
     def wait_for_work(element: str = "", *, at_once: bool = False) -> tuple[str, str, str]:
         """A job that renders, its name and its node: of several, any, and at any moment of its work."""
-        end = time.monotonic() + 60
-        while time.monotonic() < end:
-            jobs = rendering(element)
-            if jobs:
-                job = str(rng.choice(sorted(jobs)))
+        while True:
+            wait_until(lambda: rendering(element), otherwise=slurm.told)
+            for job, place in rendering(element).items():
                 time.sleep(0 if at_once else rng.uniform(0, 0.8))
                 seen.append(records(out))
                 if job in rendering(element):
-                    return job, *jobs[job]
-            time.sleep(0.1)
-        raise AssertionError(slurm.told())
+                    return job, *place
 
-    seen: list[dict[Path, tuple[int, int]]] = []
+    seen: list[dict[str, tuple[int, int]]] = []
     # the job itself, before its last view: Slurm calls it failed, and the tables can never be written
     job, _, _ = wait_for_work(at_once=True)
     assert slurm.kill(job) >= 2
@@ -105,7 +94,7 @@ def test_same_bytes_whatever_is_killed(slurm, submit, case, tmp_path, render_com
     assert different_files(out, alone) == [], logs
     assert len(records(out)) == VIEWS
     last = records(out)
-    twice = {path.name for earlier in seen for path, state in earlier.items() if last[path] != state}
+    twice = {name for earlier in seen for name, state in earlier.items() if last[name] != state}
     assert any(seen), "nothing was killed during its work"
     assert not twice, "finished views were rendered again"
     assert sum(text.count("back into the queue") for text in logs.values()) == 1

@@ -1,22 +1,23 @@
 """``--cluster slurm`` on a real Slurm: Dask's workers in its jobs, one of which is cancelled during the run."""
 
 import os
+import re
+import stat
 import subprocess
-import time
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
 from pipeline.cluster.slurm_settings import SlurmSettings, checked_slurm_settings, read_slurm_settings
 from pipeline.errors import InputError
+from tests.cluster.slurm.slurm_on_this_machine import Slurm
+from tests.cluster.strangers import check_closed, listeners
+from tests.cluster.written_records import records
 from tests.different_files import different_files
+from tests.waiting import wait_until
 
 VIEWS = 300
-
-
-def records(root: Path) -> dict[str, tuple[int, int]]:
-    states = {path.name: path.stat() for path in root.glob("*/*/frame/[0-9]*.json")}
-    return {name: (state.st_ino, state.st_mtime_ns) for name, state in states.items()}
 
 
 @pytest.mark.render
@@ -33,20 +34,30 @@ def test_a_cancelled_job_changes_no_byte(slurm, submitting, tmp_path, write_tiny
         stderr=subprocess.PIPE,
         text=True,
     )
-    end = time.monotonic() + 90
-    while len(records(out)) < 20 and run.poll() is None:
-        assert time.monotonic() < end, slurm.told()
-        time.sleep(0.1)
+    wait_until(lambda: len(records(out)) >= 20, run, slurm.told)
     kept = records(out)
     jobs = sorted(slurm.running())
     assert 1 <= len(jobs) <= 2
+    keys = check_doors(run.pid, slurm, jobs)
     slurm.call("scancel", jobs[0])
-    output, errors = run.communicate(timeout=200)
+    output, errors = run.communicate()
     assert run.returncode == 0, errors + output + slurm.told()
     assert different_files(out, alone) == []
     last = records(out)
     assert {name for name, state in kept.items() if last[name] != state} == set(), "finished views were rendered again"
-    slurm.wait_until_idle(30)
+    slurm.wait_until_idle()
+    assert not keys.exists()
+
+
+def check_doors(run: int, slurm: Slurm, jobs: Iterable[str]) -> Path:
+    """Check that nobody but the run gets into its scheduler and its jobs; the folder of what lets them in."""
+    inside = {number: line for job in jobs for number, line in slurm.processes(SLURM_JOB_ID=job).items()}
+    addresses = listeners([run, *inside])
+    assert len(addresses) >= 3
+    check_closed(addresses)
+    (key,) = {Path(path) for line in inside.values() for path in re.findall(r"--tls-key (\S+)", line)}
+    assert [stat.S_IMODE(path.stat().st_mode) for path in (key, key.parent)] == [0o600, 0o700]
+    return key.parent
 
 
 @pytest.mark.render
@@ -56,14 +67,11 @@ def test_jobs_end_with_a_killed_run(slurm, submitting, tmp_path, write_tiny_case
     settings.write_text('jobs = 2\nmemory = "1GB"\n')
     command = render_command(case, "--out", tmp_path / "out", "--cluster", "slurm", "--cluster-settings", settings)
     run = subprocess.Popen(command, env=os.environ | submitting, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    end = time.monotonic() + 60
-    while not slurm.call("squeue", "-h").strip():
-        assert time.monotonic() < end
-        assert run.poll() is None
-        time.sleep(0.1)
+    wait_until(lambda: slurm.call("squeue", "-h").strip(), run)
+    assert run.poll() is None
     run.kill()
     run.wait()
-    slurm.wait_until_idle(30)
+    slurm.wait_until_idle()
 
 
 def test_what_slurm_refuses_is_told(slurm, submitting, tmp_path, write_tiny_case, render_command, run_command):
@@ -73,7 +81,7 @@ def test_what_slurm_refuses_is_told(slurm, submitting, tmp_path, write_tiny_case
     command = render_command(case, "--out", tmp_path / "out", "--cluster", "slurm", "--cluster-settings", settings)
     ended = run_command(command, **submitting)
     assert ended.returncode == 3
-    assert "error: --cluster slurm: Slurm refuses a job of these settings (" in ended.stderr
+    assert "error: --cluster slurm: no workers can be started (Slurm refuses a job of these settings: " in ended.stderr
     assert "partition" in ended.stderr
     assert slurm.call("squeue", "-h") == ""
 

@@ -1,0 +1,225 @@
+"""Exact views by a ray through each pixel's centre: what Cycles renders for colours without light, in less time.
+
+Embree finds the face that each ray meets (:mod:`pipeline.projection.rays`), as it does inside Cycles; everything else
+is a formula in the pixel and the depth. The point's pixel in the frame, (x, y, z), is A (u, v, 1) + b / depth, with A
+and b computed in double precision, so that at the frame's own pose each pixel is looked up at its own place.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..camera.pinhole import PinholeCamera
+from ..images.pixel_values import ROUNDING_PX
+from ..projection.edge_pixels import pixel_pattern
+from ..projection.rays import Hits, MeshRays
+from ..projection.rendered_view import RenderedView
+from ..surface.mesh import TriangleMesh
+from ..transforms import camera_centre, inverse_rigid
+from .anti_aliasing import MISSED, OBSERVED, UNSEEN, footprint_scale, smoothed
+from .shading import ImageShader, Points, SurfaceColour, VertexShader, corner_means
+from .source_view import SourceView
+from .vertex_colours import NEUTRAL, VertexColours
+
+BLOCK = 1 << 15
+"""Rays that are cast and coloured at once: few enough for a processor's cache."""
+
+
+class _Eye(NamedTuple):
+    """A pose, and what follows from it.
+
+    ``model_from_px`` ``(3, 3)`` gives a ray's direction from its pixel (u, v, 1), of length 1 along the optical axis;
+    rays start at the depth ``start_mm``, before the surface, where single precision loses less. ``frame_from_px`` and
+    ``frame_origin`` are A and b of this module.
+    """
+
+    centre: np.ndarray
+    start_mm: float
+    model_from_px: np.ndarray
+    frame_from_px: np.ndarray
+    frame_origin: np.ndarray
+
+
+class RayTracer:
+    """Renders views of one surface."""
+
+    def __init__(
+        self,
+        mesh: TriangleMesh,
+        camera: PinholeCamera,
+        colour: SurfaceColour | None,
+        *,
+        unseen: np.ndarray | None = None,
+        samples: int = 1,
+        pivot_model: np.ndarray | None = None,
+        rays: MeshRays | None = None,
+    ) -> None:
+        """Prepare what the views share.
+
+        Parameters
+        ----------
+        mesh
+            The surface, model frame.
+        camera
+            Intrinsics of the views.
+        colour
+            Source of the surface's colour; ``None`` for geometry alone.
+        unseen
+            ``(V, 3)`` colours of the vertices for what the frame did not see; ``None``: neutral grey.
+        samples, pivot_model
+            Rays in each pixel at an edge, and with more than one the point whose distance determines the filter, mm.
+        rays
+            Those at the same mesh, if there are any yet.
+
+        Raises
+        ------
+        InputError
+            Rays cannot be cast here.
+        """
+        self._mesh, self._camera, self._unseen = mesh, camera, unseen
+        self._rays = rays or MeshRays(mesh)
+        self._source = colour if colour is None or isinstance(colour, SourceView) else colour.source
+        self._facing = None if self._source is None else self._source.facing_faces(mesh)
+        self._shader: ImageShader | VertexShader | None = None
+        if isinstance(colour, VertexColours):
+            self._shader = VertexShader(mesh, colour)
+        elif colour is not None and self._source is not None:
+            self._shader = ImageShader(mesh, colour, self._source)
+        self._pivot_model = None if samples == 1 else pivot_model
+        self._pattern = pixel_pattern(samples)
+
+    def render(self, cam_from_model: np.ndarray) -> RenderedView:
+        """Render a pose (4x4, mm)."""
+        eye = self._eye(cam_from_model)
+        if self._source is None or self._pivot_model is None:
+            return self._exact(eye, None)
+        scale = footprint_scale(self._source, self._pivot_model, self._camera, cam_from_model)
+
+        def cast(u: np.ndarray, v: np.ndarray, texel_share: float) -> tuple[np.ndarray, np.ndarray]:
+            return self._in_pixels(eye, u, v, texel_share)
+
+        is_image = isinstance(self._shader, ImageShader)
+        return smoothed(
+            self._exact(eye, scale if is_image else None), self._camera, scale, cast, vertex_colours=not is_image
+        )
+
+    def _eye(self, cam_from_model: np.ndarray) -> _Eye:
+        k_inverse = np.linalg.inv(self._camera.k)
+        frame_from_cam = np.zeros((3, 4))
+        if self._source is not None:
+            frame_from_cam = self._source.camera.k @ (self._source.cam_from_model @ inverse_rigid(cam_from_model))[:3]
+        return _Eye(
+            camera_centre(cam_from_model),
+            max(float(cam_from_model[2, 3]) - 1.01 * self._mesh.radius, 0.0),
+            cam_from_model[:3, :3].T @ k_inverse,
+            frame_from_cam[:, :3] @ k_inverse,
+            frame_from_cam[:, 3],
+        )
+
+    def _exact(self, eye: _Eye, scale: float | None) -> RenderedView:
+        """One ray a pixel; colours are means over pixels of this scale if it is given."""
+        shape = self._camera.shape_hw
+        view = RenderedView(
+            np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32), np.zeros(shape, bool), np.zeros(shape, bool)
+        )
+        left, top, right, bottom = self._bounds(eye)
+        u, rows = np.arange(left, right), max(1, BLOCK // max(right - left, 1))
+        for first in range(top, bottom, rows):
+            v = np.arange(first, min(first + rows, bottom))[:, None]
+            block = slice(first, first + len(v)), slice(left, right)
+            hits, depth_mm, points = self._meet(eye, u, v)
+            near = None
+            if scale is not None and isinstance(self._shader, ImageShader):
+                rgb, seen, near = self._shader.filtered(points, scale)
+            else:
+                rgb, seen = self._shaded(points)
+            hit = hits.face >= 0
+            self._show_unseen(rgb, hits, hit, seen)
+            shape = len(v), len(u)
+            view.rgb[block] = rgb.reshape(*shape, 3)
+            view.depth_mm[block] = (depth_mm * hit).reshape(shape)
+            view.observed[block] = seen.reshape(shape)
+            if near is not None:
+                view.near_unseen[block] = near.reshape(shape)
+        return view
+
+    def _in_pixels(self, eye: _Eye, u: np.ndarray, v: np.ndarray, texel_share: float) -> tuple[np.ndarray, np.ndarray]:
+        """Several rays in each pixel: see :data:`.CastRays`."""
+        count = len(self._pattern)
+        colours, kinds = np.empty((len(u), count, 3), np.float32), np.empty((len(u), count), np.int8)
+        for first in range(0, len(u), rows := max(1, BLOCK // count)):
+            block = slice(first, first + rows)
+            right, down = self._pattern.T
+            hits, _, points = self._meet(eye, u[block, None] + right, v[block, None] + down)
+            rgb, seen = self._shaded(points, texel_share)
+            hit = hits.face >= 0
+            self._show_unseen(rgb, hits, hit, seen)
+            colours[block] = rgb.reshape(-1, count, 3)
+            kinds[block] = np.where(seen, OBSERVED, np.where(hit, UNSEEN, MISSED)).reshape(-1, count)
+        return colours, kinds
+
+    def _bounds(self, eye: _Eye) -> tuple[int, int, int, int]:
+        """First and end column and row of the pixels that can show the surface."""
+        width, height = self._camera.size_wh
+        x, y, z = np.linalg.inv(eye.model_from_px) @ (self._mesh.box - eye.centre).T
+        if z.min() <= 0:
+            return 0, 0, width, height
+        (left, right), (top, bottom) = (
+            (int(np.clip(np.floor(at.min()), 0, size)), int(np.clip(np.ceil(at.max()) + 1, 0, size)))
+            for at, size in ((x / z, width), (y / z, height))
+        )
+        return left, top, right, bottom
+
+    def _meet(self, eye: _Eye, u: np.ndarray, v: np.ndarray) -> tuple[Hits, np.ndarray, Points]:
+        """Cast rays through pixels, whose columns and rows are broadcast: what they meet, N in all.
+
+        Returns
+        -------
+        What they meet, ``(N,)`` its depth in mm (1 for a miss), and the points.
+        """
+        shape = np.broadcast_shapes(u.shape, v.shape)
+        directions, origins = np.empty((2, *shape, 3), np.float32)
+        for axis, (right, down, ahead) in enumerate(eye.model_from_px):
+            across, along = right * u, down * v + ahead
+            np.add(across, along, out=directions[..., axis], casting="same_kind")
+            across, along = eye.start_mm * across, eye.start_mm * along + eye.centre[axis]
+            np.add(across, along, out=origins[..., axis], casting="same_kind")
+        hits = self._rays.first_hits(origins.reshape(-1, 3), directions.reshape(-1, 3))
+        hit = hits.face >= 0
+        depth_mm = np.where(hit, np.add(hits.distance, eye.start_mm, dtype=np.float64), 1).astype(np.float32)
+        may_be_seen = hit & hits.front
+        if self._source is None or self._facing is None:
+            nothing = np.zeros(0, np.float32)
+            return hits, depth_mm, Points(hits, nothing, nothing, nothing, may_be_seen)
+        may_be_seen &= self._facing[hits.face]
+        nearness = 1 / depth_mm
+        x, y, z = (
+            (row[0] * u + (row[1] * v + row[2])).astype(np.float32).ravel() + np.float32(shift) * nearness
+            for row, shift in zip(eye.frame_from_px, eye.frame_origin, strict=True)
+        )
+        may_be_seen &= z > 0
+        # where it is not, anything but a division by zero does
+        divisor = np.where(may_be_seen, z, np.float32(1))
+        x /= divisor
+        y /= divisor
+        width, height = self._source.camera.size_wh
+        may_be_seen &= (x >= -ROUNDING_PX) & (x <= width - 1 + ROUNDING_PX)
+        may_be_seen &= (y >= -ROUNDING_PX) & (y <= height - 1 + ROUNDING_PX)
+        # z is the depth in the frame relative to that in the view
+        z *= depth_mm
+        return hits, depth_mm, Points(hits, x, y, z, may_be_seen)
+
+    def _shaded(self, points: Points, texel_share: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        if self._shader is None:
+            return np.full((len(points.may_be_seen), 3), NEUTRAL, np.float32), points.may_be_seen
+        return self._shader.exact(points, texel_share)
+
+    def _show_unseen(self, rgb: np.ndarray, hits: Hits, hit: np.ndarray, seen: np.ndarray) -> None:
+        """Set the colours of what the frame did not see, in place, and black without a hit."""
+        unseen = np.flatnonzero(hit & ~seen)
+        rgb[~hit] = 0
+        if self._unseen is None:
+            rgb[unseen] = NEUTRAL
+            return
+        part = Hits(*(values[unseen] for values in hits))
+        rgb[unseen] = corner_means(self._unseen[self._mesh.faces[part.face]], part)

@@ -1,0 +1,170 @@
+"""The colours of surface points in the three colour modes, by the rule of :mod:`pipeline.colour.source_view`.
+
+It is what the material of :mod:`pipeline.blender.render.material` computes at a shaded point, for many points at once.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..projection.rays import Hits
+from ..surface.mesh import TriangleMesh
+from .anti_aliasing import filtered_image
+from .footprint_filter import squares_for
+from .source_view import SourceView
+from .texture_atlas import COVERED_LEAST, TextureAtlas
+from .vertex_colours import VertexColours
+
+SurfaceColour = VertexColours | TextureAtlas | SourceView
+
+
+class Points(NamedTuple):
+    """N surface points that rays met.
+
+    Attributes
+    ----------
+    hits
+        The faces, and the places in them.
+    x, y, depth_mm
+        ``(N,)`` float32 pixel of the reference view, moved into it, and depth from its camera.
+    may_be_seen
+        ``(N,)`` bool: both cameras see the front of the face, and the pixel is inside the reference view.
+    """
+
+    hits: Hits
+    x: np.ndarray
+    y: np.ndarray
+    depth_mm: np.ndarray
+    may_be_seen: np.ndarray
+
+
+class Texels:
+    """An image ``(H, W)`` or ``(H, W, 4)`` for many lookups in single precision; coordinates outside are moved in."""
+
+    def __init__(self, image: np.ndarray) -> None:
+        self.height, self.width = image.shape[:2]
+        self._channels = 1 if image.ndim == 2 else image.shape[2]
+        flat = np.ascontiguousarray(image, np.float32).reshape(-1)
+        # one number of 16 bytes for four channels: numpy gathers numbers ten times as fast as rows
+        self._flat = flat if image.ndim == 2 else flat.view(np.complex128)
+
+    def between(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """``(N,)`` float32 columns and rows -> ``(N, C)`` values, interpolated bilinearly."""
+        x, y = self._moved_in(x, y)
+        left, top = (
+            np.minimum(at.astype(np.int32), max(size - 2, 0)) for at, size in ((x, self.width), (y, self.height))
+        )
+        # as many weights as values: numpy is slow along an axis of four
+        across, down = ((at - low.astype(np.float32)).repeat(self._channels) for at, low in ((x, left), (y, top)))
+        right, below = int(self.width > 1), self.width * int(self.height > 1)
+        first = (top * self.width + left).astype(np.intp)
+        upper, lower = self._values(first), self._values(first, below)
+        upper += (self._values(first, right) - upper) * across
+        lower += (self._values(first, below + right) - lower) * across
+        lower -= upper
+        lower *= down
+        upper += lower
+        return upper.reshape(len(first), self._channels)
+
+    def nearest(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """``(N,)`` float32 columns and rows -> ``(N, C)`` values of the nearest pixels."""
+        column, row = (np.rint(at).astype(np.intp) for at in self._moved_in(x, y))
+        return self._values(row * self.width + column).reshape(len(row), self._channels)
+
+    def _moved_in(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.clip(x, 0, self.width - 1), np.clip(y, 0, self.height - 1)
+
+    def _values(self, index: np.ndarray, offset: int = 0) -> np.ndarray:
+        """The channels of N pixels, one after the other."""
+        # "clip" checks nothing, which is faster
+        return self._flat[offset:].take(index, mode="clip").view(np.float32)
+
+
+class ImageShader:
+    """Colours from the frame, or from a texture baked from it."""
+
+    def __init__(self, mesh: TriangleMesh, colour: SourceView | TextureAtlas, source: SourceView) -> None:
+        self._mesh, self._colour, self._source = mesh, colour, source
+        image, surface = source.continued
+        self._surface = Texels(surface)
+        self._known = Texels(colour.observed) if isinstance(colour, TextureAtlas) else self._surface
+        whole = colour.premultiplied() if isinstance(colour, TextureAtlas) else np.dstack([image, surface])
+        self._image = Texels(whole)
+        self._filtered: dict[int, tuple[Texels, float]] = {}
+
+    def exact(self, points: Points, texel_share: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """``(N, 3)`` colours, see :data:`.CastRays` for the share; ``(N,)`` bool: the frame saw the point."""
+        x, y = self._place(points)
+        rgb, own = self._own(self._image.between(x, y), points)
+        if texel_share > 0:
+            texel, same = self._own(self._image.nearest(x, y), points)
+            rgb = rgb + (np.float32(texel_share) * same)[:, None] * (texel - rgb)
+        return rgb, self._seen(own, points)
+
+    def filtered(self, points: Points, scale: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same, with means over pixels of this scale; ``(N,)`` bool: seen, but near the border of what was."""
+        x, y = self._place(points)
+        _, own = self._own(self._known.between(x, y), points)
+        side, offset = squares_for(scale)
+        if side not in self._filtered:
+            image, place = filtered_image(self._colour, self._source, side)
+            self._filtered[side] = Texels(image), place
+        texels, place = self._filtered[side]
+        first = texels.between(x - np.float32(place + offset), y - np.float32(place + offset))
+        border = first[:, 3] > 0.5
+        rgb = first[:, :3]
+        if offset > 0:
+            for right, down in ((1, -1), (-1, 1), (1, 1)):
+                shifted = (at + np.float32(sign * offset - place) for at, sign in ((x, right), (y, down)))
+                rgb += texels.between(*shifted)[:, :3]
+            rgb *= np.float32(0.25)
+        seen = self._seen(own, points)
+        return rgb, seen, seen & border
+
+    def _place(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
+        """Columns and rows of the points in the image."""
+        if isinstance(self._colour, SourceView):
+            return points.x, points.y
+        u, v = corner_means(self._colour.uv[points.hits.face], points.hits).T
+        width, height = self._image.width, self._image.height
+        return (u * width - 0.5).astype(np.float32), ((1 - v) * height - 0.5).astype(np.float32)
+
+    def _own(self, texels: np.ndarray, points: Points) -> tuple[np.ndarray, np.ndarray]:
+        """Colours of lookups, and whether they are of the point's own surface."""
+        alpha = texels[:, -1]
+        if isinstance(self._colour, SourceView):
+            return texels[:, :-1], _is_same(alpha, points, self._source)
+        own = alpha > COVERED_LEAST
+        return texels[:, :-1] / np.where(own, alpha, np.float32(1))[:, None], own
+
+    def _seen(self, own: np.ndarray, points: Points) -> np.ndarray:
+        seen = own & points.may_be_seen
+        if isinstance(self._colour, TextureAtlas):
+            seen &= _is_same(self._surface.between(points.x, points.y)[:, 0], points, self._source)
+        return seen
+
+
+class VertexShader:
+    """Colours of vertices, interpolated."""
+
+    def __init__(self, mesh: TriangleMesh, colour: VertexColours) -> None:
+        self._mesh, self._colour, self._source = mesh, colour, colour.source
+        self._surface = None if self._source is None else Texels(self._source.continued[1])
+
+    def exact(self, points: Points, _texel_share: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """As of :class:`ImageShader`."""
+        corners = self._mesh.faces[points.hits.face]
+        seen = self._colour.least[corners].all(axis=1) & points.may_be_seen
+        if self._surface is not None and self._source is not None:
+            seen &= _is_same(self._surface.between(points.x, points.y)[:, 0], points, self._source)
+        return corner_means(self._colour.rgb[corners], points.hits), seen
+
+
+def corner_means(values: np.ndarray, hits: Hits) -> np.ndarray:
+    """``(N, 3, C)`` values at the corners of the faces -> ``(N, C)`` at the hits."""
+    first, second, third = values[:, 0], values[:, 1], values[:, 2]
+    return first + hits.second[:, None] * (second - first) + hits.third[:, None] * (third - first)
+
+
+def _is_same(inverse_depth: np.ndarray, points: Points, source: SourceView) -> np.ndarray:
+    return np.abs(inverse_depth * points.depth_mm - 1) <= source.depth_tolerance

@@ -1,1 +1,0 @@
-"""In: cases, cameras, a random generator. Out: measured errors and times of one method beside its peers'."""

@@ -1,0 +1,33 @@
+"""One rendered view of a surface: the arrays that every renderer gives."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class RenderedView:
+    """One rendered view.
+
+    Attributes
+    ----------
+    rgb
+        ``(H, W, 3)`` float32 code values 0..1; black where there is no surface.
+    depth_mm
+        ``(H, W)`` float32 depth of the surface along the optical axis at the pixel's centre; 0 for none.
+    observed
+        ``(H, W)`` bool: the source frame saw the surface at the pixel's centre.
+    near_unseen
+        ``(H, W)`` bool: observed, but within about one frame pixel of the border of the observed surface; only scenes
+        for anti-aliasing have it.
+    """
+
+    rgb: np.ndarray
+    depth_mm: np.ndarray
+    observed: np.ndarray
+    near_unseen: np.ndarray
+
+    @property
+    def mask(self) -> np.ndarray:
+        """``(H, W)`` bool: there is surface at the pixel's centre."""
+        return self.depth_mm > 0

@@ -1,0 +1,1 @@
+"""Poses from landmarks and from the image itself: trials with known truth, beside other solvers."""

@@ -1,0 +1,225 @@
+"""The refinement's basin of convergence, and how often it accepts a wrong pose. Needs ``cv2``.
+
+The initial pose is the true one, rotated about the middle of the visible surface and translated by a percentage of its
+distance, both in random directions, on a grid of sizes. Wrong images are the scene's own, mirrored, upside down and
+rotated by 90 degrees: the refinement must refuse all of them.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from pipeline.alignment.refinement.refine import refine_pose
+from pipeline.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points, turned_about
+
+from .refinement_scenes import RefinementScene
+
+WRONG_IMAGES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "mirrored": lambda image: image[:, ::-1],
+    "upside down": lambda image: image[::-1],
+    "quarter turn": lambda image: cv2.resize(np.rot90(image), image.shape[1::-1]),
+}
+RIGHT_IMAGE = "right"
+WRONG_START = 2.0, 2.0
+"""Size of the disturbance for wrong images: degrees, and percent of the distance."""
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """The start of a trial: the scene's image or a wrong one, and the error of the initial pose.
+
+    Attributes
+    ----------
+    image
+        :data:`RIGHT_IMAGE`, or a key of :data:`WRONG_IMAGES`.
+    angle_deg, percent
+        Angle of the rotation; length of the translation in percent of the distance to the surface.
+    """
+
+    image: str
+    angle_deg: float
+    percent: float
+
+
+@dataclass(frozen=True)
+class RefinementTrial:
+    """One refinement: a row of the table.
+
+    Attributes
+    ----------
+    scene, image, angle_deg, percent
+        The scene's name and the :class:`Disturbance`.
+    start_px, error_deg, error_px
+        Mean displacement of the visible surface at the initial pose; rotation error and mean displacement after the
+        refinement, accepted or not.
+    right
+        Whether the refined pose is within the scene's limits and the image is not a wrong one.
+    accepted, message
+        The refinement's own verdict and its reason.
+    score_before, score_after, split_half_px, second_peak_ratio
+        The measures behind the verdict; infinite if not tested.
+    estimated_px_before, estimated_px_after
+        The refinement's own estimates of ``start_px`` and ``error_px``; NaN where it gives none.
+    seconds
+        Processor time.
+    """
+
+    scene: str
+    image: str
+    angle_deg: float
+    percent: float
+    start_px: float
+    error_deg: float
+    error_px: float
+    right: bool
+    accepted: bool
+    score_before: float
+    score_after: float
+    split_half_px: float
+    second_peak_ratio: float
+    estimated_px_before: float
+    estimated_px_after: float
+    seconds: float
+    message: str
+
+
+# --- trials ----------------------------------------------------------------------------------------------------------
+
+
+def disturbances(
+    angles_deg: Sequence[float], percents: Sequence[float], trials: int, wrong: int
+) -> tuple[Disturbance, ...]:
+    """The grid of angles and percentages ``trials`` times, then each of :data:`WRONG_IMAGES` ``wrong`` times."""
+    grid = [Disturbance(RIGHT_IMAGE, angle, percent) for angle in angles_deg for percent in percents]
+    return tuple(grid * trials + [Disturbance(name, *WRONG_START) for name in WRONG_IMAGES] * wrong)
+
+
+def disturbed_pose(scene: RefinementScene, angle_deg: float, shift_mm: float, rng: np.random.Generator) -> np.ndarray:
+    """``(4, 4)`` true pose, rotated about the middle of the visible surface and shifted, in random directions."""
+    axis, direction = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+    turned = turned_about(scene.middle_cam, rotation_from_vector(np.radians(angle_deg) * axis))
+    return rigid(translation=shift_mm * direction) @ turned @ scene.cam_from_model
+
+
+def run_trials(
+    scenes: Sequence[RefinementScene], planned: Sequence[Disturbance], seed: int
+) -> Iterator[RefinementTrial]:
+    """Refine from each disturbance, cycling through the scenes; trial ``i`` depends on the seed and ``i`` alone."""
+    for index, disturbance in enumerate(planned):
+        yield run_trial(scenes[index % len(scenes)], disturbance, np.random.default_rng([seed, index]))
+
+
+def run_trial(scene: RefinementScene, disturbance: Disturbance, rng: np.random.Generator) -> RefinementTrial:
+    """Refine one disturbed pose and compare the result with the truth."""
+    distance_mm = float(np.linalg.norm(scene.middle_cam))
+    start = disturbed_pose(scene, disturbance.angle_deg, disturbance.percent / 100 * distance_mm, rng)
+    wrong = WRONG_IMAGES.get(disturbance.image)
+    image = np.ascontiguousarray(wrong(scene.image)) if wrong else scene.image
+    began = time.process_time()
+    result = refine_pose(image, scene.valid, scene.camera, scene.mesh, start, colours=scene.colours)
+    seconds = time.process_time() - began
+    error_deg = rotation_angle_deg(result.found[:3, :3] @ scene.cam_from_model[:3, :3].T)
+    error_px = displacement_px(scene, result.found)
+    close = error_px < scene.largest_px and (scene.largest_deg is None or error_deg < scene.largest_deg)
+    return RefinementTrial(
+        scene=scene.name,
+        image=disturbance.image,
+        angle_deg=disturbance.angle_deg,
+        percent=disturbance.percent,
+        start_px=displacement_px(scene, start),
+        error_deg=error_deg,
+        error_px=error_px,
+        right=close and wrong is None,
+        accepted=result.accepted,
+        score_before=result.before.score,
+        score_after=result.after.score,
+        estimated_px_before=result.before.error_px,
+        estimated_px_after=result.after.error_px,
+        split_half_px=result.verification.split_half_px if result.verification else np.inf,
+        second_peak_ratio=result.verification.second_peak_ratio if result.verification else np.inf,
+        seconds=seconds,
+        message=" ".join(result.message.split()),
+    )
+
+
+def displacement_px(scene: RefinementScene, cam_from_model: np.ndarray) -> float:
+    """Mean distance in the image between the visible points at a pose and at the true pose, px."""
+    found, true = (
+        scene.camera.project(transform_points(pose, scene.points)) for pose in (cam_from_model, scene.cam_from_model)
+    )
+    return float(np.linalg.norm(found - true, axis=1).mean())
+
+
+# --- results ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Tally:
+    """Counts of trials: of the right images (``trials``), and of wrong images (``wrong_images``)."""
+
+    trials: int
+    right: int
+    accepted: int
+    right_and_accepted: int
+    wrong_images: int
+    wrong_images_accepted: int
+
+    @classmethod
+    def of(cls, trials: Sequence[RefinementTrial]) -> "Tally":
+        """Count trials."""
+        grid = [trial for trial in trials if trial.image == RIGHT_IMAGE]
+        wrong = [trial for trial in trials if trial.image != RIGHT_IMAGE]
+        return cls(
+            trials=len(grid),
+            right=sum(trial.right for trial in grid),
+            accepted=sum(trial.accepted for trial in grid),
+            right_and_accepted=sum(trial.right and trial.accepted for trial in grid),
+            wrong_images=len(wrong),
+            wrong_images_accepted=sum(trial.accepted for trial in wrong),
+        )
+
+
+def summary(trials: Sequence[RefinementTrial]) -> list[str]:
+    """Lines on success, false verdicts, errors and time."""
+    tally = Tally.of(trials)
+    lines = [
+        f"right {tally.right} of {tally.trials}",
+        f"accepted though wrong: {tally.accepted - tally.right_and_accepted} of {tally.accepted} accepted",
+        f"refused though right: {tally.right - tally.right_and_accepted} of {tally.right} right",
+    ]
+    if tally.wrong_images:
+        lines.append(f"wrong images accepted: {tally.wrong_images_accepted} of {tally.wrong_images}")
+    accepted = [trial for trial in trials if trial.accepted and trial.image == RIGHT_IMAGE]
+    if accepted:
+        errors = np.array([[trial.error_px, trial.error_deg] for trial in accepted])
+        (px, deg), (worst_px, worst_deg) = np.median(errors, axis=0), np.quantile(errors, 0.95, axis=0)
+        lines.append(f"error where accepted, median / 95 %: {px:.2f} / {worst_px:.2f} px, {deg:.2f} / {worst_deg:.2f}°")
+        farther = sum(trial.error_px > trial.start_px for trial in accepted)
+        lines.append(f"accepted though farther off than before: {farther} of {len(accepted)} accepted")
+        lines += [estimate_line(accepted, refined) for refined in (False, True)]
+    seconds = [trial.seconds for trial in trials]
+    lines.append(f"processor time, median / largest: {np.median(seconds):.1f} / {max(seconds):.1f} s")
+    return lines
+
+
+def estimate_line(accepted: Sequence[RefinementTrial], refined: bool) -> str:
+    """How the estimated errors of the initial, or of the refined poses compare with the true ones.
+
+    Parameters
+    ----------
+    accepted
+        Trials whose refinement was accepted.
+    refined
+        Whether to compare the refined poses, rather than the initial ones.
+    """
+    true = np.array([trial.error_px if refined else trial.start_px for trial in accepted])
+    estimated = np.array([trial.estimated_px_after if refined else trial.estimated_px_before for trial in accepted])
+    ratios = np.quantile(estimated / np.maximum(true, 0.01), [0.05, 0.5, 0.95])
+    return (
+        f"estimated / true error of the {'refined' if refined else 'initial'} poses, 5 / 50 / 95 %: "
+        + " / ".join(f"{ratio:.2f}" for ratio in ratios)
+        + f"; root mean squares {np.sqrt(np.mean(estimated**2)):.2f} / {np.sqrt(np.mean(true**2)):.2f} px"
+    )

@@ -1,0 +1,152 @@
+"""Speed against accuracy: every configuration renders the same views with the whole command.
+
+Scenes are the built-in sample case, each --case and bloster's photographs. PyVista and Cycles alone run in between.
+Writes a table, FILE.csv, with a row for each point, and its chart.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import bpy
+
+from pipeline.blender.render.engines import check_engine, keep_freed_memory
+from pipeline.blender.sample.sample_case import HELD_OUT, write_sample_case
+from pipeline.errors import InputError, RunError
+from pipeline.evaluation.conditions import current_conditions
+from pipeline.files.temporary import temporary_folder
+from pipeline.progress import Progress
+from pipeline.sample.temporal_bone import sample_surface
+
+from .charts.speed_accuracy_chart import speed_accuracy_charts
+from .figures import conditions_note, read_rows, write_rows
+from .published import bloster_cases
+from .rendering.render_accuracy import JUDGED_VIEWS, SceneTrials, converged_reference, scene_peers
+from .rendering.render_scenes import RenderScene, case_scene
+from .rendering.speed_accuracy import Configuration, SpeedPoint
+
+FEW = (
+    Configuration(),
+    Configuration("raster"),
+    Configuration(samples=8),
+    Configuration(colour="vertex"),
+)
+"""What --quick measures."""
+CONFIGURATIONS = (
+    *FEW,
+    Configuration(colour="texture"),
+    Configuration(samples=4),
+    Configuration(samples=16),
+    Configuration(samples=8, colour="texture"),
+    Configuration(samples=8, colour="vertex"),
+    Configuration(more={"unseen": "fill"}),
+    Configuration("raster", more={"unseen": "fill"}),
+    Configuration("eevee"),
+    Configuration(mesh_px=0.1),
+    Configuration(mesh_px=0.5),
+    Configuration("raster", mesh_px=0.1),
+    Configuration("raster", mesh_px=0.5),
+    Configuration("raster", samples=8),
+    Configuration(processes=1),
+    Configuration("raster", processes=1),
+)
+QUICK = {"rounds": 1, "views": 12, "along": 5}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this topic."""
+    parser.add_argument(
+        "--case", metavar="FILE", nargs="+", type=Path, action="append", default=[],
+        help="another scene: CASE.toml and optionally its PHOTOGRAPHS.json, as for compare_views.py",
+    )  # fmt: skip
+    parser.add_argument("--bloster", metavar="DIR", type=Path, help="another scene: the photographs of bloster")
+    parser.add_argument("--without-sample", action="store_true", help="leave the built-in sample case out")
+    parser.add_argument("--rounds", metavar="N", type=int, default=2, help="alternating rounds (default %(default)s)")
+    parser.add_argument("--views", metavar="N", type=int, default=24, help="of a scene (default %(default)s)")
+    parser.add_argument(
+        "--along", metavar="N", type=int, default=11,
+        help="rays along a pixel's side of the reference, odd (default %(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--seed", metavar="N", type=int, default=0, help="seed of the poses (default 0)")
+
+
+def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:
+    """Measure all scenes."""
+    keep_freed_memory()
+    configurations = usable(FEW if arguments.quick else CONFIGURATIONS, report)
+    points = []
+    with temporary_folder() as folder:
+        for number, scene in enumerate(scenes(arguments, folder)):
+            triangles = len(scene.loaded.mesh.faces)
+            report(f"{scene.name}: {scene.camera.width}x{scene.camera.height} px, {triangles:,} triangles")
+            run = folder / f"run-{number}"
+            run.mkdir()
+            points += measure_scene(scene, configurations, run, arguments, report)
+    measured = {"seed": arguments.seed, "rounds": arguments.rounds, "views": arguments.views}
+    conditions = current_conditions({**measured, "reference rays": arguments.along**2}, blender=bpy.app.version_string)
+    write_rows(arguments.out, points, conditions)
+
+
+def draw(out: Path) -> list[Path]:
+    """Draw the table."""
+    points, conditions = read_rows(out, SpeedPoint)
+    return speed_accuracy_charts(points, conditions_note(conditions), out)
+
+
+def usable(configurations: Sequence[Configuration], report: Callable[[str], None]) -> list[Configuration]:
+    """The configurations whose engine works on this machine."""
+    missing = set()
+    for engine in dict.fromkeys(configuration.engine for configuration in configurations):
+        try:
+            check_engine(engine)
+        except InputError as error:
+            report(f"left out: {error}")
+            missing.add(engine)
+    return [configuration for configuration in configurations if configuration.engine not in missing]
+
+
+def scenes(arguments: argparse.Namespace, folder: Path) -> Iterator[RenderScene]:
+    """Read or make the scenes."""
+    cases: list[tuple[str, Path, Path | None]] = []
+    if not arguments.without_sample:
+        for _ in write_sample_case(folder / "sample", sample_surface()):
+            pass
+        cases.append(("sample", folder / "sample" / "case.toml", folder / "sample" / HELD_OUT))
+    for case, *photographs in arguments.case:
+        cases.append((case.resolve().parent.name, case, photographs[0] if photographs else None))
+    if arguments.bloster:
+        # the finer mesh, as such views are made of surfaces from CT
+        cases.append(("bloster", *bloster_cases(arguments.bloster, folder / "bloster", mesh="mesh_70k.ply")[0]))
+    for case in cases:
+        yield case_scene(*case, views=arguments.views, seed=arguments.seed)
+
+
+def measure_scene(
+    scene: RenderScene,
+    configurations: Sequence[Configuration],
+    folder: Path,
+    arguments: argparse.Namespace,
+    report: Callable[[str], None],
+) -> list[SpeedPoint]:
+    """Measure one scene in alternating rounds."""
+    try:
+        peers = scene_peers(scene)
+    except RunError as error:
+        report(f"left out: {error}")
+        peers = {}
+    total = arguments.rounds * (len(configurations) + len(peers) + 1) + JUDGED_VIEWS
+    with Progress(total, "measurements", stream=sys.stderr) as progress:
+        reference = converged_reference(scene, arguments.along, progress.advance)
+        with SceneTrials(scene, reference, folder) as trials:
+            for number in range(arguments.rounds):
+                judge = number == arguments.rounds - 1
+                for name, render in peers.items():
+                    trials.run_peer(name, render, judge=judge)
+                    progress.advance()
+                trials.run_bare()
+                progress.advance()
+                for configuration in configurations:
+                    trials.run(configuration, judge=judge)
+                    progress.advance()
+            return trials.points()

@@ -1,0 +1,1 @@
+"""The figures of all topics as pictures, by matplotlib."""

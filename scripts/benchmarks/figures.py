@@ -1,0 +1,80 @@
+"""Figures on disk: as JSON, or as a table with a row for each dataclass, below the conditions of the measurement."""
+
+import csv
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pipeline.errors import InputError
+from pipeline.evaluation.conditions import COMMENT, Conditions, write_table
+from pipeline.files.content import decoded, read_content, write_bytes_atomically
+from pipeline.files.outputs import made_folder, writing
+from pipeline.files.tables import parsed_json
+
+Row = TypeVar("Row")
+CONVERT: dict[object, Callable[[str], Any]] = {str: str, int: int, float: float, bool: lambda text: text == "True"}
+
+
+def write_figures(path: Path, figures: Mapping[str, object]) -> None:
+    """Write figures as JSON; infinite ones are ``Infinity``, as Python's json writes and reads them."""
+    with writing(made_folder(path)):
+        write_bytes_atomically(path, (json.dumps(figures, indent=2) + "\n").encode())
+
+
+def read_figures(path: Path) -> dict[str, Any]:
+    """Read what :func:`write_figures` wrote."""
+    return parsed_json(read_content(path, "the figures of a benchmark"), path.name)
+
+
+def write_rows(path: Path, rows: Sequence[Any], conditions: Conditions, *properties: str) -> None:
+    """Write a table of dataclasses of one kind, with some of their properties after the fields."""
+    columns = [*(field.name for field in fields(rows[0])), *properties]
+    with writing(made_folder(path)):
+        write_table(path, columns, ([getattr(row, name) for name in columns] for row in rows), conditions)
+
+
+def read_rows(path: Path, kind: type[Row]) -> tuple[list[Row], list[str]]:
+    """Read the rows of a table that :func:`write_rows` wrote, and its conditions, one line each.
+
+    Raises
+    ------
+    InputError
+        The file is missing, holds something else, or no row.
+    """
+    lines = (decoded(read_content(path, "a table of measurements")) or "").splitlines()
+    comments = [line for line in lines if line.startswith(COMMENT)]
+    with expected(path):
+        types = {field.name: field.type for field in fields(kind)}  # type: ignore[arg-type]
+        rows = [
+            kind(**{name: CONVERT[of](row[name]) for name, of in types.items()})
+            for row in csv.DictReader(lines[len(comments) :])
+        ]
+        if not rows:
+            raise ValueError("no rows")
+    return rows, [line.removeprefix(COMMENT) for line in comments]
+
+
+@contextmanager
+def expected(path: Path, what: str = "the figures of this benchmark", do: str = "measure again") -> Iterator[None]:
+    """Turn what goes wrong with the content of a file or folder into a sentence.
+
+    Raises
+    ------
+    InputError
+        The file holds something else.
+    """
+    try:
+        yield
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{path.name}: expected {what}, found something else ({error!r}); {do}") from None
+
+
+def conditions_note(conditions: Sequence[str]) -> str:
+    """Configuration, versions, day and machine of a table as the small print of a chart."""
+    parts = dict(line.partition(": ")[::2] for line in conditions)
+    main = (each for each in parts.get("versions", "").split(", ") if each.startswith(("OneFrame", "Blender")))
+    found = (parts.get("configuration"), ", ".join(main), parts.get("measured"), parts.get("machine"))
+    return "; ".join(filter(None, found))

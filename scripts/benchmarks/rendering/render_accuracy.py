@@ -1,0 +1,232 @@
+"""Measure speed against accuracy: every configuration renders the same views, which are timed and judged as files.
+
+Times are those of the whole command ``render_dataset.py``, from the records on disk, in alternating rounds. Accuracy is
+measured on the files of the last round, against a converged reference and against photographs.
+"""
+
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from pipeline.blender.bridge.image import read_image
+from pipeline.blender.colour.reference_view import colour_of, vertex_colours_of
+from pipeline.blender.render.engines import render_view
+from pipeline.blender.render.surface_scene import SurfaceScene
+from pipeline.dataset.layout import ViewPaths
+from pipeline.errors import RunError
+from pipeline.evaluation.scores.similarity import Similarity, similarity
+from pipeline.files.processors import available_cores
+from pipeline.images.pixel_values import to_uint8
+
+from .converged_view import converged_view
+from .render_scenes import RenderScene
+from .render_speed import RENDER_SCRIPT, pyvista_peers
+from .render_times import PLAIN_PEER
+from .speed_accuracy import ENGINE_NAMES, FLOOR, OURS, PEER, Configuration, SpeedPoint
+
+JUDGED_VIEWS = 3
+"""Planned views that are compared with the reference."""
+UNTIMED_VIEWS = 4
+"""Views at either end of a run during which not all processes work."""
+FEWEST_OBSERVED = 1000
+"""Pixels of the observed surface in a photograph that is compared."""
+BARE = "Cycles alone: 1 ray, no colour, nothing read or written"
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What the views of a scene should be.
+
+    Attributes
+    ----------
+    views
+        ``(H, W, 3)`` code values 0..1: the reference of the judged views, then the photographs.
+    observed, surface
+        ``(H, W)`` bool for each: surface that the frame saw, and all of it.
+    indices
+        Numbers of these views in the scene.
+    judged
+        How many of them are no photographs.
+    """
+
+    views: tuple[np.ndarray, ...]
+    observed: tuple[np.ndarray, ...]
+    surface: tuple[np.ndarray, ...]
+    indices: tuple[int, ...]
+    judged: int
+
+
+def converged_reference(scene: RenderScene, along: int, advance: Callable[[], None]) -> Reference:
+    """Render the judged views with many rays per pixel, exact projective colours and the whole surface.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    along
+        Rays along a pixel's side, see :func:`.converged_view`.
+    advance
+        Called after each view.
+
+    Raises
+    ------
+    RunError
+        No photograph of the scene shows enough of what the frame saw.
+    """
+    colour, _ = colour_of(scene.source, "projective")
+    judged = range(min(JUDGED_VIEWS, scene.planned))
+    candidates = [*judged, *range(scene.planned, len(scene.poses))]
+    with SurfaceScene(scene.source.mesh, scene.camera, colour) as exact:
+        masks = {index: render_view(exact, scene.cam_from_model(index)) for index in candidates}
+    enough = {index for index in candidates if masks[index].observed.sum() >= FEWEST_OBSERVED}
+    indices = [index for index in candidates if index in enough or index < scene.planned]
+    if scene.photographs and not any(index >= scene.planned for index in indices):
+        raise RunError(f"{scene.name}: expected photographs of what the frame saw, no photograph shows enough of it")
+    views = []
+    for index in indices:
+        if index < scene.planned:
+            pose = scene.cam_from_model(index)
+            rgb = converged_view(scene.source.mesh, colour, scene.camera, pose, along=along)
+            views.append(to_uint8(rgb).astype(np.float32) / 255)
+            advance()
+        else:
+            views.append(scene.photographs[index - scene.planned])
+    return Reference(
+        tuple(views),
+        tuple(masks[index].observed for index in indices),
+        tuple(masks[index].mask for index in indices),
+        tuple(indices),
+        sum(index < scene.planned for index in indices),
+    )
+
+
+class SceneTrials:
+    """Runs and judges configurations, peers and the floor in one scene; use as a context manager."""
+
+    def __init__(self, scene: RenderScene, reference: Reference, folder: Path) -> None:
+        """Prepare; ``folder`` is for temporary files."""
+        self._scene, self._reference, self._folder = scene, reference, folder
+        self._poses = folder / "poses.npy"
+        np.save(self._poses, scene.written_poses())
+        self._cases: dict[float, tuple[Path, int]] = {0.0: (scene.case, len(scene.loaded.mesh.faces))}
+        self._bare = SurfaceScene(scene.source.mesh, scene.camera, None)
+        self._seconds: dict[str, list[float]] = {}
+        self._points: dict[str, Callable[[Sequence[float]], SpeedPoint]] = {}
+        self._judged: dict[str, dict[str, float]] = {}
+
+    def __enter__(self) -> "SceneTrials":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bare.close()
+
+    def run(self, configuration: Configuration, *, judge: bool) -> None:
+        """Run the command once, and judge its views if asked.
+
+        Raises
+        ------
+        RunError
+            It failed.
+        """
+        if configuration.mesh_px not in self._cases:
+            self._cases[configuration.mesh_px] = self._scene.simplified_case(self._folder, configuration.mesh_px)
+        case, triangles = self._cases[configuration.mesh_px]
+        out, cores = self._folder / "out", available_cores()
+        command = [sys.executable, str(RENDER_SCRIPT), str(case), "--out", str(out), f"--poses={self._poses}"]
+        command += [f"--scale={1 / self._scene.factor!r}", *configuration.flags(cores)]
+        ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+        if ended.returncode:
+            raise RunError(f"render_dataset.py: expected a dataset, it failed: {ended.stderr.strip()[-300:]}")
+        paths = [ViewPaths(out, index) for index in range(len(self._scene.poses))]
+        written = sorted(path.file("frame").stat().st_mtime for path in paths)[UNTIMED_VIEWS:-UNTIMED_VIEWS]
+        self._add(configuration.name, (written[-1] - written[0]) / (len(written) - 1))
+        if judge:
+            views = [read_image(paths[index].file("rgb"))[0] for index in self._reference.indices]
+            self._judge(configuration.name, views)
+        shutil.rmtree(out)
+        self._points[configuration.name] = lambda ms: SpeedPoint(
+            self._scene.name, OURS, configuration.name, ENGINE_NAMES[configuration.engine], configuration.samples,
+            configuration.colour, " ".join(f"{name}={value}" for name, value in configuration.more.items()),
+            triangles, configuration.processes or cores, *ms, **self._judged.get(configuration.name, {}),
+        )  # fmt: skip
+
+    def run_bare(self) -> None:
+        """Time Cycles alone."""
+        self._time(BARE, self._render_bare)
+        self._points[BARE] = lambda ms: SpeedPoint(
+            self._scene.name, FLOOR, BARE, "Cycles", 1, "none", "", len(self._scene.loaded.mesh.faces), 1, *ms
+        )
+
+    def _render_bare(self, cam_from_model: np.ndarray) -> None:
+        self._bare.look_from(cam_from_model)
+        bpy.ops.render.render(scene=self._bare.scene.name)
+
+    def run_peer(self, name: str, render: Callable[[np.ndarray], np.ndarray], *, judge: bool) -> None:
+        """Time a peer's function from ``cam_from_model`` to an ``(H, W, 3)`` uint8 image, and judge its views."""
+        self._time(name, render)
+        if judge:
+            poses = [self._scene.cam_from_model(index) for index in self._reference.indices]
+            self._judge(name, [render(pose).astype(np.float32) / 255 for pose in poses])
+        self._points[name] = lambda ms: SpeedPoint(
+            self._scene.name, PEER, name, "PyVista", 1 if name == PLAIN_PEER else 8, "vertex", "",
+            len(self._scene.loaded.mesh.faces), 1, *ms, **self._judged.get(name, {}),
+        )  # fmt: skip
+
+    def _time(self, name: str, render: Callable[[np.ndarray], object]) -> None:
+        poses = [self._scene.cam_from_model(index) for index in range(self._scene.planned)]
+        # the first view after another program's has cold caches
+        render(poses[0])
+        start = time.perf_counter()
+        for pose in poses:
+            render(pose)
+        self._add(name, (time.perf_counter() - start) / len(poses))
+
+    def _add(self, name: str, seconds: float) -> None:
+        self._seconds.setdefault(name, []).append(seconds)
+
+    def _judge(self, name: str, views: Sequence[np.ndarray]) -> None:
+        reference, judged = self._reference, self._reference.judged
+        observed = list(map(similarity, reference.views, views, reference.observed))
+        surface = list(map(similarity, reference.views[judged:], views[judged:], reference.surface[judged:]))
+        scores = {"error": _mean(observed[:judged], "mean_error"), "ssim": _mean(observed[:judged], "ssim")}
+        if surface:
+            scores |= {
+                "photograph_error": _mean(observed[judged:], "mean_error"),
+                "photograph_ssim": _mean(observed[judged:], "ssim"),
+                "photograph_ssim_surface": _mean(surface, "ssim"),
+            }
+        self._judged[name] = scores
+
+    def points(self) -> list[SpeedPoint]:
+        """What was measured so far."""
+        found = []
+        for name, seconds in self._seconds.items():
+            median, least, most = 1e3 * np.quantile(seconds, [0.5, 0, 1])
+            found.append(self._points[name]([float(median), float(least), float(most)]))
+        return found
+
+
+def scene_peers(scene: RenderScene) -> Mapping[str, Callable[[np.ndarray], np.ndarray]]:
+    """PyVista's renderers of the scene, by name; they show the vertex colours.
+
+    Raises
+    ------
+    RunError
+        PyVista is not installed.
+    """
+    colours, _ = vertex_colours_of(scene.source)
+    radius = scene.source.mesh.radius
+    depths = [scene.cam_from_model(index)[2, 3] for index in range(len(scene.poses))]
+    depth_range = (max(0.99 * (min(depths) - radius), 1e-3 * radius), 1.01 * (max(depths) + radius))
+    return pyvista_peers(scene.source.mesh, to_uint8(colours.rgb), scene.camera, depth_range)
+
+
+def _mean(found: Sequence[Similarity], score: str) -> float:
+    return float(np.mean([getattr(one, score) for one in found])) if found else float("nan")

@@ -1,0 +1,95 @@
+"""Where methods fail, past the breaking point, and what the software answers there.
+
+Topics: pnp (poses from landmarks, beside OpenCV's solvers), refinement (on the built-in sample case), colouring, camera
+(rendered pixels against K), renderers, sampling. Each writes PATH/stability_TOPIC.csv, one row a setting: trials, wrong
+results, wrong results without a word, answers (works, warns, falls back, refuses), errors and the software's limit; and
+its chart. Times and memory are this machine's.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import bpy
+import cv2
+
+from pipeline.blender.render.engines import keep_freed_memory
+from pipeline.blender.sample.sample_case import write_sample_case
+from pipeline.evaluation.conditions import current_conditions
+from pipeline.files.temporary import temporary_folder
+from pipeline.progress import Progress
+from pipeline.sample.temporal_bone import sample_surface
+
+from .alignment.refinement_scenes import case_scene
+from .charts.stability_camera_chart import camera_stability_charts
+from .charts.stability_colouring_chart import colouring_stability_charts
+from .charts.stability_landmarks_chart import landmark_stability_charts
+from .charts.stability_refinement_chart import refinement_stability_charts
+from .charts.stability_renderers_chart import renderer_stability_charts
+from .charts.stability_sampling_chart import sampling_stability_charts
+from .figures import read_rows, write_rows
+from .sweeps import camera, colouring, landmarks, refinement, renderers, sampling
+from .sweeps.cells import Cell, Task
+
+CHARTS = {
+    landmarks.TOPIC: landmark_stability_charts,
+    refinement.TOPIC: refinement_stability_charts,
+    colouring.TOPIC: colouring_stability_charts,
+    camera.TOPIC: camera_stability_charts,
+    renderers.TOPIC: renderer_stability_charts,
+    sampling.TOPIC: sampling_stability_charts,
+}
+"""By topic: draws the charts of cells, with their conditions, next to their table; gives the files written."""
+QUICK: dict[str, object] = {}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of this topic."""
+    parser.add_argument("--only", nargs="+", choices=CHARTS, default=CHARTS, metavar="TOPIC", help=" ".join(CHARTS))
+    parser.add_argument("--seed", type=int, default=0, help="of all random trials; rows depend on nothing else")
+
+
+def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:
+    """Measure topics, and write their tables."""
+    cv2.setNumThreads(1)
+    keep_freed_memory()
+    for topic in arguments.only:
+        configuration = {"topic": topic, "seed": arguments.seed, "quick": arguments.quick}
+        conditions = current_conditions(configuration, blender=bpy.app.version_string)
+        cells: list[Cell] = []
+        with temporary_folder() as folder:
+            tasks = list(tasks_of(topic, folder, arguments.seed, quick=arguments.quick))
+            with Progress(len(tasks), f"measurements of {topic}", stream=sys.stderr) as progress:
+                for task in tasks:
+                    cells += task()
+                    progress.advance()
+        write_rows(arguments.out / f"stability_{topic}.csv", cells, conditions, "answer")
+
+
+def draw(out: Path) -> list[Path]:
+    """Draw all tables of a folder."""
+    tables = {topic: out / f"stability_{topic}.csv" for topic in CHARTS}
+    return [
+        path
+        for topic, table in tables.items()
+        if table.exists()
+        for path in CHARTS[topic](*read_rows(table, Cell), table)
+    ]
+
+
+def tasks_of(topic: str, folder: Path, seed: int, *, quick: bool) -> Iterator[Task]:
+    """The measurements of a topic; ``folder`` is for temporary files."""
+    if topic == refinement.TOPIC:
+        for _ in write_sample_case(folder, sample_surface(), held_out=False):
+            pass
+        return refinement.tasks(case_scene(folder / "case.toml"), seed, quick=quick)
+    if topic == landmarks.TOPIC:
+        return landmarks.tasks(seed, quick=quick)
+    if topic == sampling.TOPIC:
+        return sampling.tasks(seed, quick=quick)
+    if topic == colouring.TOPIC:
+        return colouring.tasks(quick=quick)
+    if topic == camera.TOPIC:
+        return camera.tasks(folder, quick=quick)
+    return renderers.tasks(folder, quick=quick)

@@ -1,0 +1,151 @@
+"""Nothing that a case remembers outlives its frame or surface: neither its file nor what lies beside that."""
+
+import json
+import shutil
+
+import bpy
+import cv2
+import numpy as np
+import pytest
+
+from blender_addon.dataset.operators import output_folder
+from pipeline.case.case_file import read_case
+from pipeline.commands.__main__ import dispatch
+from tests.volume.ball_ct import write_ball_ct
+
+NAMED = '\n[dataset]\nposes = "poses.npy"\n'
+
+
+@pytest.fixture
+def folders(write_tiny_case, tmp_path):
+    """Two cases; the first has a name for its surface and a list of poses, and is open after a run."""
+    for name in ("first", "second"):
+        path = write_tiny_case(tmp_path / name)
+    path = tmp_path / "first" / "case.toml"
+    path.write_text(path.read_text().replace("[surface]", '[surface]\nname = "left ear"') + NAMED)
+    np.save(path.with_name("poses.npy"), np.eye(4)[None])
+    writer = cv2.VideoWriter(str(tmp_path / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 25, (64, 48))
+    writer.write(np.full((48, 64, 3), 90, np.uint8))
+    writer.release()
+    return tmp_path
+
+
+@pytest.fixture
+def opened(addon, folders):
+    bpy.ops.oneframe.open_case(filepath=str(folders / "first" / "case.toml"))
+    bpy.context.scene.oneframe.dataset_out = str(folders / "first" / "dataset")
+    bpy.ops.ed.undo_push(message="opened")
+    return folders
+
+
+def load(name, path):
+    assert getattr(bpy.ops.oneframe, f"load_{name}")(filepath=str(path)) == {"FINISHED"}
+
+
+def drop(folder):
+    files = [{"name": name} for name in ("frame.png", "surface.ply")]
+    assert bpy.ops.oneframe.drop_files(directory=str(folder), files=files) == {"FINISHED"}
+
+
+WAYS = {
+    "frame": lambda folders: load("frame", folders / "second" / "frame.png"),
+    "frame of a video": lambda folders: load("video_frame", folders / "film.avi"),
+    "surface": lambda folders: load("surface", folders / "second" / "surface.ply"),
+    "dropped": lambda folders: drop(folders / "second"),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_another_frame_or_surface_ends_the_tie_to_file_and_dataset(opened, way):
+    first = opened / "first" / "case.toml"
+    text = first.read_bytes()
+    WAYS[way](opened)
+    bpy.ops.ed.undo_push(message="another")
+    for step, ties in ((bpy.ops.ed.undo, (str(first), str(first.with_name("dataset")))), (bpy.ops.ed.redo, ("", ""))):
+        step()
+        settings = bpy.context.scene.oneframe
+        assert (settings.case_path, settings.dataset_out) == ties
+    assert output_folder(bpy.context.scene).parent != first.parent or way == "surface"
+    with pytest.raises(RuntimeError, match="found one of another "):
+        bpy.ops.oneframe.save_case(filepath=str(first))
+    assert first.read_bytes() == text
+    other = opened / "other.toml"
+    bpy.ops.oneframe.save_case(filepath=str(other))
+    case = read_case(other)
+    assert case.object_name == (None if way in ("surface", "dropped") else "left ear")
+    assert opened / case.dataset["poses"] == opened / "first" / "poses.npy"
+
+
+def test_the_tie_holds_while_frame_and_surface_do(opened):
+    first = opened / "first" / "case.toml"
+    load("frame", opened / "first" / "frame.png")
+    load("camera", first)
+    load("surface", opened / "first" / "surface.ply")
+    bpy.ops.oneframe.change_units(units="m")
+    assert bpy.context.scene.oneframe.case_path == str(first)
+    bpy.ops.oneframe.save_case(filepath=str(first))
+    assert (read_case(first).mm_per_unit, read_case(first).object_name) == (1000, "left ear")
+
+
+def test_undo_does_not_bring_back_the_file_before(opened):
+    bpy.ops.oneframe.save_case(filepath=str(opened / "copy.toml"))
+    bpy.ops.oneframe.nudge(axis="x")
+    bpy.ops.ed.undo_push(message="nudged")
+    bpy.ops.ed.undo()
+    assert bpy.context.scene.oneframe.case_path == str(opened / "copy.toml")
+
+
+def test_a_file_that_has_become_another_case_meanwhile_is_not_replaced(opened):
+    """As after opening an old .blend file."""
+    first = opened / "first" / "case.toml"
+    bpy.ops.wm.save_as_mainfile(filepath=str(opened / "work.blend"))
+    text = first.read_text().replace("frame.png", "../second/frame.png")
+    first.write_text(text)
+    bpy.ops.wm.open_mainfile(filepath=str(opened / "work.blend"))
+    assert bpy.context.scene.oneframe.case_path == str(first)
+    with pytest.raises(RuntimeError, match=r"found one of another frame \(frame.png\); choose another name"):
+        bpy.ops.oneframe.save_case(filepath=str(first))
+    assert first.read_text() == text
+    bpy.ops.oneframe.save_case(filepath=str(first), replace=True)
+    assert read_case(first).image == opened / "first" / "frame.png"
+
+
+def test_files_beside_another_case_stay(opened):
+    """A copy under a fixed name, and the plan of the drill, which is of another surface."""
+    folder = opened / "kept"
+    line = ["case", "--surface", opened / "first" / "surface.ply", "--frame", opened / "first" / "frame.png"]
+    dispatch([*map(str, line), "--camera", str(opened / "first" / "case.toml"), "--out", str(folder)])
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    shutil.copy(opened / "film.avi", opened / "second")
+    load("video_frame", opened / "second" / "film.avi")
+    with pytest.raises(
+        RuntimeError, match=r"frame.png: expected no such file or that of this case.*choose another folder"
+    ):
+        bpy.ops.oneframe.save_case(filepath=str(folder / "another.toml"), collect=True)
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_strokes_in_another_ct_are_not_saved_with_a_case(opened):
+    write_ball_ct(opened)
+    bpy.ops.oneframe.open_ct(filepath=str(opened / "ct.nii.gz"))
+    scene = bpy.context.scene
+    scene.oneframe_ct.strokes_text = json.dumps([[4.0, [[-9.0, 51.5, 911.0]]]])
+    plan = opened / "first" / "drill.toml"
+    plan.write_text("[[strokes]]\nradius_mm = 1.0\npoints_mm = [[1, 2, 3]]\n")
+    text = plan.read_text()
+    bpy.ops.oneframe.save_case(filepath=str(opened / "first" / "case.toml"))
+    assert plan.read_text() == text
+    # beside a surface of this CT they are, but not over those of another case
+    bpy.ops.oneframe.make_surface(replace=True)
+    with pytest.raises(RuntimeError, match=r"drill.toml: expected no such file or that of this case"):
+        bpy.ops.oneframe.save_case(filepath=str(opened / "first" / "new.toml"))
+    assert plan.read_text() == text
+
+
+def test_no_dialog_begins_at_the_file_that_it_wrote_before(addon):
+    """Which may lie beside another case."""
+    names = [name for name in dir(bpy.ops.oneframe) if not name.startswith("_")]
+    types = {name: getattr(bpy.ops.oneframe, name).get_rna_type().properties for name in names}
+    writing = {name: found["filepath"] for name, found in types.items() if "check_existing" in found}
+    assert writing.keys() >= {"save_case", "save_plan", "export_landmarks", "export_surface", "save_edited_surface"}
+    assert not [name for name, filepath in writing.items() if not filepath.is_skip_save]

@@ -1,0 +1,81 @@
+"""The quick form of every topic runs from its command to its files, and draws the same charts from them again."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pipeline.case.case_file import read_case
+from pipeline.case.case_writer import write_case
+from pipeline.surface.mesh_reader import read_mesh
+from pipeline.surface.mesh_writer import write_ply
+from scripts.benchmark import TOPICS
+from scripts.benchmarks import speed
+from scripts.benchmarks.figures import write_figures
+from scripts.benchmarks.rendering.render_accuracy import SceneTrials, converged_reference
+from scripts.benchmarks.rendering.render_scenes import case_scene
+from scripts.benchmarks.rendering.render_times import PEERS
+from scripts.benchmarks.rendering.speed_accuracy import Configuration
+
+SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "benchmark.py"
+CHART = (".png", ".svg", "-dark.png", "-dark.svg")
+FORMS: dict[str, tuple[str, list[str], list[str]]] = {
+    # what --out is, further arguments, and what is written besides
+    "speed": ("speed.json", ["--only", "start"], []),
+    "chart": ("chart.csv", ["--without-sample", "--case", "{case}"], [f"chart{end}" for end in CHART]),
+    "landmarks": ("landmarks.json", ["--trials", "4"], [f"landmarks{end}" for end in CHART]),
+    "refinement": ("refinement.csv", ["{case}"], [f"refinement{end}" for end in CHART]),
+    "surface": ("surface.json", [], []),
+    "reader": ("reader.json", ["{dataset}"], []),
+    "evaluation": ("", ["--methods", "paper-cycles", "--width", "64"], ["evaluation.json", "scores.svg"]),
+    "stability": (
+        "", ["--only", "sampling"], [f"stability_sampling{end}" for end in (".csv", *CHART)]
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.render
+@pytest.mark.parametrize("topic", TOPICS)
+def test_a_quick_form_writes_its_files(topic, tmp_path, write_tiny_case, render_command):
+    name, more, written = FORMS[topic]
+    case, dataset, out = write_tiny_case(tmp_path / "case"), tmp_path / "dataset", tmp_path / "out"
+    if topic == "reader":
+        subprocess.run(render_command(case, "--out", dataset, "--count", "2"), check=True, capture_output=True)
+    more = [each.format(case=case, dataset=dataset) for each in more]
+
+    def run(*flags: str) -> dict[str, bytes]:
+        command = [sys.executable, SCRIPT, topic, "--quick", "--out", out / name, *more, *flags]
+        ended = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert ended.returncode == 0, ended.stderr
+        return {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
+
+    made = run()
+    expected = {*([name] if name else []), *written}
+    assert made.keys() >= expected
+    assert topic == "evaluation" or made.keys() == expected
+    if topic == "stability":
+        assert run("--redraw") == made
+
+
+@pytest.mark.render
+def test_views_of_a_case_in_metres_are_as_near_to_their_reference(tmp_path, write_tiny_case):
+    path = write_tiny_case(tmp_path / "case")
+    case = read_case(path)
+    write_ply(case.mesh, read_mesh(case.mesh)[0].scaled(0.001))
+    write_case(path, replace(case, mm_per_unit=1000.0))
+    scene = case_scene("tiny", path, None, views=12, seed=0)
+    reference = converged_reference(scene, 3, lambda: None)
+    with SceneTrials(scene, reference, tmp_path) as trials:
+        for mesh_px in (0.0, 0.1):
+            trials.run(Configuration(mesh_px=mesh_px, processes=1), judge=True)
+        errors = [point.error for point in trials.points()]
+    assert max(errors) < 2
+
+
+def test_the_chart_of_the_speed_is_drawn_from_its_rounds(tmp_path):
+    pytest.importorskip("matplotlib")
+    names = (*PEERS, "exact, projective")
+    write_figures(tmp_path / "speed.json", {speed.ROUNDS: {name: [100.0, 90.0, 120.0] for name in names}})
+    assert {path.name for path in speed.draw(tmp_path / "speed.json")} == {f"speed{end}" for end in CHART}

@@ -1,0 +1,160 @@
+"""The engine raster against Cycles and a ray cast: the same surface, the same colours, on meshes of any kind."""
+
+import numpy as np
+import pytest
+
+from pipeline.blender.colour.reference_view import colour_of, reference_view_of, unseen_colours_of
+from pipeline.blender.render.anti_aliasing import EdgeSampler
+from pipeline.blender.render.engines import render_view
+from pipeline.blender.render.surface_scene import SurfaceScene
+from pipeline.camera.pinhole import PinholeCamera
+from pipeline.colour.ray_tracer import RayTracer
+from pipeline.dataset.options import COLOURS, UNSEEN
+from pipeline.projection.rendered_view import RenderedView
+from pipeline.projection.z_buffer import rasterise_depth
+from pipeline.surface.mesh import TriangleMesh
+from pipeline.transforms import rigid, rotation_from_vector
+
+pytestmark = pytest.mark.render
+
+FRAME = PinholeCamera(160, 120, 800.0, 790.0, 75.5, 62.25)
+SMALL = FRAME.resized(64, 48)
+FEW = 2
+"""Pixels of a view that may differ, at edges, as Cycles' rays are off by up to 0.01 px."""
+
+
+def assert_those_of_cycles(view: RenderedView, cycles: RenderedView, camera: PinholeCamera) -> None:
+    """The same masks, depths within a share of the pixel's footprint, and colours within a code, but for few pixels."""
+    assert np.count_nonzero(view.mask != cycles.mask) <= 1
+    assert np.count_nonzero(view.observed != cycles.observed) <= FEW
+    assert np.count_nonzero(view.near_unseen != cycles.near_unseen) <= FEW
+    off_mm = np.abs(view.depth_mm - cycles.depth_mm)
+    assert np.count_nonzero(off_mm > 0.05 * cycles.depth_mm / camera.fx) <= FEW
+    assert np.count_nonzero(np.abs(view.rgb - cycles.rgb).max(axis=2) > 1 / 255) <= FEW
+    assert view.mask.any()
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("unseen", UNSEEN)
+@pytest.mark.parametrize("mode", COLOURS)
+@pytest.mark.parametrize("shape", ["bumpy_mesh", "stepped_mesh"])
+def test_views_are_those_of_cycles(
+    shape, mode, unseen, samples, request, frontal_pose, oblique_pose, sharp_image, loaded_case
+):
+    mesh = request.getfixturevalue(shape)
+    source = reference_view_of(loaded_case(mesh, sharp_image(FRAME), frontal_pose, FRAME))
+    colour, _ = colour_of(source, mode)
+    colours, pivot = unseen_colours_of(source, unseen), source.pivot_model
+    nearer = rigid(translation=[4.0, -2.0, -100.0]) @ oblique_pose
+    from_behind = oblique_pose @ rigid(rotation_from_vector(np.array([0.0, 2.6, 0.0])))
+    for camera in (SMALL, FRAME):
+        tracer = RayTracer(mesh, camera, colour, unseen=colours, samples=samples, pivot_model=pivot)
+        with SurfaceScene(mesh, camera, colour, unseen=colours, filtered=samples > 1) as scene:
+            sampler = EdgeSampler(scene, source.view, pivot, colour, camera, samples)
+            for pose in (oblique_pose, nearer, from_behind):
+                cycles = sampler.render(pose) if samples > 1 else render_view(scene, pose)
+                assert_those_of_cycles(tracer.render(pose), cycles, camera)
+
+
+@pytest.mark.parametrize("mode", ["projective", "texture"])
+def test_the_frames_own_pose_gives_the_frame_back(mode, bumpy_mesh, oblique_pose, sharp_image, loaded_case):
+    image = sharp_image(FRAME)
+    source = reference_view_of(loaded_case(bumpy_mesh, image, oblique_pose, FRAME), "raster")
+    for samples in (1, 4):
+        tracer = RayTracer(
+            source.mesh, FRAME, colour_of(source, mode)[0], samples=samples, pivot_model=source.pivot_model
+        )
+        view = tracer.render(oblique_pose)
+        assert view.observed.sum() > 0.85 * view.mask.sum()
+        assert np.mean((np.rint(view.rgb * 255) == np.rint(image * 255))[view.observed]) > (
+            0.9 if samples > 1 else 0.999
+        )
+        assert (view.rgb[~view.mask] == 0).all()
+
+
+def blob(faces_around: int, rings: int, radius_mm: float) -> TriangleMesh:
+    """A closed surface of 2 x ``faces_around`` x (``rings`` - 1) faces, with bumps."""
+    around = np.arange(faces_around) * 2 * np.pi / faces_around
+    down = (np.arange(1, rings) * np.pi / rings)[:, None]
+    direction = np.stack(
+        np.broadcast_arrays(np.sin(down) * np.cos(around), np.sin(down) * np.sin(around), np.cos(down)), axis=-1
+    )
+    bumps = 1 + 0.1 * np.sin(7 * direction).prod(axis=-1) + 0.05 * np.cos(23 * direction).sum(axis=-1)
+    points = (radius_mm * bumps[..., None] * direction).reshape(-1, 3)
+    top, bottom = len(points), len(points) + 1
+    vertices = np.concatenate([points, [[0, 0, radius_mm], [0, 0, -radius_mm]]])
+    index = np.arange(len(points)).reshape(rings - 1, faces_around)
+    a, b = index[:-1], index[1:]
+    after = np.roll(index, -1, axis=1)
+    faces = [
+        np.stack([a, b, after[:-1]], -1),
+        np.stack([after[:-1], b, after[1:]], -1),
+        np.stack([np.full(faces_around, top), index[0], after[0]], -1)[None],
+        np.stack([index[-1], np.full(faces_around, bottom), after[-1]], -1)[None],
+    ]
+    return TriangleMesh(vertices, np.concatenate([part.reshape(-1, 3) for part in faces]).astype(np.int32))
+
+
+@pytest.mark.parametrize(
+    ("mesh", "camera", "distance_mm"),
+    [
+        (blob(370, 274, 30.0), PinholeCamera(160, 120, 700.0, 700.0, 79.5, 59.5), 300.0),
+        (blob(60, 40, 2.5), PinholeCamera(160, 120, 9000.0, 9000.0, 79.5, 59.5), 400.0),
+        (blob(60, 40, 2.5), PinholeCamera(64, 48, 32_000.0, 32_000.0, 31.5, 23.5), 4000.0),
+    ],
+    ids=["many faces", "5 mm", "5 mm from far away"],
+)
+def test_large_meshes_and_small_objects_are_those_of_a_z_buffer(mesh, camera, distance_mm, sharp_image, loaded_case):
+    pose = rigid(rotation_from_vector(np.array([2.4, 0.3, -0.4])), [0.0, 0.0, distance_mm])
+    source = reference_view_of(loaded_case(mesh, sharp_image(camera), pose, camera), "raster")
+    view = RayTracer(source.mesh, camera, source.view, rays=source.rays).render(
+        pose @ rigid(rotation_from_vector(np.array([0.1, 0.2, 0.1])))
+    )
+    assert 0.2 < view.mask.mean() < 0.95
+    assert view.observed.sum() > 0.7 * view.mask.sum()
+    shown = RayTracer(mesh, camera, None).render(pose)
+    nearness = rasterise_depth(mesh, camera, pose).inverse_depth
+    assert np.count_nonzero((nearness > 0) != shown.mask) <= 2
+    both = (nearness > 0) & shown.mask
+    off_px = np.abs(shown.depth_mm * nearness - 1)[both] * camera.fx
+    assert np.quantile(off_px, 0.999) < 0.01
+
+
+def test_a_camera_inside_the_surfaces_sphere_sees_what_a_ray_cast_sees(bumpy_mesh, ray_cast):
+    """Near and far parts of the surface in one view, and parts behind the camera."""
+    camera = PinholeCamera(120, 90, 60.0, 61.0, 60.2, 44.7)
+    pose = rigid(rotation_from_vector(np.array([2.2, 0.1, 0.2])), np.array([0.5, 2.0, 6.0]))
+    view = RayTracer(bumpy_mesh, camera, None).render(pose)
+    depth, _ = ray_cast(bumpy_mesh, camera, pose, camera.pixel_grid().reshape(-1, 2))
+    depth = depth.reshape(camera.shape_hw)
+    assert (depth > 0).mean() > 0.2
+    assert np.count_nonzero((depth > 0) != view.mask) <= 2
+    both = (depth > 0) & view.mask
+    assert np.quantile(np.abs(view.depth_mm - depth)[both], 0.999) < 1e-3
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+def test_a_view_depends_on_its_pose_alone(samples, bumpy_mesh, frontal_pose, oblique_pose, sharp_image, loaded_case):
+    source = reference_view_of(loaded_case(bumpy_mesh, sharp_image(FRAME), frontal_pose, FRAME), "raster")
+    farther = rigid(translation=[0.0, 0.0, 150.0]) @ oblique_pose
+
+    def views(*poses: np.ndarray) -> list[RenderedView]:
+        tracer = RayTracer(bumpy_mesh, SMALL, source.view, samples=samples, pivot_model=source.pivot_model)
+        return [tracer.render(pose) for pose in poses]
+
+    first, _, again = views(oblique_pose, farther, oblique_pose)
+    _, other = views(farther, oblique_pose)
+    for view in (again, other):
+        assert np.array_equal(view.rgb, first.rgb)
+        assert np.array_equal(view.depth_mm, first.depth_mm)
+        assert np.array_equal(view.observed, first.observed)
+
+
+def test_nothing_in_view_is_no_error(bumpy_mesh, frontal_pose, sharp_image, loaded_case):
+    source = reference_view_of(loaded_case(bumpy_mesh, sharp_image(FRAME), frontal_pose, FRAME), "raster")
+    for samples in (1, 4):
+        tracer = RayTracer(bumpy_mesh, SMALL, source.view, samples=samples, pivot_model=source.pivot_model)
+        for aside in ([500.0, 0.0, 0.0], [0.0, 0.0, -1000.0]):
+            view = tracer.render(rigid(translation=aside) @ frontal_pose)
+            assert not view.rgb.any()
+            assert not view.mask.any()

@@ -1,0 +1,123 @@
+"""However a run on a cluster is stopped, nothing stays behind, and the same command continues it."""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+distributed = pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[cluster]"')
+
+from tests.cluster.test_cluster_render import descendants, render_processes
+from tests.cluster.written_records import records
+from tests.different_files import different_files
+from tests.waiting import wait_until
+
+pytestmark = [
+    pytest.mark.render,
+    pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs Linux's /proc"),
+]
+VIEWS = 120
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory, write_tiny_case) -> Path:
+    return write_tiny_case(tmp_path_factory.mktemp("case"))
+
+
+@pytest.fixture(scope="module")
+def reference(case, tmp_path_factory, render_command, run_command) -> Path:
+    out = tmp_path_factory.mktemp("one machine") / "dataset"
+    ended = run_command(render_command(case, "--out", out, "--count", VIEWS))
+    assert (ended.returncode, ended.stderr) == (0, "")
+    return out
+
+
+@pytest.fixture
+def scheduler() -> Iterator[tuple[str, int]]:
+    """A scheduler with two workers, which outlives runs: its address, and the process that has it and them."""
+    text = "from distributed import LocalCluster; import sys\nif __name__ == '__main__':\n"
+    text += " c = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)\n"
+    text += " print(c.scheduler_address, flush=True); sys.stdin.read()\n"
+    program = subprocess.Popen(
+        [sys.executable, "-c", text],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    try:
+        yield program.stdout.readline().strip(), program.pid
+    finally:
+        program.kill()
+        program.communicate()
+
+
+def started(command: list[str]) -> subprocess.Popen:
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_a_stopped_run_goes_on_and_renders_nothing_twice(
+    case, reference, tmp_path, scheduler, render_command, run_command, how
+):
+    out, (address, holder) = tmp_path / "out", scheduler
+    command = render_command(case, "--out", out, "--count", VIEWS, "--cluster", address)
+    run = started(command)
+    try:
+        wait_until(lambda: len(records(out)) >= VIEWS // 4, run)
+        run.send_signal(how)
+        _, errors = run.communicate()
+    finally:
+        run.kill()
+    assert run.returncode != 0
+    if how == signal.SIGINT:
+        assert "stopped; run the same command again to continue" in errors
+        wait_until(lambda: not render_processes(holder))
+    kept = records(out)
+    ended = run_command(command)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    last = records(out)
+    # of a killed run, those in work are finished by its workers as well
+    again = {name for name, state in kept.items() if last[name] != state}
+    assert len(again) <= (0 if how == signal.SIGINT else 4)
+    assert different_files(out, reference) == []
+    wait_until(lambda: not render_processes(holder))
+
+
+def test_ctrl_c_ends_workers_of_its_own(case, tmp_path, render_command):
+    run = started(render_command(case, "--out", tmp_path / "out", "--count", 5000, "--cluster", "local:2"))
+    wait_until(lambda: len(render_processes(run.pid)) == 2, run)
+    others = {*descendants(run.pid)}
+    run.send_signal(signal.SIGINT)
+    _, errors = run.communicate()
+    assert "stopped; run the same command again to continue" in errors
+    wait_until(lambda: not [number for number in others if Path(f"/proc/{number}").exists()])
+
+
+def test_gathered_views_are_those_of_one_machine_though_a_worker_dies(case, reference, tmp_path, render_command):
+    # paths of this machine are of no use to the workers
+    moved = tmp_path / "moved/case"
+    shutil.copytree(case.parent, moved)
+    out = tmp_path / "out"
+    flags = ("--count", VIEWS, "--cluster", "local:2", "--gather", "--send-case")
+    run = started(render_command(moved / case.name, "--out", out, *flags))
+    try:
+        running: dict[int, int] = {}
+        wait_until(lambda: records(out) and (running.update(render_processes(run.pid)) or running), run)
+        commands = [path.read_bytes() for pid in running if (path := Path(f"/proc/{pid}/cmdline")).exists()]
+        assert commands
+        assert not [text for text in commands if os.fsencode(moved) in text or os.fsencode(out) in text]
+        os.kill(running[min(running)], signal.SIGKILL)
+        output, errors = run.communicate()
+    finally:
+        if run.poll() is None:
+            os.killpg(run.pid, signal.SIGKILL)
+    assert (run.returncode, errors) == (0, "")
+    assert re.search(rf"{VIEWS} views rendered by", output)
+    assert different_files(out, reference) == []

@@ -55,7 +55,8 @@ class Texels:
             np.minimum(at.astype(np.int32), max(size - 2, 0)) for at, size in ((x, self.width), (y, self.height))
         )
         # as many weights as values: numpy is slow along an axis of four
-        across, down = ((at - low.astype(np.float32)).repeat(self._channels) for at, low in ((x, left), (y, top)))
+        across: np.ndarray = (x - left.astype(np.float32)).repeat(self._channels)
+        down: np.ndarray = (y - top.astype(np.float32)).repeat(self._channels)
         right, below = int(self.width > 1), self.width * int(self.height > 1)
         first = (top * self.width + left).astype(np.intp)
         upper, lower = self._values(first), self._values(first, below)

@@ -90,7 +90,7 @@ def test_a_folder_with_an_input_in_it_is_refused(tmp_path):
         (Kind("", json_object("a")), b'{"b": 1}', False),
         (Kind("", json_object("a")), b"[" * 100_000, False),
     ],
-    ids=str,
+    ids=lambda value: getattr(value, "name", None),
 )
 def test_kinds_are_told_by_content(tmp_path, kind, content, expected):
     (tmp_path / "file").write_bytes(content)

@@ -20,9 +20,9 @@ import argparse
 from collections.abc import Sequence
 from importlib import import_module
 
-from pipeline.blender.command_line import ArgumentParser, run_script
-from pipeline.blender.process import own_output
 from pipeline.charts.page import require_matplotlib
+from pipeline.process.command_line import ArgumentParser, run_script
+from pipeline.process.own_process import own_output
 
 TOPICS = ("speed", "chart", "landmarks", "refinement", "surface", "reader", "evaluation", "stability")
 

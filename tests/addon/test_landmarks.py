@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
-from pipeline.alignment.landmarks.reprojection import apply_twist
 from pipeline.alignment.landmarks.solver import UndeterminedPose, solve_pose
 from pipeline.alignment.manual.pins import pull_pins
+from pipeline.alignment.reprojection import apply_twist
 from pipeline.case.landmarks import Landmark
 from pipeline.transforms import inverse_rigid, transform_points
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.alignment.landmarks.reprojection import apply_twist
 from pipeline.alignment.manual.pins import pull_pins
+from pipeline.alignment.reprojection import apply_twist
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.errors import InputError
 from pipeline.transforms import (

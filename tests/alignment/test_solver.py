@@ -6,8 +6,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from pipeline.alignment.landmarks.reprojection import apply_twist, jacobian_at, twist_between
 from pipeline.alignment.landmarks.solver import UndeterminedPose, solve_pose
+from pipeline.alignment.reprojection import apply_twist, jacobian_at, twist_between
 from pipeline.camera.pinhole import PinholeCamera
 from pipeline.errors import InputError
 from pipeline.transforms import (

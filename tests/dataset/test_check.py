@@ -14,7 +14,6 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.blender.command_line import exit_code
 from pipeline.commands import check
 from pipeline.dataset.bop import write_models
 from pipeline.dataset.check.findings import Findings
@@ -25,6 +24,7 @@ from pipeline.dataset.view_record import read_record
 from pipeline.images.contact_sheet import contact_sheet
 from pipeline.images.pixel_values import to_uint8
 from pipeline.images.png import encode_png
+from pipeline.process.command_line import exit_code
 from pipeline.surface.mesh import TriangleMesh
 from pipeline.surface.mesh_writer import write_ply
 from pipeline.transforms import rigid, rotation_from_vector

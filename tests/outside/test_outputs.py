@@ -32,7 +32,7 @@ PROGRAM = [sys.executable, "-m", "pipeline.commands"]
 POSE = [[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]]
 RUN_ALL = """
 import json, sys
-from pipeline.blender.command_line import exit_code
+from pipeline.process.command_line import exit_code
 from pipeline.commands.__main__ import dispatch
 for line in open(sys.argv[1]):
     sys.stderr.write(f"code {exit_code(dispatch, json.loads(line))}\\n")

@@ -12,10 +12,10 @@ import pytest
 
 from pipeline.alignment.landmarks.covariance import pose_uncertainty
 from pipeline.alignment.landmarks.degeneracy import UndeterminedPose, check_uncertainty
-from pipeline.alignment.landmarks.reprojection import Correspondences
 from pipeline.alignment.landmarks.solver import solve_pose
 from pipeline.alignment.refinement.refine import refine_pose
 from pipeline.alignment.refinement.verdict import Refinement
+from pipeline.alignment.reprojection import Correspondences
 from pipeline.blender.bridge.camera import new_camera
 from pipeline.blender.case.load_case import load_case
 from pipeline.blender.dataset.job import Job, open_job

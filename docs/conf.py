@@ -10,7 +10,7 @@ from sphinx.ext.napoleon import Config, NumpyDocstring
 ROOT = Path(__file__).resolve().parents[1]
 
 sys.path.insert(0, str(ROOT))
-from pipeline import __version__
+from oneframe import __version__
 
 project = "OneFrame"
 version = release = __version__

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import __version__
+from oneframe import __version__
 from scripts.dev import build_extension
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -127,7 +127,7 @@ def states_version(path: Path) -> bool:
 
 
 def test_the_installed_program_is_the_one_of_the_wheel(run_installed, tmp_path):
-    where = run_installed("python", "-c", "import pipeline; print(pipeline.__file__)")
+    where = run_installed("python", "-c", "import oneframe; print(oneframe.__file__)")
     assert not Path(where.stdout.strip()).is_relative_to(ROOT)
     assert run_installed("oneframe", "--version").stdout == f"oneframe {__version__}\n"
     ended = run_installed("oneframe", "check", tmp_path)

@@ -80,7 +80,7 @@ class RenderOnWorker(OnWorker):
         self._lock, self._idle, self._is_closed = threading.RLock(), threading.Timer(0, print), False
         self._own, self._out = own_folder, Path(self.folder)
         self.check("choose one that all machines see (--out), or let the views be fetched (--gather)")
-        start = [*self.command] or [sys.executable, "-m", "pipeline.commands", "render"]
+        start = [*self.command] or [sys.executable, "-m", "oneframe.commands", "render"]
         if self.blender is not None:
             start = [*blender_command(self.blender, str(_SCRIPT))]
         sent = {f"case/{name}": content for name, content in (case or {}).items()}

@@ -42,7 +42,7 @@ CONFIGURATION = {
 """Dask's settings in the child."""
 _CLIENT = ("tls_ca_file", "tls_client_cert", "tls_client_key")
 _PACKAGE = Path(__file__).resolve().parents[1]
-_FOUND_IN = _PACKAGE.parent if _PACKAGE.name == "oneframe" else _PACKAGE.parent / "scripts"
+FOUND_IN = _PACKAGE.parent if _PACKAGE.name == "oneframe" else _PACKAGE.parent / "scripts"
 """Where the package is found by its name: in a checkout by ``scripts/oneframe.py``."""
 
 
@@ -60,7 +60,7 @@ def own_workers(settings: Mapping[str, Any], where: str) -> Iterator[tuple[str, 
         They cannot be started, or Slurm refuses the first job; ``where`` begins the message.
     """
     # Dask is there where this process has it
-    paths = [os.environ.get("PYTHONPATH", ""), str(_FOUND_IN), str(Path(distributed.__file__).parents[1])]
+    paths = [os.environ.get("PYTHONPATH", ""), str(FOUND_IN), str(Path(distributed.__file__).parents[1])]
     child = subprocess.Popen(
         [sys.executable, "-m", __name__, json.dumps(settings)],
         stdin=subprocess.PIPE,

@@ -76,7 +76,7 @@ def run_all(tmp_path, run_command) -> Callable[[list[CommandLine]], list[tuple[i
     def run(lines: list[CommandLine]) -> list[tuple[int, str]]:
         listed = tmp_path / "lines.txt"
         listed.write_text("".join(json.dumps(list(map(str, line))) + "\n" for line in lines))
-        ended = run_command([sys.executable, "-c", RUN_ALL, str(listed)], PYTHONPATH=str(ROOT))
+        ended = run_command([sys.executable, "-c", RUN_ALL, str(listed)])
         listed.unlink()
         results, errors = [], ""
         for line in ended.stderr.splitlines(keepends=True):

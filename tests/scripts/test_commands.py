@@ -105,7 +105,7 @@ def test_help_needs_neither_blender_nor_numpy(arguments, run_command):
         f"sys.argv[1:] = {arguments!r}\n"
         "runpy.run_module('oneframe.commands', run_name='__main__')"
     )
-    ended = run_command([sys.executable, "-c", code], PYTHONPATH=str(ROOT))
+    ended = run_command([sys.executable, "-c", code])
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "oneframe" in ended.stdout
 
@@ -151,7 +151,7 @@ def test_a_missing_package_is_named(run_command, tmp_path):
         "from oneframe.commands.__main__ import dispatch\n"
         f"sys.exit(exit_code(dispatch, ['align', {str(tmp_path / 'case.toml')!r}]))"
     )
-    assert_one_line(run_command([sys.executable, "-c", code], PYTHONPATH=str(ROOT)), 3, "expected OpenCV")
+    assert_one_line(run_command([sys.executable, "-c", code]), 3, "expected OpenCV")
 
 
 def test_values_that_look_like_options_are_values():

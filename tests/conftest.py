@@ -13,7 +13,8 @@ import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
-from oneframe.case.loaded_case import LoadedCase
+from oneframe.case.loaded_case import LoadedCase, LoadedSurface
+from oneframe.case.posed_frame import PosedFrame
 from oneframe.images.png import encode_png
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
@@ -255,7 +256,9 @@ def loaded_case(tmp_path: Path) -> Callable[..., LoadedCase]:
             cam_from_mesh=cam_from_model @ inverse_rigid(mesh_from_model),
         )
         valid = np.ones(camera.shape_hw, dtype=bool) if valid is None else valid
-        return LoadedCase(case, image, valid, mesh, mesh_from_model, cam_from_model, (), ())
+        return LoadedCase(
+            case, LoadedSurface(mesh, mesh_from_model), (PosedFrame(image, valid, camera, cam_from_model),)
+        )
 
     return make
 

@@ -81,7 +81,7 @@ def put(scene: bpy.types.Scene, source: Source, found: Colouring) -> tuple[str, 
     messages = list(found.messages)
     record = {
         "frame": str(source.loaded.case.image),
-        "cam_from_model": source.loaded.cam_from_model.tolist(),
+        "cam_from_model": source.loaded.frame.cam_from_model.tolist(),
         "of_view": found.coverage.of_view,
         "of_surface": found.coverage.of_surface,
         "mean_error": found.coverage.mean_error,
@@ -90,7 +90,7 @@ def put(scene: bpy.types.Scene, source: Source, found: Colouring) -> tuple[str, 
     }
     put_colour(
         surface,
-        source.loaded.mesh,
+        source.loaded.surface.mesh,
         found.view,
         found.colour,
         mark_unseen=before is None or before["unseen_marked"],

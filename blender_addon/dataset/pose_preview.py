@@ -122,7 +122,7 @@ def listed_poses(loaded: LoadedCase, options: DatasetOptions) -> np.ndarray | No
     if options.poses is None:
         return None
     mm_per_unit = loaded.case.mm_per_unit
-    return read_poses(options.poses, mesh_from_model=loaded.mesh_from_model, mm_per_unit=mm_per_unit)[0]
+    return read_poses(options.poses, mesh_from_model=loaded.surface.mesh_from_model, mm_per_unit=mm_per_unit)[0]
 
 
 def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:

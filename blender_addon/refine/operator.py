@@ -60,7 +60,7 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, Preview, bpy.types.Operator)
         except (InputError, RunError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self._start = loaded.cam_from_model
+        self._start = loaded.frame.cam_from_model
         self._inputs = inputs_of(context.scene)
         self._refining = BackgroundWork(partial(refined, loaded, colours))
         self._timer: bpy.types.Timer | None = context.window_manager.event_timer_add(

@@ -17,11 +17,11 @@ def refined(
 ) -> Refinement:
     """Refine the case's pose against its frame; arguments as for :func:`refine_pose`."""
     return refine_pose(
-        loaded.image,
-        loaded.valid,
-        loaded.case.camera,
-        loaded.mesh,
-        loaded.cam_from_model,
+        loaded.frame.image,
+        loaded.frame.valid,
+        loaded.frame.camera,
+        loaded.surface.mesh,
+        loaded.frame.cam_from_model,
         colours=colours,
         progress=progress,
     )

@@ -73,11 +73,12 @@ class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
         loaded = load_case(read_case(self.chosen_file()), aligned=False)
         scene = workbench.enter(context)
         to_scene.remember_case(scene, loaded, alignment_scene.set_up(scene, loaded))
-        remember_opened(scene, loaded.case.alignment, loaded.cam_from_model)
+        remember_opened(scene, loaded.case.alignment, loaded.frame.cam_from_model)
         show_shape(context)
         look_through_camera(context)
-        width, height = loaded.case.camera.size_wh
-        return *loaded.messages, f"{self.filepath}: frame {width} x {height} px, {len(loaded.mesh.faces)} triangles"
+        width, height = loaded.frame.camera.size_wh
+        triangles = len(loaded.surface.mesh.faces)
+        return *loaded.messages, f"{self.filepath}: frame {width} x {height} px, {triangles} triangles"
 
 
 class ONEFRAME_OT_discard_case(Asking, bpy.types.Operator):

@@ -22,7 +22,8 @@ from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.case_file import MM_PER_UNIT, Case, Structure
 from ..pipeline.case.landmarks import Landmark
-from ..pipeline.case.loaded_case import LoadedCase, check_pose, load_surface
+from ..pipeline.case.loaded_case import LoadedCase, LoadedSurface, check_pose, load_surface
+from ..pipeline.case.posed_frame import PosedFrame
 from ..pipeline.errors import InputError
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
@@ -283,7 +284,9 @@ def loaded_case(scene: bpy.types.Scene, *, aligned: bool = True) -> LoadedCase:
         for offset in (mesh_from_model[:3, 3],)
         for structure in wanted.structures
     )
-    return LoadedCase(wanted, image, valid, mesh, mesh_from_model, pose, structures, tuple(messages))
+    surface = LoadedSurface(mesh, mesh_from_model, structures)
+    frame = PosedFrame(image, valid, wanted.camera, pose, path=wanted.image, alignment=wanted.alignment)
+    return LoadedCase(wanted, surface, (frame,), tuple(messages))
 
 
 def frame_at(scene: bpy.types.Scene, path: Path) -> tuple[np.ndarray, np.ndarray]:

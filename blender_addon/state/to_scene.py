@@ -43,7 +43,7 @@ def remember_case(scene: bpy.types.Scene, loaded: LoadedCase, objects: alignment
     settings.camera_object, settings.surface = objects.camera, objects.surface
     _remember_camera(scene, case.camera, case.distortion)
     objects.surface.oneframe.role, objects.surface.oneframe.mesh_path = "SURFACE", str(case.mesh.resolve())
-    set_exact(objects.surface, from_scene.READ_POSE, np.stack([loaded.cam_from_model, case.cam_from_mesh]))
+    set_exact(objects.surface, from_scene.READ_POSE, np.stack([loaded.frame.cam_from_model, case.cam_from_mesh]))
     for structure, child in zip(case.structures, objects.structures, strict=True):
         child.oneframe.role, child.oneframe.mesh_path = "STRUCTURE", str(structure.mesh.resolve())
     settings.case_kept_text = json.dumps({name: getattr(case, name) for name in from_scene.KEPT_FIELDS})

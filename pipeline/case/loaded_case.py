@@ -13,6 +13,7 @@ from ..surface.mesh import TriangleMesh
 from ..surface.mesh_reader import read_mesh
 from ..transforms import rigid, transform_points
 from .case_file import Case, Structure
+from .posed_frame import PosedFrame
 from .structure_colour import OTHER
 
 NEAREST_MM, FARTHEST_MM = 2.0, 30_000.0
@@ -24,35 +25,37 @@ make it 1000 times as large or small."""
 
 
 @dataclass(frozen=True)
-class LoadedCase:
-    """A case in memory.
+class LoadedSurface:
+    """A surface in memory.
 
     Attributes
     ----------
-    case
-        The case file.
-    image, valid
-        ``(H, W, 3)`` float32 code values 0..1 of the undistorted frame; ``(H, W)`` bool, False where it has no image.
     mesh
         The surface in the model frame (demeaned), mm.
     mesh_from_model
         4x4, mm: the translation by the mean of the file's vertices.
-    cam_from_model
-        4x4, mm: the pose of the frame.
     structures
         The structures and their meshes in the model frame, for overlays.
-    messages
-        Messages about what was corrected or dropped.
     """
 
-    case: Case
-    image: np.ndarray
-    valid: np.ndarray
     mesh: TriangleMesh
     mesh_from_model: np.ndarray
-    cam_from_model: np.ndarray
-    structures: tuple[tuple[Structure, TriangleMesh], ...]
-    messages: tuple[str, ...]
+    structures: tuple[tuple[Structure, TriangleMesh], ...] = ()
+
+
+@dataclass(frozen=True)
+class LoadedCase:
+    """A case in memory: the case file, its surface, its frames, and messages about what was corrected or dropped."""
+
+    case: Case
+    surface: LoadedSurface
+    frames: tuple[PosedFrame, ...]
+    messages: tuple[str, ...] = ()
+
+    @property
+    def frame(self) -> PosedFrame:
+        """The frame that the case file names: overlays show it, poses are drawn around its own."""
+        return self.frames[0]
 
     def with_shown_structures(self, only: Collection[str] = ()) -> "LoadedCase":
         """The case with the structures that overlays show: those named in ``only``, else those that are not white.
@@ -65,17 +68,18 @@ class LoadedCase:
         InputError
             There is no structure of a name in ``only``.
         """
-        names = [structure.name for structure, _ in self.structures]
+        structures = self.surface.structures
+        names = [structure.name for structure, _ in structures]
         for name in only:
             if name not in names:
                 raise InputError(
                     f"{self.case.path.name}: no structure is named {name!r}; {nearest_name(name, tuple(names))}"
                 )
         if only:
-            shown = tuple(each for each in self.structures if each[0].name in only)
+            shown = tuple(each for each in structures if each[0].name in only)
         else:
-            shown = tuple(each for each in self.structures if each[0].colour != OTHER) or self.structures
-        return replace(self, structures=shown)
+            shown = tuple(each for each in structures if each[0].colour != OTHER) or structures
+        return replace(self, surface=replace(self.surface, structures=shown))
 
 
 def load_surface(path: Path, mm_per_unit: float) -> tuple[TriangleMesh, np.ndarray, list[str]]:

@@ -24,12 +24,12 @@ nothing is continued across a depth step; nor is anything into pixels that are m
 lookup that uses one fails. So do lookups of background alone.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
+from ..case.posed_frame import PosedFrame
 from ..images.pixel_values import among_centres, sample_bilinear
 from ..surface.mesh import TriangleMesh
 from ..transforms import BLOCK, camera_centre, transform_points
@@ -51,36 +51,24 @@ LEAST_WEIGHT = 0.01
 
 
 @dataclass(frozen=True)
-class SourceView:
+class SourceView(PosedFrame):
     """The reference view: the aligned frame as the source of colour, with the inverse depth of the surface.
 
     Attributes
     ----------
-    camera, cam_from_model
-        Intrinsics and pose of the frame.
-    image
-        ``(H, W, 3)`` float32 code values, scaled to 0..1 and not linearised.
     inverse_depth
         ``(H, W)`` float32, 1/mm at the pixel centres; 0 where the frame shows no surface or is masked out.
-    valid
-        ``(H, W)`` bool, False where the frame is masked out; ``None``: nowhere.
     max_incidence_deg
         Largest angle between ray and face normal.
     """
 
-    camera: PinholeCamera
-    cam_from_model: np.ndarray
-    image: np.ndarray
-    inverse_depth: np.ndarray
-    valid: np.ndarray | None = None
+    inverse_depth: np.ndarray = field(kw_only=True)
     max_incidence_deg: float = MAX_INCIDENCE_DEG
 
     @cached_property
     def continued(self) -> tuple[np.ndarray, np.ndarray]:
         """``image`` and ``inverse_depth``, both continued by one pixel into the background: what lookups read."""
-        background = self.inverse_depth <= 0
-        if self.valid is not None:
-            background &= self.valid
+        background = (self.inverse_depth <= 0) & self.valid
         same = SAME_SURFACE * self.depth_tolerance
         return continued_by_a_pixel(self.image, self.inverse_depth, background, steepest=self._steepest, same=same)
 

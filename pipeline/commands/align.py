@@ -124,7 +124,7 @@ def run(arguments: argparse.Namespace, *, tool: str) -> int:
             # residuals and uncertainty of the landmarks belong to their own pose
             table = {"start": table} if alignment else {}
         if refinement:
-            mesh_from_model = aligned.loaded.mesh_from_model
+            mesh_from_model = aligned.loaded.surface.mesh_from_model
             table["refinement"] = refinement_table(refinement, mesh_from_model, taken=aligned.took_refused)
         text = json.dumps({**table, **pose_table(found.cam_from_mesh)}, indent=2, allow_nan=False) + "\n"
         with writing(made_folder(arguments.json)):

@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
         with writing(made_folder(arguments.out)):
             write_bytes_atomically(arguments.out, encode_png(picture.image))
         lines = [*(f"note: {message}" for message in loaded.messages), *picture_lines(loaded, picture)]
-    drawn = {structure.name for structure, _ in loaded.structures}
+    drawn = {structure.name for structure, _ in loaded.surface.structures}
     if left := [structure.name for structure in case.structures if structure.name not in drawn]:
         lines.append(f"not drawn: {', '.join(left)}; --only NAME draws what it names")
     for line in lines:

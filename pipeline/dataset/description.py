@@ -83,7 +83,7 @@ def describe(
     if poses is not None:
         listed = {
             POSES_HASH: poses_hash(poses),
-            DEPTH_SCALE: depth_scale_for(farthest_listed_mm(poses, loaded.mesh.radius)),
+            DEPTH_SCALE: depth_scale_for(farthest_listed_mm(poses, loaded.surface.mesh.radius)),
         }
     return {
         "format": FORMAT,
@@ -97,11 +97,11 @@ def describe(
             **asdict(case.camera),
             "distortion": None if case.distortion is None else asdict(case.distortion),
             # computed as from the file, to the last bit
-            "cam_from_model": (case.cam_from_mesh @ loaded.mesh_from_model).tolist(),
+            "cam_from_model": (case.cam_from_mesh @ loaded.surface.mesh_from_model).tolist(),
         },
-        "mesh_from_model": loaded.mesh_from_model.tolist(),
+        "mesh_from_model": loaded.surface.mesh_from_model.tolist(),
         "mm_per_unit": case.mm_per_unit,
-        "geometry_sha256": geometry_hash(loaded.mesh),
+        "geometry_sha256": geometry_hash(loaded.surface.mesh),
         "structures": {structure.name: list(structure.colour) for structure in case.structures},
         # of the list of poses, the poses themselves count, and only those of the views
         "inputs_sha256": {name: digest for name, digest in hashes.items() if name != POSES},
@@ -122,7 +122,7 @@ def view_camera(loaded: LoadedCase, options: DatasetOptions) -> PinholeCamera:
     InputError
         The scaled image would have no pixels.
     """
-    camera = loaded.case.camera
+    camera = loaded.frame.camera
     if options.scale == 1.0:
         return camera
     width, height = (round(size * options.scale) for size in camera.size_wh)

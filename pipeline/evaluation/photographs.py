@@ -50,5 +50,6 @@ def read_photographs(path: Path, loaded: LoadedCase) -> list[PosedPhotograph]:
         pose[:3, 3] *= loaded.case.mm_per_unit
         if not isinstance(entry["image"], str) or not entry["image"]:
             raise InputError(f"{path.name}: entry {number}: image: expected a file name, found {entry['image']!r}")
-        photographs.append(PosedPhotograph(path.parent / entry["image"], pose @ loaded.mesh_from_model, message))
+        pose = pose @ loaded.surface.mesh_from_model
+        photographs.append(PosedPhotograph(path.parent / entry["image"], pose, message))
     return photographs

@@ -78,7 +78,7 @@ def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> Non
     points = []
     with temporary_folder() as folder:
         for number, scene in enumerate(scenes(arguments, folder)):
-            triangles = len(scene.loaded.mesh.faces)
+            triangles = len(scene.loaded.surface.mesh.faces)
             report(f"{scene.name}: {scene.camera.width}x{scene.camera.height} px, {triangles:,} triangles")
             run = folder / f"run-{number}"
             run.mkdir()

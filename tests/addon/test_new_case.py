@@ -195,8 +195,8 @@ def test_a_mask_is_shown_in_blue_and_kept_with_the_case(addon, files, tmp_path):
     case = read_case(tmp_path / "case.toml")
     assert case.image == tmp_path / "frame.png"
     loaded = load_case(case)
-    assert not loaded.valid[:8].any()
-    assert loaded.valid[14:68, 4:80].all()
+    assert not loaded.frame.valid[:8].any()
+    assert loaded.frame.valid[14:68, 4:80].all()
     assert np.array_equal(shown(), blue)
     # opened again, it looks the same; another mask replaces what this case kept
     bpy.ops.oneframe.open_case(filepath=str(tmp_path / "case.toml"))
@@ -204,7 +204,7 @@ def test_a_mask_is_shown_in_blue_and_kept_with_the_case(addon, files, tmp_path):
     (tmp_path / "more.png").write_bytes(encode_png((np.mgrid[:72, :96][0] < 60).astype(np.uint8)))
     load(mask=tmp_path / "more.png")
     bpy.ops.oneframe.save_case(filepath=str(tmp_path / "case.toml"))
-    assert not load_case(case).valid[64:].any()
+    assert not load_case(case).frame.valid[64:].any()
     bpy.ops.oneframe.open_case(filepath=str(tmp_path / "case.toml"))
     assert (shown()[64:, :80, 2] > 0.55).all()
 

@@ -98,7 +98,7 @@ def rotation_error_deg(gather, scene) -> float:
 
 def test_the_operator_gives_the_functions_result_in_one_undo_step(opened, gather, refine):
     loaded, start = gather.loaded_case(opened), gather.cam_from_model(opened)
-    expected = refine_pose(loaded.image, loaded.valid, loaded.case.camera, loaded.mesh, start)
+    expected = refine_pose(loaded.frame.image, loaded.frame.valid, loaded.frame.camera, loaded.surface.mesh, start)
     assert expected.accepted, expected.message
     before = rotation_error_deg(gather, opened)
     bpy.ops.ed.undo_push(message="before")

@@ -213,9 +213,11 @@ def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, o
     from oneframe.blender.case.load_case import load_case
 
     loaded = load_case(made)
-    pixels = made.camera.project(loaded.mesh.vertices @ loaded.cam_from_model[:3, :3].T + loaded.cam_from_model[:3, 3])
+    pixels = made.camera.project(
+        loaded.surface.mesh.vertices @ loaded.frame.cam_from_model[:3, :3].T + loaded.frame.cam_from_model[:3, 3]
+    )
     assert made.camera.contains(pixels).all()
-    facing = -(loaded.mesh.face_normals @ loaded.cam_from_model[2, :3])
+    facing = -(loaded.surface.mesh.face_normals @ loaded.frame.cam_from_model[2, :3])
     assert facing.mean() > 0.5
 
 

@@ -40,7 +40,9 @@ def seen_from_frame(meshes, colours, valid=None) -> tuple[TriangleMesh, SourceVi
     inverse = raster.inverse_depth.astype(np.float32)
     if valid is not None:
         inverse[~valid] = 0
-    return joined, SourceView(CAMERA, CAM_FROM_MODEL, image, inverse, valid)
+    else:
+        valid = np.ones(CAMERA.shape_hw, bool)
+    return joined, SourceView(image, valid, CAMERA, CAM_FROM_MODEL, inverse_depth=inverse)
 
 
 class Points:
@@ -165,5 +167,6 @@ def test_a_vertex_beside_a_step_gets_the_colour_of_its_own_surface():
 
 
 def test_the_options_default_is_the_rules():
-    view = SourceView(CAMERA, CAM_FROM_MODEL, np.zeros((100, 120, 3), np.float32), np.zeros((100, 120), np.float32))
+    nothing = np.zeros((100, 120), np.float32)
+    view = SourceView(np.zeros((100, 120, 3), np.float32), nothing > 0, CAMERA, CAM_FROM_MODEL, inverse_depth=nothing)
     assert DatasetOptions().max_incidence_deg == view.max_incidence_deg

@@ -264,7 +264,9 @@ def test_flags_follow_the_visibility_rule_of_the_project():
         value = (samples.barycentric[inside] / corners).sum(axis=1)
         np.maximum.at(inverse, samples.y[inside] * CAMERA.width + samples.x[inside], value)
     image = microscope_like(CAMERA, rng)
-    source = SourceView(CAMERA, pose, image, inverse.reshape(CAMERA.shape_hw))
+    source = SourceView(
+        image, np.ones(CAMERA.shape_hw, bool), CAMERA, pose, inverse_depth=inverse.reshape(CAMERA.shape_hw)
+    )
     atlas, _ = bake(mesh, image, source.observed, cam_from_model=pose)
     points = SurfacePoints(mesh, 40000, rng)
     colour, flag = points.look_up(atlas)
@@ -284,7 +286,7 @@ def test_no_seam_along_a_crease_between_separate_charts(slope):
     across = np.abs(CAMERA.rays_cam(CAMERA.pixel_grid())[..., 0])
     inverse_depth = ((1 - slope * across) / 200).astype(np.float32)
     image = microscope_like(CAMERA, rng)
-    source = SourceView(CAMERA, CAM_FROM_MODEL, image, inverse_depth)
+    source = SourceView(image, np.ones(CAMERA.shape_hw, bool), CAMERA, CAM_FROM_MODEL, inverse_depth=inverse_depth)
     atlas, seen = bake(mesh, image, source.observed)
     assert atlas.separate_charts == 4
     assert seen.all()

@@ -129,7 +129,7 @@ def test_a_frame_of_another_size_than_the_cameras_is_refused(case):
 
 def test_a_complete_jpeg_is_accepted(case):
     (case.parent / "frame.png").write_bytes(jpeg())
-    assert opened(case).loaded.image.shape == (48, 64, 3)
+    assert opened(case).loaded.frame.image.shape == (48, 64, 3)
 
 
 # --- the surface ----------------------------------------------------------------------------------------------------

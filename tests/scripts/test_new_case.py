@@ -112,7 +112,7 @@ def test_the_folder_is_a_case_that_every_command_takes(given, tmp_path, run_comm
     assert loaded.messages == ()
     (structure,) = loaded.case.structures
     assert (structure.name, structure.colour) == ("facial_nerve", (1.0, 0.0, 1.0))
-    assert (loaded.case.camera.fx, loaded.case.camera.cy) == (900.0, 36.5)
+    assert (loaded.frame.camera.fx, loaded.frame.camera.cy) == (900.0, 36.5)
     assert loaded.case.distortion.k1 == 0.1
     assert loaded.case.alignment == {"method": "initial guess"}
     colours, shown = read_image(out / "frame.png")
@@ -120,8 +120,8 @@ def test_the_folder_is_a_case_that_every_command_takes(given, tmp_path, run_comm
     assert shown[10:].all()
     assert not shown[:10].any()
     # into the bowl, from where it is open, with the head up
-    assert loaded.cam_from_model[2, 0] < -0.95
-    assert loaded.cam_from_model[1, 2] < -0.95
+    assert loaded.frame.cam_from_model[2, 0] < -0.95
+    assert loaded.frame.cam_from_model[1, 2] < -0.95
 
     program = [sys.executable, "-m", "oneframe.commands"]
     rendered = run_command(
@@ -260,7 +260,7 @@ def test_meshes_of_others_in_metres_with_a_pose(given, tmp_path, capfd):
     assert {each.name: each.colour for each in case.structures}["chorda"] == (0, 1, 0)
     loaded = load_case(case)
     np.testing.assert_allclose(
-        np.sort(loaded.mesh.bounds, axis=0), mesh.moved(-mesh.vertices.mean(axis=0)).bounds, atol=1e-4
+        np.sort(loaded.surface.mesh.bounds, axis=0), mesh.moved(-mesh.vertices.mean(axis=0)).bounds, atol=1e-4
     )
     assert SECRET.encode() not in b"".join(path.read_bytes() for path in case.path.parent.glob("*.*"))
 

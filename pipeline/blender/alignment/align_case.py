@@ -83,7 +83,7 @@ def align_case(
         alignment = align_landmarks(
             case.landmarks, case.camera, click_sigma_px=click_sigma_px, start=case.cam_from_mesh
         )
-        mesh = loaded.mesh.moved(loaded.mesh_from_model[:3, 3])
+        mesh = loaded.surface.mesh.moved(loaded.surface.mesh_from_model[:3, 3])
         # before the check of the pose, which would report landmarks of another mesh as a wrong pose
         distances = landmark_distances(case.landmarks, mesh)
         check_landmarks_belong(distances, mesh, case.mesh.name)
@@ -91,14 +91,15 @@ def align_case(
         # the landmarks are in the frame of the mesh file, and so is the pose
         cam_from_mesh = alignment.estimate.cam_from_model
         loaded = _with_pose(loaded, cam_from_mesh, alignment_record(alignment, tool, date))
-        check_pose(loaded.case, loaded.mesh, loaded.cam_from_model)
+        check_pose(loaded.case, loaded.surface.mesh, loaded.frame.cam_from_model)
     took_refused = False
     if refine:
-        refinement = refine_pose(loaded.image, loaded.valid, case.camera, loaded.mesh, loaded.cam_from_model)
+        frame = loaded.frame
+        refinement = refine_pose(frame.image, frame.valid, case.camera, loaded.surface.mesh, frame.cam_from_model)
         took_refused = take_refused and refinement.can_be_taken
         if refinement.accepted or took_refused:
             start = loaded.case.alignment or {"method": "manual"}
-            cam_from_mesh = refinement.found @ inverse_rigid(loaded.mesh_from_model)
+            cam_from_mesh = refinement.found @ inverse_rigid(loaded.surface.mesh_from_model)
             loaded = _with_pose(loaded, cam_from_mesh, refinement_record(refinement, start, tool, date))
         elif alignment is None:
             advice = " --take-refused takes what it has found." if refinement.can_be_taken else ""
@@ -113,8 +114,6 @@ def alignment_picture(aligned: AlignedCase) -> np.ndarray:
 
 
 def _with_pose(loaded: LoadedCase, cam_from_mesh: np.ndarray, record: dict[str, object]) -> LoadedCase:
-    return replace(
-        loaded,
-        case=replace(loaded.case, cam_from_mesh=cam_from_mesh, alignment=record),
-        cam_from_model=cam_from_mesh @ loaded.mesh_from_model,
-    )
+    case = replace(loaded.case, cam_from_mesh=cam_from_mesh, alignment=record)
+    pose = cam_from_mesh @ loaded.surface.mesh_from_model
+    return replace(loaded, case=case, frames=(replace(loaded.frame, cam_from_model=pose, alignment=record),))

@@ -53,13 +53,13 @@ def set_up(scene: bpy.types.Scene, loaded: LoadedCase) -> AlignmentObjects:
     """Set up the alignment of a case in a scene; replaces an existing one."""
     clear(scene)
     set_alignment_units(scene)
-    camera_object = put_camera(scene, None, loaded.case.camera)
-    changed = shown_frame(loaded.image, loaded.valid, undistorted=loaded.case.distortion is not None)
+    camera_object = put_camera(scene, None, loaded.frame.camera)
+    changed = shown_frame(loaded.frame.image, loaded.frame.valid, undistorted=loaded.case.distortion is not None)
     show_frame(camera_object, frame_image(loaded.case.image, changed))
-    surface = put_surface(scene, loaded.mesh, loaded.mesh_from_model, loaded.cam_from_model)
-    structures = [put_structure(surface, mesh, entry.name, entry.colour) for entry, mesh in loaded.structures]
+    surface = put_surface(scene, loaded.surface.mesh, loaded.surface.mesh_from_model, loaded.frame.cam_from_model)
+    structures = [put_structure(surface, mesh, entry.name, entry.colour) for entry, mesh in loaded.surface.structures]
     hide_context(surface)
-    fit_clip(camera_object, loaded.mesh.radius, loaded.cam_from_model)
+    fit_clip(camera_object, loaded.surface.mesh.radius, loaded.frame.cam_from_model)
     return AlignmentObjects(camera_object, surface, tuple(structures))
 
 

@@ -17,11 +17,13 @@ def frame_overlay(loaded: LoadedCase, surface_depth_mm: np.ndarray | None = None
     surface_depth_mm
         ``(H, W)`` depth of the surface in the frame, 0 where there is none; rasterised if left out.
     """
-    camera, pose = loaded.case.camera, loaded.cam_from_model
+    frame = loaded.frame
+    camera, pose = frame.camera, frame.cam_from_model
     scene = overlay_scene(loaded.with_shown_structures())
-    return draw_overlay(loaded.image, scene.surface_layer(camera, pose, surface_depth_mm), scene.layers(camera, pose))
+    return draw_overlay(frame.image, scene.surface_layer(camera, pose, surface_depth_mm), scene.layers(camera, pose))
 
 
 def overlay_scene(loaded: LoadedCase) -> OverlayScene:
     """The surface and the structures of a case."""
-    return OverlayScene.of(loaded.mesh, [(mesh, structure.colour) for structure, mesh in loaded.structures])
+    surface = loaded.surface
+    return OverlayScene.of(surface.mesh, [(mesh, structure.colour) for structure, mesh in surface.structures])

@@ -249,4 +249,5 @@ def _with_pose(case: Case, file: Path | None, surface: SurfaceFolder, mesh: Tria
 
 def _overlay(loaded: LoadedCase) -> np.ndarray:
     """``(H, W, 3)`` float32 values 0..1: the frame with outline and structures, and its mask in blue."""
-    return frame_overlay(replace(loaded, image=with_mask_tinted(loaded.image, loaded.valid, UNSEEN)))
+    tinted = with_mask_tinted(loaded.frame.image, loaded.frame.valid, UNSEEN)
+    return frame_overlay(replace(loaded, frames=(replace(loaded.frame, image=tinted),)))

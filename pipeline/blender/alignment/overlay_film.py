@@ -94,12 +94,12 @@ def opened_film(
         found, messages = read_frame_poses(
             poses,
             film.info.frames,
-            mesh_from_model=loaded.mesh_from_model,
+            mesh_from_model=loaded.surface.mesh_from_model,
             mm_per_unit=loaded.case.mm_per_unit,
         )
-        size_wh, camera = film.info.size_wh, camera_of_film(loaded.case.camera, film.info.size_wh, video.name)
-        if camera.size_wh != loaded.case.camera.size_wh:
-            width, height = loaded.case.camera.size_wh
+        size_wh, camera = film.info.size_wh, camera_of_film(loaded.frame.camera, film.info.size_wh, video.name)
+        if camera.size_wh != loaded.frame.camera.size_wh:
+            width, height = loaded.frame.camera.size_wh
             messages.append(f"{video.name}: {size_wh[0]}x{size_wh[1]} px, the K of {width}x{height} is scaled to it")
         if film.info.missing_s > 0:
             messages.append(f"{video.name}: the file is cut off, {film.info.missing_s:.1f} s are missing at its end")
@@ -112,7 +112,7 @@ class OverlayFilm:
     def __init__(self, loaded: LoadedCase, film: Film, poses: Sequence[np.ndarray | None], *, explained: bool) -> None:
         """Prepare the film of a case, with legend and scale bar if it is ``explained``; see :func:`opened_film`."""
         self._film, self._poses = film, poses
-        camera = camera_of_film(loaded.case.camera, film.info.size_wh, film.path.name)
+        camera = camera_of_film(loaded.frame.camera, film.info.size_wh, film.path.name)
         self._painter = OverlayPainter(loaded, camera, explained=explained)
         self._straight = _resampler(camera, loaded.case.distortion)
         self._counts = dict.fromkeys(("drawn", "without_pose", "out_of_view", "repeated", "left_out"), 0)

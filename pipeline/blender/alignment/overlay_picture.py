@@ -101,7 +101,7 @@ class OverlayPainter:
         self._places: tuple[Place, Place] | None = None
         if explained:
             # a film is painted while Blender encodes
-            learn_letters(string.printable + "".join(structure.name for structure, _ in loaded.structures))
+            learn_letters(string.printable + "".join(structure.name for structure, _ in loaded.surface.structures))
 
     def paint(
         self, image: np.ndarray, cam_from_model: np.ndarray, *, clear: np.ndarray | None = None
@@ -129,7 +129,7 @@ class OverlayPainter:
 
     def _views(self, stack: LayerStack, cam_from_model: np.ndarray) -> tuple[StructureView, ...]:
         views = []
-        for number, (structure, mesh) in enumerate(self._loaded.structures):
+        for number, (structure, mesh) in enumerate(self._loaded.surface.structures):
             seen, place = stack.seen(number), None
             if not seen.visible_px and not seen.hidden_px:
                 place = whereabouts(mesh.vertices, self._camera, cam_from_model)
@@ -154,7 +154,7 @@ class OverlayPainter:
         shape = self._camera.shape_hw
         entries = [
             Entry(structure.colour, _spelt(view.name), view.note, is_dashed=view.visible_fraction < 0.5)
-            for view, (structure, _) in zip(views, self._loaded.structures, strict=True)
+            for view, (structure, _) in zip(views, self._loaded.surface.structures, strict=True)
         ]
         legend = legend_panel(entries, text_mask, shape) if entries else None
         bar_drawn = bar_panel(bar, text_mask, shape) if bar else None
@@ -202,9 +202,9 @@ def case_picture(loaded: LoadedCase, *, under_instruments: bool, explained: bool
     InputError
         The surface is not in view.
     """
-    painter = OverlayPainter(loaded, loaded.case.camera, explained=explained)
-    clear = loaded.valid if under_instruments else None
-    picture = painter.paint(to_uint8(loaded.image), loaded.cam_from_model, clear=clear)
+    painter = OverlayPainter(loaded, loaded.frame.camera, explained=explained)
+    clear = loaded.frame.valid if under_instruments else None
+    picture = painter.paint(to_uint8(loaded.frame.image), loaded.frame.cam_from_model, clear=clear)
     if not picture.shows_surface:
         raise InputError(
             f"{loaded.case.path.name}: expected the surface in the frame, it shows none of it; align first"

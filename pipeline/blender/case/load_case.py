@@ -8,7 +8,8 @@ from ...camera.distortion import Distortion, undistort
 from ...camera.pinhole import PinholeCamera
 from ...case.case_file import Case
 from ...case.case_writer import UNIT_OF
-from ...case.loaded_case import LoadedCase, check_pose, load_surface
+from ...case.loaded_case import LoadedCase, LoadedSurface, check_pose, load_surface
+from ...case.posed_frame import PosedFrame
 from ...case.precision import precision_doubts
 from ...case.surface_size import extents_of, size_doubt
 from ...errors import InputError
@@ -46,9 +47,9 @@ def load_case(case: Case, *, aligned: bool = True) -> LoadedCase:
         centre = mesh_from_model[:3, 3]
         structures.append((structure, structure_mesh.scaled(case.mm_per_unit).moved(-centre)))
         messages += structure_messages
-    return LoadedCase(
-        case, image, valid, mesh, mesh_from_model, cam_from_model, tuple(structures), (*case.messages, *messages)
-    )
+    frame = PosedFrame(image, valid, case.camera, cam_from_model, path=case.image, alignment=case.alignment)
+    surface = LoadedSurface(mesh, mesh_from_model, tuple(structures))
+    return LoadedCase(case, surface, (frame,), (*case.messages, *messages))
 
 
 def load_frame(

@@ -96,7 +96,7 @@ def export_coloured_surface(
     source = colouring_view_of(loaded)
     filled = unseen_colours_of(source, unseen)
     surface_colour, messages = baked_colour_of(source, colour, unseen=filled)
-    given = source.mesh.moved(loaded.mesh_from_model[:3, 3])
+    given = source.mesh.moved(loaded.surface.mesh_from_model[:3, 3])
     made_folder(path)
     if suffix == ".glb":
         data = _glb(given.scaled(1e-3), surface_colour)

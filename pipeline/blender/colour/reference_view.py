@@ -66,7 +66,7 @@ def reference_view_of(loaded: LoadedCase, engine: str = "cycles") -> ReferenceVi
     InputError
         No pixel of the frame shows the surface, or there is no such engine here.
     """
-    mesh, camera, pose = loaded.mesh, loaded.case.camera, loaded.cam_from_model
+    mesh, camera, pose = loaded.surface.mesh, loaded.frame.camera, loaded.frame.cam_from_model
     if engine == "raster":
         rays = MeshRays(mesh)
         seen = RayTracer(mesh, camera, None, rays=rays).render(pose)
@@ -84,7 +84,7 @@ def limited_to_incidence(source: ReferenceView, max_incidence_deg: float) -> Ref
 
 def can_rasterise(loaded: LoadedCase) -> bool:
     """Whether :func:`rasterised_view_of` knows the whole surface: none of it is behind the frame's camera."""
-    return is_within_limits(loaded.mesh, loaded.case.camera, loaded.cam_from_model)
+    return is_within_limits(loaded.surface.mesh, loaded.frame.camera, loaded.frame.cam_from_model)
 
 
 def rasterised_view_of(loaded: LoadedCase) -> ReferenceView:
@@ -95,8 +95,8 @@ def rasterised_view_of(loaded: LoadedCase) -> ReferenceView:
     InputError
         No pixel of the frame shows the surface.
     """
-    mesh, pose = loaded.mesh, loaded.cam_from_model
-    raster = rasterise_depth(mesh, loaded.case.camera, pose)
+    mesh, pose = loaded.surface.mesh, loaded.frame.cam_from_model
+    raster = rasterise_depth(mesh, loaded.frame.camera, pose)
     inverse, shown = raster.inverse_depth, raster.face >= 0
     depth_mm = np.divide(1.0, inverse, out=np.zeros(inverse.shape, np.float32), where=shown, casting="same_kind")
     front = np.zeros(shown.shape, dtype=bool)
@@ -119,17 +119,17 @@ def _view_of(
     loaded: LoadedCase, depth_mm: np.ndarray, front: np.ndarray, raster: DepthRaster | None = None
 ) -> ReferenceView:
     """The view of a surface with this depth (0 without surface), which shows its front side where ``front``."""
-    camera, cam_from_model, mesh, messages = loaded.case.camera, loaded.cam_from_model, loaded.mesh, []
+    camera, cam_from_model, mesh, messages = loaded.frame.camera, loaded.frame.cam_from_model, loaded.surface.mesh, []
     name = loaded.case.path.name
     shown = depth_mm > 0
-    if not (shown & loaded.valid).any():
+    if not (shown & loaded.frame.valid).any():
         raise InputError(f"{name}: expected the surface in the frame, no pixel shows it; align the pose first")
     part = front[shown].mean()
     if part < 0.5:
         mesh = mesh.flipped()
         messages.append(f"{name}: the frame sees the back of {1 - part:.0%} of the surface; flipped its faces")
-    view = SourceView(camera, cam_from_model, loaded.image, inverse_depth_map(depth_mm, loaded.valid), loaded.valid)
-    v, u = np.nonzero(shown & loaded.valid)
+    view = SourceView(**vars(loaded.frame), inverse_depth=inverse_depth_map(depth_mm, loaded.frame.valid))
+    v, u = np.nonzero(shown & loaded.frame.valid)
     central = most_central(np.stack([u, v], axis=1))
     pixel = np.array([[u[central], v[central]]], float)
     pivot_cam = camera.rays_cam(pixel) * depth_mm[v[central], u[central]]

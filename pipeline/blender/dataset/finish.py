@@ -72,7 +72,7 @@ def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
         job.count,
         job.identity,
         camera,
-        job.loaded.mesh_from_model,
+        job.loaded.surface.mesh_from_model,
         object_name=job.object_name,
         bounds=mesh.bounds,
         depth_scale=depth_scale,

@@ -131,7 +131,7 @@ def open_job(job: Job) -> OpenJob:
         loaded = load_case(case)
         if POSES in files:
             given_poses, messages = read_poses(
-                files[POSES], mesh_from_model=loaded.mesh_from_model, mm_per_unit=case.mm_per_unit
+                files[POSES], mesh_from_model=loaded.surface.mesh_from_model, mm_per_unit=case.mm_per_unit
             )
     return OpenJob(job, loaded, given_poses, tuple(messages), {name: hashes[path] for name, path in files.items()})
 

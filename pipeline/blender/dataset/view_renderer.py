@@ -72,7 +72,7 @@ class ViewRenderer:
         self.source = source
         orbits = given_poses is None and options.sampler != "gaussian"
         nearest, farthest = (options.distance_min, options.distance_max) if orbits else (1.0, 1.0)
-        view_px, frame_px = self.camera.fx, loaded.case.camera.fx
+        view_px, frame_px = self.camera.fx, loaded.frame.camera.fx
         doubts = (
             pose_doubt(loaded.case.alignment),
             magnification_doubt(view_px, frame_px, nearest),
@@ -86,7 +86,7 @@ class ViewRenderer:
         self.render, self._probe = self._resources.enter_context(opened)
         self._edges = SilhouetteEdges.of(source.mesh)
         self._given = given_poses
-        reference = ReferencePose(loaded.cam_from_model, source.pivot_model)
+        reference = ReferencePose(loaded.frame.cam_from_model, source.pivot_model)
         self._trajectory = Trajectory(
             reference=reference,
             cone_deg=options.cone_deg,
@@ -98,11 +98,11 @@ class ViewRenderer:
         self._distribution = _distribution(options, reference, self.camera)
         self._constraints = Constraints(
             min_surface=options.min_surface,
-            reference_surface=self._probe(loaded.cam_from_model).surface_fraction,
+            reference_surface=self._probe(loaded.frame.cam_from_model).surface_fraction,
             min_observed=options.min_observed,
             min_clearance_mm=options.min_clearance_mm,
         )
-        self.depth_scale = depth_scale_for(_farthest_mm(loaded.mesh.radius, source, options, reference, given_poses))
+        self.depth_scale = depth_scale_for(_farthest_mm(source, options, reference, given_poses))
 
     def __enter__(self) -> "ViewRenderer":
         return self
@@ -219,13 +219,10 @@ def _distribution(options: DatasetOptions, reference: ReferencePose, camera: Pin
 
 
 def _farthest_mm(
-    radius_mm: float,
-    source: ReferenceView,
-    options: DatasetOptions,
-    reference: ReferencePose,
-    given_poses: np.ndarray | None,
+    source: ReferenceView, options: DatasetOptions, reference: ReferencePose, given_poses: np.ndarray | None
 ) -> float:
     """A depth that the surface hardly ever exceeds in the dataset's views; a view beyond it gets its own scale."""
+    radius_mm = source.mesh.radius
     reach = radius_mm + float(np.linalg.norm(source.pivot_model))
     if given_poses is not None:
         return farthest_listed_mm(given_poses, radius_mm)

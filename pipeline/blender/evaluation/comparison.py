@@ -58,14 +58,14 @@ def compare(
     source = reference_view_of(loaded)
     surface_colour, _ = colour_of(source, colour)
     overlapping = False
-    with SurfaceScene(source.mesh, loaded.case.camera, surface_colour) as scene:
+    with SurfaceScene(source.mesh, loaded.frame.camera, surface_colour) as scene:
         for photograph in photographs:
-            real, valid = read_photograph(photograph, loaded)
+            real = read_photograph(photograph, loaded)
             view = render_view(scene, photograph.cam_from_model)
-            compared = view.observed & valid
-            found = similarity(real, view.rgb, compared) if compared.any() else None
+            compared = view.observed & real.valid
+            found = similarity(real.image, view.rgb, compared) if compared.any() else None
             overlapping |= found is not None
-            yield Comparison(photograph, real, view, compared, found)
+            yield Comparison(photograph, real.image, view, compared, found)
     if photographs and not overlapping:
         raise InputError(
             f"{photographs[0].path}: expected a view of surface that the frame saw, neither it nor another photograph "

@@ -87,7 +87,7 @@ class Findings:
 
 def steps_px(case: EvaluationCase, methods: int) -> list[int]:
     """Pixels of the photograph of each step of :func:`evaluate_case`."""
-    return [math.prod(case.loaded.case.camera.size_wh)] * len(case.photographs) * (methods + 2)
+    return [math.prod(case.loaded.frame.camera.size_wh)] * len(case.photographs) * (methods + 2)
 
 
 def evaluate_case(
@@ -127,10 +127,10 @@ def evaluate_case(
     real_features: dict[int, np.ndarray] = {}
     for method in settings.methods:
         features: dict[int, np.ndarray] = {}
-        with opened(method, source, case.loaded.case.camera, poses) as render, _Scorer() as scorer:
+        with opened(method, source, case.loaded.frame.camera, poses) as render, _Scorer() as scorer:
             for number, photograph in enumerate(case.photographs):
                 if shown[number].overlaps:
-                    real, _ = read_photograph(photograph, case.loaded)
+                    real = read_photograph(photograph, case.loaded).image
                     view = View(case, number, method, real, render(photograph.cam_from_model), shown[number].surfaces())
                     scorer.submit(number, view.real, view.rendered, view.shown)
                     if settings.inception is not None:
@@ -159,7 +159,7 @@ def _novel_poses(case: EvaluationCase, source: ReferenceView, seed: int) -> list
     """Poses from the default distribution of datasets."""
     options = DatasetOptions()
     cone = Cone(
-        reference=ReferencePose(case.loaded.cam_from_model, source.pivot_model),
+        reference=ReferencePose(case.loaded.frame.cam_from_model, source.pivot_model),
         cone_deg=options.cone_deg,
         roll_deg=options.roll_deg,
         distance_min=options.distance_min,
@@ -189,11 +189,11 @@ def _add_bound(
     if jitter is None:
         jitter = float(np.median(measured)) if measured else 0.0
     findings.jitter_px[case.name] = jitter
-    camera, reached = case.loaded.case.camera, findings.bound.setdefault(case.name, [])
+    camera, reached = case.loaded.frame.camera, findings.bound.setdefault(case.name, [])
     with _Scorer() as scorer:
         for number, shown in enumerate(shown_surfaces(case, source)):
             if shown.surface.any():
-                real, _ = read_photograph(case.photographs[number], case.loaded)
+                real = read_photograph(case.photographs[number], case.loaded).image
                 scores = rows[case.images[number]]
                 gain = np.array([scores[f"gain_{name}"] for name in ("red", "green", "blue")])
                 gain = np.where(np.isfinite(gain), gain, 1.0)

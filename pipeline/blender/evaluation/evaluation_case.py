@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
+from ...case.posed_frame import PosedFrame
 from ...errors import InputError
 from ...evaluation.photographs import PosedPhotograph
 from ..bridge.image import read_image
@@ -47,29 +48,29 @@ def named_cases(
     return tuple(cases)
 
 
-def read_photograph(photograph: PosedPhotograph, loaded: LoadedCase) -> tuple[np.ndarray, np.ndarray]:
-    """``(H, W, 3)`` float32 code values 0..1, and ``(H, W)`` bool: False where its alpha is 0.
+def read_photograph(photograph: PosedPhotograph, loaded: LoadedCase) -> PosedFrame:
+    """The photograph of a list in memory; it is not valid where its alpha is 0.
 
     Raises
     ------
     InputError
         It cannot be read, or differs from the frame in size.
     """
-    real, valid = read_image(photograph.path)
-    camera = loaded.case.camera
-    if real.shape[:2] != camera.shape_hw:
+    image, valid = read_image(photograph.path)
+    camera = loaded.frame.camera
+    if image.shape[:2] != camera.shape_hw:
         raise InputError(
             f"{photograph.path}: expected {camera.width}x{camera.height} px as the frame has, "
-            f"found {real.shape[1]}x{real.shape[0]}; give photographs of the case's camera"
+            f"found {image.shape[1]}x{image.shape[0]}; give photographs of the case's camera"
         )
-    return real, valid
+    return PosedFrame(image, valid, camera, photograph.cam_from_model, path=photograph.path)
 
 
 def shown_surfaces(case: EvaluationCase, source: ReferenceView) -> Iterator[ShownSurface]:
     """What each photograph shows of the surface, where its alpha is not 0."""
-    with SurfaceScene(source.mesh, case.loaded.case.camera, source.view) as scene:
+    with SurfaceScene(source.mesh, case.loaded.frame.camera, source.view) as scene:
         for photograph in case.photographs:
-            _, valid = read_photograph(photograph, case.loaded)
+            valid = read_photograph(photograph, case.loaded).valid
             view = render_view(scene, photograph.cam_from_model)
             depth_mm = np.where(valid, view.depth_mm, np.float32(0))
             yield ShownSurface(view.mask & valid, view.observed & valid, depth_mm)

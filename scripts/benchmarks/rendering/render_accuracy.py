@@ -115,7 +115,7 @@ class SceneTrials:
         self._scene, self._reference, self._folder = scene, reference, folder
         self._poses = folder / "poses.npy"
         np.save(self._poses, scene.written_poses())
-        self._cases: dict[float, tuple[Path, int]] = {0.0: (scene.case, len(scene.loaded.mesh.faces))}
+        self._cases: dict[float, tuple[Path, int]] = {0.0: (scene.case, len(scene.loaded.surface.mesh.faces))}
         self._bare = SurfaceScene(scene.source.mesh, scene.camera, None)
         self._seconds: dict[str, list[float]] = {}
         self._points: dict[str, Callable[[Sequence[float]], SpeedPoint]] = {}
@@ -161,7 +161,7 @@ class SceneTrials:
         """Time Cycles alone."""
         self._time(BARE, self._render_bare)
         self._points[BARE] = lambda ms: SpeedPoint(
-            self._scene.name, FLOOR, BARE, "Cycles", 1, "none", "", len(self._scene.loaded.mesh.faces), 1, *ms
+            self._scene.name, FLOOR, BARE, "Cycles", 1, "none", "", len(self._scene.loaded.surface.mesh.faces), 1, *ms
         )
 
     def _render_bare(self, cam_from_model: np.ndarray) -> None:
@@ -176,7 +176,7 @@ class SceneTrials:
             self._judge(name, [render(pose).astype(np.float32) / 255 for pose in poses])
         self._points[name] = lambda ms: SpeedPoint(
             self._scene.name, PEER, name, "PyVista", 1 if name == PLAIN_PEER else 8, "vertex", "",
-            len(self._scene.loaded.mesh.faces), 1, *ms, **self._judged.get(name, {}),
+            len(self._scene.loaded.surface.mesh.faces), 1, *ms, **self._judged.get(name, {}),
         )  # fmt: skip
 
     def _time(self, name: str, render: Callable[[np.ndarray], object]) -> None:

@@ -63,7 +63,7 @@ class RenderScene:
 
     def cam_from_model(self, index: int) -> np.ndarray:
         """Pose of a view (4x4, mm)."""
-        return self.poses[index] @ self.loaded.mesh_from_model
+        return self.poses[index] @ self.loaded.surface.mesh_from_model
 
     def written_poses(self) -> np.ndarray:
         """The poses in the unit of the case file, as ``--poses`` takes them."""
@@ -74,8 +74,8 @@ class RenderScene:
     def simplified_case(self, folder: Path, tolerance_px: float) -> tuple[Path, int]:
         """Write the case with a surface within a tolerance in pixels of the views; its path and number of faces."""
         distance = float(np.linalg.norm(self.source.view.cam_from_model[:3, 3]))
-        mesh = simplified(self.loaded.mesh, tolerance_px * distance / self.camera.fx)
-        offset = self.loaded.mesh_from_model[:3, 3]
+        mesh = simplified(self.loaded.surface.mesh, tolerance_px * distance / self.camera.fx)
+        offset = self.loaded.surface.mesh_from_model[:3, 3]
         path = made_folder(folder / f"surface-{tolerance_px:g}.ply")
         write_ply(path, mesh.moved(offset).scaled(1 / self.loaded.case.mm_per_unit))
         case = folder / f"case-{tolerance_px:g}.toml"
@@ -95,14 +95,14 @@ def case_scene(name: str, path: Path, photographs: Path | None, *, views: int, s
     listed = read_photographs(photographs, loaded) if photographs else []
     # evenly over the list, which usually goes around the surface
     listed = [listed[i] for i in np.unique(np.linspace(0, len(listed) - 1, MOST_PHOTOGRAPHS).astype(int)) if listed]
-    factor = _factor(loaded.case.camera)
+    factor = _factor(loaded.frame.camera)
     options = DatasetOptions(scale=1 / factor, count=views, seed=seed)
     with open_job(Job(loaded.case, path.parent / "unused", options, Shard())).renderer(threads=0) as renderer:
         camera, source = renderer.camera, renderer.source
         planned = [renderer.plan(index).cam_from_model for index in range(views)]
     poses = np.array([*planned, *(photograph.cam_from_model for photograph in listed)])
     pictures = tuple(_averaged(read_image(photograph.path)[0], camera, factor) for photograph in listed)
-    in_mesh = poses @ inverse_rigid(loaded.mesh_from_model)
+    in_mesh = poses @ inverse_rigid(loaded.surface.mesh_from_model)
     return RenderScene(name, path, loaded, source, camera, factor, in_mesh, pictures)
 
 

@@ -16,7 +16,8 @@ from oneframe.blender.render.engines import render_view
 from oneframe.blender.render.surface_scene import SurfaceScene
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case
-from oneframe.case.loaded_case import FARTHEST_MM, LoadedCase, check_pose
+from oneframe.case.loaded_case import FARTHEST_MM, LoadedCase, LoadedSurface, check_pose
+from oneframe.case.posed_frame import PosedFrame
 from oneframe.colour.colour_doubts import MAX_MAGNIFICATION, MAX_STATED_ERROR_PX, magnification_doubt, pose_doubt
 from oneframe.colour.source_view import MAX_INCIDENCE_DEG, TOLERANCE_PX
 from oneframe.errors import InputError
@@ -80,7 +81,8 @@ def reference(mesh: TriangleMesh, image: np.ndarray, camera: PinholeCamera, pose
     nowhere = Path("case.toml")
     case = Case(nowhere, 1.0, nowhere, camera, None, nowhere, pose)
     check_pose(case, mesh, pose)
-    return reference_view_of(LoadedCase(case, image, np.ones(camera.shape_hw, bool), mesh, np.eye(4), pose, (), ()))
+    frame = PosedFrame(image, np.ones(camera.shape_hw, bool), camera, pose)
+    return reference_view_of(LoadedCase(case, LoadedSurface(mesh, np.eye(4)), (frame,)))
 
 
 def view_outcome(

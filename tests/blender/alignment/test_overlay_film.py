@@ -32,7 +32,8 @@ def loaded(loaded_case, bumpy_mesh, frontal_pose, tmp_path):
     """A nerve that runs out of the hills and into them."""
     nerve = tube(np.array([[-20.0, -6, 1], [-5, 8, 4], [8, -4, 1], [22, 6, -5]]), 1.5)
     case = loaded_case(bumpy_mesh, np.zeros((*CAMERA.shape_hw, 3), np.float32), frontal_pose, CAMERA)
-    return replace(case, structures=((Structure("facial_nerve", tmp_path / "n.ply", (1.0, 0.0, 1.0)), nerve),))
+    structures = ((Structure("facial_nerve", tmp_path / "n.ply", (1.0, 0.0, 1.0)), nerve),)
+    return replace(case, surface=replace(case.surface, structures=structures))
 
 
 def write_film(path: Path, images: list[np.ndarray], fourcc: str = "FFV1", fps: float = 25.0) -> Path:

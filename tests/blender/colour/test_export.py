@@ -52,10 +52,10 @@ def test_points_of_the_file_have_the_colours_of_the_frame(loaded, tmp_path, name
     given = np.asarray(read.vertices)
     # GLB: metres with y up
     given = 1000 * (given[:, [0, 2, 1]] * [1, -1, 1] if name.endswith(".glb") else given)
-    model = given - loaded.mesh_from_model[:3, 3]
-    pixels = CAMERA.project(transform_points(loaded.cam_from_model, model))
+    model = given - loaded.surface.mesh_from_model[:3, 3]
+    pixels = CAMERA.project(transform_points(loaded.frame.cam_from_model, model))
     inside = ((pixels > 1) & (pixels < [158, 118])).all(axis=1)
-    expected = sample_bilinear(loaded.image, np.where(inside[:, None], pixels, 0))
+    expected = sample_bilinear(loaded.frame.image, np.where(inside[:, None], pixels, 0))
     if colour == "texture":
         picture = np.asarray(
             (read.visual.material.baseColorTexture if name.endswith(".glb") else read.visual.material.image).convert(
@@ -74,13 +74,13 @@ def test_points_of_the_file_have_the_colours_of_the_frame(loaded, tmp_path, name
     error = np.abs(found - expected)[inside].max(axis=1)
     # neutral where a hill hides the point; else the frame's colour, to the precision of 8 bits (dark linear ones: less)
     assert (error < 0.02).mean() > 0.9
-    assert np.abs(model - loaded.mesh.vertices.mean(axis=0)).max() < 60
+    assert np.abs(model - loaded.surface.mesh.vertices.mean(axis=0)).max() < 60
 
 
 @pytest.mark.parametrize(("name", "colour"), [("s.obj", "texture"), ("s.ply", "vertex")])
 def test_a_filled_surface_has_no_grey(loaded, tmp_path, name, colour):
     """The frame in shades far from grey; what a hill hides and what is outside the frame has them too."""
-    image = (0.75 + 0.2 * loaded.image).astype(np.float32)
+    image = (0.75 + 0.2 * loaded.frame.image).astype(np.float32)
     paths = {unseen: tmp_path / unseen / name for unseen in ("neutral", "fill")}
     for unseen, path in paths.items():
         export_coloured_surface(replace(loaded, image=image), path, colour=colour, unseen=unseen)

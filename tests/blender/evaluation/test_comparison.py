@@ -30,7 +30,7 @@ def loaded_case(folder: Path, *, image: Path, size: tuple, k: list, mesh: Path, 
 
 
 def correlation(loaded: LoadedCase, image: Path, cam_from_mesh: np.ndarray) -> float:
-    photograph = PosedPhotograph(image, cam_from_mesh @ loaded.mesh_from_model)
+    photograph = PosedPhotograph(image, cam_from_mesh @ loaded.surface.mesh_from_model)
     found = next(compare(loaded, [photograph])).similarity
     return -1.0 if found is None else found.correlation
 

@@ -142,14 +142,16 @@ def shaded(mesh: TriangleMesh, camera: PinholeCamera, pose: np.ndarray, contrast
 
 def facing(angle_deg: float) -> str:
     camera = PinholeCamera(64, 48, 300.0, 300.0, 31.5, 23.5)
-    source = SourceView(camera, rigid(), np.zeros((48, 64, 3), np.float32), np.full((48, 64), 0.01, np.float32))
+    everywhere, inverse = np.ones((48, 64), bool), np.full((48, 64), 0.01, np.float32)
+    source = SourceView(np.zeros((48, 64, 3), np.float32), everywhere, camera, rigid(), inverse_depth=inverse)
     normal = rotation_from_vector(np.array([np.radians(angle_deg), 0, 0])) @ [0, 0, -1.0]
     return "works" if source.facing(np.array([[0, 0, 100.0]]), normal[None])[0] else "grey"
 
 
 def below(footprints: float) -> str:
     camera = PinholeCamera(64, 48, 300.0, 300.0, 31.5, 23.5)
-    source = SourceView(camera, rigid(), np.zeros((48, 64, 3), np.float32), np.full((48, 64), 0.01, np.float32))
+    everywhere, inverse = np.ones((48, 64), bool), np.full((48, 64), 0.01, np.float32)
+    source = SourceView(np.zeros((48, 64, 3), np.float32), everywhere, camera, rigid(), inverse_depth=inverse)
     return "works" if source.unoccluded(np.array([[0, 0, 100 * (1 + footprints / 300)]]))[0] else "grey"
 
 

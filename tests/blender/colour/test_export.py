@@ -83,7 +83,9 @@ def test_a_filled_surface_has_no_grey(loaded, tmp_path, name, colour):
     image = (0.75 + 0.2 * loaded.frame.image).astype(np.float32)
     paths = {unseen: tmp_path / unseen / name for unseen in ("neutral", "fill")}
     for unseen, path in paths.items():
-        export_coloured_surface(replace(loaded, image=image), path, colour=colour, unseen=unseen)
+        export_coloured_surface(
+            replace(loaded, frames=(replace(loaded.frame, image=image),)), path, colour=colour, unseen=unseen
+        )
     lowest = {}
     for unseen, path in paths.items():
         read = trimesh.load(path, force="mesh", process=False)

@@ -6,7 +6,7 @@ import bpy
 from bpy.props import CollectionProperty, StringProperty
 
 from ..class_registration import class_registration, prop
-from ..pipeline.case.structure_colour import OTHER, structure_colour
+from ..pipeline.case.case_file import OTHER, structure_colour
 from ..pipeline.case.surface_folder import RECORD
 from ..pipeline.errors import InputError
 from ..state import from_scene, workbench

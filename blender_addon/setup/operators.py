@@ -13,11 +13,9 @@ from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.blender.case.load_case import load_case
 from ..pipeline.camera.intrinsics_file import read_camera
 from ..pipeline.camera.plausibility import camera_doubts, fit_of
-from ..pipeline.case.case_file import MM_PER_UNIT, read_case
-from ..pipeline.case.structure_colour import structure_colour
-from ..pipeline.case.structure_place import place_doubt
+from ..pipeline.case.case_file import MM_PER_UNIT, read_case, structure_colour
 from ..pipeline.case.surface_folder import RECORD, SurfaceFolder, read_surface_folder
-from ..pipeline.case.surface_size import SizeDoubt, extents_of, size_doubt, size_text
+from ..pipeline.case.surface_size import SizeDoubt, extents_of, place_doubt, size_doubt, size_text
 from ..pipeline.errors import InputError
 from ..pipeline.files.kinds import PLY
 from ..pipeline.files.outputs import Output, check_outputs

@@ -15,8 +15,7 @@ import numpy as np
 
 from ..pipeline.blender.alignment.alignment_scene import camera_of
 from ..pipeline.blender.alignment.surface_object import mesh_from_model_of, pose_of
-from ..pipeline.blender.bridge.data_blocks import absolute_path
-from ..pipeline.blender.bridge.exact_values import exact
+from ..pipeline.blender.bridge.data_blocks import absolute_path, exact
 from ..pipeline.blender.case.load_case import load_frame
 from ..pipeline.camera.distortion import Distortion
 from ..pipeline.camera.pinhole import PinholeCamera

@@ -5,7 +5,7 @@ import numpy as np
 
 from ..pipeline.alignment.manual.initial_pose import initial_pose
 from ..pipeline.blender.alignment import alignment_scene, surface_object
-from ..pipeline.blender.bridge.exact_values import exact, set_exact
+from ..pipeline.blender.bridge.data_blocks import exact, set_exact
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.errors import InputError
 from ..pipeline.surface.ball import Ball

@@ -5,7 +5,7 @@ import numpy as np
 
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.blender.alignment.visible_surface import visible_surface
-from ..pipeline.blender.bridge.exact_values import exact, set_exact
+from ..pipeline.blender.bridge.data_blocks import exact, set_exact
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import transform_points
 from . import from_scene

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
-from ..pipeline.blender.bridge.exact_values import exact, set_exact
+from ..pipeline.blender.bridge.data_blocks import exact, set_exact
 from ..pipeline.case.alignment_record import scaled_record
 from ..pipeline.transforms import inverse_rigid, transform_points
 from . import from_scene

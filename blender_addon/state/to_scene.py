@@ -8,8 +8,7 @@ import bpy
 import numpy as np
 
 from ..pipeline.blender.alignment import alignment_scene, surface_object
-from ..pipeline.blender.bridge.data_blocks import absolute_path
-from ..pipeline.blender.bridge.exact_values import exact, set_exact
+from ..pipeline.blender.bridge.data_blocks import absolute_path, exact, set_exact
 from ..pipeline.blender.colour.surface_colour import rescale_colour
 from ..pipeline.camera.distortion import Distortion, checked_distortion
 from ..pipeline.camera.pinhole import PinholeCamera

@@ -9,7 +9,7 @@ from mathutils import Matrix
 
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.blender.alignment.alignment_scene import BONE_RGBA
-from ..pipeline.case.structure_colour import OTHER, structure_colour
+from ..pipeline.case.case_file import OTHER, structure_colour
 from ..pipeline.images.pixel_values import linear_from_codes
 from ..state import from_scene
 from . import drill_session

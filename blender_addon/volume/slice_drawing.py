@@ -4,7 +4,7 @@ import bpy
 import gpu
 import numpy as np
 
-from ..pipeline.case.structure_colour import structure_colour
+from ..pipeline.case.case_file import structure_colour
 from ..pipeline.volume.isosurface import RemovedField
 from ..pipeline.volume.slice_planes import SlicePlane
 from ..pipeline.volume.slice_views import BONE_COLOUR, DRILL_COLOUR

@@ -7,7 +7,7 @@ import bpy
 from bpy.props import BoolProperty
 
 from ..class_registration import class_registration, prop
-from ..pipeline.case.structure_colour import structure_colour
+from ..pipeline.case.case_file import structure_colour
 from ..pipeline.case.surface_size import extents_of, size_text
 from ..pipeline.commands.surface_finish import finish_of, removed_of
 from ..pipeline.errors import InputError

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..pipeline.case.structure_colour import structure_colour
+from ..pipeline.case.case_file import structure_colour
 from ..pipeline.case.surface_folder import SURFACE, structure_file
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_writer import write_ply

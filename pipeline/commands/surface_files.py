@@ -14,7 +14,7 @@ from typing import TextIO
 import numpy as np
 
 from .. import __version__
-from ..case.structure_colour import structure_colour
+from ..case.case_file import structure_colour
 from ..case.surface_folder import RECORD, RECORD_KIND, STRUCTURES, SURFACE, focus_table, structure_file
 from ..files.content import write_bytes_atomically
 from ..files.kinds import PLY, PNG

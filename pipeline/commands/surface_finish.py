@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..case.structure_colour import OTHER, structure_colour
+from ..case.case_file import OTHER, structure_colour
 from ..surface.ball import Ball
 from ..surface.mesh import TriangleMesh
 from ..volume.bone_surface import Finish, removed_ball, widened_mm

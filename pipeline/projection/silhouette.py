@@ -1,4 +1,4 @@
-"""Exact silhouette of a mesh in a camera, over any window of pixels, from its silhouette edges and without rendering.
+"""Exact silhouette of a mesh in a camera, also beyond the image, from its silhouette edges and without rendering.
 
 Orient every triangle so that its image has the same winding. Then the sum of the winding numbers of all triangles
 around a pixel is the number of surface layers that cover it, front and back faces alike, and the pixel belongs to the
@@ -144,24 +144,6 @@ class _Segments:
     at_infinity: tuple[int, int] = (0, 0)
 
 
-def silhouette_mask(
-    edges: SilhouetteEdges, camera: PinholeCamera, cam_from_model: np.ndarray, *, window: Window
-) -> np.ndarray:
-    """``(y1 - y0, x1 - x0)`` bool: the pixels of the window whose centre the surface covers."""
-    x0, y0, x1, y1 = window
-    mask = np.zeros((y1 - y0, x1 - x0), dtype=bool)
-    rows, columns, winding = _crossings(_segments(edges, camera, cam_from_model), window)
-    if len(rows) == 0:
-        return mask
-    top, left = rows.min(), columns.min()
-    height, width = rows.max() + 1 - top, columns.max() + 1 - left
-    change = np.bincount((rows - top) * width + columns - left, winding, minlength=height * width)
-    layers = np.cumsum(change.reshape(height, width), axis=1)
-    # the last column holds only ends of runs, at most one pixel beyond the window
-    mask[top - y0 : top - y0 + height, left - x0 : left - x0 + width - 1] = layers[:, :-1] > 0
-    return mask
-
-
 def silhouette_statistics(
     edges: SilhouetteEdges, camera: PinholeCamera, cam_from_model: np.ndarray
 ) -> SilhouetteStatistics:
@@ -184,18 +166,6 @@ def silhouette_statistics(
         px_count_inside=int(inside[(row >= 0) & (row < camera.height)].sum()),
         bbox_obj=(x, y, int(end.max()) - 1 - x, int(row.max()) - y),
     )
-
-
-def projected_bounds(vertices: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:
-    """``(4,)`` umin, vmin, umax, vmax in px of ``(V, 3)`` model points; infinite if one is not in front of the camera.
-
-    Within ``-0.5 .. width - 0.5`` and ``-0.5 .. height - 0.5``, the rendered mask is the whole silhouette.
-    """
-    x, y, z = _homogeneous(vertices, camera, cam_from_model)
-    if z.min() <= 0:
-        return np.array([-np.inf, -np.inf, np.inf, np.inf])
-    u, v = x / z, y / z
-    return np.array([u.min(), v.min(), u.max(), v.max()])
 
 
 def _homogeneous(vertices: np.ndarray, camera: PinholeCamera, cam_from_model: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ import numpy as np
 from mathutils import Matrix
 from PIL import Image
 
-from oneframe.case.structure_colour import OTHER, structure_colour
+from oneframe.case.case_file import OTHER, structure_colour
 from oneframe.commands.surface_finish import finish_of, removed_of
 from oneframe.errors import InputError, RunError
 from oneframe.files.kinds import Kind, beginning

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.alignment.refinement.cast_shadows import directional_light
 from oneframe.alignment.refinement.refine import refine_pose
+from oneframe.alignment.refinement.side_light import directional_light
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh

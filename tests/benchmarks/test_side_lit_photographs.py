@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from oneframe.alignment.refinement.cast_shadows import directional_light
+from oneframe.alignment.refinement.side_light import directional_light
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.transforms import transform_points
 from scripts.benchmarks.alignment.side_lit_photographs import side_lit_photographs, side_lit_scenes

@@ -20,11 +20,10 @@ from oneframe.evaluation.record.evaluation_record import (
     summarised,
 )
 from oneframe.evaluation.record.evaluation_tables import latex_summary, markdown_summary
-from oneframe.evaluation.scores.confidence import mean_interval
-from oneframe.evaluation.scores.exposure import colour_gain
+from oneframe.evaluation.scores.distribution_distance import mean_interval
 from oneframe.evaluation.scores.flow_alignment import aligned_by_flow
 from oneframe.evaluation.scores.reachable_scores import jittered_pose, perfect_view
-from oneframe.evaluation.scores.view_scores import SCORES
+from oneframe.evaluation.scores.view_scores import SCORES, colour_gain
 from oneframe.transforms import transform_points
 
 OURS, PEER = "ours, projective, cycles", "paper's & 100 %"

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from oneframe.evaluation.scores.edge_measures import edge_measures
-from oneframe.evaluation.scores.exposure import colour_gain, corrected
 from oneframe.evaluation.scores.flow_alignment import aligned_by_flow
 from oneframe.evaluation.scores.similarity import segmented_similarity, similarity
-from oneframe.evaluation.scores.view_scores import SCORES, scores_of
+from oneframe.evaluation.scores.view_scores import SCORES, colour_gain, corrected, scores_of
 
 HEIGHT, WIDTH = 180, 240
 

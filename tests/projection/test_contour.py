@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.camera.whereabouts import whereabouts
+from oneframe.camera.plausibility import whereabouts
 from oneframe.images.layer_stack import LayerStack
 from oneframe.images.overlay import SMOOTHING_PX, outline_segments
 from oneframe.projection.contour import visible_contours
 from oneframe.projection.overlay_scene import OverlayScene, Solid, structure_layer
-from oneframe.projection.silhouette import SilhouetteEdges, silhouette_mask
+from oneframe.projection.silhouette import SilhouetteEdges
 from oneframe.projection.z_buffer import inverse_depth_of, rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.tube import tube
@@ -99,13 +99,13 @@ def test_a_solid_needs_its_fronts_only(oblique_pose):
 
 
 def test_the_outline_of_a_visible_structure_is_its_silhouette(frontal_pose):
-    """Within a pixel, both ways, of the silhouette that is found without rasterising."""
+    """Within a pixel, both ways, of the pixels that it covers alone."""
     nerve = tube(np.array([[-20.0, -6, 4], [-5, 8, 6], [8, -4, 5], [22, 6, 4]]), 1.5)
     scene = OverlayScene.of(sphere((0, 0, -60), 40), [(nerve, (1.0, 0.0, 1.0))])
     surface, layers = scene.surface_layer(CAMERA, frontal_pose), scene.layers(CAMERA, frontal_pose)
     visible, dashes = outline_segments(LayerStack.of(surface, layers), 0, on_px=9, off_px=6, sigma_px=SMOOTHING_PX)
     assert len(dashes) == 0
-    mask = silhouette_mask(SilhouetteEdges.of(nerve), CAMERA, frontal_pose, window=(0, 0, *CAMERA.size_wh))
+    mask = depth_of(nerve, frontal_pose) > 0
     padded = np.pad(mask, 1)
     sides = [
         np.argwhere(mask & ~padded[1 + down : 302 + down, 1 + right : 402 + right])[:, ::-1]

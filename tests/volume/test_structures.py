@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from oneframe.case.structure_colour import OTHER, structure_colour
+from oneframe.case.case_file import OTHER, structure_colour
 from oneframe.errors import InputError
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.volume.label_map import read_labels

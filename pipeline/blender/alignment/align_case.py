@@ -16,7 +16,7 @@ from ...case.loaded_case import LoadedCase, check_pose
 from ...errors import InputError
 from ...transforms import inverse_rigid
 from ..case.load_case import load_case
-from .frame_overlay import frame_overlay
+from .overlay_picture import frame_overlay
 
 
 @dataclass(frozen=True)

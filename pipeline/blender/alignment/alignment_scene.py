@@ -14,16 +14,15 @@ import numpy as np
 from mathutils import Matrix
 
 from ...camera.pinhole import PinholeCamera
+from ...case.case_file import OTHER
 from ...case.loaded_case import LoadedCase
-from ...case.structure_colour import OTHER
 from ...errors import InputError
 from ...images.masked_frame import with_mask_tinted
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...surface.mesh import TriangleMesh
 from ..bridge.camera import new_camera, set_clip, set_intrinsics
-from ..bridge.data_blocks import new_mesh_object
-from ..bridge.exact_values import exact, set_exact
+from ..bridge.data_blocks import exact, new_mesh_object, set_exact
 from ..bridge.image import new_packed_image
 from ..bridge.versions import new_node_material
 from ..colour.surface_colour import UNSEEN

@@ -26,9 +26,8 @@ from ...case.case_folder import (
     without_kept,
 )
 from ...case.loaded_case import LoadedCase, check_pose
-from ...case.structure_place import place_doubt
 from ...case.surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_folder, structure_file
-from ...case.surface_size import extents_of, size_doubt, size_text
+from ...case.surface_size import extents_of, place_doubt, size_doubt, size_text
 from ...errors import InputError
 from ...files.keys import nearest_name
 from ...files.kinds import PNG
@@ -45,7 +44,7 @@ from ...transforms import inverse_rigid, rigid
 from ..case.frame_file import Frame, read_frame
 from ..case.load_case import load_case
 from ..colour.surface_colour import UNSEEN
-from .frame_overlay import frame_overlay
+from .overlay_picture import frame_overlay
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ from mathutils import Matrix
 from ...errors import InputError
 from ...surface.mesh import TriangleMesh, checked_mesh
 from ...transforms import CAM_FROM_OPENGL_CAM, checked_rigid, inverse_rigid, nearest_rotation, rigid
-from ..bridge.data_blocks import new_mesh_object
-from ..bridge.exact_values import exact, set_exact
+from ..bridge.data_blocks import exact, new_mesh_object, set_exact
 
 SURFACE = "OneFrame surface"
 

@@ -85,22 +85,6 @@ def set_intrinsics(scene: bpy.types.Scene, camera_object: bpy.types.Object, came
     render.pixel_aspect_x, render.pixel_aspect_y = aspect_x, aspect_y
 
 
-def camera_from_blender(scene: bpy.types.Scene, camera_object: bpy.types.Object) -> PinholeCamera:
-    """The intrinsics of a Blender camera: the inverse of :func:`set_intrinsics`."""
-    render, data = scene.render, camera_object.data
-    width, height = render.resolution_x, render.resolution_y
-    aspect_x, aspect_y = render.pixel_aspect_x, render.pixel_aspect_y
-    span = max(width * aspect_x, height * aspect_y)
-    return PinholeCamera(
-        width,
-        height,
-        fx=data.lens / data.sensor_width * span / aspect_x,
-        fy=data.lens / data.sensor_width * span / aspect_y,
-        cx=(width - 1) / 2 - data.shift_x * span / aspect_x,
-        cy=(height - 1) / 2 + data.shift_y * span / aspect_y,
-    )
-
-
 def set_clip(camera_object: bpy.types.Object, clip_mm: tuple[float, float]) -> None:
     """Set the nearest and farthest rendered distance along the optical axis, mm."""
     camera_object.data.clip_start, camera_object.data.clip_end = clip_mm

@@ -1,11 +1,14 @@
 """Data-blocks in the open file: creating meshes, removing everything temporary, resolving paths."""
 
+import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import bpy
 import numpy as np
+from idprop.types import IDPropertyArray, IDPropertyGroup
+from numpy.typing import ArrayLike
 
 from ...surface.mesh import TriangleMesh
 
@@ -82,3 +85,38 @@ def set_corner_vectors(mesh_object: bpy.types.Object, name: str, vectors: np.nda
 def absolute_path(path: str) -> Path:
     """The absolute path for one that Blender may store relative to the .blend file (``//...``)."""
     return Path(bpy.path.abspath(path)).resolve()
+
+
+def set_exact(data: bpy.types.ID, name: str, values: ArrayLike) -> None:
+    """Store a float64 array of any shape in a custom property of a data-block."""
+    array = np.asarray(values, dtype=np.float64)
+    data[name] = {"shape": list(array.shape), "values": array.ravel().tolist()}
+
+
+def exact(data: bpy.types.ID, name: str) -> np.ndarray | None:
+    """The array that :func:`set_exact` stored, or ``None`` if the property is missing or holds something else."""
+    stored = data.get(name)
+    if isinstance(stored, str):
+        return _from_text(stored)
+    if not isinstance(stored, IDPropertyGroup):
+        return None
+    shape, values = stored.get("shape"), stored.get("values")
+    if not _is_array(shape, "i") or not _is_array(values, "d"):
+        return None
+    try:
+        return np.array(values, dtype=np.float64).reshape(tuple(shape))
+    except ValueError:
+        return None
+
+
+def _is_array(stored: object, typecode: str) -> bool:
+    # an empty array may have any type
+    return isinstance(stored, IDPropertyArray) and (stored.typecode == typecode or len(stored) == 0)
+
+
+def _from_text(text: str) -> np.ndarray | None:
+    """Read the JSON of old .blend files, from before 64-bit properties."""
+    try:
+        return np.array(json.loads(text), dtype=np.float64)
+    except (ValueError, TypeError):
+        return None

@@ -21,7 +21,7 @@ from ...images.contact_sheet import contact_sheet
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...progress import Progress
-from ..alignment.frame_overlay import frame_overlay
+from ..alignment.overlay_picture import frame_overlay
 from ..bridge.image import read_image
 from ..render.video import FRAMES_PER_SECOND, write_video
 from .job import OpenJob

@@ -13,8 +13,13 @@ import numpy as np
 
 from ...dataset.options import DatasetOptions
 from ...evaluation.record.evaluation_record import ALL, Bound, Distribution, Row
-from ...evaluation.scores.confidence import mean_interval
-from ...evaluation.scores.distribution_distance import FEWEST_IMAGES, FID_IMAGES, frechet_distance, kernel_distance
+from ...evaluation.scores.distribution_distance import (
+    FEWEST_IMAGES,
+    FID_IMAGES,
+    frechet_distance,
+    kernel_distance,
+    mean_interval,
+)
 from ...evaluation.scores.inception import Inception
 from ...evaluation.scores.reachable_scores import JITTERS, perfect_view
 from ...evaluation.scores.view_scores import SCORES, scores_of

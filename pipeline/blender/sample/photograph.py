@@ -5,8 +5,9 @@ project's own colouring: colours come from three-dimensional noise in the materi
 shadows, interreflection and wet highlights come from a light next to the lens that moves with the camera.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Literal
 
 import bpy
 import numpy as np
@@ -25,8 +26,52 @@ from ...transforms import inverse_rigid, rigid
 from ..bridge.camera import new_camera, place_camera
 from ..bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
 from ..bridge.image import read_image
-from ..bridge.versions import new_node_material
-from .path_tracing import add_ambient_light, set_path_tracing
+from ..bridge.versions import IS_5, new_node_material
+
+
+def set_path_tracing(scene: bpy.types.Scene, samples: int, *, depth: Literal["8", "16"]) -> None:
+    """Set a scene up to render sRGB PNGs with one bounce of light, the same ones every time.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    samples
+        Paths per pixel before denoising.
+    depth
+        Bits of a channel.
+    """
+    render, cycles = scene.render, scene.cycles
+    render.engine = "CYCLES"
+    render.use_persistent_data = True
+    render.use_compositing = render.use_sequencer = False
+    render.dither_intensity = 0.0
+    render.image_settings.file_format = "PNG"
+    render.image_settings.color_mode, render.image_settings.color_depth = "RGB", depth
+    # no dates or names of this computer in the file
+    for stamp in filter(lambda name: name.startswith("use_stamp_"), render.bl_rna.properties.keys()):
+        setattr(render, stamp, False)
+    scene.display_settings.display_device = "sRGB"
+    scene.view_settings.view_transform, scene.view_settings.look = "Standard", "None"
+    cycles.device, cycles.seed, cycles.samples = "CPU", 0, samples
+    cycles.use_adaptive_sampling = False
+    cycles.use_denoising, cycles.denoiser = True, "OPENIMAGEDENOISE"
+    cycles.denoising_quality = "FAST"
+    cycles.max_bounces = cycles.diffuse_bounces = 1
+    cycles.use_light_tree = cycles.use_auto_tile = False
+
+
+def add_ambient_light(scene: bpy.types.Scene, rgb: Sequence[float], strength: float) -> bpy.types.World:
+    """Give a scene a world of one colour (linear), which is returned."""
+    world = bpy.data.worlds.new("ambient light")
+    scene.world = world
+    if not IS_5:
+        world.use_nodes = True
+    background = world.node_tree.nodes["Background"]
+    background.inputs["Color"].default_value = (*rgb, 1)
+    background.inputs["Strength"].default_value = strength
+    return world
+
 
 LAMP_OFFSET_MM = np.array([-13.0, -16.0, 0.0])
 """Position of the lamp next to the lens, ``cam`` axes: about 20 mm off the optical axis."""

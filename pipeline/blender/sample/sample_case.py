@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...case.case_file import Case, Structure
+from ...case.case_file import Case, Structure, structure_colour
 from ...case.case_writer import CASE_FILE, case_text, write_case
-from ...case.structure_colour import structure_colour
 from ...files.content import write_bytes_atomically
 from ...files.kinds import PLY, PNG, Kind, json_array
 from ...files.outputs import check_outputs, companion, made_folder, writing

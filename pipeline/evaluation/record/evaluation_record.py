@@ -13,7 +13,7 @@ from ...files.content import read_content
 from ...files.kinds import Kind, json_object
 from ...files.tables import parsed_json
 from ..conditions import Conditions
-from ..scores.confidence import mean_interval
+from ..scores.distribution_distance import mean_interval
 from ..scores.view_scores import SCORES
 
 FORMAT = "oneframe evaluation 1"

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
-from .exposure import corrected
+from .view_scores import corrected
 
 JITTERS = 4
 """Poses tried for each photograph."""

@@ -10,7 +10,7 @@ from oneframe.blender.bridge.camera import new_camera, place_camera
 from oneframe.blender.bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
 from oneframe.blender.bridge.image import read_image
 from oneframe.blender.bridge.versions import new_node_material
-from oneframe.blender.sample.path_tracing import add_ambient_light, set_path_tracing
+from oneframe.blender.sample.photograph import add_ambient_light, set_path_tracing
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.files.temporary import temporary_folder
 

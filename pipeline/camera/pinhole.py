@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InputError
-from ..transforms import checked_matrix
+from ..transforms import checked_matrix, transform_points
 
 SHORTEST_FOCAL_PX, LONGEST_FOCAL_PX = 1e-3, 1e9
 """Beyond these no image is meant, and squares may overflow."""
@@ -170,3 +170,32 @@ def _checked_size(size: object, where: str) -> tuple[int, int]:
     if not whole or not (1 <= width <= 65536 and 1 <= height <= 65536):
         raise InputError(f"{where}: expected size = [width, height] in whole pixels from 1 to 65536, found {size!r}")
     return int(width), int(height)
+
+
+def whereabouts(points: np.ndarray, camera: PinholeCamera, cam_from_points: np.ndarray) -> str | None:
+    """Which side of the image points are on, e.g. ``"left of the frame and below it"``.
+
+    Parameters
+    ----------
+    points
+        ``(N, 3)`` mm.
+    camera, cam_from_points
+        Intrinsics and pose (4x4, mm).
+
+    Returns
+    -------
+    ``None`` if the bounds of those in front of the camera reach into the image.
+    """
+    points_cam = transform_points(cam_from_points, points)
+    points_cam = points_cam[points_cam[:, 2] > 0]
+    if len(points_cam) == 0:
+        return "behind the camera"
+    u, v = camera.project(points_cam).T
+    sides = (
+        (u.max() < -0.5, "left of"), (u.min() > camera.width - 0.5, "right of"),
+        (v.max() < -0.5, "above"), (v.min() > camera.height - 0.5, "below"),
+    )  # fmt: skip
+    words = [word for beyond, word in sides if beyond]
+    if not words:
+        return None
+    return " and ".join([f"{words[0]} the frame", *(f"{word} it" for word in words[1:])])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..camera.plausibility import whereabouts
+from ..camera.pinhole import whereabouts
 from ..errors import InputError
 from ..files.keys import nearest_name
 from ..surface.mesh import TriangleMesh

@@ -109,7 +109,7 @@ def place_doubt(bounds: np.ndarray, surface_bounds: np.ndarray, name: str, surfa
     -------
     ``None`` if both are plausible, else what is not, with the change of axes or unit that would put it right.
     """
-    if _is_plausible(bounds, surface_bounds):
+    if _is_in_place(bounds, surface_bounds):
         return None
     extents, surface_extents = bounds[1] - bounds[0], surface_bounds[1] - surface_bounds[0]
     message = (
@@ -118,7 +118,7 @@ def place_doubt(bounds: np.ndarray, surface_bounds: np.ndarray, name: str, surfa
     )
     for words, factors in _CHANGES.items():
         changed = np.sort(bounds * factors, axis=0)
-        if _is_plausible(changed, surface_bounds):
+        if _is_in_place(changed, surface_bounds):
             return f"{message}; {words} it would be in place: give it in the frame and unit of the surface"
     return f"{message}: is it in the frame and unit of the surface?"
 
@@ -130,7 +130,7 @@ _CHANGES = {
 }
 
 
-def _is_plausible(bounds: np.ndarray, surface_bounds: np.ndarray) -> bool:
+def _is_in_place(bounds: np.ndarray, surface_bounds: np.ndarray) -> bool:
     diagonal = float(np.linalg.norm(surface_bounds[1] - surface_bounds[0]))
     ratio = float(np.linalg.norm(bounds[1] - bounds[0])) / diagonal
     return SMALLEST <= ratio <= LARGEST and _outside_mm(bounds, surface_bounds) <= ROOM * diagonal

@@ -9,14 +9,10 @@ from hypothesis import strategies as st
 from oneframe.alignment.landmarks.align_landmarks import align_landmarks
 from oneframe.alignment.landmarks.solver import UndeterminedPose
 from oneframe.alignment.landmarks.surface_distance import (
-    check_landmarks_belong,
-    landmark_distances,
-    off_surface,
     surface_distance,
 )
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.landmarks import Landmark
-from oneframe.errors import InputError
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
 
@@ -115,23 +111,3 @@ def test_distances_from_a_mesh_are_those_of_its_nearest_triangle(seed, faces, fa
     point = corners[rng.integers(faces)].mean(axis=0) + rng.normal(0, far, 3)
     nearest = trimesh.triangles.closest_point(corners, np.repeat(point[None], faces, axis=0))
     assert surface_distance(point, mesh) == pytest.approx(np.linalg.norm(nearest - point, axis=1).min(), abs=1e-9)
-
-
-def test_landmarks_off_the_surface_are_named(bumpy_mesh):
-    on = bumpy_mesh.vertices[bumpy_mesh.faces[:3]].mean(axis=1)
-    marks = [Landmark(f"on {number}", tuple(point), None) for number, point in enumerate(on.tolist())]
-    assert off_surface(landmark_distances(marks, bumpy_mesh)) == ()
-    above = Landmark("above", (0.0, 0.0, float(bumpy_mesh.bounds[1, 2]) + 2.0), (1.0, 1.0))
-    disabled = Landmark("disabled", (0.0, 0.0, 500.0), (1.0, 1.0), enabled=False)
-    every = [*marks, above, disabled, Landmark("half", None, (1.0, 1.0))]
-    (sentence,) = off_surface(landmark_distances(every, bumpy_mesh))
-    assert quoted(sentence) == ["above"]
-    check_landmarks_belong(landmark_distances([*marks, above], bumpy_mesh), bumpy_mesh, "surface.ply")
-    check_landmarks_belong({}, bumpy_mesh, "surface.ply")
-    elsewhere = [Landmark(mark.name, tuple(np.array(mark.point) * 1000), None) for mark in marks]
-    with pytest.raises(InputError, match=r"expected points on surface\.ply, all lie beside it"):
-        check_landmarks_belong(landmark_distances(elsewhere, bumpy_mesh), bumpy_mesh, "surface.ply")
-
-
-def quoted(sentence: str) -> list[str]:
-    return [part for number, part in enumerate(sentence.split("'")) if number % 2]

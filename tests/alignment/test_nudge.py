@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from oneframe.alignment.manual.nudge import AXES, nudged
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.errors import InputError
 from oneframe.transforms import nearest_rotation, rigid, rotation_from_vector, transform_points
 
 CAMERAS = [PinholeCamera(1920, 1080, 12_800.0, 12_700.0, 930.0, 560.0), PinholeCamera(900, 700, 500.0, 510.0, 440, 360)]
@@ -108,17 +107,3 @@ def test_no_step_leads_through_the_camera_or_to_infinity():
     for step in (-1e6, 1e6):
         depth = transform_points(nudged(pose, CAMERAS[0], PIVOT, "depth", step, RADIUS), PIVOT)[2]
         assert 0 < depth <= 2 * transform_points(pose, PIVOT)[2] + 1e-9
-
-
-@pytest.mark.parametrize(
-    ("axis", "radius", "depth", "message"),
-    [
-        ("z", 1.0, 90.0, "one of x, y, depth, pitch, yaw, roll"),
-        ("roll", 0.0, 90.0, "positive radius"),
-        ("roll", np.nan, 90.0, "positive radius"),
-        ("x", 1.0, -90.0, "in front of the camera"),
-    ],
-)
-def test_unusable_steps_are_refused(axis, radius, depth, message):
-    with pytest.raises(InputError, match=message):
-        nudged(rigid(translation=[0, 0, depth]), CAMERAS[0], PIVOT, axis, 1.0, radius)

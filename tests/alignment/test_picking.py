@@ -5,7 +5,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from oneframe.alignment.confidence_region import ellipse_outlines
-from oneframe.alignment.manual.picking import is_unfinished, landmark_for, new_name, next_step
+from oneframe.alignment.manual.picking import is_unfinished, landmark_for, new_name
 from oneframe.case.landmarks import Landmark
 
 VALUES = {"point": (1.0, 2.0, 3.0), "pixel": (4.0, 5.0)}
@@ -38,22 +38,6 @@ def test_equal_numbers_of_both_kinds_of_picks_in_any_order_make_pairs(halves, da
     assert all(landmark.point and landmark.pixel for landmark in landmarks)
     assert len({landmark.name for landmark in landmarks}) == len(landmarks)
     assert is_unfinished(landmarks) == (len(landmarks) < 4)
-
-
-@given(st.lists(st.sampled_from(["point", "pixel"]), min_size=1, max_size=9), st.booleans())
-def test_the_sentence_names_the_landmark_that_the_next_pick_completes(halves, in_frame):
-    landmarks, active = [], 0
-    for half in halves:
-        active = pick(landmarks, active, half)
-    sentence = next_step(landmarks, active, in_frame=in_frame)
-    incomplete = {landmark.name: landmark for landmark in landmarks if not (landmark.point and landmark.pixel)}
-    if not incomplete:
-        assert sentence.startswith("Click a feature")
-        return
-    name = sentence.split(":")[0]
-    missing = "point" if incomplete[name].point is None else "pixel"
-    assert ("on the surface" in sentence) == (missing == "point")
-    assert landmarks[pick(landmarks, active, missing)].name == name
 
 
 @given(st.lists(st.floats(-3, 3), min_size=4, max_size=4), st.floats(0.1, 10))

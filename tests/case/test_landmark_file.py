@@ -103,19 +103,3 @@ def message_of(folder: Path, text: str) -> str:
     except InputError as error:
         return str(error)
     return "pairs.csv: taken"
-
-
-@pytest.mark.parametrize("suffix", [".csv", ".json"])
-@pytest.mark.parametrize(
-    ("landmarks", "message"),
-    [
-        ([Landmark("a", None, None), Landmark("a", None, None)], "'a'"),
-        ([Landmark("a", None, (float("nan"), 0.0))], "finite"),
-        ([Landmark("", None, None)], "expected a name"),
-        ([Landmark("a\nb", None, None)], "expected a name"),
-    ],
-)
-def test_what_could_not_be_read_is_not_written(tmp_path, suffix, landmarks, message):
-    with pytest.raises(InputError, match=message):
-        write_landmarks(tmp_path / f"pairs{suffix}", landmarks)
-    assert not list(tmp_path.iterdir())

@@ -25,15 +25,3 @@ def test_metres_and_millimetres_are_not_confused(camera, longest_mm, ratios):
     as_small = size_doubt(extents / 1000, "mm", CAMERAS[camera], "bone.ply")
     as_large = size_doubt(extents * 1000, "m", CAMERAS[camera], "bone.ply")
     assert [doubt and doubt.better_units for doubt in (as_small, as_large)] == ["m", "mm"]
-
-
-def test_the_message_says_what_either_unit_would_mean():
-    doubt = size_doubt(np.array([0.083, 0.06, 0.041]), "mm", CAMERAS["microscope"], "bone.ply")
-    assert doubt is not None
-    assert doubt.message == (
-        "bone.ply: the surface is 0.083 x 0.06 x 0.041 mm large if its numbers are millimetres, and fills the frame "
-        "from 0.553 mm; in metres it would be 83 x 60 x 41 mm: check the units"
-    )
-    unusual = size_doubt(np.array([1e-5] * 3), "mm", None, "cell.ply")
-    assert unusual is not None
-    assert unusual.better_units is None

@@ -2,7 +2,6 @@
 
 import os
 import re
-import socket
 import subprocess
 import sys
 import threading
@@ -25,7 +24,7 @@ from hypothesis import strategies as st
 from oneframe.cluster import orders
 from oneframe.cluster.on_worker import LostError, OnWorker
 from oneframe.cluster.orders import MOST_ITEMS, ORDER_SECONDS, Orders, order_size
-from oneframe.cluster.sources import WorkerSource, open_source
+from oneframe.cluster.sources import WorkerSource
 from oneframe.errors import InputError, RunError
 from oneframe.progress import Progress
 from tests.waiting import wait_until
@@ -265,37 +264,3 @@ def test_an_order_is_no_more_than_its_time_and_half_of_its_share(left, slots, ea
     assert 1 <= count <= min(left, MOST_ITEMS)
     assert count <= max(1, -(-left // (2 * slots)))
     assert each is None or count <= max(1, ORDER_SECONDS / each)
-
-
-@pytest.mark.parametrize(
-    ("where", "error", "message"),
-    [
-        ("somewhere", InputError, "expected the address of a Dask scheduler, .*, local:N or slurm"),
-        ("local:none", InputError, "expected local:N with N from 1 to 1024"),
-        (
-            "tcp://127.0.0.1:9",
-            RunError,
-            r"at tcp://127.0.0.1:9, found none .*dask scheduler --host tcp://127.0.0.1 --port 9.*dask worker tcp://",
-        ),
-    ],
-)
-def test_no_scheduler(where, error, message, monkeypatch):
-    monkeypatch.setattr("oneframe.cluster.sources.CONNECT_SECONDS", 0.5)
-    with pytest.raises(error, match=message), open_source(where):
-        pass
-
-
-def test_what_listens_but_is_no_scheduler(monkeypatch):
-    monkeypatch.setattr("oneframe.cluster.sources.CONNECT_SECONDS", 0.2)
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        server.listen()
-        where = f"tcp://127.0.0.1:{server.getsockname()[1]}"
-
-        def greet() -> None:
-            with server.accept()[0] as connection:
-                connection.sendall(b"HTTP/1.0 400 Bad request, and then nothing")
-                time.sleep(3)
-
-        threading.Thread(target=greet, daemon=True).start()
-        with pytest.raises(RunError, match=f"expected a Dask scheduler at {where}, found none"), open_source(where):
-            pass

@@ -106,12 +106,6 @@ def test_a_worker_that_does_not_see_the_folder_says_which_and_whose(opened, tmp_
         opened(folder=str(tmp_path / "other"))
 
 
-@pytest.mark.parametrize("changes", [{"command": ("/no/blender",)}, {"blender": "/no/blender"}])
-def test_a_program_that_is_not_there_refuses(opened, changes):
-    with pytest.raises(RunError, match="it cannot start /no/blender"):
-        opened(**changes)
-
-
 @pytest.mark.parametrize("why", ["it waits for orders in vain", "the run ends"])
 def test_processes_end_if(opened, monkeypatch, tmp_path, why):
     monkeypatch.setattr(render_on_workers, "IDLE_SECONDS", 1e9 if why == "the run ends" else 0.01)

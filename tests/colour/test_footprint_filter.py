@@ -107,17 +107,6 @@ def test_colours_of_unknown_texels_are_never_used(rng):
     assert np.array_equal(averaged(image, known, 1)[0][known], image[known])
 
 
-def test_the_known_region_is_continued_evenly(rng):
-    known = gaussian_filter(rng.normal(size=(SIZE, SIZE)), 4) > 0
-    image = np.where(known, 0.25, 9.0)[..., None].astype(np.float32)
-    filtered, _ = averaged(image, known, 3)
-    assert np.allclose(filtered[known], 0.25, atol=1e-6)
-
-
-def test_nothing_known_is_no_error():
-    assert not averaged(np.ones((9, 7, 3), np.float32), np.zeros((9, 7), dtype=bool), 2)[0].any()
-
-
 def test_pixel_means_are_exact_for_quadratics(rng):
     a, b, c, d, e, f = rng.normal(size=6)
     v, u = np.mgrid[:12, :17].astype(float)

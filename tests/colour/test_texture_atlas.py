@@ -5,7 +5,6 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.source_view import SourceView
 from oneframe.colour.texture_atlas import bake_atlas, classify_faces
 from oneframe.colour.vertex_colours import NEUTRAL
-from oneframe.errors import InputError
 from oneframe.projection.rasteriser import rasterise
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, rigid, rotation_from_vector, transform_points
@@ -308,17 +307,6 @@ def test_texels_outside_the_frame_are_never_observed():
     assert (atlas.image[atlas.observed] == 1).all()
 
 
-def test_small_occluder_inside_a_large_face_is_found():
-    mesh = grid_mesh(1, 1, 15, 11, lambda x, y: 0 * x)
-    hole = np.array([-6.0, 4.0, 0])
-
-    def observed(points, normals):
-        return np.linalg.norm(points - hole, axis=1) > 1.0
-
-    seen = classify_faces(mesh, CAMERA, CAM_FROM_MODEL, observed)
-    assert sorted(seen.tolist()) == [1, 2]
-
-
 def test_unseen_faces_are_neutral():
     rng = np.random.default_rng(7)
     mesh = sphere_mesh(30, 10.0, [0, 0, 0])
@@ -356,11 +344,3 @@ def test_floor_that_passes_under_the_camera():
     assert flag[inside].mean() > 0.5
     assert not flag[~inside].any()
     assert np.abs(colour - expected)[flag].max() < 3 / 255
-
-
-def test_too_large_an_atlas_is_refused():
-    mesh = grid_mesh(30, 30, 30, 20, lambda x, y: 0 * x)
-    image = np.zeros((*CAMERA.shape_hw, 3), np.float32)
-    observed = facing_rule(CAMERA, CAM_FROM_MODEL)
-    with pytest.raises(InputError, match=r"at most 64x64 texels.*vertex or the projective"):
-        bake(mesh, image, observed, max_size=64)

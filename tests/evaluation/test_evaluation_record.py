@@ -59,14 +59,6 @@ def test_the_file_is_read_back_and_has_no_values_that_json_lacks(tmp_path):
             read_evaluation(path)
 
 
-def test_where_the_peer_leads_the_notes_say_why():
-    assert not [note for note in evaluation_notes(evaluation(0.6, 0.5)) if "ahead" in note]
-    (note,) = [note for note in evaluation_notes(evaluation(0.5, 0.6)) if "ahead" in note]
-    assert "SSIM inside the surface, 0.600 against 0.500" in note
-    assert "saw 45% of the surface" in note
-    assert "blur raises SSIM" in note
-
-
 def test_tables_have_every_method_and_no_undefined_number():
     found = evaluation(0.6, 0.5)
     markdown, latex = markdown_summary(found, evaluation_notes(found)).decode(), latex_summary(found).decode()

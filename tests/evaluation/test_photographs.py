@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.errors import InputError
-from oneframe.evaluation.photographs import MOST_PHOTOGRAPHS, read_photographs
+from oneframe.evaluation.photographs import read_photographs
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector
 
 CAMERA = PinholeCamera(64, 48, 300.0, 300.0, 31.5, 23.5)
@@ -32,23 +31,3 @@ def test_poses_are_those_of_the_model_in_millimetres(tmp_path, loaded, oblique_p
     (photograph,) = read_photographs(path, loaded)
     assert photograph.path == tmp_path / "a.png"
     np.testing.assert_allclose(photograph.cam_from_model, oblique_pose, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("[]", f"expected 1 to {MOST_PHOTOGRAPHS} photographs, found 0; list some"),
-        ("{}", "expected a list of"),
-        ('["a.png"]', "expected a list of"),
-        (json.dumps([listed(np.eye(4).tolist())] * (MOST_PHOTOGRAPHS + 1)), "found 10001; split it"),
-        (json.dumps([listed(np.eye(4).tolist(), "")]), "entry 0: image: expected a file name, found ''"),
-        (json.dumps([listed((2 * np.eye(4)).tolist())]), "entry 0: cam_from_mesh"),
-        ('[{"image": "a.png"}]', "entry 0: "),
-        ("[", "expected JSON"),
-    ],
-)
-def test_what_is_no_list_of_photographs_is_refused(tmp_path, loaded, content, message):
-    path = tmp_path / "list.json"
-    path.write_text(content)
-    with pytest.raises(InputError, match=message):
-        read_photographs(path, loaded)

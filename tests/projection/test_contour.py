@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from oneframe.camera.pinhole import PinholeCamera
-from oneframe.camera.plausibility import whereabouts
+from oneframe.camera.pinhole import PinholeCamera, whereabouts
 from oneframe.images.layer_stack import LayerStack
 from oneframe.images.overlay import SMOOTHING_PX, outline_segments
 from oneframe.projection.contour import visible_contours

@@ -47,15 +47,6 @@ def test_both_sides_of_an_edge_and_no_other_pixel(first, kind, along_rows):
     assert np.count_nonzero(found & ~wanted) == (30 if kind != "observed" and first in (2, 28) else 0)
 
 
-def test_background_alone_has_no_edges():
-    assert not edge_pixels(np.zeros(CAMERA.shape_hw, np.float32), ~ALL, CAMERA).any()
-
-
-def test_tiny_images_are_all_edge():
-    camera = PinholeCamera(2, 5, 100.0, 100.0, 0.5, 2.0)
-    assert edge_pixels(np.ones((5, 2), np.float32), np.ones((5, 2), dtype=bool), camera).all()
-
-
 @given(count=st.integers(1, 256))
 def test_the_pattern_has_one_point_in_each_row_and_column(count):
     cells = (pixel_pattern(count) + 0.5) * count - 0.5

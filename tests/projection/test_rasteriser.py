@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -93,15 +92,6 @@ def test_margin_is_a_square_round_the_triangle(seed, size, margin):
         # corners are rounded to less than 1e-3 px, which may move pixels at the very border
         assert (found[distance < margin - 1e-3] == 1).all()
         assert (found[distance > margin + 1e-3] == 0).all()
-
-
-def test_agrees_with_skimage_polygon():
-    polygon = pytest.importorskip("skimage.draw").polygon
-    rng = np.random.default_rng(0)
-    for triangle in rng.uniform(0, 60, (40, 3, 2)):
-        _, pixels, _ = covered(triangle[None])
-        rows, columns = polygon(triangle[:, 1], triangle[:, 0])
-        assert set(map(tuple, pixels.tolist())) == set(zip(columns.tolist(), rows.tolist(), strict=True))
 
 
 def test_triangles_without_area():

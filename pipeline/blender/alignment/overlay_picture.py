@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...camera.pinhole import PinholeCamera
-from ...camera.plausibility import whereabouts
+from ...camera.pinhole import PinholeCamera, whereabouts
 from ...case.loaded_case import LoadedCase
 from ...errors import InputError
 from ...images.layer_stack import LayerStack, Seen

@@ -8,7 +8,7 @@ from .similarity import segmented_similarity, similarity
 
 DARKEST, BRIGHTEST = 10 / 255, 250 / 255
 """Code values beyond these are noise or saturated and say nothing about a factor."""
-FEWEST_PIXELS = 50
+FEWEST_USABLE = 50
 MOST_PIXELS = 50_000
 """More make the estimate slower, not better: its error is that of shading and alignment."""
 TUKEY = 4.685
@@ -32,7 +32,7 @@ def colour_gain(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> np
 
     Returns
     -------
-    The factors; NaN if fewer than :data:`FEWEST_PIXELS` pixels are usable.
+    The factors; NaN if fewer than :data:`FEWEST_USABLE` pixels are usable.
     """
     a, b = real[mask], synthetic[mask]
     step = max(len(a) // MOST_PIXELS, 1)
@@ -41,7 +41,7 @@ def colour_gain(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> np
 
 def _gain(real: np.ndarray, synthetic: np.ndarray) -> float:
     usable = (real > DARKEST) & (real < BRIGHTEST) & (synthetic > DARKEST) & (synthetic < BRIGHTEST)
-    if np.count_nonzero(usable) < FEWEST_PIXELS:
+    if np.count_nonzero(usable) < FEWEST_USABLE:
         return float("nan")
     ratios = np.log(real[usable].astype(float) / synthetic[usable])
     centre = float(np.median(ratios))

@@ -9,7 +9,6 @@ import pytest
 
 from oneframe.blender.alignment.overlay_film import OverlayFilm, camera_of_film, opened_film, report_lines
 from oneframe.blender.alignment.overlay_picture import OverlayPainter
-from oneframe.blender.render.lettering import text_mask
 from oneframe.blender.render.video import stream_video
 from oneframe.camera.distortion import Distortion, undistort
 from oneframe.camera.pinhole import PinholeCamera
@@ -188,18 +187,3 @@ def test_a_stream_that_fails_leaves_no_file_and_tells_why(tmp_path):
     stream_video(tmp_path / "v.mp4", iter(grey), 5, fps=25.0)
     levels = [image.mean() for image in decoded(tmp_path / "v.mp4")[1]]
     assert levels == pytest.approx([40, 80, 80, 80, 80], abs=2)
-
-
-@pytest.mark.parametrize("text", ["facial nerve", "chorda tympani, 1.2 mm", "Nervus facialis äöü ß", "顔面神経"])
-def test_letters_fill_their_line(text):
-    small, large = text_mask(text, 12.0), text_mask(text, 36.0)
-    assert large.sum() == pytest.approx(9 * small.sum(), rel=0.05)
-    assert large.shape[1] == pytest.approx(3 * small.shape[1], abs=6)
-    assert 0.05 < large.mean() < 0.5
-    for mask in (small, large):
-        assert mask.max() > 0.6
-        assert mask[0].max() < 0.5
-        # the last letter is whole
-        assert mask[:, -1].max() < 0.05
-    blank = text_mask(f"{text} {text}", 36.0)
-    assert blank.shape[1] > 2 * large.shape[1]

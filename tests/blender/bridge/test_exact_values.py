@@ -4,7 +4,6 @@ import json
 
 import bpy
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
@@ -59,21 +58,3 @@ def test_an_undo_step_gives_the_same_bits():
 def test_a_file_from_before_holds_text():
     holder()["pose"] = json.dumps(MATRIX.tolist())
     assert_same_bits(exact(holder(), "pose"), MATRIX)
-
-
-@pytest.mark.parametrize(
-    "other",
-    [
-        "text", "[[1, 2], [3]]", 1.0, [1.0, 2.0], {}, {"shape": [2], "values": "12"}, {"shape": [2], "values": [1, 2]},
-        {"shape": [3], "values": [1.0, 2.0]}, {"shape": "2", "values": [1.0, 2.0]}, {"values": [1.0, 2.0]},
-        {"shape": [-1, -1], "values": [1.0, 2.0]},
-    ],
-    ids=str,
-)  # fmt: skip
-def test_what_someone_else_has_written_is_no_array(other):
-    holder()["pose"] = other
-    assert exact(holder(), "pose") is None
-
-
-def test_what_is_not_there_is_none():
-    assert exact(holder(), "nothing") is None

@@ -11,7 +11,6 @@ import pytest
 from oneframe.blender.colour.export import export_coloured_surface
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.loaded_case import LoadedCase
-from oneframe.errors import InputError
 from oneframe.images.pixel_values import sample_bilinear
 from oneframe.transforms import rigid, transform_points
 
@@ -100,10 +99,3 @@ def test_a_filled_surface_has_no_grey(loaded, tmp_path, name, colour):
         lowest[unseen] = shown.min()
     assert lowest["neutral"] < 0.6 * 255
     assert lowest["fill"] > 0.7 * 255
-
-
-def test_what_a_format_cannot_hold_is_refused(loaded, tmp_path):
-    for name, colour in (("s.stl", "texture"), ("s.obj", "vertex"), ("s.glb", "projective")):
-        with pytest.raises(InputError, match=r"expected a file name|cannot hold"):
-            export_coloured_surface(loaded, tmp_path / name, colour=colour)
-    assert not list(tmp_path.iterdir())

@@ -9,10 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from oneframe.blender.evaluation.methods import METHODS, chosen_methods
 from oneframe.blender.sample.sample_case import write_sample_case
 from oneframe.commands import evaluate
-from oneframe.errors import InputError
 from oneframe.evaluation.record.evaluation_record import read_evaluation
 from oneframe.evaluation.scores.view_scores import SCORES
 from oneframe.images.image_header import PNG_SIGNATURE
@@ -103,10 +101,3 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_command):
 
 def read_pose(case: Path) -> list:
     return tomllib.loads(case.read_text())["pose"]["cam_from_mesh"]
-
-
-def test_unknown_methods_are_refused_and_all_are_all():
-    with pytest.raises(InputError, match=r"unknown method 'projective-cyles'; did you mean 'projective-cycles'"):
-        chosen_methods(["projective-cyles"])
-    assert chosen_methods(["all"]) == tuple(METHODS.values())
-    assert len({method.name for method in METHODS.values()}) == len(METHODS)

@@ -1,6 +1,5 @@
 """Anti-aliased views: close to many samples per pixel, exact where they must be, independent of earlier views."""
 
-import bpy
 import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion, gaussian_filter
@@ -188,27 +187,6 @@ def test_a_view_depends_on_its_pose_alone(bumpy_mesh, frontal_pose, oblique_pose
     assert np.array_equal(views[0].rgb, views[4].rgb)
     assert np.array_equal(views[2].rgb, again[0].rgb)
     assert np.array_equal(views[3].rgb, again[1].rgb)
-
-
-def test_nothing_is_left_in_blender(bumpy_mesh, frontal_pose, photograph, source_from):
-    kinds = ("scenes", "objects", "meshes", "cameras", "materials", "images", "node_groups")
-
-    def counts() -> list[int]:
-        return [len(getattr(bpy.data, kind)) for kind in kinds]
-
-    source = source_from(bumpy_mesh, photograph, frontal_pose)
-    views_of(source, "vertex", [frontal_pose])  # Blender keeps an image of its own from the first render on
-    before = counts()
-    views_of(source, "projective", [frontal_pose, FARTHER @ frontal_pose])
-    assert counts() == before
-
-
-def test_nothing_in_view_is_no_error(bumpy_mesh, frontal_pose, photograph, source_from):
-    source = source_from(bumpy_mesh, photograph, frontal_pose)
-    aside = rigid(translation=np.array([500.0, 0.0, 0.0])) @ frontal_pose
-    (view,) = views_of(source, "projective", [aside])
-    assert not view.rgb.any()
-    assert not view.mask.any()
 
 
 @pytest.mark.gl

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from oneframe.blender.render.engines import opened_engine
-from oneframe.blender.render.surface_scene import SurfaceScene
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.errors import InputError
 
 pytestmark = pytest.mark.render
 
@@ -28,9 +26,3 @@ def test_a_long_view_is_that_of_a_ray_cast_in_all_its_parts(bumpy_mesh, frontal_
     assert np.count_nonzero((depth > 0) != (shown > 0)) <= 2
     both = (depth > 0) & (shown > 0)
     assert np.abs(depth - shown)[both].max() < 0.01
-
-
-def test_what_opengl_cannot_show_is_refused(bumpy_mesh):
-    camera = PinholeCamera(16_400, 16, 2000.0, 2000.0, 8000.0, 8.0)
-    with pytest.raises(InputError, match="at most 16384 px a side with engine"):
-        SurfaceScene(bumpy_mesh, camera, None, engine="eevee")

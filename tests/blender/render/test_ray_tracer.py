@@ -148,13 +148,3 @@ def test_a_view_depends_on_its_pose_alone(samples, bumpy_mesh, frontal_pose, obl
         assert np.array_equal(view.rgb, first.rgb)
         assert np.array_equal(view.depth_mm, first.depth_mm)
         assert np.array_equal(view.observed, first.observed)
-
-
-def test_nothing_in_view_is_no_error(bumpy_mesh, frontal_pose, sharp_image, loaded_case):
-    source = reference_view_of(loaded_case(bumpy_mesh, sharp_image(FRAME), frontal_pose, FRAME), "raster")
-    for samples in (1, 4):
-        tracer = RayTracer(bumpy_mesh, SMALL, source.view, samples=samples, pivot_model=source.pivot_model)
-        for aside in ([500.0, 0.0, 0.0], [0.0, 0.0, -1000.0]):
-            view = tracer.render(rigid(translation=aside) @ frontal_pose)
-            assert not view.rgb.any()
-            assert not view.mask.any()

@@ -1,7 +1,6 @@
 """``scripts/slurm_array.sh`` on a real Slurm: the same bytes as on one machine, whatever is killed meanwhile."""
 
 import os
-import re
 import shutil
 import time
 from pathlib import Path
@@ -9,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cluster.slurm.slurm_on_this_machine import LARGEST_ARRAY, NODES
+from tests.cluster.slurm.slurm_on_this_machine import NODES
 from tests.cluster.written_records import records
 from tests.different_files import different_files
 from tests.waiting import wait_until
@@ -133,31 +132,3 @@ def test_a_shard_that_cannot_start_says_why(slurm, submit, case, tmp_path):
     ended = submit(case, out, *wrong, shards=2)
     assert "shard 0 failed before: error: command line: cone_deg: expected 0 to 180, found 200\n" in ended.stdout
     assert "shards 0-1 of 2" in ended.stdout
-
-
-def test_errors_before_anything_is_submitted(slurm, submit, case, tmp_path, run_command, long_form):
-    out = tmp_path / "out"
-
-    def error(*arguments: object, **settings: object) -> str:
-        ended = submit(*arguments, **settings)
-        assert ended.returncode == 2
-        assert ended.stdout == ""
-        (line,) = ended.stderr.splitlines()
-        assert line.startswith("error: ")
-        return line
-
-    assert f"at most {LARGEST_ARRAY} (MaxArraySize)" in error(case, out, shards=LARGEST_ARRAY + 1)
-    assert "at least 1, found '0'" in error(case, out, shards=0)
-    assert "cannot read one" in error(tmp_path / "no.toml", out)
-    assert "use --shards N" in error(case, out, "--shard", "0/2")
-    assert "--array=1-3: the array is made" in error(case, out, options=("--array=1-3",))
-    assert "expected a Blender program" in error(case, out, BLENDER="/no/blender")
-    if long_form:  # Slurm's programs try for 9 s
-        silent = tmp_path / "slurm.conf"
-        silent.write_text(
-            re.sub("(?m)^SlurmctldPort=.*", "SlurmctldPort=1", Path(slurm.environment["SLURM_CONF"]).read_text())
-        )
-        assert "Slurm does not answer" in error(case, out, SLURM_CONF=str(silent))
-    no_slurm = run_command(["/bin/bash", str(SCRIPT), "--shards", "2"], PATH="/nowhere")
-    assert no_slurm.stderr.startswith("error: expected -- and then CASE.toml")
-    assert slurm.call("squeue", "-h") == ""

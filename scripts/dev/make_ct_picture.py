@@ -21,8 +21,7 @@ from PIL import Image
 from pipeline.case.structure_colour import OTHER, structure_colour
 from pipeline.commands.surface_finish import finish_of, removed_of
 from pipeline.errors import InputError, RunError
-from pipeline.files.kinds import Kind, beginning
-from pipeline.files.outputs import Output, check_outputs
+from pipeline.files.outputs import check_outputs
 from pipeline.images.pixel_values import to_uint8
 from pipeline.images.slice_picture import slice_picture
 from pipeline.surface.mesh import TriangleMesh
@@ -35,7 +34,6 @@ from pipeline.volume.structures import structure_meshes, structure_names, withou
 from pipeline.volume.threshold import DEFAULT_HU
 from pipeline.volume.volume_reader import read_volume
 
-JPEG = Kind("a JPEG image", beginning(b"\xff\xd8"))
 QUALITY = {"quality": 86, "optimize": True, "subsampling": 0}
 SIDE_PX, GAP_PX = 480, 6
 SAMPLES = 64
@@ -63,7 +61,7 @@ def main(argv: Sequence[str]) -> int:
     arguments = parse_arguments(argv)
     try:
         inputs = {"volume": arguments.volume, "drill": arguments.drill}
-        check_outputs([Output(arguments.out, JPEG)], inputs)
+        check_outputs([arguments.out], inputs)
         panels = made_panels(arguments)
     except (InputError, RunError) as error:
         print(f"error: {error}", file=sys.stderr)

@@ -3,11 +3,11 @@
 import os
 
 import pytest
+from pipeline.files.kinds import MTL, OBJ, PLY, PNG, Kind, json_object
+from pipeline.files.signature import signed
 
 from pipeline.errors import InputError, RunError
-from pipeline.files.kinds import MTL, OBJ, PLY, PNG, Kind, json_object
 from pipeline.files.outputs import Output, check_folder, check_outputs, companion
-from pipeline.files.signature import signed
 
 MATERIAL = b"newmtl surface\n"
 

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pipeline.files.signature import is_signed
 
 from pipeline.errors import InputError
-from pipeline.files.signature import is_signed
 from pipeline.images.masked_frame import encoded_frame, joined_mask, shown_by_mask
 
 

@@ -187,9 +187,10 @@ def test_what_cannot_be_is_one_line_and_leaves_nothing(arguments, message, ct, l
     assert not (tmp_path / "out").exists()
 
 
-def test_a_foreign_file_is_not_replaced(ct, tmp_path, surface):
+def test_a_folder_with_something_else_is_refused(ct, tmp_path, surface):
     (tmp_path / "surface.ply").write_text("ply\nmine")
+    (tmp_path / "notes.txt").touch()
     ended = surface(ct, "--out", tmp_path)
     assert ended.returncode == 2
-    assert "expected no such file or one that this program wrote" in ended.stderr
+    assert "found notes.txt in it" in ended.stderr
     assert (tmp_path / "surface.ply").read_text() == "ply\nmine"

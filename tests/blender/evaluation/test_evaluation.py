@@ -15,7 +15,7 @@ from pipeline.commands import evaluate
 from pipeline.errors import InputError
 from pipeline.evaluation.record.evaluation_record import read_evaluation
 from pipeline.evaluation.scores.view_scores import SCORES
-from pipeline.images.image_header import PNG_SIGNATURE
+from pipeline.images.image_check import PNG_SIGNATURE
 from pipeline.sample.temporal_bone import MICROSCOPE, sample_surface
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -19,8 +19,8 @@ from collections.abc import Sequence
 
 from PIL import Image
 
-from pipeline.errors import InputError, RunError
-from pipeline.files.outputs import check_outputs
+from oneframe.errors import InputError, RunError
+from oneframe.files.outputs import check_outputs
 from scripts.dev import build_extension
 from tests.window import session
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import InputError, RunError
-from pipeline.files.outputs import check_folder, check_outputs, check_own_folder
+from oneframe.errors import InputError, RunError
+from oneframe.files.outputs import check_folder, check_outputs, check_own_folder
 
 
 def refused(outputs: list[Path], inputs: dict, message: str, error: type[Exception] = InputError) -> None:

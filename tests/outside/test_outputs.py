@@ -27,11 +27,11 @@ from oneframe.case.landmarks import Landmark
 from oneframe.commands.__main__ import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = [sys.executable, "-m", "pipeline.commands"]
+PROGRAM = [sys.executable, "-m", "oneframe.commands"]
 POSE = [[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]]
 RUN_ALL = """
 import json, sys
-from oneframe.blender.command_line import exit_code
+from oneframe.process.command_line import exit_code
 from oneframe.commands.__main__ import dispatch
 for line in open(sys.argv[1]):
     sys.stderr.write(f"code {exit_code(dispatch, json.loads(line))}\\n")
@@ -75,7 +75,7 @@ def run_all(tmp_path, run_command) -> Callable[[list[CommandLine]], list[tuple[i
     def run(lines: list[CommandLine]) -> list[tuple[int, str]]:
         listed = tmp_path / "lines.txt"
         listed.write_text("".join(json.dumps(list(map(str, line))) + "\n" for line in lines))
-        ended = run_command([sys.executable, "-c", RUN_ALL, str(listed)], PYTHONPATH=str(ROOT))
+        ended = run_command([sys.executable, "-c", RUN_ALL, str(listed)])
         listed.unlink()
         results, errors = [], ""
         for line in ended.stderr.splitlines(keepends=True):

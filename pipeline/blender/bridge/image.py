@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...images.image_check import LARGEST_FRAME, check_image_file
-from ..process import delayed_interrupts
+from ...process.own_process import delayed_interrupts
 
 
 def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:

@@ -60,8 +60,11 @@ def test_an_upright_image_is_accepted(tmp_path, kind, orientation):
 
 def test_the_other_byte_order_is_read(tmp_path):
     big = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
+    exif = b"Exif\0\0" + big
+    segment = b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif
+    data = cv2.imencode(".jpg", np.zeros((48, 64), np.uint8))[1].tobytes()
     with pytest.raises(InputError, match="rotated by 90° clockwise"):
-        check(tmp_path, big)
+        check(tmp_path, data[:2] + segment + data[2:])
 
 
 @given(data=st.binary(max_size=60), begin=st.sampled_from(BEGINNINGS))

@@ -362,12 +362,12 @@ def test_temporary_folders_with_strange_names(case, tmp_path, run_command):
     strange = tmp_path / "a {x} # <T>"
     strange.mkdir()
     out = tmp_path / "out {1}"
-    for arguments in (
-        ["render", case, "--out", out, "--count", "1", "--workers", "1", "--video", "--video-frames", "2"],
-        ["colour", case, "--out", out / "surface.glb"],
-    ):
+    for options, arguments in (
         # without docstrings and assertions it works as well
-        ended = run_command([sys.executable, "-OO", *PROGRAM[1:], *map(str, arguments)], TMPDIR=f"/{strange}")
+        (["-OO"], ["render", case, "--out", out, "--count", "1", "--workers", "1", "--video", "--video-frames", "2"]),
+        ([], ["colour", case, "--out", out / "surface.glb"]),
+    ):
+        ended = run_command([sys.executable, *options, *PROGRAM[1:], *map(str, arguments)], TMPDIR=f"/{strange}")
         assert (ended.returncode, ended.stderr) == (0, "")
     assert (out / "video" / "trajectory.mp4").stat().st_size > 1000
     assert not list(strange.iterdir())

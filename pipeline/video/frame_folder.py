@@ -103,7 +103,8 @@ def write_frames(
         picture = without_combs(pixels) if score.comb > COMBED else pixels
         mask = tissue_mask(picture, scores.compared[by_index[index]], scores.inside, scores.circle)
         _write_new(image_file, encode_png(picture))
-        _write_masked(masked_file, picture, mask)
+        with writing(masked_file):
+            write_bytes_atomically(masked_file, _encoded_masked(picture, mask))
         written[index] = ChosenFrame(score, image_file, masked_file, float(mask.mean()))
         tiles[index] = _tiles(picture, mask, score, [each.index for each in chosen].index(index) + 1)
         if progress:
@@ -148,7 +149,8 @@ def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore
         picture = without_combs(pixels) if score.comb > COMBED else pixels
         if masked:
             compared = scores.compared[scores.frames.index(score)]
-            _write_masked(written, picture, tissue_mask(picture, compared, scores.inside, scores.circle))
+            mask = tissue_mask(picture, compared, scores.inside, scores.circle)
+            _write_new(written, _encoded_masked(picture, mask))
         else:
             _write_new(written, encode_png(picture))
         return written
@@ -180,10 +182,8 @@ def _write_new(path: Path, data: bytes) -> None:
         write_bytes_atomically(path, data)
 
 
-def _write_masked(path: Path, picture: np.ndarray, mask: np.ndarray) -> None:
-    alpha = np.where(mask, 255, 0).astype(np.uint8)
-    with writing(path):
-        write_bytes_atomically(path, encode_png(np.dstack([picture, alpha])))
+def _encoded_masked(picture: np.ndarray, mask: np.ndarray) -> bytes:
+    return encode_png(np.dstack([picture, np.where(mask, 255, 0).astype(np.uint8)]))
 
 
 def _tiles(picture: np.ndarray, mask: np.ndarray, score: FrameScore, rank: int) -> list[np.ndarray]:

@@ -103,8 +103,8 @@ def write_frames(
         picture = without_combs(pixels) if score.comb > COMBED else pixels
         mask = tissue_mask(picture, scores.compared[by_index[index]], scores.inside, scores.circle)
         _write_new(image_file, encode_png(picture))
-        with writing(masked_file):
-            write_bytes_atomically(masked_file, _encoded_masked(picture, mask))
+        # somebody may have corrected it by hand
+        _write_new(masked_file, _encoded_masked(picture, mask))
         written[index] = ChosenFrame(score, image_file, masked_file, float(mask.mean()))
         tiles[index] = _tiles(picture, mask, score, [each.index for each in chosen].index(index) + 1)
         if progress:

@@ -157,7 +157,7 @@ def _checked_png(data: bytes) -> bytes:
     position, kind, exif = len(PNG_SIGNATURE), b"", b""
     view = memoryview(data)  # a slice of bytes would be a copy, of all pixels perhaps
     while kind != b"IEND":
-        (size,) = struct.unpack_from(">I", data, position)
+        size = int.from_bytes(data[position : position + 4], "big")
         kind, body = data[position + 4 : position + 8], view[position + 8 : position + 8 + size]
         if len(data) < position + 12 + size:
             raise ValueError("the file is cut off")

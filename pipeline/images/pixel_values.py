@@ -1,4 +1,4 @@
-"""Pixel values: interpolated between centres, as 8-bit codes and as linear light (sRGB, IEC 61966-2-1); boxes of masks."""
+"""Pixel values: interpolated between centres, as 8-bit codes, as linear light (IEC 61966-2-1); and boxes of masks."""
 
 import numpy as np
 

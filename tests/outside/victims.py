@@ -108,8 +108,8 @@ READERS: dict[str, Callable[[Path], object]] = {
 
 MEGABYTES = 1024.0
 """What opening a file may take at most."""
-PATIENCE_S = 30.0
-"""Time after which a process is stopped: the computer may be busy."""
+PATIENCE_S = 120.0
+"""Time after which a process is stopped: it starts Blender, and the computer may be busy."""
 
 Answer = tuple[str, str, float]
 """Kind, text and largest memory in MB."""

@@ -4,6 +4,8 @@ An answer is a value, a sentence (an InputError), or anything else, which is a d
 """
 
 import multiprocessing
+import os
+import sys
 import traceback
 import warnings
 from collections.abc import Callable, Iterable
@@ -128,7 +130,9 @@ class Victims:
     def opened(self, reader: str, path: Path) -> Answer:
         """What a reader makes of a file."""
         if self._process is None:
-            self._process = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
+            self._process = ProcessPoolExecutor(
+                1, multiprocessing.get_context("spawn"), initializer=_forget_folders_of_blender
+            )
         try:
             return self._process.submit(_answer, reader, path).result(PATIENCE_S)
         except (BrokenExecutor, TimeoutError) as error:
@@ -154,6 +158,11 @@ def faults_of(answers: Iterable[tuple[str, str, Answer]]) -> list[str]:
         elif kind == "sentence" and (file not in text or len(text) > 1500):
             faults.append(f"{name}: expected a sentence that names {file}, found {text[:300]!r}")
     return faults
+
+
+def _forget_folders_of_blender() -> None:
+    """Those that this process has inherited if ours has Blender: its module is another one from there."""
+    sys.path[:] = [path for path in sys.path if f"{os.sep}bpy{os.sep}" not in path]
 
 
 def _answer(reader: str, path: Path) -> Answer:

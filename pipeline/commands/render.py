@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
-from ..blender.command_line import end_with_input
+from ..blender.command_line import end_with_input, script_command
 from ..blender.process import own_output
 from ..dataset.missing_views import Elsewhere
 from ..dataset.options import GONE, add_option_arguments, option_names
@@ -16,7 +16,8 @@ from ..errors import InputError
 from ..progress import LINE_SECONDS
 from .parser import INSECURE, command_parser, explained_imports
 
-OWN_COMMAND = (sys.executable, "-m", __package__, "render")
+SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "render_dataset.py"
+"""This command as a script, which a checkout and the extension have."""
 
 GROUPS = {
     "views": ("count", "scale", "engine", "samples", "colour", "unseen", "max_incidence_deg", "float_depth"),
@@ -91,8 +92,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     machines.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
 
 
-def main(argv: Sequence[str], prog: str = "oneframe render", *, own_command: Sequence[str] = OWN_COMMAND) -> int:
+def main(argv: Sequence[str], prog: str = "oneframe render", *, own_command: Sequence[str] = ()) -> int:
     """Parse the arguments and run; ``own_command`` starts this command again, for the worker processes."""
+    if not own_command:
+        own_command = script_command(str(SCRIPT)) if SCRIPT.is_file() else [sys.executable, "-m", __package__, "render"]
     arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
     if arguments.workers < 0:
         raise InputError(f"command line: --workers: expected 0 (one per core) or more, found {arguments.workers}")

@@ -1,7 +1,6 @@
 """Every file that means harm ends in a value or in a sentence: no traceback, no crash, 5 s, 1 GB at most."""
 
 import shutil
-import sys
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -84,49 +83,49 @@ COMMANDS: dict[str, tuple[str, str | bytes, tuple[str, ...]]] = {
     "a frame that takes gigabytes": (
         "frame.png",
         png(20_000, 20_000, data=zlib.compress(bytes(9999))),
-        ("render_dataset.py", "CASE", "--out", "OUT"),
+        ("render", "CASE", "--out", "OUT"),
     ),
-    "a deep case": ("case.toml", deep(""), ("render_dataset.py", "CASE", "--out", "OUT")),
+    "a deep case": ("case.toml", deep(""), ("render", "CASE", "--out", "OUT")),
     "a frame of garbage": (
         "frame.png",
         b"\xff\xd8\xff\xe0\0\4ab\xff\xc0\0\x0b\x08\0\x30\0\x40\1\1\x11\0\xff\xda\0\x08\1\1\0\0\x3f\0"
         + b"garbage" * 99
         + b"\xff\xd9",
-        ("colour_mesh.py", "CASE", "--out", "OUT.ply"),
+        ("colour", "CASE", "--out", "OUT.ply"),
     ),
     "deep landmarks": (
         "landmarks.json",
         "[" * 40_000,
-        ("align.py", "CASE", "--landmarks", "FOLDER/landmarks.json", "--out", "OUT.toml"),
+        ("align", "CASE", "--landmarks", "FOLDER/landmarks.json", "--out", "OUT.toml"),
     ),
     "deep poses of a film": (
         "poses.json",
         "[" * 40_000,
-        ("overlay.py", "CASE", "--video", "FOLDER/frame.png", "--poses", "FOLDER/poses.json", "--out", "OUT.mp4"),
+        ("overlay", "CASE", "--video", "FOLDER/frame.png", "--poses", "FOLDER/poses.json", "--out", "OUT.mp4"),
     ),
     "photographs that are no names": (
         "photographs.json",
         '[{"image": 3, "cam_from_mesh": []}]',
-        ("compare_views.py", "CASE", "FOLDER/photographs.json", "--out", "OUT"),
+        ("compare", "CASE", "FOLDER/photographs.json", "--out", "OUT"),
     ),
     "an endless list of poses": (
         "poses.npy",
         b"",
-        ("render_dataset.py", "CASE", "--out", "OUT", "--poses", "/dev/zero"),
+        ("render", "CASE", "--out", "OUT", "--poses", "/dev/zero"),
     ),
 }
 
 
 @pytest.mark.render
 @pytest.mark.parametrize("name", COMMANDS)
-def test_commands_end_with_one_line(tmp_path, write_tiny_case, run_command, name):
-    file, data, (script, *arguments) = COMMANDS[name]
+def test_commands_end_with_one_line(tmp_path, write_tiny_case, run_oneframe, name):
+    file, data, arguments = COMMANDS[name]
     case = write_tiny_case(tmp_path / "case")
     content(data)(case.parent / file)
     places = {"CASE": str(case), "FOLDER": str(case.parent), "OUT": str(tmp_path / "out")}
     for place, path in places.items():
         arguments = [argument.replace(place, path) for argument in arguments]
-    ended = run_command([sys.executable, str(Path(__file__).parents[2] / "scripts" / script), *arguments])
+    ended = run_oneframe(*arguments)
     assert (ended.returncode, ended.stderr.count("\n")) == (2, 1), ended.stderr
     assert ended.stderr.startswith("error: ")
     assert not list(tmp_path.glob("out*"))

@@ -9,7 +9,6 @@ import io
 import json
 import os
 import shutil
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -516,9 +515,8 @@ def test_changed_content_is_found_even_if_everything_is_made_again(copies, case,
     assert is_found(root, case)
 
 
-def test_the_command_renders_again(untouched, case, run_command):
-    script = Path(__file__).resolve().parents[2] / "scripts" / "check_dataset.py"
-    ended = run_command([sys.executable, str(script), str(untouched), "--case", str(case), "--rerender", "2"])
+def test_the_command_renders_again(untouched, case, run_oneframe):
+    ended = run_oneframe("check", untouched, "--case", case, "--rerender", 2)
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "2 views rendered again from the case are the same" in ended.stdout
 

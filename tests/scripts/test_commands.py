@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 
 from oneframe import __version__
-from oneframe.blender.command_line import blender_command
 from oneframe.commands.__main__ import COMMANDS, EPILOG, SHELLS, dispatch
 from oneframe.commands.parser import command_parser
 from oneframe.commands.render import GROUPS
 from oneframe.dataset.options import option_names
 from oneframe.errors import InputError
+from oneframe.process.command_line import blender_command
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -125,7 +125,7 @@ def test_a_mistyped_command_is_one_line(run_oneframe):
 def test_a_missing_package_is_named(run_command, tmp_path):
     code = (
         "import sys; sys.modules['cv2'] = None\n"
-        "from oneframe.blender.command_line import exit_code\n"
+        "from oneframe.process.command_line import exit_code\n"
         "from oneframe.commands.__main__ import dispatch\n"
         f"sys.exit(exit_code(dispatch, ['align', {str(tmp_path / 'case.toml')!r}]))"
     )

@@ -1,6 +1,7 @@
 """This program and the paper's method on the sample and on published photographs, in one run.
 
-Writes cases and lists of photographs into a temporary folder and does what `oneframe evaluate` does; --out gets the evaluation.
+Writes cases and lists of photographs into a temporary folder and does what `oneframe evaluate` does; --out gets the
+evaluation.
 The poses of bloster agree to 2 px, those of LM-O to 2 to 6 px. Pictures of data without a licence to publish them stay
 out of the documentation.
 """

@@ -93,7 +93,7 @@ stability: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
 	$(RUN) scripts/benchmark.py stability --out demo/stability $(STABILITY_FLAGS)
 
-# the site in build/docs, from docs/ and the docstrings; every warning is an error
+# the site in build/docs, from docs/ and the docstrings of what is public; every warning is an error
 docs: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[docs]"
 	$(RUN) -m sphinx --fail-on-warning --keep-going --quiet docs build/docs

@@ -43,11 +43,6 @@ def test_links_lead_somewhere(page):
         if re.match(r"https?://", target):
             continue
         path, _, anchor = target.partition("#")
-        if not path and (anchor == "oneframe" or anchor.startswith("oneframe.")):
-            # a module of the reference, which only the site has
-            module = ROOT / anchor.replace("oneframe", "pipeline").replace(".", "/")
-            assert module.is_dir() or module.with_suffix(".py").is_file(), target
-            continue
         there = (page.parent / path).resolve() if path else page
         assert there.exists(), f"{target}: there is no {there}"
         assert there.is_relative_to(ROOT), target

@@ -92,16 +92,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     machines.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
 
 
-def main(argv: Sequence[str], prog: str = "oneframe render", *, own_command: Sequence[str] = ()) -> int:
-    """Parse the arguments and run; ``own_command`` starts this command again, for the worker processes."""
-    if not own_command:
-        own_command = script_command(str(SCRIPT)) if SCRIPT.is_file() else [sys.executable, "-m", __package__, "render"]
+def own_command() -> list[str]:
+    """Starts this command in another process."""
+    return script_command(str(SCRIPT)) if SCRIPT.is_file() else [sys.executable, "-m", __package__, "render"]
+
+
+def main(argv: Sequence[str], prog: str = "oneframe render", *, command: Sequence[str] = ()) -> int:
+    """Parse the arguments and run; ``command`` starts this command again, for the worker processes."""
     arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
     if arguments.workers < 0:
         raise InputError(f"command line: --workers: expected 0 (one per core) or more, found {arguments.workers}")
     _check_cluster(arguments)
     try:
-        return run(arguments, own_command=own_command, argv=argv)
+        return run(arguments, own_command=command or own_command(), argv=argv)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("stopped; run the same command again to continue") from None
 

@@ -14,9 +14,8 @@ from .blender.colour.export import export_coloured_surface
 from .blender.dataset.job import Job
 from .blender.dataset.run import run
 from .camera.intrinsics_file import read_camera
-from .case.case_file import Case, Structure, read_case
+from .case.case_file import Case, Structure, read_case, structure_colour
 from .case.landmark_file import read_landmarks
-from .case.structure_colour import structure_colour
 from .commands.render import own_command
 from .dataset.folder import Shard
 from .dataset.options import checked_options, option_arguments

@@ -19,8 +19,8 @@ from oneframe.errors import InputError
 from oneframe.evaluation.photographs import read_photographs
 from oneframe.files.outputs import made_folder
 from oneframe.surface.mesh_writer import write_ply
-from oneframe.surface.simplification import simplified
 from oneframe.transforms import inverse_rigid
+from oneframe.volume.simplification import simplified
 
 LEAST_WIDTH = 640
 """Views are scaled down by a whole number while they keep this width, px: photographs are then averaged exactly."""

@@ -5,8 +5,8 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.process import own_output
 from ..errors import InputError
+from ..process.own_process import own_output
 from .parser import command_parser, explained_imports
 
 ABOUT = "Put surface, structures, frame, mask and K into a case folder, with a case.toml that all other commands take."
@@ -68,7 +68,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--pose", metavar="FILE", type=Path, help="cam_from_mesh: .npy, text or JSON")
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder of the case")
-    parser.add_argument("--overwrite", action="store_true", help="replace another frame or surface in that folder")
+    parser.add_argument(
+        "--overwrite", action="store_true", help="replace another case, frame or surface in that folder"
+    )
 
 
 def main(argv: Sequence[str], prog: str = "oneframe case", *, align: str = "oneframe align") -> int:

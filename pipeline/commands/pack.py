@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
-from ..blender.process import own_output
 from ..errors import InputError
+from ..process.own_process import own_output
 from ..progress import LINE_SECONDS
 from .parser import INSECURE, command_parser, explained_imports
 
@@ -115,7 +115,7 @@ def run(arguments: argparse.Namespace) -> int:
     output = own_output()
     if arguments.verify:
         with explained_imports():
-            from ..files.processors import available_cores
+            from ..files.machine import available_cores
             from ..packing.verify import verify_pack
         threads = arguments.workers or available_cores()
         report = verify_pack(arguments.out, arguments.dataset, threads=threads, stream=output)

@@ -15,17 +15,16 @@ from mathutils import Matrix
 from ...camera.pinhole import PinholeCamera
 from ...files.content import write_bytes_atomically
 from ...files.outputs import writing
-from ...files.signature import signed
 from ...files.temporary import temporary_folder, unwritable_temporary
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
+from ...process.own_process import delayed_interrupts
 from ...sample.temporal_bone import SampleSurface
 from ...transforms import inverse_rigid, rigid
 from ..bridge.camera import new_camera, place_camera
 from ..bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
 from ..bridge.image import read_image
 from ..bridge.versions import new_node_material
-from ..process import delayed_interrupts
 from .path_tracing import add_ambient_light, set_path_tracing
 
 LAMP_OFFSET_MM = np.array([-13.0, -16.0, 0.0])
@@ -80,7 +79,7 @@ def take_photographs(
             _place_lamp(lamp, cam_from_scene)
             with delayed_interrupts():
                 bpy.ops.render.render(scene=scene.name)
-            data = signed(_png_of_render(scene))
+            data = _png_of_render(scene)
             with writing(path):
                 write_bytes_atomically(path, data)
             yield path

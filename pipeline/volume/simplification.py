@@ -8,6 +8,7 @@ Source: Garland & Heckbert, "Surface simplification using quadric error metrics"
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -54,7 +55,7 @@ def simplified(
     tolerance = _checked_tolerance(tolerance_mm, len(mesh.vertices))
     if len(mesh.faces) == 0:
         return mesh
-    report = progress or (lambda share: None)
+    report = progress or _report_to_nobody
     largest = float(tolerance.max())
     # how often the error is halved at each vertex
     least = np.ceil(np.log2(largest / tolerance)).astype(np.intp)
@@ -63,7 +64,7 @@ def simplified(
     rounds, left = 0, 1.0
     while True:
         groups = np.where((halvings >= most)[mesh.faces].any(axis=1), -1, halvings[mesh.faces].max(axis=1))
-        reduced = _reduced(mesh, groups, _ERROR * largest, lambda share, left=left: report(1 - left * (1 - share / 2)))
+        reduced = _reduced(mesh, groups, _ERROR * largest, partial(_report_part, report, left))
         left /= 2
         rounds += 1
         wrong = original.wrong(reduced)
@@ -193,6 +194,15 @@ def _open_vertices(mesh: TriangleMesh) -> np.ndarray:
     first, second = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1).T.astype(np.int64)
     edge, count = np.unique(first * len(mesh.vertices) + second, return_counts=True)
     return np.unique(np.divmod(edge[count != 2], len(mesh.vertices)))
+
+
+def _report_part(report: Callable[[float], None], left: float, share: float) -> None:
+    """Report the ``share`` of a round, which takes half of what is ``left``."""
+    report(1 - left * (1 - share / 2))
+
+
+def _report_to_nobody(share: float) -> None:
+    """Where nobody asked for progress."""
 
 
 def _checked_tolerance(tolerance_mm: float | np.ndarray, vertex_count: int) -> np.ndarray:

@@ -55,7 +55,7 @@ def simplified(
     tolerance = _checked_tolerance(tolerance_mm, len(mesh.vertices))
     if len(mesh.faces) == 0:
         return mesh
-    report = progress or _report_to_nobody
+    report = progress or (lambda share: None)
     largest = float(tolerance.max())
     # how often the error is halved at each vertex
     least = np.ceil(np.log2(largest / tolerance)).astype(np.intp)
@@ -199,10 +199,6 @@ def _open_vertices(mesh: TriangleMesh) -> np.ndarray:
 def _report_part(report: Callable[[float], None], left: float, share: float) -> None:
     """Report the ``share`` of a round, which takes half of what is ``left``."""
     report(1 - left * (1 - share / 2))
-
-
-def _report_to_nobody(share: float) -> None:
-    """Where nobody asked for progress."""
 
 
 def _checked_tolerance(tolerance_mm: float | np.ndarray, vertex_count: int) -> np.ndarray:

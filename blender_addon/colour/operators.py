@@ -9,14 +9,15 @@ import numpy as np
 from bpy.app.handlers import persistent
 from bpy.props import EnumProperty, StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import class_registration, listening, prop
 from ..pipeline.blender.colour.export import export_coloured_surface
 from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, remove_colour
 from ..pipeline.errors import InputError, RunError
 from ..state import from_scene
 from ..state.camera_view import spaces_of
+from ..state.events import redraw
 from ..ui.background_work import NAVIGATION, POLL_SECONDS, BackgroundWork, check_inputs, inputs_of, show_status
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, SavesFile, redraw
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, SavesFile, available
 from . import colouring
 
 MODES = [
@@ -35,15 +36,13 @@ UNSEEN = [
 ]
 
 
-class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting):
     """Project the frame on the surface at the current pose; replaces existing colours. Esc stops it"""
 
-    bl_idname = "oneframe.project_colour"
     bl_label = "Project Colour"
-    bl_options = {"REGISTER", "UNDO"}
 
     mode: Literal["texture", "vertex"] = prop(
-        EnumProperty(name="As", description="How the surface holds the colours", items=MODES, default="vertex")
+        EnumProperty, "As", "How the surface holds the colours", items=MODES, default="vertex"
     )
 
     def run(self, context: bpy.types.Context) -> Messages:
@@ -115,7 +114,7 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
             self._work.stop()
         context.window_manager.event_timer_remove(self._timer)
         show_status(context, None)
-        redraw(context)
+        redraw()
 
 
 class _NeedsColour(bpy.types.Operator):
@@ -124,18 +123,14 @@ class _NeedsColour(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         surface = context.scene.oneframe.surface
-        if surface is not None and colour_record(surface) is not None:
-            return True
-        cls.poll_message_set("Project colour on the surface first")
-        return False
+        has_colour = surface is not None and colour_record(surface) is not None
+        return available(cls, has_colour, "Project colour on the surface first")
 
 
-class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting):
     """Show the surface that the frame did not see in blue, or in neutral grey"""
 
-    bl_idname = "oneframe.mark_unseen"
     bl_label = "Mark Unseen Surface"
-    bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> None:
         surface = from_scene.surface_of(context.scene)
@@ -144,12 +139,10 @@ class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting, bpy.types.Operator):
         mark_unseen(surface, record is not None and not record["unseen_marked"])
 
 
-class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting):
     """Remove the colours from the surface"""
 
-    bl_idname = "oneframe.plain_surface"
     bl_label = "Plain Surface"
-    bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> None:
         surface = from_scene.surface_of(context.scene)
@@ -158,22 +151,19 @@ class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting, bpy.types.Operator):
         show_colour(surface)
 
 
-class ONEFRAME_OT_export_surface(NeedsAlignment, SavesFile, bpy.types.Operator):
+class ONEFRAME_OT_export_surface(NeedsAlignment, SavesFile):
     """Export the surface with the frame's colours, projected at the current pose, as GLB, OBJ or PLY"""
 
-    bl_idname = "oneframe.export_surface"
     bl_label = "Export Coloured Surface"
     bl_options = {"REGISTER"}
 
     usual_name = "surface.glb"
-    filter_glob: str = prop(StringProperty(default="*.glb;*.obj;*.ply", options={"HIDDEN"}))
-    file_format: str = prop(EnumProperty(name="Format", description="Kind of file", items=FORMATS, default="glb"))
+    filter_glob: str = prop(StringProperty, default="*.glb;*.obj;*.ply", options={"HIDDEN"})
+    file_format: str = prop(EnumProperty, "Format", "Kind of file", items=FORMATS, default="glb")
     mode: Literal["texture", "vertex"] = prop(
-        EnumProperty(name="Colours", description="How the file holds the colours", items=MODES, default="texture")
+        EnumProperty, "Colours", "How the file holds the colours", items=MODES, default="texture"
     )
-    unseen: str = prop(
-        EnumProperty(name="Unseen", description="Surface that the frame did not see", items=UNSEEN, default="neutral")
-    )
+    unseen: str = prop(EnumProperty, "Unseen", "Surface that the frame did not see", items=UNSEEN, default="neutral")
 
     @property
     def filename_ext(self) -> str:
@@ -265,19 +255,6 @@ _CLASSES = (
     ONEFRAME_OT_plain_surface,
     ONEFRAME_OT_export_surface,
 )
-_HANDLERS = (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post)
-_register_classes, _unregister_classes = class_registration(_CLASSES)
-
-
-def register() -> None:
-    """Register operators and the handlers that follow undo."""
-    _register_classes()
-    for handlers in _HANDLERS:
-        handlers.append(_after_undo)
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    for handlers in _HANDLERS:
-        handlers.remove(_after_undo)
-    _unregister_classes()
+register, unregister = class_registration(
+    _CLASSES, listening(bpy.app.handlers.undo_post, _after_undo), listening(bpy.app.handlers.redo_post, _after_undo)
+)

@@ -9,6 +9,7 @@ import numpy as np
 from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
+from ..class_registration import class_registration, cursor
 from ..pipeline.alignment.manual.picking import asked_half
 from ..pipeline.errors import InputError
 from ..state import from_scene
@@ -38,7 +39,6 @@ TARGET_PX = 24
 """The loupe keeps this distance from places where the next click is expected, at interface scale 1."""
 
 _PICTURE_KEY = -1
-_handle: object | None = None
 
 
 def is_wanted(context: bpy.types.Context) -> bool:
@@ -161,14 +161,4 @@ def _draw_cross(low_x: float, low_y: float, size: int) -> None:
     gpu.state.blend_set("NONE")
 
 
-def register() -> None:
-    """Draw the loupe with the cursor of 3D views."""
-    global _handle
-    _handle = bpy.types.WindowManager.draw_cursor_add(draw_loupe, (), "VIEW_3D", "WINDOW")
-
-
-def unregister() -> None:
-    """Stop drawing."""
-    global _handle
-    bpy.types.WindowManager.draw_cursor_remove(_handle)
-    _handle = None
+register, unregister = class_registration((), cursor(draw_loupe))

@@ -2,9 +2,10 @@
 
 import bpy
 
+from ..class_registration import at_end, class_registration, tool
 from ..pipeline.alignment.manual.picking import next_step
 from ..state import from_scene
-from ..state.next_step import next_step as missing_step
+from ..state.workbench import next_step as missing_step
 from ..ui.frame_view import shows_frame
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool
 
@@ -90,24 +91,11 @@ def is_waiting(context: bpy.types.Context) -> bool:
     )
 
 
-def register() -> None:
-    """Add the tools to the toolbar."""
-    bpy.utils.register_tool(PinTool, after={"builtin.measure"}, separator=True)
-    bpy.utils.register_tool(LandmarkTool, after={PIN_TOOL})
-
-
-def unregister() -> None:
-    """Remove the tools and their keys from the toolbar."""
-    leave_tools()
-    bpy.utils.unregister_tool(LandmarkTool)
-    bpy.utils.unregister_tool(PinTool)
-
-
 def leave_tools() -> None:
     """Activate another tool wherever one of the add-on's is active."""
     for window in bpy.context.window_manager.windows:
-        tool = window.workspace.tools.from_space_view3d_mode("OBJECT", create=False)
-        if tool is None or tool.idname not in TOOLS:
+        active = window.workspace.tools.from_space_view3d_mode("OBJECT", create=False)
+        if active is None or active.idname not in TOOLS:
             continue
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
@@ -115,3 +103,8 @@ def leave_tools() -> None:
                 with bpy.context.temp_override(window=window, area=area):
                     bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
                 break
+
+
+register, unregister = class_registration(
+    (), tool(PinTool, "builtin.measure", separator=True), tool(LandmarkTool, PIN_TOOL), at_end(leave_tools)
+)

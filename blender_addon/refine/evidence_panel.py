@@ -9,8 +9,8 @@ from ..pipeline.case.alignment_record import INITIAL_GUESS
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import pose_record
-from ..state import from_scene, pose_evidence
-from ..ui.wrapped_text import draw_text
+from ..state import pose_evidence
+from ..ui.panel import AlignmentPanel, draw_text
 from . import operator
 
 KINDS = {
@@ -23,19 +23,11 @@ KINDS = {
 """Method of a record -> its description and icon."""
 
 
-class ONEFRAME_PT_evidence(bpy.types.Panel):
+class ONEFRAME_PT_evidence(AlignmentPanel):
     """What the current pose rests on, as the case file records it"""
 
-    bl_idname = "ONEFRAME_PT_evidence"
     bl_label = "Pose Rests On"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
     bl_order = 4
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return from_scene.is_set_up(context.scene)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene

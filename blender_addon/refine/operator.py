@@ -10,33 +10,28 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import at_end, class_registration, prop
 from ..pipeline.alignment.refinement.verdict import Refinement
 from ..pipeline.errors import InputError, RunError
 from ..setup.alignment_record import pose_record
 from ..state import from_scene, pose_evidence
 from ..ui.background_work import POLL_SECONDS, BackgroundWork, check_inputs, inputs_of, show_status
-from ..ui.keymap import Key, Keys
+from ..ui.keymap import Key, keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
 from .preview import Preview, take
 from .refined_pose import known_colours, refined
 
-KEYS = Keys([Key("oneframe.refine", "F")])
 
-
-class ONEFRAME_OT_refine(NeedsAlignment, Reporting, Preview, bpy.types.Operator):
+class ONEFRAME_OT_refine(NeedsAlignment, Reporting, Preview):
     """Refine the rough pose against the image, with a preview: Enter accepts it, Esc discards it"""
 
-    bl_idname = "oneframe.refine"
     bl_label = "Refine Pose"
-    bl_options = {"REGISTER", "UNDO"}
 
     take_refused: bool = prop(
-        BoolProperty(
-            name="Take Refused",
-            description="Without a preview: take the pose that was found even if it is refused",
-            options={"SKIP_SAVE"},
-        )
+        BoolProperty,
+        "Take Refused",
+        "Without a preview: take the pose that was found even if it is refused",
+        options={"SKIP_SAVE"},
     )
 
     def run(self, context: bpy.types.Context) -> Messages:
@@ -108,12 +103,10 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, Preview, bpy.types.Operator)
             self._timer = None
 
 
-class ONEFRAME_OT_take_refused(NeedsAlignment, Reporting, Preview, bpy.types.Operator):
+class ONEFRAME_OT_take_refused(NeedsAlignment, Reporting, Preview):
     """Look at the pose that the refinement found and refused, before and after, and take it if it is right"""
 
-    bl_idname = "oneframe.take_refused"
     bl_label = "Look at Refused Pose"
-    bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> Messages:
         """Take it without a preview, as scripts do."""
@@ -144,7 +137,7 @@ _last: Refinement | None = None
 """The latest refinement; valid for its two poses only."""
 
 
-def _remember(result: Refinement) -> None:
+def _remember(result: Refinement | None) -> None:
     global _last
     _last = result
 
@@ -177,11 +170,4 @@ def is_taken(scene: bpy.types.Scene) -> bool:
 
 
 _CLASSES = (ONEFRAME_OT_refine, ONEFRAME_OT_take_refused)
-register, _unregister = class_registration(_CLASSES, KEYS)
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    global _last
-    _unregister()
-    _last = None
+register, unregister = class_registration(_CLASSES, keys(Key("oneframe.refine", "F")), at_end(lambda: _remember(None)))

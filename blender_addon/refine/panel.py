@@ -4,26 +4,17 @@ import bpy
 
 from ..class_registration import class_registration
 from ..pipeline.errors import InputError
-from ..state import from_scene
 from ..ui.keymap import draw_key
-from ..ui.wrapped_text import draw_text
+from ..ui.panel import AlignmentPanel, draw_text
 from . import operator
 from .preview import error_text
 
 
-class ONEFRAME_PT_refine(bpy.types.Panel):
+class ONEFRAME_PT_refine(AlignmentPanel):
     """Refine the rough pose against the image"""
 
-    bl_idname = "ONEFRAME_PT_refine"
     bl_label = "5  Refine"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
     bl_order = 4
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return from_scene.is_set_up(context.scene)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene

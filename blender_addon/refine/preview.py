@@ -11,8 +11,9 @@ from ..pipeline.errors import InputError, RunError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import pose_record, remember_refined
 from ..state import from_scene
+from ..state.events import redraw
 from ..ui.background_work import NAVIGATION, show_status
-from ..ui.operator import OperatorResult, redraw
+from ..ui.operator import OperatorResult
 
 KEEP, DISCARD = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}, {"ESC", "RIGHTMOUSE"}
 TAKE = {"RET", "NUMPAD_ENTER"}
@@ -52,7 +53,6 @@ class Preview(bpy.types.Operator):
         return self.pass_navigation(event)
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
         try:
             return self.handle(context, event)
         except (InputError, RunError) as error:
@@ -88,7 +88,7 @@ class Preview(bpy.types.Operator):
             self.report({"INFO"}, message)
         if error:
             self.report({"ERROR"}, error)
-        redraw(context)
+        redraw()
         return {outcome}
 
     def _show_figures(self, context: bpy.types.Context) -> None:
@@ -101,7 +101,7 @@ class Preview(bpy.types.Operator):
         pose = self._result.found if is_result else self._start
         set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), pose)
         self._shows_result = is_result
-        redraw(context)
+        redraw()
 
 
 def error_text(result: Refinement, *, refined: bool) -> str:

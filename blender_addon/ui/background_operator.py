@@ -59,11 +59,9 @@ class InBackground(Reporting):
         return {"RUNNING_MODAL"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
         return self.start(context)
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
         background = self._background
         if background.running:
             if event.type == "ESC" and event.value == "PRESS":
@@ -107,10 +105,9 @@ class InBackground(Reporting):
 class OpensInBackground(InBackground, ImportHelper):
     """Mixin for operators with a file dialog: the thread begins when a file is chosen or given."""
 
-    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
+    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
         return self.start(context) if self.filepath else ImportHelper.invoke(self, context, event)
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:

@@ -12,8 +12,9 @@ from bpy_extras.io_utils import ExportHelper
 from ..class_registration import prop
 from ..pipeline.errors import InputError, RunError
 from ..state import from_scene
-from ..state.inputs import usual_folder
-from .wrapped_text import CHARACTER_PX
+from ..state.events import redraw
+from ..state.scene_files import usual_folder
+from .panel import CHARACTER_PX
 
 DIALOG_PX = 400
 """Width of a question, at scale 1."""
@@ -25,8 +26,17 @@ OperatorResult = set[Literal["RUNNING_MODAL", "CANCELLED", "FINISHED", "PASS_THR
 """What Blender expects an operator's callbacks to return: one of these, in a set."""
 
 
+def available(operator: type[bpy.types.Operator], condition: bool, missing: str) -> bool:
+    """The result of a ``poll``: the condition. The tooltip of the disabled button says what is missing."""
+    if not condition:
+        operator.poll_message_set(missing)
+    return condition
+
+
 class Reporting(bpy.types.Operator):
     """Mixin: ``execute`` calls ``run`` and reports the messages it returns, or the error that the user can fix."""
+
+    bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> Messages:
         """Do the work and return messages to report. Implementations raise InputError before they change anything."""
@@ -37,7 +47,6 @@ class Reporting(bpy.types.Operator):
         return message
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
-        """Called by Blender."""
         return self.reported(context, lambda: self.run(context))
 
     def reported(self, context: bpy.types.Context, call: Callable[[], Messages]) -> OperatorResult:
@@ -53,7 +62,7 @@ class Reporting(bpy.types.Operator):
             return {"CANCELLED"}
         for message in messages or ():
             self.report({"INFO"}, message)
-        redraw(context)
+        redraw()
         return {"FINISHED"}
 
 
@@ -71,13 +80,11 @@ class Asking(Reporting):
         )
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Called by Blender."""
         column = self.layout.column(align=True)
         for number, line in enumerate(textwrap.wrap(self._question, int(DIALOG_PX / CHARACTER_PX) - 8)):
             column.label(text=line, icon="BLANK1" if number else "ERROR")
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
-        """Called by Blender."""
         self._question = ""  # it is answered: Adjust Last Operation would show it again
         return super().execute(context)
 
@@ -105,10 +112,9 @@ class SavesFile(ReportingFile, ExportHelper):
 
     usual_name = ""
 
-    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
+    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
         self.filepath = self.filepath or str(usual_folder(context.scene) / self.usual_name)
         return ExportHelper.invoke(self, context, event)
 
@@ -118,11 +124,7 @@ class NeedsAlignment(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Called by Blender."""
-        if from_scene.is_set_up(context.scene):
-            return True
-        cls.poll_message_set("Set up a frame, a camera and a surface first")
-        return False
+        return available(cls, from_scene.is_set_up(context.scene), "Set up a frame, a camera and a surface first")
 
 
 def call(name: str, context: str = "EXEC_DEFAULT", **settings: object) -> None:
@@ -145,11 +147,3 @@ def call(name: str, context: str = "EXEC_DEFAULT", **settings: object) -> None:
         getattr(operators, name)(context, **settings)
     except RuntimeError as error:  # how Blender passes on the report of a cancelled operator
         raise InputError(str(error).removeprefix("Error: ").strip()) from None
-
-
-def redraw(context: bpy.types.Context) -> None:
-    """Redraw all 3D views."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()

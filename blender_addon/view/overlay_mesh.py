@@ -13,7 +13,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 from mathutils import Matrix
 
-from ..class_registration import Handlers
+from ..class_registration import at_end, class_registration, listening
 from .overlay_shaders import surface_shader
 
 SHARP = np.cos(np.radians(40.0))
@@ -255,21 +255,11 @@ def _after_undo(*_: object) -> None:
         del _drawn[key]
 
 
-_HANDLERS = Handlers(
-    (bpy.app.handlers.depsgraph_update_post, _after_update),
-    (bpy.app.handlers.undo_post, _after_undo),
-    (bpy.app.handlers.redo_post, _after_undo),
-    (bpy.app.handlers.load_post, _after_undo),
+register, unregister = class_registration(
+    (),
+    at_end(_drawn.clear, _maybe_changed.clear),
+    listening(bpy.app.handlers.depsgraph_update_post, _after_update),
+    listening(bpy.app.handlers.undo_post, _after_undo),
+    listening(bpy.app.handlers.redo_post, _after_undo),
+    listening(bpy.app.handlers.load_post, _after_undo),
 )
-
-
-def register() -> None:
-    """Start watching for changes of meshes."""
-    _HANDLERS.register()
-
-
-def unregister() -> None:
-    """Stop watching, and free the GPU's memory."""
-    _HANDLERS.unregister()
-    _drawn.clear()
-    _maybe_changed.clear()

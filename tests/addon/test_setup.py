@@ -122,7 +122,7 @@ def test_typed_numbers_keep_every_digit(opened, case_path):
 
 
 def test_a_case_with_changes_that_its_file_lacks_is_known(opened, case_path):
-    from blender_addon.setup.unsaved import unsaved_parts, unsaved_text
+    from blender_addon.setup.open_case import unsaved_parts, unsaved_text
 
     assert unsaved_parts(opened) == ()
     bpy.ops.oneframe.nudge(axis="x")
@@ -137,7 +137,7 @@ def test_a_case_with_changes_that_its_file_lacks_is_known(opened, case_path):
 
 
 def test_a_case_never_saved_is_lost_once_it_is_aligned(addon, case_path):
-    from blender_addon.setup.unsaved import unsaved_parts
+    from blender_addon.setup.open_case import unsaved_parts
 
     folder = case_path.parent
     bpy.ops.oneframe.load_frame(filepath=str(folder / "frame.png"))
@@ -231,7 +231,7 @@ def test_nudges_there_and_back_cancel(opened, axis):
 
 def test_a_nudge_moves_the_pivot_by_its_step(opened):
     from blender_addon.state import from_scene
-    from blender_addon.state.pivot import pivot_of
+    from blender_addon.state.pose import pivot_of
 
     pivot, _ = pivot_of(opened)
     camera = from_scene.camera(opened)
@@ -312,7 +312,7 @@ def test_an_edited_surface_is_refused_until_it_is_saved(opened, case_path, tmp_p
 
 
 def test_a_pose_survives_the_clipboard(opened, tmp_path):
-    from blender_addon.state import pose_text
+    from blender_addon.state import pose as pose_text
 
     rows = pose_text.pose_rows(opened)
     pose, _ = pose_text.pose_from_text(", ".join(f"[{row.replace(' ', ', ')}]" for row in rows))

@@ -1,11 +1,29 @@
-"""Long texts in Blender's narrow panels."""
+"""Base classes of the panels in the sidebar, and long texts in them."""
 
 import textwrap
 
 import bpy
 
+from ..state import from_scene
+
 CHARACTER_PX = 6.5
 """Mean width of a character in the interface font at scale 1."""
+
+
+class SidebarPanel(bpy.types.Panel):
+    """Mixin: in the add-on's tab of the sidebar."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "OneFrame"
+
+
+class AlignmentPanel(SidebarPanel):
+    """Mixin: there once camera and surface are set up."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return from_scene.is_set_up(context.scene)
 
 
 def draw_text(layout: bpy.types.UILayout, text: str, *, icon: str = "NONE") -> None:

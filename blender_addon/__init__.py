@@ -103,7 +103,6 @@ _MODULES = tuple(
         "move.gizmo",
         "refine.operator",
         "refine.panel",
-        "refine.evidence_panel",
         "dataset.background_job",
         "colour.operators",
         "colour.panel",

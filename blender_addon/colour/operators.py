@@ -2,7 +2,7 @@
 
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import bpy
 import numpy as np
@@ -12,11 +12,10 @@ from bpy.props import EnumProperty, StringProperty
 from ..class_registration import class_registration, listening, prop
 from ..pipeline.blender.colour.export import export_coloured_surface
 from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, remove_colour
-from ..pipeline.errors import InputError, RunError
+from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.camera_view import spaces_of
-from ..state.events import redraw
-from ..ui.background_work import NAVIGATION, POLL_SECONDS, BackgroundWork, check_inputs, inputs_of, show_status
+from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, SavesFile, available
 from . import colouring
 
@@ -36,7 +35,7 @@ UNSEEN = [
 ]
 
 
-class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting):
+class ONEFRAME_OT_project_colour(NeedsAlignment, InBackground):
     """Project the frame on the surface at the current pose; replaces existing colours. Esc stops it"""
 
     bl_label = "Project Colour"
@@ -45,76 +44,18 @@ class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting):
         EnumProperty, "As", "How the surface holds the colours", items=MODES, default="vertex"
     )
 
-    def run(self, context: bpy.types.Context) -> Messages:
-        """Colour without a break, as scripts do."""
-        scene = context.scene
-        _check_object_mode(from_scene.surface_of(scene))
-        source = colouring.source_of(scene)
-        messages = colouring.put(scene, source, colouring.coloured(source, self.mode))
-        show_colour(from_scene.surface_of(scene))
+    doing = "Projecting the frame on the surface"
+
+    def work(self, context: bpy.types.Context) -> Work:
+        _check_object_mode(from_scene.surface_of(context.scene))
+        self._inputs, self._source = inputs_of(context.scene), colouring.source_of(context.scene)
+        return partial(colouring.coloured, self._source, self.mode)
+
+    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
+        check_inputs(context.scene, self._inputs)
+        messages = colouring.put(context.scene, self._source, result)
+        show_colour(from_scene.surface_of(context.scene))
         return messages
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if context.window is None or bpy.app.background:
-            return self.execute(context)
-        try:
-            _check_object_mode(from_scene.surface_of(context.scene))
-        except InputError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self._source: colouring.Source | None = None
-        self._work: BackgroundWork | None = None
-        self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        show_status(context, "Looking at the surface from the frame's pose      Esc: Stop")
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        try:
-            return self._handle(context, event)
-        except (InputError, RunError) as error:
-            self._end(context)
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        except Exception:
-            self._end(context)
-            raise
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when it ends the operator: a file was opened, or the window closed."""
-        self._end(context)
-
-    def _handle(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if event.type == "ESC" and event.value == "PRESS":
-            self._end(context)
-            self.report({"INFO"}, "colouring stopped, the surface is unchanged")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
-        if self._source is None or self._work is None:
-            self._source = colouring.source_of(context.scene)
-            self._inputs = inputs_of(context.scene)
-            self._work = BackgroundWork(partial(colouring.coloured, self._source, self.mode))
-        work = self._work
-        if work.running:
-            show_status(context, f"Projecting the frame on the surface: {work.fraction:.0%}      Esc: Stop")
-            return {"RUNNING_MODAL"}
-        if work.error is not None:
-            raise work.error
-        if work.result is not None:
-            check_inputs(context.scene, self._inputs)
-            for message in colouring.put(context.scene, self._source, work.result):
-                self.report({"INFO"}, message)
-            show_colour(from_scene.surface_of(context.scene))
-        self._end(context)
-        return {"FINISHED"}
-
-    def _end(self, context: bpy.types.Context) -> None:
-        if self._work is not None:
-            self._work.stop()
-        context.window_manager.event_timer_remove(self._timer)
-        show_status(context, None)
-        redraw()
 
 
 class _NeedsColour(bpy.types.Operator):

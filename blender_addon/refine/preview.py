@@ -12,7 +12,7 @@ from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import pose_record, remember_refined
 from ..state import from_scene
 from ..state.events import redraw
-from ..ui.background_work import NAVIGATION, show_status
+from ..ui.background_operator import NAVIGATION, show_status
 from ..ui.operator import OperatorResult
 
 KEEP, DISCARD = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}, {"ESC", "RIGHTMOUSE"}
@@ -29,52 +29,45 @@ def take(scene: bpy.types.Scene, result: Refinement, start: dict[str, object]) -
 class Preview(bpy.types.Operator):
     """Mixin: a modal operator that shows a refined pose and lets the user keep or discard it."""
 
+    is_shown = False
+
     def show_result(self, context: bpy.types.Context, result: Refinement, start: np.ndarray) -> None:
         """Begin with the refined pose; ``start`` is the ``(4, 4)`` initial one, to which the preview can go back."""
-        self._result, self._start = result, start
+        self._result, self._start, self.is_shown = result, start, True
         self._start_record = pose_record(context.scene)
         self._show(context, is_result=True)
         self._show_figures(context)
 
-    def preview(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Handle an event during the preview."""
+    def _preview(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         result = self._result
         if event.value == "PRESS":
             if event.type in DISCARD:
                 self._show(context, is_result=False)
-                return self.end(context, "CANCELLED", message="the refined pose is discarded, the pose is unchanged")
+                return self._close(context, "CANCELLED", message="the refined pose is discarded, the pose is unchanged")
             if (event.type in TAKE and event.ctrl) if result.can_be_taken else event.type in KEEP:
                 take(context.scene, result, self._start_record)
                 message = f"taken although refused: {result.objection}" if result.can_be_taken else result.message
-                return self.end(context, "FINISHED", message=message)
+                return self._close(context, "FINISHED", message=message)
             if event.type == "SPACE":
                 self._show(context, is_result=not self._shows_result)
         self._show_figures(context)
-        return self.pass_navigation(event)
+        return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         try:
-            return self.handle(context, event)
+            return self._preview(context, event)
         except (InputError, RunError) as error:
             # the surface or the camera has been deleted
-            return self.end(context, "CANCELLED", error=str(error))
+            return self._close(context, "CANCELLED", error=str(error))
         except Exception:
-            self.end(context, "CANCELLED")
+            self._close(context, "CANCELLED")
             raise
-
-    def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Handle an event."""
-        return self.preview(context, event)
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Called by Blender when it ends the operator: a file was opened, or the window closed."""
-        self.end(context, "CANCELLED")
+        self._close(context, "CANCELLED")
 
-    def pass_navigation(self, event: bpy.types.Event) -> OperatorResult:
-        """Let the user navigate in the view meanwhile, but nothing else."""
-        return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
-
-    def end(
+    def _close(
         self,
         context: bpy.types.Context,
         outcome: Literal["FINISHED", "CANCELLED"],

@@ -173,7 +173,7 @@ def test_a_refused_pose_is_taken_later_and_undone(opened, gather, refine, case_f
 
 
 def evidence_of(scene) -> list[str]:
-    panel = importlib.import_module("blender_addon.refine.evidence_panel")
+    panel = importlib.import_module("blender_addon.refine.panel")
     record = importlib.import_module("blender_addon.setup.alignment_record")
     return panel.record_lines(record.pose_record(scene))
 
@@ -323,7 +323,7 @@ def test_colours_count_only_if_they_come_from_another_frame(addon, gather, refin
 
 
 def test_the_thread_gives_the_same_and_can_be_stopped(opened, gather, refine):
-    from blender_addon.ui.background_work import BackgroundWork
+    from blender_addon.ui.background_operator import BackgroundWork
 
     loaded = gather.loaded_case(opened)
     work = BackgroundWork(partial(refine.refined, loaded, None))

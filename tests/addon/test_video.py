@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from blender_addon.ui.background_work import BackgroundWork
+from blender_addon.ui.background_operator import BackgroundWork
 from blender_addon.video import session, shown_frame, strip_drawing, strip_layout
 from blender_addon.video.frame_fetcher import FrameFetcher
 from oneframe.case.case_file import read_case

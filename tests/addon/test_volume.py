@@ -9,7 +9,7 @@ import pytest
 sitk = pytest.importorskip("SimpleITK")
 
 from blender_addon.state import from_scene
-from blender_addon.ui.background_work import BackgroundWork
+from blender_addon.ui.background_operator import BackgroundWork
 from blender_addon.volume import drill_session, drill_strokes, loaded
 from oneframe.blender.alignment import alignment_scene
 from oneframe.camera.pinhole import PinholeCamera

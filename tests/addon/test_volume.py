@@ -1,7 +1,5 @@
 """A CT in the add-on: the script's surface to the last bit, the drill, undo, files beside the case, bad files."""
 
-import threading
-
 import bpy
 import numpy as np
 import pytest
@@ -9,16 +7,12 @@ import pytest
 sitk = pytest.importorskip("SimpleITK")
 
 from blender_addon.state import from_scene
-from blender_addon.ui.background_operator import BackgroundWork
 from blender_addon.volume import drill_session, drill_strokes, loaded
-from oneframe.blender.alignment import alignment_scene
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.commands import surface as surface_command
 from oneframe.images.png import encode_png
-from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import transform_points
-from oneframe.volume.drill_plan import Stroke, read_drill_plan
-from tests.waiting import wait_until
+from oneframe.volume.drill_plan import read_drill_plan
 
 SIZE, SPACING = (44, 40, 36), (0.5, 0.5, 0.6)
 ORIGIN = np.array([-12.0, 30.0, 5.0])
@@ -129,18 +123,6 @@ def _mesh_from_model(surface):
     from oneframe.blender.alignment.surface_object import mesh_from_model_of
 
     return mesh_from_model_of(surface)
-
-
-def test_another_surface_is_replaced_by_choice_only(scene, files, tmp_path):
-    bpy.ops.oneframe.make_surface()
-    other = tmp_path / "other.ply"
-    other.write_bytes(surface_bytes(scene))
-    bpy.ops.oneframe.load_surface(filepath=str(other))
-    with pytest.raises(RuntimeError, match="not made from this CT"):
-        bpy.ops.oneframe.make_surface()
-    assert scene.oneframe.surface.oneframe.mesh_path == str(other)
-    bpy.ops.oneframe.make_surface(replace=True)
-    assert scene.oneframe.surface.oneframe.mesh_path != str(other)
 
 
 def test_strokes_are_taken_back_in_any_number(scene, files):
@@ -294,53 +276,3 @@ def test_a_threshold_without_bone_changes_nothing(scene):
     bpy.ops.oneframe.make_surface()
     corners = transform_points(_mesh_from_model(scene.oneframe.surface), np.array(scene.oneframe.surface.bound_box))
     np.testing.assert_allclose(corners.mean(axis=0), CENTRE, atol=0.3)
-
-
-def test_work_that_is_stopped_ends_at_its_next_step(scene):
-    from blender_addon.volume import surface
-
-    class Operator:
-        replace = False
-
-    entered, go_on = threading.Event(), threading.Event()
-    make = surface.ONEFRAME_OT_make_surface.work(Operator(), bpy.context)
-    steps = []
-
-    def slowly(progress):
-        def report(share):
-            steps.append(share)
-            entered.set()
-            go_on.wait()
-            progress(share)
-
-        return make(report)
-
-    work = BackgroundWork(slowly)
-    entered.wait()
-    work.stop()
-    go_on.set()
-    wait_until(lambda: not work.running)
-    assert (work.running, work.result, work.error, len(steps)) == (False, None, None, 1)
-    assert scene.oneframe.surface is None
-
-
-def test_strokes_in_the_scene_keep_every_digit(scene):
-    strokes = [Stroke(1.5, np.random.default_rng(1).normal(size=(50, 3)))]
-    drill_strokes.set_strokes(scene, strokes)
-    (found,) = drill_strokes.strokes_of(scene)
-    assert np.array_equal(found.points, strokes[0].points)
-
-
-def test_white_structures_are_context_that_is_hidden_beside_coloured_ones(scene, files):
-    with_labels(files)
-    bpy.ops.oneframe.make_surface()
-    surface = scene.oneframe.surface
-    (nerve,) = surface.children
-    canal = alignment_scene.put_structure(
-        surface, TriangleMesh(np.eye(3), np.array([[0, 1, 2]], np.int32)), "eac", (1.0, 1.0, 1.0)
-    )
-    alignment_scene.hide_context(surface)
-    assert (nerve.hide_viewport, canal.hide_viewport) == (False, True)
-    bpy.data.objects.remove(nerve)
-    alignment_scene.hide_context(surface)
-    assert not canal.hide_viewport

@@ -5,7 +5,8 @@ Blender takes a property from an annotation, ``width: IntProperty(min=1)``, whic
 """
 
 import inspect
-from collections.abc import Callable, Sequence
+import sys
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import bpy
@@ -82,18 +83,20 @@ def at_end(*functions: Callable[[], object]) -> Part:
     return Part(lambda: None, lambda: [function() for function in functions])
 
 
-def class_registration(classes: Sequence[type] = (), *parts: Part) -> tuple[Callable[[], None], Callable[[], None]]:
-    """The module's ``register`` and ``unregister``: all of it in order, and back in the opposite order.
+def class_registration(module: str, *parts: Part) -> tuple[Callable[[], None], Callable[[], None]]:
+    """A module's ``register`` and ``unregister``: all of it in order, and back in the opposite order.
 
     Parameters
     ----------
-    classes
-        Operators, panels, property groups and so on, each after those that it refers to. Their properties, and those
-        of the mixins that they inherit from, are written as above. The name of a class says how Blender calls it:
-        ``ONEFRAME_OT_open_case`` is the operator ``oneframe.open_case``.
+    module
+        Its name. Its classes ``ONEFRAME_...`` are operators, panels, property groups and so on, each after those that
+        it refers to. Their properties, and those of the mixins that they inherit from, are written as above. The name
+        of a class says how Blender calls it: ``ONEFRAME_OT_open_case`` is the operator ``oneframe.open_case``.
     parts
         What else the module places in Blender.
     """
+    found = [kind for kind in vars(sys.modules[module]).values() if isinstance(kind, type)]
+    classes = [kind for kind in found if kind.__module__ == module and kind.__name__.startswith("ONEFRAME_")]
     for kind in classes:
         if issubclass(kind, bpy.types.Operator):
             kind.bl_idname = kind.__name__.replace("ONEFRAME_OT_", "oneframe.")

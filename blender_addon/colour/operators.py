@@ -190,12 +190,6 @@ def _after_undo(scene: bpy.types.Scene, *_: object) -> None:
         show_colour(surface)
 
 
-_CLASSES = (
-    ONEFRAME_OT_project_colour,
-    ONEFRAME_OT_mark_unseen,
-    ONEFRAME_OT_plain_surface,
-    ONEFRAME_OT_export_surface,
-)
 register, unregister = class_registration(
-    _CLASSES, listening(bpy.app.handlers.undo_post, _after_undo), listening(bpy.app.handlers.redo_post, _after_undo)
+    __name__, listening(bpy.app.handlers.undo_post, _after_undo), listening(bpy.app.handlers.redo_post, _after_undo)
 )

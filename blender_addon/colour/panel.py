@@ -57,5 +57,4 @@ def _draw_record(layout: bpy.types.UILayout, scene: bpy.types.Scene, record: dic
         draw_text(layout, message, icon="INFO")
 
 
-_CLASSES = (ONEFRAME_PT_colour,)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

@@ -237,4 +237,4 @@ def _end() -> None:
     _current = None
 
 
-register, unregister = class_registration((), at_end(_end), timers(_follow))
+register, unregister = class_registration(__name__, at_end(_end), timers(_follow))

@@ -280,15 +280,6 @@ def _remove_preview() -> None:
         bpy.data.images.remove(image)
 
 
-_CLASSES = (
-    ONEFRAME_OT_preview_poses,
-    ONEFRAME_OT_hide_poses,
-    ONEFRAME_OT_preview_view,
-    ONEFRAME_OT_enlarge_preview,
-    ONEFRAME_OT_render_dataset,
-    ONEFRAME_OT_cancel_dataset,
-    ONEFRAME_OT_open_result,
-)
 register, unregister = class_registration(
-    _CLASSES, at_end(_remove_preview), listening(background_job.listeners, _job_changed)
+    __name__, at_end(_remove_preview), listening(background_job.listeners, _job_changed)
 )

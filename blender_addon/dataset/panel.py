@@ -57,23 +57,6 @@ class ONEFRAME_PT_dataset(_DatasetPanel):
             draw_text(layout, in_window_words(str(error)), icon="ERROR")
 
 
-class ONEFRAME_PT_dataset_options(_DatasetPanel):
-    """Constraints on the views, and how they are rendered"""
-
-    bl_parent_id = "ONEFRAME_PT_dataset"
-    bl_label = "More Options"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, options = self.layout, context.scene.oneframe.dataset
-        layout.use_property_split, layout.use_property_decorate = True, False
-        for names in (CONSTRAINTS, RENDERING):
-            column = layout.column(align=True)
-            for name in names:
-                column.prop(options, name)
-        if options.video:  # type: ignore[attr-defined]  # from DatasetOptions
-            column.prop(options, "video_frames")
-
-
 class ONEFRAME_PT_dataset_preview(_DatasetPanel):
     """Preview poses as cameras around the surface, and one view"""
 
@@ -106,6 +89,23 @@ class ONEFRAME_PT_dataset_preview(_DatasetPanel):
             else:
                 layout.template_icon(image.preview_ensure().icon_id, scale=9)
                 draw_text(layout, summary)
+
+
+class ONEFRAME_PT_dataset_options(_DatasetPanel):
+    """Constraints on the views, and how they are rendered"""
+
+    bl_parent_id = "ONEFRAME_PT_dataset"
+    bl_label = "More Options"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, options = self.layout, context.scene.oneframe.dataset
+        layout.use_property_split, layout.use_property_decorate = True, False
+        for names in (CONSTRAINTS, RENDERING):
+            column = layout.column(align=True)
+            for name in names:
+                column.prop(options, name)
+        if options.video:  # type: ignore[attr-defined]  # from DatasetOptions
+            column.prop(options, "video_frames")
 
 
 class ONEFRAME_PT_dataset_run(_DatasetPanel):
@@ -151,10 +151,4 @@ def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> 
         draw_text(layout, job.lines[-1] if job.lines else str(job.out), icon="CHECKMARK")
 
 
-_CLASSES = (
-    ONEFRAME_PT_dataset,
-    ONEFRAME_PT_dataset_preview,
-    ONEFRAME_PT_dataset_options,
-    ONEFRAME_PT_dataset_run,
-)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

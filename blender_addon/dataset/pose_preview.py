@@ -212,4 +212,4 @@ def _draw() -> None:
     gpu.state.depth_test_set("NONE")
 
 
-register, unregister = class_registration((), at_end(hide), drawing(bpy.types.SpaceView3D, _draw, "POST_VIEW"))
+register, unregister = class_registration(__name__, at_end(hide), drawing(bpy.types.SpaceView3D, _draw, "POST_VIEW"))

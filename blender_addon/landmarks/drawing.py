@@ -11,7 +11,7 @@ from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
 from ..ui.strokes import Colour, Strokes
 from ..view.fit import free_rectangle
-from . import drag_loupe, gestures, solve, tool, uncertainty_drawing
+from . import gestures, solve, tool, uncertainty_drawing
 from .marks import LandmarkView, Mark, marks_of
 from .solve import Solution
 
@@ -122,9 +122,6 @@ def _draw_view() -> None:
         return
     try:
         landmark_strokes(context).draw()
-        gesture = gestures.running()
-        if gesture is not None and gesture.moves != "point" and frame_view.shows_frame(context):
-            drag_loupe.draw(context, gesture)
     except InputError:
         # the panel reports it
         return
@@ -160,5 +157,5 @@ def _draw_pointer(xy: tuple[int, int]) -> None:
 
 
 register, unregister = class_registration(
-    (), drawing(bpy.types.SpaceView3D, _draw_view, "POST_PIXEL"), cursor(_draw_pointer)
+    __name__, drawing(bpy.types.SpaceView3D, _draw_view, "POST_PIXEL"), cursor(_draw_pointer)
 )

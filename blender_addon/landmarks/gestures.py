@@ -274,7 +274,7 @@ def _gesture(kind: str, tool: str, *, shift: bool = False, ctrl: bool = False, a
 
 
 register, unregister = class_registration(
-    (ONEFRAME_OT_landmark_gesture,),
+    __name__,
     keys(
         _gesture("IMAGE", LANDMARK_TOOL),
         _gesture("SURFACE", LANDMARK_TOOL, shift=True),

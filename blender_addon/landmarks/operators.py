@@ -278,24 +278,12 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, SavesFile):
         return (f"saved {path}: {len(scene.oneframe.landmarks)} landmarks",)
 
 
-_CLASSES = (
-    ONEFRAME_OT_landmark_set,
-    ONEFRAME_OT_landmark_pin,
-    ONEFRAME_OT_landmark_remove,
-    ONEFRAME_OT_landmark_toggle,
-    ONEFRAME_OT_landmarks_clear,
-    ONEFRAME_OT_solve_landmarks,
-    ONEFRAME_OT_import_landmarks,
-    ONEFRAME_OT_export_landmarks,
-)
-
-
 def _on_mark(operator: str, key: str, *, alt: bool = False) -> Key:
     return Key(operator, key, alt=alt, properties=(("at_pointer", True),), tools=(PIN_TOOL, LANDMARK_TOOL))
 
 
 register, unregister = class_registration(
-    _CLASSES,
+    __name__,
     keys(
         _on_mark("oneframe.landmark_toggle", "LEFTMOUSE", alt=True),
         _on_mark("oneframe.landmark_remove", "X"),

@@ -155,5 +155,4 @@ def _row_text(scene: bpy.types.Scene, item: ONEFRAME_PG_landmark, index: int) ->
     return f"{np.linalg.norm(residual):.1f} px", "ERROR" if outlier else "NONE"
 
 
-_CLASSES = (ONEFRAME_UL_landmarks, ONEFRAME_PT_landmarks, ONEFRAME_PT_landmark_keys)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

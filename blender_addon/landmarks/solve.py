@@ -204,4 +204,6 @@ def follow(scene: bpy.types.Scene) -> None:
         apply(scene, solved)
 
 
-register, unregister = class_registration((), at_end(_solved.cache_clear), listening(events.landmark_listeners, follow))
+register, unregister = class_registration(
+    __name__, at_end(_solved.cache_clear), listening(events.landmark_listeners, follow)
+)

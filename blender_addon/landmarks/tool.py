@@ -7,7 +7,7 @@ from ..pipeline.alignment.manual.picking import next_step
 from ..state import from_scene
 from ..state.workbench import next_step as missing_step
 from ..ui.frame_view import shows_frame
-from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool
+from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, ViewTool, active_tool
 
 TOOL = LANDMARK_TOOL
 GESTURE = "ONEFRAME_OT_landmark_gesture"
@@ -25,11 +25,15 @@ KEYS = (
 """What mouse and keys of the landmark tool do in the camera view; in other 3D views a click picks a surface point."""
 
 
-class PinTool(bpy.types.WorkSpaceTool):
+class _AsksForPoints(ViewTool):
+    @staticmethod
+    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
+        layout.label(text=instruction(context))
+
+
+class PinTool(_AsksForPoints):
     """Drag points of the surface to where the frame shows them; the surface follows"""
 
-    bl_space_type = "VIEW_3D"
-    bl_context_mode = "OBJECT"
     bl_idname = PIN_TOOL
     bl_label = TOOLS[PIN_TOOL]
     bl_description = (
@@ -37,19 +41,11 @@ class PinTool(bpy.types.WorkSpaceTool):
         "Drag a pin again to correct it. Alt + Click: enable or disable. X: delete"
     )
     bl_icon = "ops.curve.pen"
-    bl_cursor = "CROSSHAIR"
-    bl_keymap = ()
-
-    @staticmethod
-    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
-        layout.label(text=instruction(context))
 
 
-class LandmarkTool(bpy.types.WorkSpaceTool):
+class LandmarkTool(_AsksForPoints):
     """Pick the same features in the frame and on the surface; the pose follows"""
 
-    bl_space_type = "VIEW_3D"
-    bl_context_mode = "OBJECT"
     bl_idname = TOOL
     bl_label = TOOLS[TOOL]
     bl_description = (
@@ -57,12 +53,6 @@ class LandmarkTool(bpy.types.WorkSpaceTool):
         "Click: pick an image point. Shift + Click: pick a surface point. Ctrl + Drag: pull the surface with a pin"
     )
     bl_icon = "ops.paint.eyedropper_add"
-    bl_cursor = "CROSSHAIR"
-    bl_keymap = ()
-
-    @staticmethod
-    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
-        layout.label(text=instruction(context))
 
 
 def instruction(context: bpy.types.Context) -> str:
@@ -106,5 +96,5 @@ def leave_tools() -> None:
 
 
 register, unregister = class_registration(
-    (), tool(PinTool, "builtin.measure", separator=True), tool(LandmarkTool, PIN_TOOL), at_end(leave_tools)
+    __name__, tool(PinTool, "builtin.measure", separator=True), tool(LandmarkTool, PIN_TOOL), at_end(leave_tools)
 )

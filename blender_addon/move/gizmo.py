@@ -76,4 +76,4 @@ class ONEFRAME_GGT_pose(bpy.types.GizmoGroup):
             handle.matrix_basis = Matrix.Translation((x, y, 0.0))
 
 
-register, unregister = class_registration((ONEFRAME_GGT_pose,))
+register, unregister = class_registration(__name__)

@@ -12,7 +12,7 @@ from ..state import from_scene
 from ..state.events import redraw
 from ..state.pose import keep_pivot, pivot_of, pose_from_text, pose_rows, set_cam_from_mesh
 from ..ui.frame_view import FrameView, shows_frame, window_region
-from ..ui.keymap import MOVE_TOOL, TOOLS, Key, keys
+from ..ui.keymap import MOVE_TOOL, TOOLS, Key, ViewTool, keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
 
 AXES = [
@@ -195,11 +195,9 @@ class ONEFRAME_OT_paste_pose(Reporting):
         return (message,) if message else ()
 
 
-class MoveTool(bpy.types.WorkSpaceTool):
+class MoveTool(ViewTool):
     """Move the surface in the frame by hand"""
 
-    bl_space_type = "VIEW_3D"
-    bl_context_mode = "OBJECT"
     bl_idname = MOVE_TOOL
     bl_label = TOOLS[MOVE_TOOL]
     bl_description = (
@@ -208,16 +206,14 @@ class MoveTool(bpy.types.WorkSpaceTool):
     )
     bl_icon = "ops.transform.translate"
     bl_cursor = "DEFAULT"
-    bl_keymap = ()
 
     @staticmethod
     def draw_settings(_context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
         layout.label(text="Drag: Shift    Ctrl + Drag: Tilt    Arrow Keys: 1 px of the Frame")
 
 
-_CLASSES = (ONEFRAME_OT_nudge, ONEFRAME_OT_drag_pose, ONEFRAME_OT_copy_pose, ONEFRAME_OT_paste_pose)
 register, unregister = class_registration(
-    _CLASSES,
+    __name__,
     tool(MoveTool, "oneframe.landmark_tool"),
     keys(
         *(

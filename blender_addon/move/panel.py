@@ -98,5 +98,4 @@ class ONEFRAME_PT_mesh_from_cam(_Matrix):
     inverse = True
 
 
-_CLASSES = (ONEFRAME_PT_pose, ONEFRAME_PT_cam_from_mesh, ONEFRAME_PT_mesh_from_cam)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

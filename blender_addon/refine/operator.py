@@ -170,5 +170,4 @@ def is_taken(scene: bpy.types.Scene) -> bool:
     return "refused" in (pose_evidence.remembered(scene) or {})
 
 
-_CLASSES = (ONEFRAME_OT_refine, ONEFRAME_OT_take_refused)
-register, unregister = class_registration(_CLASSES, keys(Key("oneframe.refine", "F")), at_end(lambda: _remember(None)))
+register, unregister = class_registration(__name__, keys(Key("oneframe.refine", "F")), at_end(lambda: _remember(None)))

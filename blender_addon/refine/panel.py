@@ -123,4 +123,4 @@ def _counted(count: float, noun: str) -> str:
     return f"{count} {noun}" + ("" if count == 1 else "s")
 
 
-register, unregister = class_registration((ONEFRAME_PT_refine, ONEFRAME_PT_evidence))
+register, unregister = class_registration(__name__)

@@ -156,6 +156,4 @@ def _is_workbench(context: bpy.types.Context | None) -> bool:
     return context is not None and _is_3d_view(context) and workbench.is_workbench(context.scene)
 
 
-register, unregister = class_registration(
-    (ONEFRAME_FH_ct, ONEFRAME_FH_video, ONEFRAME_OT_drop_files, ONEFRAME_FH_case, ONEFRAME_FH_files)
-)
+register, unregister = class_registration(__name__)

@@ -75,4 +75,4 @@ class ONEFRAME_OT_load_mask(ReportingFile, ImportHelper):
         return (f"{frame.masked:.1%} of the frame masked; Load Frame again takes the mask off",)
 
 
-register, unregister = class_registration((ONEFRAME_OT_load_frame, ONEFRAME_OT_load_video_frame, ONEFRAME_OT_load_mask))
+register, unregister = class_registration(__name__)

@@ -174,4 +174,4 @@ def _own_folder() -> Path:
         return Path(bpy.app.tempdir) / "oneframe_sample"
 
 
-register, unregister = class_registration((ONEFRAME_OT_open_case, ONEFRAME_OT_discard_case, ONEFRAME_OT_open_sample))
+register, unregister = class_registration(__name__)

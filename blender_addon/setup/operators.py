@@ -237,15 +237,4 @@ class ONEFRAME_OT_save_edited_surface(SavesFile):
         return (f"saved {path}: {len(mesh.faces)} triangles",)
 
 
-_CLASSES = (
-    ONEFRAME_OT_load_camera,
-    ONEFRAME_OT_set_camera,
-    ONEFRAME_OT_rescale_camera,
-    ONEFRAME_OT_load_surface,
-    ONEFRAME_OT_change_units,
-    ONEFRAME_OT_add_structure,
-    ONEFRAME_OT_load_pose,
-    ONEFRAME_OT_remove_scale,
-    ONEFRAME_OT_save_edited_surface,
-)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

@@ -115,5 +115,4 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
             layout.operator("oneframe.remove_scale", icon="CON_SIZELIMIT")
 
 
-_CLASSES = (ONEFRAME_PT_setup, ONEFRAME_PT_camera, ONEFRAME_PT_structures)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

@@ -132,4 +132,4 @@ def _with_kept_record(case: Case) -> Case:
     return replace(case, alignment=saved.alignment) if is_same else case
 
 
-register, unregister = class_registration((ONEFRAME_OT_save_case, ONEFRAME_OT_replace_case))
+register, unregister = class_registration(__name__)

@@ -223,15 +223,8 @@ class ONEFRAME_PG_object(bpy.types.PropertyGroup):
     mesh_path: str = prop(StringProperty, "Mesh", "File that the mesh was loaded from", subtype="FILE_PATH")
 
 
-_CLASSES = (
-    ONEFRAME_PG_landmark,
-    ONEFRAME_PG_camera,
-    ONEFRAME_PG_dataset,
-    ONEFRAME_PG_scene,
-    ONEFRAME_PG_object,
-)
 register, unregister = class_registration(
-    _CLASSES,
+    __name__,
     attached(bpy.types.Scene, "oneframe", ONEFRAME_PG_scene),
     attached(bpy.types.Object, "oneframe", ONEFRAME_PG_object),
 )

@@ -100,4 +100,4 @@ def _watch() -> float | None:
     return WATCH_S if _stamps else None
 
 
-register, unregister = class_registration((), timers(_watch), at_end(_stamps.clear, _asked.clear))
+register, unregister = class_registration(__name__, timers(_watch), at_end(_stamps.clear, _asked.clear))

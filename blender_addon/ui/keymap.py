@@ -18,6 +18,15 @@ TOOLS = {PIN_TOOL: "Pins", LANDMARK_TOOL: "Landmarks", MOVE_TOOL: "Move Surface"
 """Tools of the toolbar and their labels."""
 
 
+class ViewTool(bpy.types.WorkSpaceTool):
+    """Base of the tools in the toolbar of 3D views."""
+
+    bl_space_type = "VIEW_3D"
+    bl_context_mode = "OBJECT"
+    bl_cursor = "CROSSHAIR"
+    bl_keymap = ()
+
+
 def _keymap_of(tool: str) -> str:
     """As Blender names the keymaps of tools."""
     return f"3D View Tool: Object, {TOOLS[tool]}"

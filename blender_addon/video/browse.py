@@ -112,7 +112,7 @@ def _key(operator: str, kind: str, *, ctrl: bool = False, repeat: bool = False, 
 
 # of the bindings of a key, Blender tries the one that was added last first: this module comes after the tools
 register, unregister = class_registration(
-    (ONEFRAME_OT_video_step, ONEFRAME_OT_video_best, ONEFRAME_OT_video_zoom, ONEFRAME_OT_video_take_key),
+    __name__,
     keys(
         _key("oneframe.video_zoom", "WHEELINMOUSE", factor=1.5),
         _key("oneframe.video_zoom", "WHEELOUTMOUSE", factor=1 / 1.5),

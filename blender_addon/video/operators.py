@@ -155,5 +155,4 @@ class ONEFRAME_OT_take_frame(InBackground, NeedsFilm):
         return f"the frame of the case is {path}", *messages
 
 
-_CLASSES = (ONEFRAME_OT_open_video, ONEFRAME_OT_score_video, ONEFRAME_OT_video_strip, ONEFRAME_OT_take_frame)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

@@ -62,4 +62,4 @@ def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSes
         draw_text(layout, "The video covers the view until K is loaded. Strip hides it.", icon="INFO")
 
 
-register, unregister = class_registration((ONEFRAME_PT_video,))
+register, unregister = class_registration(__name__)

@@ -194,5 +194,5 @@ def _forget() -> None:
 
 
 register, unregister = class_registration(
-    (ONEFRAME_PG_video,), at_end(_forget), attached(bpy.types.Scene, "oneframe_video", ONEFRAME_PG_video)
+    __name__, at_end(_forget), attached(bpy.types.Scene, "oneframe_video", ONEFRAME_PG_video)
 )

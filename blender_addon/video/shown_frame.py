@@ -166,7 +166,7 @@ def _remove() -> None:
 
 
 register, unregister = class_registration(
-    (),
+    __name__,
     at_end(_remove),
     timers(_poll),
     listening(session.look_listeners, _look_again),

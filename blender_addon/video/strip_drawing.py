@@ -208,7 +208,7 @@ def _triangles(points: np.ndarray, colour: Colour) -> None:
 
 
 register, unregister = class_registration(
-    (),
+    __name__,
     at_end(strip_pictures.clear),
     drawing(bpy.types.SpaceView3D, draw_strip, "POST_PIXEL"),
     listening(reserved, reserved_height),

@@ -7,7 +7,7 @@ import bpy
 
 from ..class_registration import at_end, class_registration
 from ..state.events import redraw
-from ..ui.operator import OperatorResult
+from ..ui.operator import OperatorResult, WholeView
 from . import session, shown_frame
 from .strip_layout import StripLayout, film_in
 
@@ -64,21 +64,15 @@ class ONEFRAME_GT_strip(bpy.types.Gizmo):
         redraw()
 
 
-class ONEFRAME_GGT_strip(bpy.types.GizmoGroup):
+class ONEFRAME_GGT_strip(WholeView):
     """The strip of a video"""
 
     bl_label = "Video"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "WINDOW"
-    bl_options = {"PERSISTENT", "SHOW_MODAL_ALL"}
+    gizmo = "ONEFRAME_GT_strip"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return film_in(context) is not None
 
-    def setup(self, _context: bpy.types.Context) -> None:
-        gizmo = self.gizmos.new(ONEFRAME_GT_strip.__name__)
-        gizmo.use_draw_modal = True
 
-
-register, unregister = class_registration((ONEFRAME_GT_strip, ONEFRAME_GGT_strip), at_end(_pointer.clear))
+register, unregister = class_registration(__name__, at_end(_pointer.clear))

@@ -97,4 +97,4 @@ class ONEFRAME_OT_fit_frame(FrameTool):
         return {"FINISHED"}
 
 
-register, unregister = class_registration((ONEFRAME_OT_fit_frame,))
+register, unregister = class_registration(__name__)

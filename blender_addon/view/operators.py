@@ -195,18 +195,8 @@ class ONEFRAME_OT_show_frame(bpy.types.Operator):
         return {"FINISHED"}
 
 
-_CLASSES = (
-    ONEFRAME_PG_view,
-    ONEFRAME_OT_cycle_opacity,
-    ONEFRAME_OT_toggle_wireframe,
-    ONEFRAME_OT_toggle_contour,
-    ONEFRAME_OT_toggle_blink,
-    ONEFRAME_OT_toggle_swipe,
-    ONEFRAME_OT_toggle_difference,
-    ONEFRAME_OT_show_frame,
-)
 register, unregister = class_registration(
-    _CLASSES,
+    __name__,
     attached(bpy.types.Scene, "oneframe_view", ONEFRAME_PG_view),
     keys(
         Key("oneframe.cycle_opacity", "ONE"),

@@ -15,7 +15,7 @@ from ..state import from_scene
 from ..state.events import areas
 from ..ui.frame_view import FrameView, shows_frame
 from .operators import ONEFRAME_PG_view
-from .overlay_passes import Projection, SurfacePicture, rectangle, shown_structures
+from .overlay_passes import Projection, SurfacePicture, placed_rectangle, shown_structures
 from .overlay_shaders import MODES, composite_shader
 
 BLINK_S = 0.25
@@ -82,7 +82,7 @@ class Composite:
         shader.uniform_bool("coloured", (self.picture.coloured,))
         gpu.state.depth_test_set("NONE")
         gpu.state.blend_set("ALPHA")
-        rectangle(shader, low, high, gpu.state.viewport_get()[2:]).draw(shader)
+        placed_rectangle(shader, low, high, gpu.state.viewport_get()[2:]).draw(shader)
         gpu.state.blend_set("NONE")
 
 
@@ -185,5 +185,5 @@ def _blink() -> float | None:
 
 
 register, unregister = class_registration(
-    (), at_end(_pictures.clear), timers(_blink), drawing(bpy.types.SpaceView3D, draw_view, "POST_VIEW")
+    __name__, at_end(_pictures.clear), timers(_blink), drawing(bpy.types.SpaceView3D, draw_view, "POST_VIEW")
 )

@@ -256,7 +256,7 @@ def _after_undo(*_: object) -> None:
 
 
 register, unregister = class_registration(
-    (),
+    __name__,
     at_end(_drawn.clear, _maybe_changed.clear),
     listening(bpy.app.handlers.depsgraph_update_post, _after_update),
     listening(bpy.app.handlers.undo_post, _after_undo),

@@ -78,4 +78,4 @@ def _draw_operator(row: bpy.types.UILayout, operator: str, icon: str) -> None:
     draw_key(row, operator)
 
 
-register, unregister = class_registration((ONEFRAME_PT_view,))
+register, unregister = class_registration(__name__)

@@ -97,4 +97,4 @@ def orbit_surface(scene: bpy.types.Scene, space: bpy.types.SpaceView3D) -> None:
     view.view_rotation = camera_object.matrix_world.to_quaternion()
 
 
-register, unregister = class_registration((ONEFRAME_OT_side_by_side, ONEFRAME_OT_orbit_surface))
+register, unregister = class_registration(__name__)

@@ -11,7 +11,7 @@ from ..class_registration import class_registration
 from ..state import from_scene
 from ..state.events import redraw
 from ..ui.frame_view import FrameView, shows_frame
-from ..ui.operator import OperatorResult
+from ..ui.operator import OperatorResult, WholeView
 
 GRIP_PX = 9.0
 """Radius of the grip at interface scale 1; the mouse catches it within 1.5 times this."""
@@ -56,13 +56,11 @@ class ONEFRAME_GT_split(bpy.types.Gizmo):
             context.scene.oneframe_view.split = self._before
 
 
-class ONEFRAME_GGT_split(bpy.types.GizmoGroup):
+class ONEFRAME_GGT_split(WholeView):
     """The grip of the swipe"""
 
     bl_label = "Swipe"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "WINDOW"
-    bl_options = {"PERSISTENT", "SHOW_MODAL_ALL"}
+    gizmo = "ONEFRAME_GT_split"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -71,10 +69,6 @@ class ONEFRAME_GGT_split(bpy.types.GizmoGroup):
             and context.scene.oneframe_view.comparison == "SWIPE"
             and shows_frame(context)
         )
-
-    def setup(self, _context: bpy.types.Context) -> None:
-        gizmo = self.gizmos.new(ONEFRAME_GT_split.__name__)
-        gizmo.use_draw_modal = True
 
 
 def _grip(context: bpy.types.Context) -> tuple[float, float]:
@@ -89,4 +83,4 @@ def _radius(context: bpy.types.Context) -> float:
     return GRIP_PX * context.preferences.system.ui_scale
 
 
-register, unregister = class_registration((ONEFRAME_GT_split, ONEFRAME_GGT_split))
+register, unregister = class_registration(__name__)

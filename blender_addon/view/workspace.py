@@ -210,7 +210,7 @@ class ONEFRAME_OT_enter_workbench(bpy.types.Operator):
 
 
 register, unregister = class_registration(
-    (ONEFRAME_OT_enter_workbench,),
+    __name__,
     at_end(_entering.clear, _opened.clear, remove),
     timers(_settle, fit.fit_waiting),
     listening(workbench.listeners, _entered),

@@ -88,4 +88,4 @@ def _zoom_factor(view_camera_zoom: float) -> float:
     return (np.sqrt(2) + view_camera_zoom / 50) ** 2 / 4
 
 
-register, unregister = class_registration((ONEFRAME_OT_zoom_frame,))
+register, unregister = class_registration(__name__)

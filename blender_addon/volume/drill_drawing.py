@@ -13,7 +13,7 @@ from ..pipeline.blender.alignment.alignment_scene import BONE_RGBA
 from ..pipeline.case.structure_colour import OTHER, structure_colour
 from ..pipeline.images.pixel_values import linear_from_codes
 from ..state import from_scene
-from ..ui.strokes import Colour, Strokes
+from ..ui.strokes import Colour, Strokes, in_window_pixels
 from ..view.fit import free_rectangle
 from . import drill_session
 from .drill_gesture import is_ready
@@ -178,15 +178,10 @@ def draw_burr(pointer: tuple[int, int]) -> None:
     strokes.circle(middle, radius / strokes.unit, colour)
     strokes.cross(middle, 0.0, 3.0, colour, width=1.0)
     text, aside = text_of(burr), 0.8 * radius + 8 * strokes.unit
-    left = aside if middle[0] + aside + strokes.width_of(text) < high[0] else -aside - strokes.width_of(text)
-    strokes.text(middle + np.array([left, 0.7 * radius]), text, colour)
-    # Blender draws cursors in pixels of the window
-    from_left, below, *target = gpu.state.viewport_get()
-    with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
-        width, height = target
-        gpu.matrix.load_matrix(Matrix.Translation((region.x - from_left, region.y - below, 0.0)))
-        clip_from_px = ((2 / width, 0, 0, -1), (0, 2 / height, 0, -1), (0, 0, -1, 0), (0, 0, 0, 1))
-        gpu.matrix.load_projection_matrix(Matrix(clip_from_px))
+    shift = aside if middle[0] + aside + strokes.width_of(text) < high[0] else -aside - strokes.width_of(text)
+    strokes.text(middle + np.array([shift, 0.7 * radius]), text, colour)
+    with in_window_pixels() as (left, below):
+        gpu.matrix.load_matrix(Matrix.Translation((region.x - left, region.y - below, 0.0)))
         strokes.draw()
 
 
@@ -211,5 +206,5 @@ def _forget() -> None:
 
 
 register, unregister = class_registration(
-    (), at_end(_forget), drawing(bpy.types.SpaceView3D, draw_bone, "POST_VIEW"), cursor(draw_burr)
+    __name__, at_end(_forget), drawing(bpy.types.SpaceView3D, draw_bone, "POST_VIEW"), cursor(draw_burr)
 )

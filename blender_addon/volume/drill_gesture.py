@@ -8,7 +8,7 @@ from bpy.props import FloatProperty
 
 from ..class_registration import class_registration, prop, tool
 from ..state.events import redraw
-from ..ui.keymap import DRILL_TOOL, TOOLS, Key, active_tool, keys
+from ..ui.keymap import DRILL_TOOL, TOOLS, Key, ViewTool, active_tool, keys
 from ..ui.operator import OperatorResult
 from . import drill_session, drill_strokes
 from .drill_session import burr_at
@@ -105,11 +105,9 @@ def is_ready(context: bpy.types.Context) -> bool:
     return in_view and active_tool(context) == DRILL_TOOL and drill_session.of(context.scene) is not None
 
 
-class DrillTool(bpy.types.WorkSpaceTool):
+class DrillTool(ViewTool):
     """Drill the bone of the CT with a spherical burr"""
 
-    bl_space_type = "VIEW_3D"
-    bl_context_mode = "OBJECT"
     bl_idname = DRILL_TOOL
     bl_label = TOOLS[DRILL_TOOL]
     bl_description = (
@@ -117,8 +115,6 @@ class DrillTool(bpy.types.WorkSpaceTool):
         "Drag: remove bone. Ctrl + Wheel, [ and ]: diameter of the burr. Ctrl + Z: take back a stroke"
     )
     bl_icon = "ops.sculpt.mask_by_color"
-    bl_cursor = "CROSSHAIR"
-    bl_keymap = ()
 
     @staticmethod
     def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
@@ -137,6 +133,4 @@ _KEYS = keys(
     Key("oneframe.burr_size", "RIGHT_BRACKET", properties=(("factor", 1.25),), tools=_TOOLS),
     Key("oneframe.burr_size", "LEFT_BRACKET", properties=(("factor", 0.8),), tools=_TOOLS),
 )
-register, unregister = class_registration(
-    (ONEFRAME_OT_drill_stroke, ONEFRAME_OT_burr_size), tool(DrillTool, "oneframe.move_tool"), _KEYS
-)
+register, unregister = class_registration(__name__, tool(DrillTool, "oneframe.move_tool"), _KEYS)

@@ -144,11 +144,4 @@ class ONEFRAME_OT_save_plan(SavesFile):
         return (f"saved {path}",)
 
 
-_CLASSES = (
-    ONEFRAME_OT_drill,
-    ONEFRAME_OT_stop_drill,
-    ONEFRAME_OT_undo_stroke,
-    ONEFRAME_OT_open_plan,
-    ONEFRAME_OT_save_plan,
-)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

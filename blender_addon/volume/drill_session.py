@@ -285,7 +285,7 @@ def _after_load(*_: object) -> None:
 
 
 register, unregister = class_registration(
-    (),
+    __name__,
     # a file that is saved while drilling, and the scene without the add-on, show the surface
     at_end(_after_load),
     listening(bpy.app.handlers.undo_post, _after_undo),

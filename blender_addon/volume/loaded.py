@@ -160,7 +160,7 @@ def _read() -> None:
 
 
 register, unregister = class_registration(
-    (),
+    __name__,
     listening(bpy.app.handlers.undo_post, _after_change),
     listening(bpy.app.handlers.redo_post, _after_change),
     listening(bpy.app.handlers.load_post, _after_load),

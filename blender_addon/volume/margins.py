@@ -83,4 +83,4 @@ def margins_of(scene: bpy.types.Scene, ct: LoadedCT) -> dict[str, float]:
     return drill_strokes.usual_margins(structures_of(ct))
 
 
-register, unregister = class_registration((ONEFRAME_PG_margin, ONEFRAME_OT_margins))
+register, unregister = class_registration(__name__)

@@ -167,10 +167,4 @@ class ONEFRAME_OT_otsu(NeedsCT, Reporting):
         return (f"threshold {level:g} HU",)
 
 
-_CLASSES = (
-    ONEFRAME_OT_open_ct,
-    ONEFRAME_OT_read_ct,
-    ONEFRAME_OT_open_labels,
-    ONEFRAME_OT_otsu,
-)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

@@ -73,4 +73,4 @@ class ONEFRAME_PT_ct(SidebarPanel):
             draw_text(layout, f"{count} drilled: Make Surface applies {them}, Save Case keeps {them} as drill.toml.")
 
 
-register, unregister = class_registration((ONEFRAME_PT_ct,))
+register, unregister = class_registration(__name__)

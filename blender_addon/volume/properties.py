@@ -66,4 +66,4 @@ class ONEFRAME_PG_ct(bpy.types.PropertyGroup):
     )
 
 
-register, unregister = class_registration((ONEFRAME_PG_ct,), attached(bpy.types.Scene, "oneframe_ct", ONEFRAME_PG_ct))
+register, unregister = class_registration(__name__, attached(bpy.types.Scene, "oneframe_ct", ONEFRAME_PG_ct))

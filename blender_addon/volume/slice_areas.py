@@ -236,4 +236,4 @@ def _close() -> None:
     bpy.data.batch_remove([image for image in bpy.data.images if MARK in image])
 
 
-register, unregister = class_registration((ONEFRAME_OT_slices,), at_end(_close), timers(_fit, _show))
+register, unregister = class_registration(__name__, at_end(_close), timers(_fit, _show))

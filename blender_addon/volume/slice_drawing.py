@@ -197,5 +197,5 @@ def tint_texture(rgba: np.ndarray) -> gpu.types.GPUTexture:
 
 
 register, unregister = class_registration(
-    (), at_end(_textures.clear), drawing(bpy.types.SpaceImageEditor, draw_slice, "POST_PIXEL")
+    __name__, at_end(_textures.clear), drawing(bpy.types.SpaceImageEditor, draw_slice, "POST_PIXEL")
 )

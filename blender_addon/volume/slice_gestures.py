@@ -122,6 +122,4 @@ _KEYS = keys(
     _key("oneframe.slice_point", "LEFTMOUSE"),
     _key("oneframe.slice_window", "RIGHTMOUSE"),
 )
-register, unregister = class_registration(
-    (ONEFRAME_OT_slice_step, ONEFRAME_OT_slice_point, ONEFRAME_OT_slice_window), _KEYS
-)
+register, unregister = class_registration(__name__, _KEYS)

@@ -143,4 +143,4 @@ class ONEFRAME_OT_replace_surface(Asking):
         call("make_surface", "INVOKE_DEFAULT", replace=True)
 
 
-register, unregister = class_registration((ONEFRAME_OT_make_surface, ONEFRAME_OT_replace_surface))
+register, unregister = class_registration(__name__)

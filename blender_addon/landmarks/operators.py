@@ -136,10 +136,12 @@ class ONEFRAME_OT_landmark_pin(NeedsAlignment, _PointAndPixel, Reporting):
 class _OnOneLandmark(bpy.types.Operator):
     """Mixin: acts on the landmark with an index, or on the one under the pointer if called by a key or click."""
 
+    index: int = prop(IntProperty, "Index", INDEX, default=-1, min=-1, options={"SKIP_SAVE"})
+    at_pointer: bool = prop(BoolProperty, options={"HIDDEN", "SKIP_SAVE"})
     result_without_landmark: OperatorResult = {"PASS_THROUGH"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if not self.properties.at_pointer:
+        if not self.at_pointer:
             return self.execute(context)
         if not is_alignment_view(context):
             return {"PASS_THROUGH"}
@@ -160,9 +162,6 @@ class ONEFRAME_OT_landmark_remove(_OnOneLandmark, _HasLandmarks, Reporting):
     """Delete a landmark"""
 
     bl_label = "Delete Landmark"
-
-    index: int = prop(IntProperty, "Index", INDEX, default=-1, min=-1, options={"SKIP_SAVE"})
-    at_pointer: bool = prop(BoolProperty, options={"HIDDEN", "SKIP_SAVE"})
     # a click that misses a mark by a pixel must not let the key delete the surface
     result_without_landmark = {"CANCELLED"}
 
@@ -174,9 +173,6 @@ class ONEFRAME_OT_landmark_toggle(_OnOneLandmark, _HasLandmarks, Reporting):
     """Enable or disable a landmark for the pose"""
 
     bl_label = "Toggle Landmark"
-
-    index: int = prop(IntProperty, "Index", INDEX, default=-1, min=-1, options={"SKIP_SAVE"})
-    at_pointer: bool = prop(BoolProperty, options={"HIDDEN", "SKIP_SAVE"})
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene

@@ -3,14 +3,13 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import CollectionProperty, StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import class_registration
 from ..pipeline.case.structure_colour import OTHER, structure_colour
 from ..pipeline.case.surface_folder import RECORD
 from ..pipeline.errors import InputError
 from ..state import from_scene, workbench
-from ..ui.operator import Asking, OperatorResult, call
+from ..ui.operator import Asking, ChosenFiles, OperatorResult, call
 from ..video.operators import VIDEOS
 from ..volume.slice_areas import plane_of
 from .frame import IMAGES
@@ -26,27 +25,18 @@ def extensions(glob: str) -> tuple[str, ...]:
     return tuple(glob.replace("*", "").split(";"))
 
 
-class ONEFRAME_OT_drop_files(Asking):
+class ONEFRAME_OT_drop_files(Asking, ChosenFiles):
     """Open the dropped files: a case, the frame, K, the surface and structures, landmarks"""
 
     bl_label = "Open in OneFrame"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
-    directory: str = prop(StringProperty, subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
-    files: "bpy.types.bpy_prop_collection_idprop[bpy.types.OperatorFileListElement]" = prop(
-        CollectionProperty, type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"}
-    )
-
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        question = unsaved_text(context.scene) if any(map(_is_case, self._paths())) else ""
+        question = unsaved_text(context.scene) if any(map(_is_case, self.chosen_files())) else ""
         return self.ask(context, QUESTION, question, ANSWER) if question else self.execute(context)
 
-    def _paths(self) -> list[Path]:
-        folder = Path(bpy.path.abspath(self.directory))
-        return [folder / entry.name for entry in self.files if entry.name]
-
     def run(self, context: bpy.types.Context) -> None:
-        paths = self._paths()
+        paths = self.chosen_files()
         if not paths:
             raise InputError("expected files, found none; drop them from a file manager")
         for operator, path in _steps(context.scene, paths):

@@ -1,10 +1,8 @@
 """Operators that load camera, surface, structures and pose."""
 
-from pathlib import Path
-
 import bpy
 import numpy as np
-from bpy.props import CollectionProperty, EnumProperty, StringProperty
+from bpy.props import EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..class_registration import class_registration, prop
@@ -30,6 +28,7 @@ from ..state.properties import UNITS
 from ..state.scene_files import input_files
 from ..state.structures import put_structures
 from ..ui.operator import (
+    ChosenFiles,
     Messages,
     NeedsAlignment,
     OperatorResult,
@@ -161,16 +160,12 @@ class ONEFRAME_OT_change_units(Reporting):
         return () if doubt is None else (doubt.message,)
 
 
-class ONEFRAME_OT_add_structure(ReportingFile, ImportHelper):
+class ONEFRAME_OT_add_structure(ReportingFile, ChosenFiles, ImportHelper):
     """Load structures (facial nerve, ossicles, ...) given in the frame and units of the surface's file"""
 
     bl_label = "Add Structures"
 
     filter_glob: str = prop(StringProperty, default=MESHES, options={"HIDDEN"})
-    directory: str = prop(StringProperty, subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
-    files: "bpy.types.bpy_prop_collection_idprop[bpy.types.OperatorFileListElement]" = prop(
-        CollectionProperty, type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"}
-    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -179,8 +174,7 @@ class ONEFRAME_OT_add_structure(ReportingFile, ImportHelper):
 
     def run(self, context: bpy.types.Context) -> Messages:
         surface = from_scene.surface_of(context.scene)
-        folder = Path(bpy.path.abspath(self.directory))
-        paths = [folder / entry.name for entry in self.files if entry.name] or [self.chosen_file()]
+        paths = self.chosen_files() or [self.chosen_file()]
         read = [(path, *read_mesh(path)) for path in paths]
         offset = surface_object.mesh_from_model_of(surface)[:3, 3]
         doubts = []

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import CollectionProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
 from ..class_registration import prop
@@ -105,6 +105,20 @@ class ReportingFile(Reporting):
         if not path.name or path.is_dir():
             raise InputError(f"expected a file, found {filepath or 'none'}; choose a file or type its name")
         return path
+
+
+class ChosenFiles(bpy.types.Operator):
+    """Mixin for operators that take several files at once: chosen in a dialog, or dropped."""
+
+    directory: str = prop(StringProperty, subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
+    files: "bpy.types.bpy_prop_collection_idprop[bpy.types.OperatorFileListElement]" = prop(
+        CollectionProperty, type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"}
+    )
+
+    def chosen_files(self) -> list[Path]:
+        """All of them; none if the operator was called without."""
+        folder = Path(bpy.path.abspath(self.directory))
+        return [folder / entry.name for entry in self.files if entry.name]
 
 
 class SavesFile(ReportingFile, ExportHelper):

@@ -149,7 +149,7 @@ class SurfacePicture:
             gpu.state.depth_mask_set(True)
             for child, mesh in structures:
                 if mesh is not None:
-                    mesh.draw_structure(
+                    mesh.draw(
                         projection.view_from_world @ world_from_structure(child),
                         projection.clip_from_view,
                         (*child.color[:3], STRUCTURE_ALPHA),

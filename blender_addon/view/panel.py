@@ -36,7 +36,8 @@ class ONEFRAME_PT_view(AlignmentPanel):
     def _draw(self, context: bpy.types.Context, layout: bpy.types.UILayout, view: ONEFRAME_PG_view) -> None:
         row = layout.row(align=True)
         row.prop(view, "opacity", slider=True)
-        _draw_operator(row, "oneframe.cycle_opacity", icon="FILE_REFRESH")
+        row.operator("oneframe.cycle_opacity", text="", icon="FILE_REFRESH")
+        draw_key(row, "oneframe.cycle_opacity")
         _draw_toggle(layout, "oneframe.toggle_wireframe", view.wireframe, "MOD_WIREFRAME")
         _draw_toggle(layout, "oneframe.toggle_contour", view.contour, "MOD_EDGESPLIT")
         if view.contour:
@@ -70,11 +71,6 @@ class ONEFRAME_PT_view(AlignmentPanel):
 def _draw_toggle(layout: bpy.types.UILayout, operator: str, is_on: bool, icon: str) -> None:
     row = layout.row(align=True)
     row.operator(operator, icon=icon, depress=is_on)
-    draw_key(row, operator)
-
-
-def _draw_operator(row: bpy.types.UILayout, operator: str, icon: str) -> None:
-    row.operator(operator, text="", icon=icon)
     draw_key(row, operator)
 
 

@@ -389,14 +389,6 @@ def test_messages_of_the_command_line_become_the_windows():
     assert words("use a smaller frame or --scale") == "use a smaller frame or Image Size (×)"
 
 
-def test_previews_are_no_unsaved_images(opened):
-    for number in range(2):
-        opened.oneframe.preview_view = number
-        bpy.ops.oneframe.preview_view()
-    bpy.ops.oneframe.project_colour(mode="texture")
-    assert [image.name for image in bpy.data.images if image.is_dirty] == []
-
-
 def test_settings_that_a_run_would_refuse_are_refused_at_once(opened, job_module, case_path):
     options, text = opened.oneframe.dataset, case_path.read_bytes()
     options.distance_min, options.distance_max = 2.0, 1.0

@@ -183,25 +183,6 @@ def test_margins_can_be_chosen_and_hold(scene, files):
     assert stops[2] == pytest.approx(1.0 + 1.0 + 2.0, abs=0.3)
 
 
-def test_a_drill_that_spares_nothing_says_so(scene, files, tmp_path, capfd):
-    bpy.ops.oneframe.make_surface()
-    assert "nothing is protected" not in capfd.readouterr().out
-    bpy.ops.oneframe.drill()
-    assert "nothing is protected from the drill: give labels" in capfd.readouterr().out
-    drilled(scene, STROKES[0])
-    bpy.ops.oneframe.make_surface()
-    assert "nothing is protected from the drill: give labels" in capfd.readouterr().out
-    drill_strokes.set_margins(scene, {"facial_nerve": 1.0})
-    for operator in (bpy.ops.oneframe.make_surface, bpy.ops.oneframe.drill):
-        with pytest.raises(RuntimeError, match=r"there are none\), found facial_nerve"):
-            operator()
-    with_labels(files)
-    capfd.readouterr()
-    bpy.ops.oneframe.drill()
-    bpy.ops.oneframe.make_surface()
-    assert "nothing is protected" not in capfd.readouterr().out
-
-
 def test_save_case_takes_surface_and_plan_beside_it(scene, files, tmp_path):
     with_labels(files)
     bpy.ops.oneframe.make_surface()

@@ -16,7 +16,8 @@ _Definition = type(bpy.props.BoolProperty())
 
 def prop(kind: Callable[..., object], name: str = "", description: str = "", **settings: Any) -> Any:
     """A property of Blender (``bpy.props``) as the value of a class attribute, which is annotated with its type."""
-    return kind(name=name, description=description, **settings)
+    # without a name, Blender takes that of the attribute
+    return kind(description=description, **({"name": name} if name else {}), **settings)
 
 
 class Part(NamedTuple):

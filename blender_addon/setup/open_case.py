@@ -13,11 +13,10 @@ from ..pipeline.blender.case.load_case import load_case
 from ..pipeline.case.case_file import read_case
 from ..pipeline.case.case_update import differing_fields
 from ..pipeline.errors import InputError
-from ..state import from_scene, to_scene, workbench
+from ..state import from_scene, pose_evidence, to_scene, workbench
 from ..state.camera_view import look_through_camera, show_shape
 from ..state.initial_pose import has_initial_pose
 from ..ui.operator import Asking, Messages, OperatorResult, ReportingFile, call
-from .alignment_record import remember_opened
 
 SHIPPED = Path(__file__).resolve().parents[1] / "sample"
 """The sample in the built extension; a checkout has none."""
@@ -103,7 +102,8 @@ class ONEFRAME_OT_open_case(ReportingFile, ImportHelper):
         loaded = load_case(read_case(self.chosen_file()), aligned=False)
         scene = workbench.enter(context)
         to_scene.remember_case(scene, loaded, alignment_scene.set_up(scene, loaded))
-        remember_opened(scene, loaded.case.alignment, loaded.cam_from_model)
+        # holds while the surface keeps that pose
+        pose_evidence.remember(scene, loaded.case.alignment, loaded.cam_from_model)
         show_shape(context)
         look_through_camera(context)
         width, height = loaded.case.camera.size_wh

@@ -35,21 +35,21 @@ class Preview(bpy.types.Operator):
         """Begin with the refined pose; ``start`` is the ``(4, 4)`` initial one, to which the preview can go back."""
         self._result, self._start, self.is_shown = result, start, True
         self._start_record = pose_record(context.scene)
-        self._show(context, is_result=True)
+        self._show_pose(context, is_result=True)
         self._show_figures(context)
 
     def _preview(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         result = self._result
         if event.value == "PRESS":
             if event.type in DISCARD:
-                self._show(context, is_result=False)
+                self._show_pose(context, is_result=False)
                 return self._close(context, "CANCELLED", message="the refined pose is discarded, the pose is unchanged")
             if (event.type in TAKE and event.ctrl) if result.can_be_taken else event.type in KEEP:
                 take(context.scene, result, self._start_record)
                 message = f"taken although refused: {result.objection}" if result.can_be_taken else result.message
                 return self._close(context, "FINISHED", message=message)
             if event.type == "SPACE":
-                self._show(context, is_result=not self._shows_result)
+                self._show_pose(context, is_result=not self._shows_result)
         self._show_figures(context)
         return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
 
@@ -89,7 +89,7 @@ class Preview(bpy.types.Operator):
         figures = _figures(self._result, refined=self._shows_result)
         show_status(context, f"{shown}: {figures}      {_keys(self._result)}")
 
-    def _show(self, context: bpy.types.Context, *, is_result: bool) -> None:
+    def _show_pose(self, context: bpy.types.Context, *, is_result: bool) -> None:
         scene = context.scene
         pose = self._result.found if is_result else self._start
         set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), pose)

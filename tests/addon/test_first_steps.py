@@ -92,7 +92,7 @@ def test_a_surface_that_is_loaded_first_is_in_view(addon, folder):
 def test_the_sample_is_a_copy_that_the_user_may_change(addon, folder, tmp_path, monkeypatch):
     from blender_addon.setup import open_case as sample
 
-    with pytest.raises(RuntimeError, match=r"make_sample\.py"):
+    with pytest.raises(RuntimeError, match="oneframe sample"):
         bpy.ops.oneframe.open_sample()
     monkeypatch.setattr(sample, "SHIPPED", folder)
     copy = sample.copied_sample(tmp_path / "mine")

@@ -18,6 +18,8 @@ FORMAT = "oneframe dataset 2"
 SPLIT = "train_synt"
 """BOP's name for rendered images to train on. Its toolkit expects PNG files in it, and JPEG files in ``train_pbr``."""
 VIEWS_PER_SCENE = 1000
+MOST_VIEWS = 10_000_000
+"""Of a dataset."""
 OBJECT_ID = 1
 
 RECORD, CHECKSUMS, WORK = "dataset.json", "checksums.json", ".work"

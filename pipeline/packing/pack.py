@@ -9,7 +9,7 @@ from typing import TextIO
 
 from ..dataset.bop import write_test_targets
 from ..dataset.checksums import sum_of_file
-from ..dataset.layout import ViewPaths
+from ..dataset.layout import MOST_VIEWS, ViewPaths
 from ..errors import InputError
 from ..files.content import create_folder, write_bytes_atomically, written_file
 from ..files.tables import write_json
@@ -20,7 +20,6 @@ from .layout import (
     INFO,
     KEY_TO_SHARD,
     MANIFEST,
-    MOST_VIEWS,
     TABLES,
     TARGETS,
     VIEWS_PER_SHARD,

@@ -13,7 +13,8 @@ import numpy as np
 
 from ..dataset.check.findings import Findings
 from ..dataset.checksums import FileSum, damaged_file
-from ..dataset.layout import RECORD, ViewPaths, largest_view_file, scene_views
+from ..dataset.dataset_file import Description, read_description
+from ..dataset.layout import MOST_VIEWS, RECORD, ViewPaths, largest_view_file, scene_views
 from ..errors import InputError, RunError
 from ..files.content import LARGEST_FILE, read_file
 from ..files.tables import parsed_json
@@ -23,7 +24,6 @@ from .layout import (
     KEY_TO_SHARD,
     MANIFEST,
     MASKS,
-    MOST_VIEWS,
     TABLES,
     TARGETS,
     WORK,
@@ -37,7 +37,7 @@ from .mask_image import decoded_mask
 from .mask_runs import mask_columns
 from .pack_folder import is_own_name
 from .shard import PackedShard
-from .source import Description, Source, open_source, read_description
+from .source import Source, open_source
 from .tar import ordered_names
 
 SCENE_TABLES = {"camera.json": "scene_camera.json", "gt.json": "scene_gt.json", "gt_info.json": "scene_gt_info.json"}

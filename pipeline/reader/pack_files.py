@@ -5,17 +5,20 @@ import threading
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
+from ..dataset.dataset_file import Description
+from ..dataset.decoding import decoded_array, decoded_depth, decoded_rgb
 from ..dataset.layout import ViewPaths, largest_view_file
 from ..errors import InputError
 from ..files.content import regular_file
+from ..files.tables import parsed_json
 from ..packing.layout import shard_name, view_key
 from ..packing.manifest import Manifest
-from ..packing.source import Description
+from ..packing.mask_runs import mask_columns
 from ..packing.tar import member_places
 from ..transforms import rigid
-from .decoding import decoded_array, decoded_depth, decoded_rgb, decoded_run_lengths, parsed
 from .view import Boxes, Truth
 
 MOST_OPEN = 8
@@ -74,7 +77,8 @@ class PackFiles:
     def mask(self, index: int, kind: str) -> np.ndarray:
         """``(H, W)`` bool."""
         data, where = self._read(index, f"{kind}.json")
-        return decoded_run_lengths(data, self._shape, where)
+        # OpenCV transposes in blocks
+        return cv2.transpose(mask_columns(data, self._shape, where)).view(bool)
 
     def close(self) -> None:
         """Give back all handles of files."""
@@ -83,7 +87,7 @@ class PackFiles:
 
     def _table(self, index: int, suffix: str) -> tuple[Any, str]:
         data, where = self._read(index, suffix)
-        return parsed(data, where), where
+        return parsed_json(data, where), where
 
     def _read(self, index: int, suffix: str) -> tuple[bytes, str]:
         """Content of a member, and its name in messages."""

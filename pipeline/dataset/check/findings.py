@@ -1,6 +1,10 @@
 """The findings of a check: all are counted, a readable number is kept and shown."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+
+from ...errors import InputError, RunError
 
 SHOWN, SHOWN_OF_A_KIND = 20, 5
 LONGEST = 500
@@ -20,6 +24,14 @@ class Findings:
         kept = self.first.setdefault(kind, [])
         if len(kept) < SHOWN:
             kept.append(printable(str(message)))
+
+    @contextmanager
+    def collecting(self, kind: str) -> Iterator[None]:
+        """Turn the InputError or RunError that ends the block into a finding."""
+        try:
+            yield
+        except (InputError, RunError) as error:
+            self.add(kind, error)
 
     def __len__(self) -> int:
         return sum(self.counts.values())

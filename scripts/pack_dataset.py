@@ -9,8 +9,8 @@ from pathlib import Path
 # the repository's root: scripts are run from a checkout
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from pipeline.blender.command_line import run_script
-from pipeline.commands import pack
+from oneframe.blender.command_line import run_script
+from oneframe.commands import pack
 
 if __name__ == "__main__":
     run_script(lambda argv: pack.main(argv, "pack_dataset.py"))

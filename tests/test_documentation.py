@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import __version__
-from pipeline.case.case_file import case_from_text
-from pipeline.commands.__main__ import COMMANDS, dispatch
-from pipeline.dataset.options import checked_options
+from oneframe import __version__
+from oneframe.case.case_file import case_from_text
+from oneframe.commands.__main__ import COMMANDS, dispatch
+from oneframe.dataset.options import checked_options
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]

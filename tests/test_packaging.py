@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import __version__
+from oneframe import __version__
 from scripts.dev import build_extension
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -15,7 +15,7 @@ import os
 import subprocess
 from collections.abc import Sequence
 
-from pipeline.errors import InputError, RunError
+from oneframe.errors import InputError, RunError
 from scripts.dev import build_extension
 
 RESOURCES = ROOT / "build" / "addon-dev"

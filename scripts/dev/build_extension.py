@@ -24,10 +24,10 @@ import tomllib
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence
 
-from pipeline import __version__
-from pipeline.errors import InputError, RunError
-from pipeline.files.kinds import Kind, beginning
-from pipeline.files.outputs import Output, check_outputs
+from oneframe import __version__
+from oneframe.errors import InputError, RunError
+from oneframe.files.kinds import Kind, beginning
+from oneframe.files.outputs import Output, check_outputs
 
 WHEEL_TAGS = {
     "linux-x64": ("manylinux2014_x86_64", "manylinux_2_28_x86_64"),
@@ -42,8 +42,8 @@ MAKE_SAMPLE = """
 import sys
 sys.path.insert(0, sys.argv[1])
 from pathlib import Path
-from pipeline.blender.sample.sample_case import write_sample_case
-from pipeline.sample.temporal_bone import sample_surface
+from oneframe.blender.sample.sample_case import write_sample_case
+from oneframe.sample.temporal_bone import sample_surface
 for _ in write_sample_case(Path(sys.argv[2]), sample_surface(), held_out=False):
     pass
 """

@@ -19,9 +19,9 @@ from collections.abc import Sequence
 
 from PIL import Image
 
-from pipeline.errors import InputError, RunError
-from pipeline.files.kinds import Kind, beginning
-from pipeline.files.outputs import Output, check_outputs
+from oneframe.errors import InputError, RunError
+from oneframe.files.kinds import Kind, beginning
+from oneframe.files.outputs import Output, check_outputs
 from scripts.dev import build_extension
 from tests.window import session
 

@@ -9,8 +9,8 @@ import pytest
 
 pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[cluster]"')
 
-from pipeline.cluster.sources import open_source
-from pipeline.errors import InputError, RunError
+from oneframe.cluster.sources import open_source
+from oneframe.errors import InputError, RunError
 from tests.cluster.strangers import check_closed, listeners
 from tests.cluster.test_cluster_render import render_processes, wait_until
 

@@ -22,12 +22,12 @@ from distributed import Client, LocalCluster, get_worker
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.cluster import orders
-from pipeline.cluster.on_worker import LostError, OnWorker
-from pipeline.cluster.orders import MOST_ITEMS, ORDER_SECONDS, Orders, order_size
-from pipeline.cluster.sources import WorkerSource, open_source
-from pipeline.errors import InputError, RunError
-from pipeline.progress import Progress
+from oneframe.cluster import orders
+from oneframe.cluster.on_worker import LostError, OnWorker
+from oneframe.cluster.orders import MOST_ITEMS, ORDER_SECONDS, Orders, order_size
+from oneframe.cluster.sources import WorkerSource, open_source
+from oneframe.errors import InputError, RunError
+from oneframe.progress import Progress
 from tests.waiting import wait_until
 
 ITEMS = range(200)

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.images.png import encode_png
+from oneframe.images.png import encode_png
 from tests.outside.victims import Victims, faults_of
 from tests.volume.conftest import series_on_disk
 

@@ -21,19 +21,19 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.landmark_file import read_landmarks, write_landmarks
-from pipeline.case.landmarks import Landmark
-from pipeline.commands.__main__ import COMMANDS
-from pipeline.images.png import encode_png
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.landmark_file import read_landmarks, write_landmarks
+from oneframe.case.landmarks import Landmark
+from oneframe.commands.__main__ import COMMANDS
+from oneframe.images.png import encode_png
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = [sys.executable, "-m", "pipeline.commands"]
 POSE = [[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]]
 RUN_ALL = """
 import json, sys
-from pipeline.blender.command_line import exit_code
-from pipeline.commands.__main__ import dispatch
+from oneframe.blender.command_line import exit_code
+from oneframe.commands.__main__ import dispatch
 for line in open(sys.argv[1]):
     sys.stderr.write(f"code {exit_code(dispatch, json.loads(line))}\\n")
     sys.stderr.flush()

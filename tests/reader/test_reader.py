@@ -19,12 +19,12 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.dataset.layout import ViewPaths
-from pipeline.errors import InputError
-from pipeline.images.png import encode_png
-from pipeline.packing.pack import pack_dataset
-from pipeline.reader import Dataset, View, open_dataset
-from pipeline.reader.pack_files import MOST_OPEN
+from oneframe.dataset.layout import ViewPaths
+from oneframe.errors import InputError
+from oneframe.images.png import encode_png
+from oneframe.packing.pack import pack_dataset
+from oneframe.reader import Dataset, View, open_dataset
+from oneframe.reader.pack_files import MOST_OPEN
 from tests.impossible_files import impossible
 
 PARTS = ("rgb", "depth_mm", "mask", "observed", "k", "cam_from_model")
@@ -217,7 +217,7 @@ def test_claims_take_no_memory(copied, copied_pack):
         open_dataset(copied)[0].rgb  # noqa: B018
     path = ViewPaths(copied, 0).file("depth_mm")
     path.write_bytes(path.read_bytes().replace(b"(48, 64), }    ", b"(999999999,), }"))
-    with pytest.raises(InputError, match=r"depth_mm/000000\.npy: expected a file of a view"):
+    with pytest.raises(InputError, match=r"depth_mm/000000\.npy: expected an array of numbers"):
         open_dataset(copied)[0].depth_mm  # noqa: B018
     shard = copied_pack / "shard-000000.tar"
     entry = tarfile.TarInfo("000000_000000.camera.json")

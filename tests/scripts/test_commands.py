@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import __version__
-from pipeline.commands.__main__ import COMMANDS, EPILOG, SHELLS, dispatch
-from pipeline.commands.parser import command_parser
-from pipeline.commands.render import GROUPS
-from pipeline.dataset.options import option_names
-from pipeline.errors import InputError
+from oneframe import __version__
+from oneframe.commands.__main__ import COMMANDS, EPILOG, SHELLS, dispatch
+from oneframe.commands.parser import command_parser
+from oneframe.commands.render import GROUPS
+from oneframe.dataset.options import option_names
+from oneframe.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = {

@@ -10,14 +10,14 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.blender.bridge.image import read_image
-from pipeline.blender.case.load_case import load_case
-from pipeline.case.case_file import read_case
-from pipeline.commands.__main__ import dispatch
-from pipeline.errors import InputError
-from pipeline.images.png import encode_png
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.surface.mesh_writer import write_obj, write_ply
+from oneframe.blender.bridge.image import read_image
+from oneframe.blender.case.load_case import load_case
+from oneframe.case.case_file import read_case
+from oneframe.commands.__main__ import dispatch
+from oneframe.errors import InputError
+from oneframe.images.png import encode_png
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_writer import write_obj, write_ply
 from tests.volume.ball_ct import write_ball_ct
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -12,11 +12,11 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.errors import InputError
-from pipeline.files.numbers import parsed_numbers
-from pipeline.surface.mesh import checked_mesh
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.surface.obj_reader import read_obj
+from oneframe.errors import InputError
+from oneframe.files.numbers import parsed_numbers
+from oneframe.surface.mesh import checked_mesh
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.obj_reader import read_obj
 
 TYPE_NAMES = {
     "b": ("char", "int8"),

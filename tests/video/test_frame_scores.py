@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.video import frame_scores
-from pipeline.video.film_reader import FilmInfo
-from pipeline.video.frame_scores import FilmScores, score_images
-from pipeline.video.score_report import report_lines
-from pipeline.video.selection import best_frames
+from oneframe.video import frame_scores
+from oneframe.video.film_reader import FilmInfo
+from oneframe.video.frame_scores import FilmScores, score_images
+from oneframe.video.score_report import report_lines
+from oneframe.video.selection import best_frames
 from tests.video.surgical_film import Event, clear_frames, random_events, surgical_film
 
 pytestmark = pytest.mark.render

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.commands.surface_finish import finish_of, removed_of
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.volume.bone_surface import bone_surface, widened_mm
-from pipeline.volume.clearance import clearances, violations
-from pipeline.volume.drill_plan import DrillPlan, Stroke
-from pipeline.volume.drilled_volume import removed_by_plan
-from pipeline.volume.isosurface import isosurface
-from pipeline.volume.volume import Volume, VoxelGrid
+from oneframe.commands.surface_finish import finish_of, removed_of
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.volume.bone_surface import bone_surface, widened_mm
+from oneframe.volume.clearance import clearances, violations
+from oneframe.volume.drill_plan import DrillPlan, Stroke
+from oneframe.volume.drilled_volume import removed_by_plan
+from oneframe.volume.isosurface import isosurface
+from oneframe.volume.volume import Volume, VoxelGrid
 
 GRID = VoxelGrid((60, 60, 60), np.diag([0.5, 0.5, 0.5, 1.0]))
 BONE = np.full((60, 60, 60), 1000, np.int16)

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import InputError
-from pipeline.volume import volume_reader
-from pipeline.volume.label_map import read_labels
-from pipeline.volume.volume_reader import list_series, read_volume
+from oneframe.errors import InputError
+from oneframe.volume import volume_reader
+from oneframe.volume.label_map import read_labels
+from oneframe.volume.volume_reader import list_series, read_volume
 
 sitk = pytest.importorskip("SimpleITK")
 pydicom = pytest.importorskip("pydicom")
@@ -22,9 +22,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 READ = """
 import sys, pathlib
-from pipeline.volume.volume_reader import list_series, read_volume
-from pipeline.volume import volume_reader
-from pipeline.volume.label_map import read_labels
+from oneframe.volume.volume_reader import list_series, read_volume
+from oneframe.volume import volume_reader
+from oneframe.volume.label_map import read_labels
 for call in (list_series, read_volume, read_labels):
     try:
         result = call(pathlib.Path(sys.argv[1]))

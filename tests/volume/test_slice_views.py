@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.transforms import transform_points
-from pipeline.volume.isosurface import RemovedField
-from pipeline.volume.resampling import Sampler
-from pipeline.volume.slice_views import LabelColours, slice_views
-from pipeline.volume.volume import LabelMap, Volume, VoxelGrid
+from oneframe.transforms import transform_points
+from oneframe.volume.isosurface import RemovedField
+from oneframe.volume.resampling import Sampler
+from oneframe.volume.slice_views import LabelColours, slice_views
+from oneframe.volume.volume import LabelMap, Volume, VoxelGrid
 
 
 def random_grid(seed: int, size: tuple[int, int, int]) -> VoxelGrid:

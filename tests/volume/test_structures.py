@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.case.structure_colour import OTHER, structure_colour
-from pipeline.errors import InputError
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.volume.label_map import read_labels
-from pipeline.volume.structures import name_of_file, structure_meshes, structure_name
-from pipeline.volume.threshold import otsu_threshold
-from pipeline.volume.volume import LabelMap, VoxelGrid
-from pipeline.volume.volume_reader import read_volume
+from oneframe.case.structure_colour import OTHER, structure_colour
+from oneframe.errors import InputError
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.volume.label_map import read_labels
+from oneframe.volume.structures import name_of_file, structure_meshes, structure_name
+from oneframe.volume.threshold import otsu_threshold
+from oneframe.volume.volume import LabelMap, VoxelGrid
+from oneframe.volume.volume_reader import read_volume
 
 BONES = Path(__file__).resolve().parents[3] / "shared" / "data" / "temporal_bones"
 

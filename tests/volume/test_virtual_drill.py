@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.volume.distance_field import ImplicitGrid, ball, largest_component
-from pipeline.volume.virtual_drill import subtract_burrs
+from oneframe.volume.distance_field import ImplicitGrid, ball, largest_component
+from oneframe.volume.virtual_drill import subtract_burrs
 
 LOWER, UPPER = np.full(3, -2.0), np.full(3, 2.0)
 SPACING = 0.1

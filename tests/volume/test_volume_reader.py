@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.transforms import rotation_from_vector, transform_points
-from pipeline.volume import volume_reader
-from pipeline.volume.volume import Volume
-from pipeline.volume.volume_header import read_header
-from pipeline.volume.volume_reader import read_volume
+from oneframe.errors import InputError
+from oneframe.transforms import rotation_from_vector, transform_points
+from oneframe.volume import volume_reader
+from oneframe.volume.volume import Volume
+from oneframe.volume.volume_header import read_header
+from oneframe.volume.volume_reader import read_volume
 
 sitk = pytest.importorskip("SimpleITK")
 nib = pytest.importorskip("nibabel")

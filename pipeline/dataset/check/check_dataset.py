@@ -121,22 +121,25 @@ def check_dataset(
     InputError
         Not a dataset at all, or one of another format.
     """
-    if not (root / RECORD).is_file():
-        if (root / SPLIT).is_dir():
-            raise InputError(
-                f"{root}: expected {RECORD}, which says what the views were made from, found none beside {SPLIT}: "
-                f"{AGAIN}: it writes the file again, and renders no view that is there"
-            )
+    has_views = (root / SPLIT).is_dir()
+    if not (root / RECORD).exists() and not has_views:
         raise InputError(
             f"{root}: expected the folder of a dataset, found no {RECORD} in it; give the folder that --out named"
         )
-    description = read_description(root / RECORD)
+    findings = Findings()
+    try:
+        description = read_description(root / RECORD)
+    except InputError as damage:
+        if not has_views:
+            raise
+        findings.add("damaged files", damage)
+        findings.add("damaged files", f"{RECORD}: remove it and {AGAIN}: this writes it, and keeps the views")
+        return CheckReport(0, findings, 0, ())
     if "setting" in description.content:
         raise InputError(
             f"{root / RECORD}: its views are of --quality, which this version does not have; check the dataset with "
             "the version that made it"
         )
-    findings = Findings()
     report = _Check(root, description, findings, views=views, hashes=hashes).run(stream)
     if case is not None:
         check_inputs(description, case, poses, findings)

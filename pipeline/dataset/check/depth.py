@@ -18,8 +18,12 @@ import cv2
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...projection.z_buffer import rasterise_depth
+from ...projection.z_buffer import is_within_limits, rasterise_depth
 from ...surface.mesh import TriangleMesh
+from ...transforms import transform_points
+
+GUARD_PX = 64.0
+"""Triangles that reach farther out of the image are clipped if some are too far out of it, or behind the camera."""
 
 RAY_PX = 0.03
 """Largest distance of a renderer's ray from the pixel's centre, px: on a slope it causes a depth error."""
@@ -89,6 +93,10 @@ class DepthAgreement:
 
 def surface_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> SurfaceDepth:
     """Depth of a mesh (model frame) at every pixel's centre, of front and back faces."""
+    if not is_within_limits(mesh, camera, cam_from_model):
+        mesh, cam_from_model = _in_view(mesh, camera, cam_from_model), np.eye(4)
+    if not len(mesh.faces):
+        return SurfaceDepth(np.zeros(camera.shape_hw), np.zeros((2, *camera.shape_hw)))
     inverse_depth, face = rasterise_depth(mesh, camera, cam_from_model)
     z = np.divide(1.0, inverse_depth, out=np.zeros_like(inverse_depth), where=face >= 0)
     # the inverse depth of a plane n . x = offset is affine in the pixel: n . (rays) / offset
@@ -160,3 +168,41 @@ def _best_shift(
     variance = float(np.mean((residual - rows @ solution) ** 2))
     covariance = (vectors[:, determined] * (variance / values[determined])) @ vectors[:, determined].T
     return (float(solution[0]), float(solution[1])), float(np.sqrt(covariance[0, 0] + covariance[1, 1]))
+
+
+def _in_view(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> TriangleMesh:
+    """The parts of a mesh in front of the camera and near the image, in the camera's frame."""
+    points_cam = transform_points(cam_from_model, mesh.vertices)
+    triangles = points_cam[mesh.faces]
+    offsets = (1e-6 * np.abs(points_cam[:, 2]).max(), 0, 0, 0, 0)
+    for plane, offset in zip(_frustum(camera), offsets, strict=True):
+        triangles = _clipped(triangles, plane, offset)
+    corners = np.arange(3 * len(triangles), dtype=np.int32)
+    return TriangleMesh(triangles.reshape(-1, 3), corners.reshape(-1, 3))
+
+
+def _frustum(camera: PinholeCamera) -> np.ndarray:
+    """``(5, 3)`` inward normals of the near plane and of the planes around the image and its guard band."""
+    k = camera.k
+    low, high_u, high_v = -GUARD_PX, camera.width - 1 + GUARD_PX, camera.height - 1 + GUARD_PX
+    u, v, z = k
+    return np.stack([z, u - low * z, high_u * z - u, v - low * z, high_v * z - v])
+
+
+def _clipped(triangles: np.ndarray, plane: np.ndarray, offset: float) -> np.ndarray:
+    """``(T, 3, 3)`` triangles -> the triangles of their parts with ``plane . x >= offset`` (Sutherland & Hodgman)."""
+    height = triangles @ plane - offset
+    inside = height >= 0
+    count = inside.sum(axis=1)
+    parts = [triangles[count == 3]]
+    for kept in (1, 2):
+        chosen = count == kept
+        # the corner that is alone on its side first
+        first = np.argmax(inside[chosen] == (kept == 1), axis=1)
+        order = (first[:, None] + np.arange(3)) % 3
+        rows = np.arange(len(order))[:, None]
+        (a, b, c), h = np.moveaxis(triangles[chosen][rows, order], 1, 0), height[chosen][rows, order]
+        ab = a + (b - a) * (h[:, 0] / (h[:, 0] - h[:, 1]))[:, None]
+        ac = a + (c - a) * (h[:, 0] / (h[:, 0] - h[:, 2]))[:, None]
+        parts += [np.stack([a, ab, ac], 1)] if kept == 1 else [np.stack([ab, b, c], 1), np.stack([ab, c, ac], 1)]
+    return np.concatenate(parts)

@@ -9,13 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.blender.render.engines import render_view
-from pipeline.blender.render.material import FILTER_LOOKUPS
-from pipeline.blender.render.surface_scene import LARGEST_VIEW_PX, SurfaceScene
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.colour.shading import SurfaceColour
-from pipeline.colour.vertex_colours import VertexColours
-from pipeline.surface.mesh import TriangleMesh
+from oneframe.blender.render.engines import render_view
+from oneframe.blender.render.material import FILTER_LOOKUPS
+from oneframe.blender.render.surface_scene import LARGEST_VIEW_PX, SurfaceScene
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.shading import SurfaceColour
+from oneframe.colour.vertex_colours import VertexColours
+from oneframe.surface.mesh import TriangleMesh
 
 
 def converged_view(

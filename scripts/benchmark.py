@@ -13,8 +13,8 @@ from pathlib import Path
 
 # before numpy is imported: the matrices are small, so BLAS threads cost more than they save
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# the repository's root: scripts are run from a checkout
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+# the repository's root, for the benchmarks, and the folder where the package is found by its name
+sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parent)]
 
 import argparse
 from collections.abc import Sequence

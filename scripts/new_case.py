@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 # Blender puts neither the script's folder nor the current one on the module path
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from oneframe.blender.command_line import run_script
 from oneframe.commands import case

@@ -6,8 +6,8 @@ python scripts/pack_dataset.py DIR --out PACKED [--views-per-shard 1000] [--jpeg
 import sys
 from pathlib import Path
 
-# the repository's root: scripts are run from a checkout
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+# Blender puts neither the script's folder nor the current one on the module path
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from oneframe.blender.command_line import run_script
 from oneframe.commands import pack

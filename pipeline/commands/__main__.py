@@ -1,4 +1,4 @@
-"""The program ``oneframe``: runs one command and imports no other. Also ``python -m pipeline.commands``."""
+"""The program ``oneframe``: runs one command and imports no other. Also ``python -m oneframe.commands``."""
 
 import argparse
 import sys

@@ -28,15 +28,15 @@ MEGABYTES = 600.0
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _ROOT = __name__.rpartition(".files.")[0]
-"""This package's name: as a part of the installed add-on it is not ``pipeline``."""
+"""This package's name: as a part of the installed add-on it is not ``oneframe``."""
 
 _CHILD = """
 import importlib.util, json, sys
 package, sys.path[:], *call = json.loads(sys.argv[1])
-spec = importlib.util.spec_from_file_location("pipeline", package)
-sys.modules["pipeline"] = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(sys.modules["pipeline"])
-from pipeline.files.child_process import answer
+spec = importlib.util.spec_from_file_location("oneframe", package)
+sys.modules["oneframe"] = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(sys.modules["oneframe"])
+from oneframe.files.child_process import answer
 answer(*call)
 """
 _STREAMING_CHILD = _CHILD.replace("answer", "answer_in_parts")
@@ -73,7 +73,7 @@ def called_apart(
     ChildError
         The process crashed, or took too long or too much memory.
     """
-    name = "pipeline" + function.__module__.removeprefix(_ROOT)
+    name = "oneframe" + function.__module__.removeprefix(_ROOT)
     call = [str(_PACKAGE / "__init__.py"), sys.path, name, function.__name__, cpu_seconds, megabytes, list(arguments)]
     try:
         ended = subprocess.run(
@@ -125,7 +125,7 @@ def streamed_apart(
     ChildError
         The process crashed, or a part took too long or too much memory.
     """
-    name = "pipeline" + function.__module__.removeprefix(_ROOT)
+    name = "oneframe" + function.__module__.removeprefix(_ROOT)
     call = [str(_PACKAGE / "__init__.py"), sys.path, name, function.__name__, list(arguments)]
     try:
         child = subprocess.Popen(

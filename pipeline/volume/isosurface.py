@@ -1,7 +1,7 @@
 """The surface where a volume crosses a level: marching cubes with shared vertices, in slabs of bounded memory.
 
 A vertex lies where an edge of the grid, between two neighbouring voxels, leaves the material, at the linear
-interpolation of their values; the triangles between them are those of :mod:`pipeline.volume.cell_table`. Around the
+interpolation of their values; the triangles between them are those of :mod:`oneframe.volume.cell_table`. Around the
 volume lies air, so every surface is closed. A drill is a second field, and a vertex lies at whichever of the two
 crossings is nearer to the material: the bone's own surface keeps its vertices, bit by bit, and the drilled one is as
 exact as the drill's distances, whatever the grey values.

@@ -1,7 +1,7 @@
 """Volumes and label maps from files: NIfTI, NRRD, MetaImage, and folders of DICOM slices.
 
-Headers are checked first (:mod:`pipeline.volume.volume_header`); then SimpleITK reads the voxels in a process of its
-own (:mod:`pipeline.volume.voxel_decoder`), which leaves them in a temporary file.
+Headers are checked first (:mod:`oneframe.volume.volume_header`); then SimpleITK reads the voxels in a process of its
+own (:mod:`oneframe.volume.voxel_decoder`), which leaves them in a temporary file.
 """
 
 import json

@@ -34,7 +34,7 @@ def file_as_npy(data: bytes, name: str, out: str, wanted: str) -> bytes:
     Parameters
     ----------
     data
-        JSON: ``size`` and ``mesh_from_index`` as :mod:`pipeline.volume.volume_header` read them, ``box_mm``.
+        JSON: ``size`` and ``mesh_from_index`` as :mod:`oneframe.volume.volume_header` read them, ``box_mm``.
     name, out
         Paths of the volume and of the ``.npy``.
     wanted

@@ -50,7 +50,7 @@ cone_deg = 30
     assert np.array_equal(arrived.cam_from_mesh, case.cam_from_mesh)
     assert [(s.name, s.colour) for s in arrived.structures] == [(s.name, s.colour) for s in case.structures]
     # the names of the files may name the patient
-    assert parcel.sums.keys() == {CASE, "frame.png", "surface.ply", "structure_0.ply", "structure_1.ply", "poses.npy"}
+    assert parcel.files.keys() == {CASE, "frame.png", "surface.ply", "structure_0.ply", "structure_1.ply", "poses.npy"}
     there, here = arrived.input_files(), case.input_files()
     assert there.keys() == here.keys()
     assert all(there[name].read_bytes() == here[name].read_bytes() for name in there if name != "case")

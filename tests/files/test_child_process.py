@@ -37,7 +37,7 @@ def test_a_process_that_takes_too_long_is_stopped():
 @pytest.mark.parametrize("script", ["x = bytearray(3 << 30)", "while True: pass"])
 def test_memory_and_time_of_the_child_are_limited(monkeypatch, script):
     child = child_process._CHILD.replace(
-        "answer(*call)", f"import pipeline.files.child_process as c; c._limit(1.0)\n{script}"
+        "answer(*call)", f"import oneframe.files.child_process as c; c._limit(1.0)\n{script}"
     )
     monkeypatch.setattr(child_process, "_CHILD", child)
     with pytest.raises(ChildError):
@@ -59,7 +59,7 @@ PARTS = child_process._STREAMING_CHILD
 
 def with_parts(monkeypatch, body: str) -> None:
     """Let the child's generator be this code, whatever is called."""
-    answer = "import pipeline.files.child_process as c, types, sys\n"
+    answer = "import oneframe.files.child_process as c, types, sys\n"
     answer += f"def parts(*_):\n{textwrap.indent(body, '    ')}\n"
     answer += "sys.modules['made'] = types.SimpleNamespace(parts=parts)\nc.answer_in_parts('made', 'parts', [])"
     monkeypatch.setattr(child_process, "_STREAMING_CHILD", PARTS.replace("answer_in_parts(*call)", answer))

@@ -28,7 +28,7 @@ from oneframe.commands.__main__ import COMMANDS
 from oneframe.images.png import encode_png
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = [sys.executable, "-m", "pipeline.commands"]
+PROGRAM = [sys.executable, "-m", "oneframe.commands"]
 POSE = [[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]]
 RUN_ALL = """
 import json, sys
@@ -76,7 +76,7 @@ def run_all(tmp_path, run_command) -> Callable[[list[CommandLine]], list[tuple[i
     def run(lines: list[CommandLine]) -> list[tuple[int, str]]:
         listed = tmp_path / "lines.txt"
         listed.write_text("".join(json.dumps(list(map(str, line))) + "\n" for line in lines))
-        ended = run_command([sys.executable, "-c", RUN_ALL, str(listed)], PYTHONPATH=str(ROOT))
+        ended = run_command([sys.executable, "-c", RUN_ALL, str(listed)])
         listed.unlink()
         results, errors = [], ""
         for line in ended.stderr.splitlines(keepends=True):
@@ -426,7 +426,7 @@ def test_a_command_whose_messages_nobody_gets(case, tmp_path, streams):
 
 @pytest.mark.parametrize("arguments", ["--help", "render --help"])
 def test_without_docstrings(arguments):
-    plain, bare = shell(f"$RUN {arguments}"), shell(f"{sys.executable} -OO -m pipeline.commands {arguments}")
+    plain, bare = shell(f"$RUN {arguments}"), shell(f"{sys.executable} -OO -m oneframe.commands {arguments}")
     assert (bare.returncode, bare.stderr) == (0, "")
     assert bare.stdout == plain.stdout
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from oneframe.errors import InputError
 from oneframe.dataset.decoding import decoded_grey
+from oneframe.errors import InputError
 from oneframe.images.png import encode_png
 from oneframe.packing.mask_image import decoded_mask
 from oneframe.packing.mask_runs import mask_columns, mask_json
@@ -56,7 +56,7 @@ def test_damaged_masks_are_a_sentence(mask, data):
         decoded_mask(png[:cut], "m")
     text = mask_json(mask)
     with pytest.raises(InputError, match="m: expected"):
-        decoded_run_lengths(text[: data.draw(st.integers(0, len(text) - 1))], mask.shape, "m")
+        mask_columns(text[: data.draw(st.integers(0, len(text) - 1))], mask.shape, "m")
 
 
 @pytest.mark.parametrize(
@@ -70,4 +70,4 @@ def test_damaged_masks_are_a_sentence(mask, data):
 )  # fmt: skip
 def test_run_lengths_of_other_images_are_a_sentence(entry):
     with pytest.raises(InputError, match="m: expected"):
-        decoded_run_lengths(json.dumps({"0": entry}).encode(), (2, 2), "m")
+        mask_columns(json.dumps({"0": entry}).encode(), (2, 2), "m")

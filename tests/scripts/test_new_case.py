@@ -123,14 +123,13 @@ def test_the_folder_is_a_case_that_every_command_takes(given, tmp_path, run_comm
     assert loaded.cam_from_model[2, 0] < -0.95
     assert loaded.cam_from_model[1, 2] < -0.95
 
-    program = [sys.executable, "-m", "pipeline.commands"]
+    program = [sys.executable, "-m", "oneframe.commands"]
     rendered = run_command(
         [*program, "render", str(out / "case.toml"), "--out", str(tmp_path / "dataset"), "--count", "2"],
-        PYTHONPATH=str(ROOT),
     )
     assert rendered.returncode == 0, rendered.stderr
     assert rendered.stdout.startswith("note: the pose of case.toml is an initial guess that nobody has aligned")
-    checked = run_command([*program, "check", str(tmp_path / "dataset")], PYTHONPATH=str(ROOT))
+    checked = run_command([*program, "check", str(tmp_path / "dataset")])
     assert checked.returncode == 0, checked.stdout + checked.stderr
 
 

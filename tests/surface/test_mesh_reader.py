@@ -248,7 +248,7 @@ def test_obj_is_read_as_line_by_line(monkeypatch, lines, block):
     """All bytes of a block at once, wherever blocks end: the same numbers, and errors that name a wrong line."""
     text = "v 1 2 3\nv 4 5 6\n" + "".join(line + end for line, end in lines)
     vertices, polygons, wrong = obj_line_by_line(text)
-    monkeypatch.setattr("pipeline.surface.obj_reader._BLOCK", block)
+    monkeypatch.setattr("oneframe.surface.obj_reader._BLOCK", block)
     if wrong:
         with pytest.raises(InputError) as refused:
             read_obj(text.encode(), "a.obj")

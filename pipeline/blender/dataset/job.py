@@ -101,12 +101,12 @@ class OpenJob:
 
     @cached_property
     def identity(self) -> str:
-        """The dataset's identity: see :func:`pipeline.dataset.identity.identity_of`."""
+        """The dataset's identity: see :func:`oneframe.dataset.identity.identity_of`."""
         return identity_of(self.description)
 
     @cached_property
     def description(self) -> dict[str, object]:
-        """The content of ``dataset.json``: see :func:`pipeline.dataset.description.describe`."""
+        """The content of ``dataset.json``: see :func:`oneframe.dataset.description.describe`."""
         return describe(
             self.loaded,
             self.job.options,

@@ -2,7 +2,7 @@
 
 What the tables say is converted and compared here apart from the code that wrote them: images are decoded with OpenCV,
 poses and intrinsics of every table computed anew, depths by projecting the model
-(:mod:`pipeline.dataset.check.depth`). Only the records are read with the code of a run. The check goes through the
+(:mod:`oneframe.dataset.check.depth`). Only the records are read with the code of a run. The check goes through the
 scenes one by one and keeps little of a view, so its memory does not grow with the masks. Needs cv2 and OpenCV's video
 reader.
 """

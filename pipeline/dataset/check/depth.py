@@ -1,6 +1,6 @@
 """Poses against pixels: a view's depth image compared with an independent projection of the surface.
 
-The model's triangles are scan-converted and depth-tested here, in numpy (:mod:`pipeline.projection.z_buffer`), without
+The model's triangles are scan-converted and depth-tested here, in numpy (:mod:`oneframe.projection.z_buffer`), without
 Blender and without its rays. So the comparison tests exactly what the dataset promises: mesh, pose, K, pixel origin,
 depth scale and depth image. Needs cv2.
 

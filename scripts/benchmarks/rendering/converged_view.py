@@ -1,7 +1,7 @@
 """What anti-aliased views are measured against: many exact rays in every pixel, averaged as the masks say.
 
 The frame counts as constant on its pixels, which are means over their squares already (see
-:mod:`pipeline.colour.footprint_filter`). Of the rays in a pixel, those count that meet what the ray through its centre
+:mod:`oneframe.colour.footprint_filter`). Of the rays in a pixel, those count that meet what the ray through its centre
 does: surface that the frame saw, surface that it did not see, or background.
 """
 

@@ -14,7 +14,6 @@ from ..errors import InputError
 from ..files.content import create_folder, write_bytes_atomically, written_file
 from ..files.tables import write_json
 from ..progress import LINE_SECONDS, Progress
-from .disk import writing_pack
 from .layout import (
     COPIED,
     INFO,
@@ -30,7 +29,7 @@ from .local_processes import packed_locally
 from .manifest import Manifest
 from .pack_folder import PackFolder, Plan
 from .pack_info import pack_info
-from .shard import PackedShard, ShardOrder
+from .shard import PackedShard, ShardOrder, writing_pack
 from .source import Source, open_source
 
 Engine = Callable[[Sequence[ShardOrder], Progress], Iterable[PackedShard]]

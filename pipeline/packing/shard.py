@@ -1,8 +1,10 @@
 """One shard: an order that says all about it, and the function that writes it, the same bytes wherever it runs."""
 
+import errno
 import hashlib
 import json
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
@@ -15,10 +17,8 @@ from ..dataset.view_record import ViewRecord, read_record
 from ..errors import InputError, RunError
 from ..files.content import read_file, written_file
 from .colour_loss import ColourLoss
-from .disk import writing_pack
 from .layout import MASKS, shard_name, view_key
-from .mask_image import decoded_mask
-from .mask_runs import mask_json
+from .masks import decoded_mask, mask_json
 from .tar import write_end, write_member
 
 
@@ -198,3 +198,29 @@ class _Hashed:
 
     def sha256(self) -> str:
         return self._digest.hexdigest()
+
+
+class PackWriteError(RunError):
+    """A file of a pack cannot be written on this machine."""
+
+
+@contextmanager
+def writing_pack(path: Path) -> Iterator[None]:
+    """Turn an OSError inside the block, which writes a file of a pack and nothing else, into a sentence.
+
+    Raises
+    ------
+    PackWriteError
+        The file or its folder cannot be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        safe = "the shards packed so far are safe"
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise PackWriteError(
+                f"{path.parent}: the disk is full; {safe}: free space and run the same command again"
+            ) from None
+        raise PackWriteError(
+            f"{path}: cannot write the file ({error.strerror}); {safe}: correct this and run the same command again"
+        ) from None

@@ -33,8 +33,7 @@ from .layout import (
     view_key,
 )
 from .manifest import Manifest, read_manifest
-from .mask_image import decoded_mask
-from .mask_runs import mask_columns
+from .masks import decoded_mask, mask_columns
 from .pack_folder import is_own_name
 from .shard import PackedShard
 from .source import Source, open_source

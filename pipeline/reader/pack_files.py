@@ -16,7 +16,7 @@ from ..files.content import regular_file
 from ..files.tables import parsed_json
 from ..packing.layout import shard_name, view_key
 from ..packing.manifest import Manifest
-from ..packing.mask_runs import mask_columns
+from ..packing.masks import mask_columns
 from ..packing.tar import member_places
 from ..transforms import rigid
 from .view import Boxes, Truth

@@ -267,7 +267,7 @@ MUTATIONS = {
     ),
     "reflection": (
         lambda root: change_record(root, 1, rewrite_rotation),
-        r"frame/000001\.json: cam_R_m2c: expected a rotation, found .* determinant -1",
+        r"frame/000001\.json: expected a rotation, found .* determinant -1",
     ),
     "video pose": (
         lambda root: substitute(root / "video/poses.csv", ",0.7", ",0.71"),

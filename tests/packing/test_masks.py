@@ -11,8 +11,7 @@ from hypothesis.extra.numpy import arrays
 from oneframe.dataset.decoding import decoded_grey
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
-from oneframe.packing.mask_image import decoded_mask
-from oneframe.packing.mask_runs import mask_columns, mask_json
+from oneframe.packing.masks import decoded_mask, mask_columns, mask_json
 
 MASKS = arrays(bool, st.tuples(st.integers(1, 12), st.integers(1, 12)))
 

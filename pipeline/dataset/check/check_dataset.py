@@ -126,7 +126,7 @@ def check_dataset(
         raise InputError(
             f"{root}: expected the folder of a dataset, found no {RECORD} in it; give the folder that --out named"
         )
-    findings = Findings()
+    findings = Findings(root)
     try:
         description = read_description(root / RECORD)
     except InputError as damage:
@@ -175,7 +175,7 @@ class _Check:
             findings.add(
                 "missing files",
                 f"{RECORD}: expected {count} views, found {count - len(missing)} with a record: {view_ranges(missing)} "
-                f"are missing: {AGAIN}",
+                f"are missing, the first is {ViewPaths(root, missing[0]).relative('frame')}: {AGAIN}",
             )
         check_names(root, description, findings, unfinished=unfinished)
         hashed = 0 if unfinished else check_sums(root, description, findings, hashes=self._hashes)

@@ -20,9 +20,9 @@ import argparse
 from collections.abc import Sequence
 from importlib import import_module
 
-from oneframe.blender.command_line import ArgumentParser, run_script
-from oneframe.blender.process import own_output
 from oneframe.charts.page import require_matplotlib
+from oneframe.process.command_line import ArgumentParser, run_script
+from oneframe.process.own_process import own_output
 
 TOPICS = ("speed", "chart", "landmarks", "refinement", "surface", "reader", "evaluation", "stability")
 

@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..pipeline.alignment.landmarks.covariance import PoseUncertainty
+from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.blender.bridge.exact_values import exact, set_exact
 from ..pipeline.case.alignment_record import scaled_record
 from ..pipeline.transforms import inverse_rigid, transform_points

@@ -18,7 +18,6 @@ from typing import Any
 
 from distributed import Worker
 
-from ..blender.command_line import blender_command
 from ..blender.dataset.render_process import AHEAD, RenderProcess
 from ..case.case_file import read_case
 from ..dataset.case_parcel import CASE, case_parcel
@@ -29,6 +28,7 @@ from ..dataset.missing_views import MissingViews
 from ..dataset.options import option_arguments
 from ..dataset.survey import is_finished
 from ..errors import RunError
+from ..process.command_line import blender_command
 from ..progress import Progress
 from .on_worker import LostError, OnWorker
 from .orders import Orders

@@ -5,8 +5,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from ..blender.command_line import ArgumentParser
 from ..errors import RunError
+from ..process.command_line import ArgumentParser
 
 PACKAGES = {
     "bpy": "Blender (bpy), which needs Python 3.11 or 3.13",

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
-from oneframe.alignment.landmarks.reprojection import apply_twist
 from oneframe.alignment.landmarks.solver import UndeterminedPose, solve_pose
 from oneframe.alignment.manual.pins import pull_pins
+from oneframe.alignment.reprojection import apply_twist
 from oneframe.case.landmarks import Landmark
 from oneframe.transforms import inverse_rigid, transform_points
 

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from oneframe.alignment.landmarks.confidence_region import ellipse_outlines
+from oneframe.alignment.confidence_region import ellipse_outlines
 from oneframe.alignment.manual.picking import is_unfinished, landmark_for, new_name, next_step
 from oneframe.case.landmarks import Landmark
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from oneframe.alignment.landmarks.reprojection import apply_twist
 from oneframe.alignment.manual.pins import pull_pins
+from oneframe.alignment.reprojection import apply_twist
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.errors import InputError
 from oneframe.transforms import (

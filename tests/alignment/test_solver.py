@@ -6,8 +6,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from oneframe.alignment.landmarks.reprojection import apply_twist, jacobian_at, twist_between
 from oneframe.alignment.landmarks.solver import UndeterminedPose, solve_pose
+from oneframe.alignment.reprojection import apply_twist, jacobian_at, twist_between
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.errors import InputError
 from oneframe.transforms import (

@@ -15,7 +15,6 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.blender.command_line import exit_code
 from oneframe.commands import check
 from oneframe.dataset.bop import write_models
 from oneframe.dataset.check.check_dataset import check_dataset
@@ -28,6 +27,7 @@ from oneframe.dataset.view_record import read_record
 from oneframe.images.contact_sheet import contact_sheet
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
+from oneframe.process.command_line import exit_code
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_from_vector

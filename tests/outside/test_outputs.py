@@ -32,7 +32,7 @@ PROGRAM = [sys.executable, "-m", "oneframe.commands"]
 POSE = [[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]]
 RUN_ALL = """
 import json, sys
-from oneframe.blender.command_line import exit_code
+from oneframe.process.command_line import exit_code
 from oneframe.commands.__main__ import dispatch
 for line in open(sys.argv[1]):
     sys.stderr.write(f"code {exit_code(dispatch, json.loads(line))}\\n")

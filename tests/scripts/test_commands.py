@@ -147,7 +147,7 @@ def test_mistyped_commands_and_options_are_one_line(arguments, message, oneframe
 def test_a_missing_package_is_named(run_command, tmp_path):
     code = (
         "import sys; sys.modules['cv2'] = None\n"
-        "from oneframe.blender.command_line import exit_code\n"
+        "from oneframe.process.command_line import exit_code\n"
         "from oneframe.commands.__main__ import dispatch\n"
         f"sys.exit(exit_code(dispatch, ['align', {str(tmp_path / 'case.toml')!r}]))"
     )

@@ -23,9 +23,9 @@ from ...dataset.view import RenderedSample, write_view
 from ...errors import RunError
 from ...files.content import hashed_reading
 from ...poses.pose_file import read_poses
+from ...process.own_process import STDOUT
 from ..case.load_case import load_case
 from ..colour.reference_view import reference_view_of
-from ..process import STDOUT
 from .view_renderer import ViewRenderer
 
 IN_FLIGHT = 3

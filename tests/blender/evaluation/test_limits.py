@@ -12,10 +12,10 @@ import pytest
 
 from oneframe.alignment.landmarks.covariance import pose_uncertainty
 from oneframe.alignment.landmarks.degeneracy import UndeterminedPose, check_uncertainty
-from oneframe.alignment.landmarks.reprojection import Correspondences
 from oneframe.alignment.landmarks.solver import solve_pose
 from oneframe.alignment.refinement.refine import refine_pose
 from oneframe.alignment.refinement.verdict import Refinement
+from oneframe.alignment.reprojection import Correspondences
 from oneframe.blender.bridge.camera import new_camera
 from oneframe.blender.case.load_case import load_case
 from oneframe.blender.dataset.job import Job, open_job

@@ -1,6 +1,6 @@
 """Arguments, output and exit code of commands, in a Blender program or in a Python with or without the bpy module.
 
-Nothing here imports Blender, so a mistake in the arguments is reported before Blender loads.
+A mistake in the arguments is reported before Blender loads.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from ..errors import InputError, RunError
 from ..files.keys import nearest_name
 from ..files.outputs import unwritable
-from .process import (
+from .own_process import (
     STDOUT,
     STOPPING_SECONDS,
     end_process,

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...camera.pinhole import PinholeCamera
-from ...transforms import cross_matrices, rigid, rotation_from_vector, rotation_vector, transform_points
+from ..camera.pinhole import PinholeCamera
+from ..transforms import cross_matrices, rigid, rotation_from_vector, rotation_vector, transform_points
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import zlib
 
 import numpy as np
 
-from ..dataset.coco import run_lengths
+from ..dataset.tables.coco import run_lengths
 from ..errors import InputError
 from ..images.image_header import PNG_SIGNATURE
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TextIO
 
-from ..dataset.bop import write_test_targets
 from ..dataset.checksums import sum_of_file
 from ..dataset.layout import MOST_VIEWS, ViewPaths
+from ..dataset.tables.bop import write_test_targets
 from ..errors import InputError
 from ..files.content import create_folder, write_bytes_atomically, written_file
 from ..files.tables import write_json

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 
 from ..dataset.layout import MODEL_FOLDERS
-from ..dataset.lock import Busy, FileLock
+from ..dataset.run.lock import Busy, FileLock
 from ..errors import InputError, RunError
 from ..files.content import create_folder, names_in, partial_name, read_content, read_file, write_bytes_atomically
 from ..files.tables import parsed_json

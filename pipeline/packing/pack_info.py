@@ -2,7 +2,7 @@
 
 from ..dataset.dataset_file import Description
 from ..dataset.layout import OBJECT_ID
-from ..dataset.view_ranges import view_ranges
+from ..dataset.run.survey import view_ranges
 from .layout import member_suffixes
 from .manifest import Manifest
 

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ..camera.pinhole import PinholeCamera
-from ..dataset.bop import scene_entries
 from ..dataset.checksums import FileSum, sum_of
 from ..dataset.layout import ViewPaths, largest_view_file
-from ..dataset.view_record import ViewRecord, read_record
+from ..dataset.run.resume_record import ViewRecord, read_record
+from ..dataset.tables.bop import scene_entries
 from ..errors import InputError, RunError
 from ..files.content import read_file, written_file
 from .colour_loss import ColourLoss

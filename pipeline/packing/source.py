@@ -8,8 +8,7 @@ from ..dataset.dataset_file import Description, read_description
 from ..dataset.differences import COUNT, POSES_HASH
 from ..dataset.layout import CHECKSUMS, MOST_VIEWS, RECORD, scene_views
 from ..dataset.options import DatasetOptions
-from ..dataset.survey import unrecorded_views
-from ..dataset.view_ranges import view_ranges
+from ..dataset.run.survey import unrecorded_views, view_ranges
 from ..errors import InputError
 from ..files.content import read_content
 from ..files.tables import parsed_json

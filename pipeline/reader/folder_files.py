@@ -8,7 +8,7 @@ import numpy as np
 from ..dataset.dataset_file import Description
 from ..dataset.decoding import decoded_array, decoded_depth, decoded_grey, decoded_rgb
 from ..dataset.layout import ViewPaths, largest_view_file
-from ..dataset.view_record import read_record
+from ..dataset.run.resume_record import read_record
 from ..errors import InputError, RunError
 from ..files.content import read_file
 from .view import Boxes, Truth

@@ -13,7 +13,7 @@ import numpy as np
 from ..camera.pinhole import PinholeCamera
 from ..dataset.check.findings import printable
 from ..dataset.layout import FORMAT, MOST_VIEWS, RECORD, SPLIT, ViewPaths, largest_view_file, occupied_views
-from ..dataset.view_record import ViewRecord, read_record
+from ..dataset.run.resume_record import ViewRecord, read_record
 from ..errors import InputError, RunError
 from ..files.content import LARGEST_TEXT, read_content
 from ..files.tables import parsed_json

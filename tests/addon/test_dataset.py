@@ -14,8 +14,8 @@ from mathutils import Matrix
 
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.case.case_file import read_case
-from oneframe.dataset.folder import Shard
 from oneframe.dataset.options import checked_options
+from oneframe.dataset.run.run_folder import Shard
 from oneframe.transforms import camera_centre, rigid
 from tests.waiting import wait_until
 

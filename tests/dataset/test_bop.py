@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from oneframe.dataset.bop import EVAL_VERTICES, bounding_box, write_models
+from oneframe.dataset.tables.bop import EVAL_VERTICES, bounding_box, write_models
 from oneframe.surface.decimation import reduced_mesh
 from oneframe.surface.mesh_reader import read_mesh
 from tests.conftest import grid_mesh

@@ -16,14 +16,14 @@ import numpy as np
 import pytest
 
 from oneframe.commands import check
-from oneframe.dataset.bop import write_models
 from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.check.findings import Findings
-from oneframe.dataset.coco import compressed_counts, run_lengths
 from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.run.resume_record import read_record
+from oneframe.dataset.run.survey import ranges_text, runs
+from oneframe.dataset.tables.bop import write_models
+from oneframe.dataset.tables.coco import compressed_counts, run_lengths
 from oneframe.dataset.view import file_sums, write_view
-from oneframe.dataset.view_ranges import ranges_text, runs
-from oneframe.dataset.view_record import read_record
 from oneframe.images.contact_sheet import contact_sheet
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png

@@ -13,13 +13,14 @@ from pathlib import Path
 
 import pytest
 
-from oneframe.dataset import folder as run_folder
 from oneframe.dataset import layout
 from oneframe.dataset.checksums import Checksums, read_checksums, sum_of
-from oneframe.dataset.folder import RunFolder, Shard
-from oneframe.dataset.identity import identity_of, other_description
+from oneframe.dataset.identity import identity_of
 from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.lock import STALE_SECONDS, lock_by_system
+from oneframe.dataset.run import run_folder
+from oneframe.dataset.run.lock import STALE_SECONDS, lock_by_system
+from oneframe.dataset.run.run_folder import RunFolder, Shard
+from oneframe.dataset.run.same_run import other_description
 from oneframe.errors import InputError, RunError
 from oneframe.files.content import partial_name
 from tests.impossible_files import impossible

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oneframe.dataset.folder import Shard, parse_shard
 from oneframe.dataset.options import DatasetOptions, add_option_arguments, checked_options, merged_options
+from oneframe.dataset.run.run_folder import Shard, parse_shard
 from oneframe.errors import InputError
 
 CASE = Path("folder/case.toml")

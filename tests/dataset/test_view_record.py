@@ -9,9 +9,9 @@ import pytest
 
 from oneframe.dataset.identity import identity_of
 from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.survey import survey_views
+from oneframe.dataset.run.resume_record import ViewRecord, read_record
+from oneframe.dataset.run.survey import survey_views
 from oneframe.dataset.view import file_sums, write_view
-from oneframe.dataset.view_record import ViewRecord, read_record
 from oneframe.errors import RunError
 from tests.dataset.blank_dataset import record_of
 

@@ -22,14 +22,14 @@ from oneframe.blender.dataset.rerender import CaseRenderer
 from oneframe.blender.render.video import write_video
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import Case, read_case
-from oneframe.dataset.bop import is_test_target, write_scene, write_test_targets
 from oneframe.dataset.check.check_dataset import CheckReport, check_dataset
 from oneframe.dataset.check.rerendered import Rerendering
-from oneframe.dataset.folder import Shard
 from oneframe.dataset.layout import SPLIT, ViewPaths
 from oneframe.dataset.options import DatasetOptions
-from oneframe.dataset.pose_tables import write_poses
-from oneframe.dataset.view_record import read_record
+from oneframe.dataset.run.resume_record import read_record
+from oneframe.dataset.run.run_folder import Shard
+from oneframe.dataset.tables.bop import is_test_target, write_scene, write_test_targets
+from oneframe.dataset.tables.pose_tables import write_poses
 from oneframe.errors import InputError
 from oneframe.images.contact_sheet import contact_sheet
 from oneframe.images.pixel_values import to_uint8

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.dataset.bop import write_test_targets
 from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.tables.bop import write_test_targets
 from oneframe.errors import InputError, RunError
 from oneframe.packing.pack import on_this_machine, pack_dataset
 from oneframe.packing.shard import PackedShard, pack_shard

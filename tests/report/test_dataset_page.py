@@ -10,7 +10,7 @@ import pytest
 
 from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.view_record import read_record
+from oneframe.dataset.run.resume_record import read_record
 from oneframe.report.dataset_page import dataset_page
 from tests.dataset.synthetic_dataset import CAMERA, COUNT, DEPTH_SCALE, pose_of
 

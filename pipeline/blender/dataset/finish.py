@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from ...colour.vertex_colours import colour_vertices
-from ...dataset.bop import write_camera, write_models, write_scene
 from ...dataset.checksums import Checksums, FileSurvey, read_checksums, write_checksums
-from ...dataset.dataset_info import write_dataset_info
 from ...dataset.layout import VIDEO_FILES, ViewPaths, other_files, scene_folder
-from ...dataset.pose_tables import POSE_COLUMNS, pose_cells
-from ...dataset.survey import Tally
-from ...dataset.view_tables import scene_records, write_view_tables
+from ...dataset.run.survey import Tally
+from ...dataset.tables.bop import write_camera, write_models, write_scene
+from ...dataset.tables.dataset_info import write_dataset_info
+from ...dataset.tables.pose_tables import POSE_COLUMNS, pose_cells
+from ...dataset.tables.view_tables import scene_records, write_view_tables
 from ...errors import RunError
 from ...files.content import create_folder, read_file, write_bytes_atomically
 from ...files.tables import write_csv

@@ -22,9 +22,8 @@ from ..checksums import damaged_file
 from ..dataset_file import Description, read_description
 from ..identity import poses_hash
 from ..layout import RECORD, SPLIT, WORK, ViewPaths, scene_count, scene_views
-from ..survey import unrecorded_views
-from ..view_ranges import view_ranges
-from ..view_record import ViewRecord, read_record
+from ..run.resume_record import ViewRecord, read_record
+from ..run.survey import unrecorded_views, view_ranges
 from .comparison import require_equal
 from .contents import check_names, check_sums
 from .depth import DepthAgreement

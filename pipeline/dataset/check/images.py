@@ -14,7 +14,7 @@ from ...projection.silhouette import SilhouetteEdges, silhouette_statistics
 from ..dataset_file import Description
 from ..decoding import decoded_array, decoded_grey, decoded_rgb
 from ..layout import ViewPaths, largest_view_file
-from ..view_record import ViewRecord
+from ..run.resume_record import ViewRecord
 from .depth import PIXELS_OF_ROUNDING, DepthAgreement, agreement, surface_depth
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from ...errors import InputError
 from ..dataset_file import Description
 from ..layout import OBJECT_ID, SCENE_TABLES, ViewPaths, scene_folder
-from ..view_record import ViewRecord
+from ..run.resume_record import ViewRecord
 from .comparison import read_table, require_equal, shortened
 from .findings import Findings
 

@@ -27,10 +27,10 @@ from oneframe.blender.render.video import _is_whole, write_video
 from oneframe.case.case_file import read_case
 from oneframe.dataset import layout as dataset
 from oneframe.dataset.check.check_dataset import check_dataset
-from oneframe.dataset.folder import Shard
 from oneframe.dataset.layout import ViewPaths
 from oneframe.dataset.options import COLOURS, DatasetOptions
-from oneframe.dataset.view_record import read_record
+from oneframe.dataset.run.resume_record import read_record
+from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError, RunError
 from oneframe.images.png import encode_png
 from oneframe.progress import Progress, duration, read_progress

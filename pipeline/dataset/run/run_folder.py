@@ -16,20 +16,13 @@ from types import TracebackType
 
 import numpy as np
 
-from ..errors import InputError, RunError
-from ..files.content import LARGEST_TEXT, create_folder, names_in, partial_name, read_file, write_bytes_atomically
-from . import layout
-from .checksums import keep_checksums
-from .differences import COUNT
-from .identity import (
-    check_count,
-    check_description,
-    description_bytes,
-    holds_views_of,
-    identity_of,
-    is_cut_off,
-)
-from .layout import (
+from ...errors import InputError, RunError
+from ...files.content import LARGEST_TEXT, create_folder, names_in, partial_name, read_file, write_bytes_atomically
+from .. import layout
+from ..checksums import keep_checksums
+from ..differences import COUNT
+from ..identity import description_bytes, identity_of
+from ..layout import (
     FOLDERS,
     RECORD,
     SCENE_TABLES,
@@ -42,6 +35,7 @@ from .layout import (
     scene_folder,
 )
 from .lock import Busy, FileLock, SystemLock, wait_for
+from .same_run import check_count, check_description, holds_views_of, is_cut_off
 
 
 @dataclass(frozen=True)

@@ -9,18 +9,21 @@ from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import RunError
-from ..poses.constraints import Rejections
-from .checksums import damaged_file
-from .differences import described, differences
-from .identity import identity_of, other_description
-from .layout import RECORD, ViewPaths, scene_count, scene_folder, scene_views
-from .view_ranges import view_ranges
-from .view_record import ViewRecord, read_record
+from ...errors import RunError
+from ...poses.constraints import Rejections
+from ..checksums import damaged_file
+from ..differences import described, differences
+from ..identity import identity_of
+from ..layout import RECORD, ViewPaths, scene_count, scene_folder, scene_views
+from .resume_record import ViewRecord, read_record
+from .same_run import other_description
+
+MOST_SHOWN = 4
 
 
 @dataclass
@@ -231,3 +234,28 @@ def _unchanged(root: Path, records: list[ViewRecord], damaged: dict[int, str], t
         problems = [*pool.map(problem, records)]
     damaged.update({record.index: why for record, why in zip(records, problems, strict=True) if why})
     return [record for record, why in zip(records, problems, strict=True) if not why]
+
+
+def runs(numbers: Iterable[int]) -> list[range]:
+    """Different numbers, in any order, as increasing ranges of consecutive ones."""
+    ordered = sorted(numbers)
+    starts = [place for place, (one, other) in enumerate(pairwise(ordered), 1) if other != one + 1]
+    bounds = [0, *starts, len(ordered)] if ordered else []
+    return [range(ordered[first], ordered[stop - 1] + 1) for first, stop in pairwise(bounds)]
+
+
+def ranges_text(ranges: Iterable[range]) -> str:
+    """Increasing ranges as text: "0-9, 12"; neighbours are joined, and only the first :data:`MOST_SHOWN` are shown."""
+    joined: list[range] = []
+    for one in ranges:
+        if joined and joined[-1].stop == one.start:
+            joined[-1] = range(joined[-1].start, one.stop)
+        elif len(one):
+            joined.append(one)
+    texts = [str(one.start) if len(one) == 1 else f"{one.start}-{one.stop - 1}" for one in joined]
+    return ", ".join(texts[:MOST_SHOWN]) + (", ..." if len(texts) > MOST_SHOWN else "")
+
+
+def view_ranges(views: Iterable[int]) -> str:
+    """Numbers of views as text: see :func:`ranges_text`."""
+    return ranges_text(runs(views))

@@ -1,6 +1,6 @@
 """The record of a finished view, ``frame/NNNNNN.json``: its pose, ground truth and counts, and hashes of its files.
 
-It is written last, so a view with a record is complete. All tables are made from the records.
+It is written last, so a view with a record is complete: by it a killed run resumes. All tables are made from the records.
 """
 
 import json
@@ -10,12 +10,12 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from ..errors import InputError, RunError
-from ..files.content import LARGEST_FILE, read_content
-from ..files.tables import parsed_json
-from ..poses.constraints import Rejections
-from .checksums import FileSum, sums_to_json
-from .layout import ViewPaths
+from ...errors import InputError, RunError
+from ...files.content import LARGEST_FILE, read_content
+from ...files.tables import parsed_json
+from ...poses.constraints import Rejections
+from ..checksums import FileSum, sums_to_json
+from ..layout import ViewPaths
 
 Box = tuple[int, int, int, int]
 """(x, y, width, height) in px with width = x_max - x_min, as in BOP; (-1, -1, -1, -1) if empty."""
@@ -68,7 +68,7 @@ class ViewRecord:
     files
         Size and hash of every file of the view, by its path relative to the dataset.
     rle_counts
-        Run lengths of the mask: see :func:`oneframe.dataset.coco.run_lengths`.
+        Run lengths of the mask: see :func:`oneframe.dataset.tables.coco.run_lengths`.
     """
 
     index: int

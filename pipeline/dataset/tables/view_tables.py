@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
-from ..errors import RunError
+from ...camera.pinhole import PinholeCamera
+from ...errors import RunError
+from ..layout import ViewPaths, scene_count, scene_views
+from ..run.resume_record import ViewRecord, read_record
+from ..run.survey import Tally
 from .bop import is_test_target, write_scene, write_test_targets
-from .layout import ViewPaths, scene_count, scene_views
 from .pose_tables import write_poses
-from .survey import Tally
-from .view_record import ViewRecord, read_record
 
 
 def write_view_tables(

@@ -8,7 +8,8 @@ import numpy as np
 
 from ...colour.vertex_colours import colour_vertices
 from ...dataset.checksums import Checksums, FileSurvey, read_checksums, write_checksums
-from ...dataset.layout import VIDEO_FILES, ViewPaths, other_files, scene_folder
+from ...dataset.dataset_file import read_description
+from ...dataset.layout import RECORD, VIDEO_FILES, ViewPaths, other_files, scene_folder
 from ...dataset.run.survey import Tally
 from ...dataset.tables.bop import write_camera, write_models, write_scene
 from ...dataset.tables.dataset_info import write_dataset_info
@@ -67,16 +68,8 @@ def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
     """
     out, camera, mesh = job.job.out, renderer.camera, renderer.source.mesh
     depth_scale = renderer.depth_scale
-    tally = write_view_tables(
-        out,
-        job.count,
-        job.identity,
-        camera,
-        job.loaded.mesh_from_model,
-        object_name=job.object_name,
-        bounds=mesh.bounds,
-        depth_scale=depth_scale,
-    )
+    description = read_description(out / RECORD)
+    tally = write_view_tables(out, description, bounds=mesh.bounds, depth_scale=depth_scale)
     write_dataset_info(out, job.object_name, job.count, camera, mesh, depth_scale)
     write_overlay(job, renderer)
     chosen = np.unique(np.linspace(0, job.count - 1, min(SHEET_VIEWS, job.count)).round().astype(int))

@@ -1,6 +1,7 @@
 """The record of a finished view, ``frame/NNNNNN.json``: its pose, ground truth and counts, and hashes of its files.
 
-It is written last, so a view with a record is complete: by it a killed run resumes. All tables are made from the records.
+It is written last, so a view with a record is complete: by it a killed run resumes. All tables are made
+from the records.
 """
 
 import json

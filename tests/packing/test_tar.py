@@ -51,13 +51,3 @@ def test_a_cut_or_changed_header_is_found(members, data):
     harmed[data.draw(st.integers(0, 256))] ^= 1 << data.draw(st.integers(0, 6))
     with pytest.raises(InputError, match=r"a\.tar: expected"):
         places(bytes(harmed))
-
-
-@pytest.mark.parametrize("form", [tarfile.PAX_FORMAT, tarfile.GNU_FORMAT])
-def test_archives_of_others_are_refused(form):
-    stream = io.BytesIO()
-    with tarfile.open(fileobj=stream, mode="w", format=form) as made:
-        for name in ("a" * 200, "b"):
-            made.addfile(tarfile.TarInfo(name))
-    with pytest.raises(InputError, match="expected a shard as oneframe pack writes it"):
-        places(stream.getvalue())

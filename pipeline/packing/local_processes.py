@@ -58,10 +58,10 @@ def packed_locally(
                 on_view()
             yield shard
     finally:
-        executor.shutdown(wait=False, cancel_futures=True)
         # what they have begun leaves nothing but temporary files
         for child in {*multiprocessing.active_children()} - others:
             child.kill()
+        executor.shutdown(cancel_futures=True)
     if isinstance(failure, BrokenProcessPool):
         raise RunError(
             "a process that packs has been killed, perhaps for lack of memory; the shards packed so far are safe: run "

@@ -2,7 +2,9 @@
 
 import errno
 import hashlib
+import io
 import json
+import tarfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,7 +21,6 @@ from ..files.content import read_file, written_file
 from .colour_loss import ColourLoss
 from .layout import MASKS, shard_name, view_key
 from .masks import decoded_mask, mask_json
-from .tar import write_end, write_member
 
 
 @dataclass(frozen=True)
@@ -92,14 +93,17 @@ def pack_shard(order: ShardOrder, on_view: Callable[[], None] = lambda: None) ->
     loss = ColourLoss()
     with writing_pack(path), written_file(path) as stream:
         hashed = _Hashed(stream)
-        for index in order.views:
-            paths = ViewPaths(order.root, index)
-            members, lost = view_members(order, paths)
-            for suffix, data in members:
-                write_member(hashed, f"{view_key(paths)}.{suffix}", data)
-            loss += lost
-            on_view()
-        write_end(hashed)
+        with tarfile.TarFile(fileobj=hashed, mode="w", format=tarfile.USTAR_FORMAT) as archive:
+            for index in order.views:
+                paths = ViewPaths(order.root, index)
+                members, lost = view_members(order, paths)
+                for suffix, data in members:
+                    # without owner and time: the bytes depend on the members alone
+                    entry = tarfile.TarInfo(f"{view_key(paths)}.{suffix}")
+                    entry.size = len(data)
+                    archive.addfile(entry, io.BytesIO(data))
+                loss += lost
+                on_view()
     return PackedShard(order.number, order.views, FileSum(hashed.sha256(), hashed.tell()), loss)
 
 

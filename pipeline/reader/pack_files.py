@@ -1,6 +1,7 @@
 """Views in the shards of a pack, at any place, without extracting anything."""
 
 import os
+import tarfile
 import threading
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,6 @@ from ..files.tables import parsed_json
 from ..packing.layout import shard_name, view_key
 from ..packing.manifest import Manifest
 from ..packing.masks import mask_columns
-from ..packing.tar import member_places
 from ..transforms import rigid
 from .view import Boxes, Truth
 
@@ -99,7 +99,7 @@ class PackFiles:
             places = self._places.get(number)
             if places is None:
                 # two threads may both read the headers: they find the same
-                places = self._places[number] = member_places(shard.read_at, str(path))
+                places = self._places[number] = _member_places(path)
             if name not in places:
                 raise InputError(
                     f"{path}: expected the member {name}, found none; check the pack (oneframe pack --verify)"
@@ -126,6 +126,17 @@ class PackFiles:
                 self._open.pop(next(iter(list(self._open)), -1), None)
             self._open[number] = shard
         return shard
+
+
+def _member_places(path: Path) -> dict[str, tuple[int, int]]:
+    """Offset and size of every member's content, by name, from the headers alone; InputError for no archive."""
+    try:
+        with tarfile.open(path, "r:") as archive:
+            return {entry.name: (entry.offset_data, entry.size) for entry in archive if entry.isreg()}
+    except tarfile.TarError as error:
+        raise InputError(
+            f"{path}: expected a whole shard, found a damaged one ({error}); copy or pack it again"
+        ) from None
 
 
 class _Shard:

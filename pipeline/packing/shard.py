@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from ..camera.pinhole import PinholeCamera
 from ..dataset.checksums import FileSum, sum_of
@@ -186,13 +186,13 @@ def _json(content: object) -> bytes:
     return json.dumps(content).encode()
 
 
-class _Hashed:
+class _Hashed(io.BufferedIOBase):
     """A stream that is only written to, and its hash."""
 
     def __init__(self, stream: BinaryIO) -> None:
         self._stream, self._digest, self._size = stream, hashlib.sha256(), 0
 
-    def write(self, data: bytes) -> int:
+    def write(self, data: Any, /) -> int:
         self._digest.update(data)
         self._size += len(data)
         return self._stream.write(data)

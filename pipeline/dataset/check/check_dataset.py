@@ -132,7 +132,9 @@ def check_dataset(
         if not has_views:
             raise
         findings.add("damaged files", damage)
-        findings.add("damaged files", f"{RECORD}: remove a damaged one and {AGAIN}: this writes it, and keeps the views")
+        findings.add(
+            "damaged files", f"{RECORD}: remove a damaged one and {AGAIN}: this writes it, and keeps the views"
+        )
         return CheckReport(0, findings, 0, ())
     if "setting" in description.content:
         raise InputError(

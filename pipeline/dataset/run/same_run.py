@@ -173,18 +173,6 @@ def is_cut_off(content: bytes, whole: bytes) -> bool:
     return len(content) <= len(whole) and content != whole and whole.startswith(content.rstrip(b"\0"))
 
 
-def other_description(root: Path, identity: str) -> Mapping[str, object] | None:
-    """A description of this identity that was kept beside ``dataset.json``, such as by ``cp --backup``; or ``None``."""
-    for path in sorted(root.glob("dataset*")):
-        try:
-            content = json.loads(read_file(path, LARGEST_TEXT))
-        except (OSError, ValueError, RecursionError):
-            continue
-        if isinstance(content, dict) and identity_of(content) == identity:
-            return content
-    return None
-
-
 def _first(differences: Iterable[str]) -> str:
     clauses = [*differences]
     return "; ".join(clauses[:4]) + (f" and {len(clauses) - 4} more" if len(clauses) > 4 else "")

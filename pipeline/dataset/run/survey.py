@@ -17,11 +17,9 @@ import numpy as np
 from ...errors import RunError
 from ...poses.constraints import Rejections
 from ..checksums import damaged_file
-from ..differences import described, differences
 from ..identity import identity_of
 from ..layout import RECORD, ViewPaths, scene_count, scene_folder, scene_views
 from .resume_record import ViewRecord, read_record
-from .same_run import other_description
 
 MOST_SHOWN = 4
 
@@ -114,7 +112,7 @@ def survey_views(
         A record belongs to another run, or to another list of poses.
     """
     finished, damaged, tally = set(), {}, Tally()
-    foreign: dict[int, str] = {}
+    foreign: list[int] = []
     other_poses: list[int] = []
     identity, names = identity_of(description), ("frame", *kinds)
     for number in range(ViewPaths(root, views.start).scene_id, scene_count(views.stop)):
@@ -132,7 +130,7 @@ def survey_views(
                 damaged[index] = f"{paths.relative('frame')} is damaged"
                 continue
             if record.identity != identity:
-                foreign[index] = record.identity
+                foreign.append(index)
                 continue
             if poses is not None and not np.array_equal(record.cam_from_model, poses[index]):
                 other_poses.append(index)
@@ -148,7 +146,10 @@ def survey_views(
             finished.add(record.index)
             tally.add(record)
     if foreign:
-        raise _foreign_views(root, foreign, description)
+        raise RunError(
+            f"{root}: views of another run are among those of {RECORD}: {view_ranges(foreign)}; "
+            f"{_advice(root, foreign)}"
+        )
     if other_poses:
         raise RunError(
             f"{root}: views of other poses than the listed ones are in the folder: {view_ranges(other_poses)}; "
@@ -194,15 +195,6 @@ def _sizes(root: Path, scene: str, kinds: Iterable[str]) -> dict[str, int]:
                 with suppress(FileNotFoundError):  # a link to nothing
                     sizes[f"{scene}/{kind}/{entry.name}"] = entry.stat().st_size
     return sizes
-
-
-def _foreign_views(root: Path, foreign: dict[int, str], description: Mapping[str, object]) -> RunError:
-    known = other_description(root, next(iter(foreign.values())))
-    why = "" if known is None else f" ({'; '.join(described(differences(known, description))[:4])})"
-    return RunError(
-        f"{root}: views of another run are among those of {RECORD}{why}: {view_ranges(foreign)}; "
-        f"{_advice(root, foreign)}"
-    )
 
 
 def _advice(root: Path, views: Iterable[int]) -> str:

@@ -40,10 +40,12 @@ def packed_locally(
             yield pack_shard(order, on_view)
         return
     others = {*multiprocessing.active_children()}
-    executor = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _end_with_parent)
     failure: BaseException | None = None
+    executor = None
     try:
-        with _without_interrupts():
+        with _without_interrupts() as hide:
+            executor = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _end_with_parent)
+            hide()
             futures = [executor.submit(pack_shard, order) for order in orders]
         for future in as_completed(futures):
             if future.cancelled():
@@ -61,7 +63,8 @@ def packed_locally(
         # what they have begun leaves nothing but temporary files
         for child in {*multiprocessing.active_children()} - others:
             child.kill()
-        executor.shutdown(cancel_futures=True)
+        if executor is not None:
+            executor.shutdown(cancel_futures=True)
     if isinstance(failure, BrokenProcessPool):
         raise RunError(
             "a process that packs has been killed, perhaps for lack of memory; the shards packed so far are safe: run "
@@ -72,16 +75,25 @@ def packed_locally(
 
 
 @contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """Start processes in the block that Ctrl-C does not reach: it is for this one, which ends them."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
+def _without_interrupts() -> Iterator[Callable[[], object]]:
+    """Put off Ctrl-C while processes are started; those that are started after the call never get it.
+
+    It is for this process, which ends the others.
+    """
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "pthread_sigmask"):
+        yield lambda: None
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    interrupts: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     try:
-        yield
+        # Python's own helper process unblocks it when it starts, with the pool
+        yield lambda: signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, handler)
+    if interrupts:
+        raise KeyboardInterrupt
 
 
 def _end_with_parent() -> None:

@@ -1,6 +1,7 @@
 """A pack that is killed at any moment: shards are whole or not there, and the same command ends it, byte for byte."""
 
 import io
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -70,8 +71,8 @@ def test_processes_end_with_a_killed_parent(delay_s, dataset, whole, tmp_path):
 
 def test_a_killed_process_is_a_sentence(dataset, tmp_path):
     def kill() -> None:
-        for child in children(os.getpid()):
-            os.kill(child, signal.SIGKILL)
+        for child in multiprocessing.active_children():
+            child.kill()
 
     with pytest.raises(RunError, match="a process that packs has been killed"):
         pack_dataset(

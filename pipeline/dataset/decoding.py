@@ -5,8 +5,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.numbers import npy_array
-from ..images.image_check import MOST_SCANS
-from ..images.image_header import image_header
+from ..images.image_check import image_size
 
 Shape = tuple[int, int]
 """Height and width in px."""
@@ -60,11 +59,11 @@ def decoded_array(data: bytes, shape: Shape, where: str) -> np.ndarray:
 
 def _decoded(data: bytes, flags: int, shape: Shape, where: str) -> np.ndarray | None:
     try:
-        header = image_header(data)
+        width, height = image_size(data)
     except ValueError:
         raise damaged(where) from None
     # before memory is taken for any size that a header claims
-    if (header.height, header.width) != shape or header.scans > MOST_SCANS:
+    if (height, width) != shape:
         raise damaged(where)
     return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from multiprocessing.connection import wait
 
 from ..errors import RunError
-from ..files.processors import available_cores
+from ..files.machine import available_cores
 from .shard import PackedShard, ShardOrder, pack_shard
 
 

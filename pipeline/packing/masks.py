@@ -8,7 +8,7 @@ import numpy as np
 
 from ..dataset.tables.coco import run_lengths
 from ..errors import InputError
-from ..images.image_header import PNG_SIGNATURE
+from ..images.image_check import PNG_SIGNATURE
 
 _MOST_PIXELS = 1 << 30
 

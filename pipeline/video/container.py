@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..files.content import read_beginning
-from ..images.image_header import SIGNATURES
+from ..images.image_check import SIGNATURES
 
 _LOOKED_AT = 1024
 

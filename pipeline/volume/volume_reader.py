@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import InputError
 from ..files.child_process import ChildError, called_apart
 from ..files.content import read_beginning
-from ..files.memory import available_bytes
+from ..files.machine import available_bytes
 from ..files.temporary import temporary_folder, unwritable_temporary, writing_temporary
 from .dicom_series import MOST_FILES, SeriesInfo
 from .stored_voxels import VolumeHeader, check_data

@@ -21,8 +21,7 @@ from PIL import Image
 from oneframe.case.structure_colour import OTHER, structure_colour
 from oneframe.commands.surface_finish import finish_of, removed_of
 from oneframe.errors import InputError, RunError
-from oneframe.files.kinds import Kind, beginning
-from oneframe.files.outputs import Output, check_outputs
+from oneframe.files.outputs import check_outputs
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.slice_picture import slice_picture
 from oneframe.surface.mesh import TriangleMesh
@@ -35,7 +34,6 @@ from oneframe.volume.structures import structure_meshes, structure_names, withou
 from oneframe.volume.threshold import DEFAULT_HU
 from oneframe.volume.volume_reader import read_volume
 
-JPEG = Kind("a JPEG image", beginning(b"\xff\xd8"))
 QUALITY = {"quality": 86, "optimize": True, "subsampling": 0}
 SIDE_PX, GAP_PX = 480, 6
 SAMPLES = 64
@@ -63,7 +61,7 @@ def main(argv: Sequence[str]) -> int:
     arguments = parse_arguments(argv)
     try:
         inputs = {"volume": arguments.volume, "drill": arguments.drill}
-        check_outputs([Output(arguments.out, JPEG)], inputs)
+        check_outputs([arguments.out], inputs)
         panels = made_panels(arguments)
     except (InputError, RunError) as error:
         print(f"error: {error}", file=sys.stderr)

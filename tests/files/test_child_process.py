@@ -11,7 +11,7 @@ from oneframe.camera.opencv_storage import json_from_opencv
 from oneframe.errors import InputError
 from oneframe.files import child_process
 from oneframe.files.child_process import ChildError, called_apart, streamed_apart
-from oneframe.files.memory import available_bytes
+from oneframe.files.machine import available_bytes
 
 DEEP = b"%YAML:1.0\n---\nK: " + b"[" * 400_000
 

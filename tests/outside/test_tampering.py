@@ -104,9 +104,7 @@ def is_found(root: Path, case: Path | None = None) -> bool:
 UNTOUCHED = {
     "anti-aliased": replace(OPTIONS, samples=4, video=False),
     "texture": replace(OPTIONS, colour="texture", video=False),
-    "shell": replace(OPTIONS, sampler="shell", polar_deg=30.0, scale=1.5, float_depth=False, video=False),
     "trajectory": replace(OPTIONS, sampler="trajectory", video=False),
-    "one view": replace(OPTIONS, count=1, video=False),
     "eevee": replace(OPTIONS, engine="eevee", count=2, video_frames=2),
     "raster": replace(OPTIONS, engine="raster"),
     "raster, anti-aliased": replace(OPTIONS, engine="raster", colour="texture", unseen="fill", samples=4, video=False),

@@ -12,7 +12,7 @@ from ...dataset.run.elsewhere import Elsewhere, MissingViews
 from ...dataset.run.run_folder import RunFolder
 from ...dataset.run.same_run import check_description
 from ...dataset.run.survey import Survey, Tally, survey_views, unrecorded_views, view_ranges
-from ...files.processors import available_cores
+from ...files.machine import available_cores
 from ...progress import LINE_SECONDS, Progress
 from ..render.engines import check_engine, keep_freed_memory
 from . import finish

@@ -1,4 +1,4 @@
-"""How much memory there is, so that what cannot fit is refused before it is read."""
+"""Processor cores and memory of this machine, so that what cannot fit is refused before it is read."""
 
 import os
 import sys
@@ -7,6 +7,11 @@ from pathlib import Path
 _CGROUP = Path("/sys/fs/cgroup")
 UNKNOWN = 4 << 30
 """Bytes assumed where the system does not say."""
+
+
+def available_cores() -> int:
+    """Number of processor cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def available_bytes() -> int:

@@ -395,7 +395,7 @@ def test_a_stopped_run_is_unfinished_and_nothing_else(copied, run, capsys):
     (copied / S1 / "rgb" / ".partial-0123").touch()
     assert run(copied) == 1
     messages = capsys.readouterr().out
-    assert "unfinished (3 of 4 views exist): run the same command" in messages
+    assert "unfinished (3 of 4 views exist): run the same `oneframe render`" in messages
     assert "1 finding\n" in messages
 
 
@@ -455,7 +455,7 @@ def test_whatever_a_file_holds_is_a_finding(copied, damage):
 @pytest.mark.parametrize("damage", [Path.unlink, *DAMAGED.values()])
 def test_without_its_description_the_advice_is_to_render_again(copied, damage):
     damage(copied / "dataset.json")
-    assert "oneframe render again: this writes it, and keeps the views" in " ".join(
+    assert "`oneframe render` again: this writes it, and keeps the views" in " ".join(
         check_dataset(copied, stream=io.StringIO()).findings.shown()
     )
 

@@ -37,7 +37,7 @@ from .scene_tables import check_scene_tables
 from .video import check_video
 
 DEFAULT_VIEWS = 200
-AGAIN = "run the same command of oneframe render again"
+AGAIN = "run the same `oneframe render` again"
 
 
 @dataclass(frozen=True)

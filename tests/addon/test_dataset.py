@@ -307,7 +307,7 @@ def test_a_run_never_writes_the_users_case(opened, job_module, case_path, tmp_pa
     assert snapshot.read_bytes() == before
     # refused: neither the case nor a file of the user's at the snapshot's place is written
     snapshot.write_text("# mine\n")
-    refused(bpy.ops.oneframe.render_dataset, "one that this program wrote")
+    refused(bpy.ops.oneframe.render_dataset, "that of an earlier run")
     assert snapshot.read_text() == "# mine\n"
     assert case_path.read_bytes() == text
 

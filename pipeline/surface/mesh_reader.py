@@ -1,9 +1,9 @@
 """Reading triangle meshes from PLY, OBJ and STL files: geometry only, no colours, normals or texture coordinates.
 
-All readers end in :func:`oneframe.surface.mesh.checked_mesh`. Writing is :mod:`pipeline.surface.mesh_writer`.
+All readers end in :func:`oneframe.surface.mesh.checked_mesh`. Writing is :mod:`oneframe.surface.mesh_writer`.
 
 Sources: 3D Systems, "StereoLithography Interface Specification" (1989); for PLY and OBJ see
-:mod:`oneframe.surface.ply_reader` and :mod:`pipeline.surface.obj_reader`.
+:mod:`oneframe.surface.ply_reader` and :mod:`oneframe.surface.obj_reader`.
 """
 
 import re

@@ -14,8 +14,8 @@ from mathutils import Matrix
 
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.case.case_file import read_case
-from oneframe.dataset.folder import Shard
 from oneframe.dataset.options import checked_options
+from oneframe.dataset.run.run_folder import Shard
 from oneframe.transforms import camera_centre, rigid
 from tests.waiting import wait_until
 
@@ -307,7 +307,7 @@ def test_a_run_never_writes_the_users_case(opened, job_module, case_path, tmp_pa
     assert snapshot.read_bytes() == before
     # refused: neither the case nor a file of the user's at the snapshot's place is written
     snapshot.write_text("# mine\n")
-    refused(bpy.ops.oneframe.render_dataset, "one that this program wrote")
+    refused(bpy.ops.oneframe.render_dataset, "that of an earlier run")
     assert snapshot.read_text() == "# mine\n"
     assert case_path.read_bytes() == text
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
-from .layout import OBJECT_ID, ViewPaths
-from .view_record import ViewRecord
+from ...camera.pinhole import PinholeCamera
+from ..layout import OBJECT_ID, ViewPaths
+from ..run.resume_record import ViewRecord
 
 HIDDEN_BELOW = 0.1
 """Annotations with a smaller visible fraction are marked ``ignore``, as bop_toolkit does."""

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
-from ..files.content import written_file
-from ..transforms import CAM_FROM_OPENGL_CAM, inverse_rigid
-from .layout import ViewPaths
-from .view_record import ViewRecord
+from ...camera.pinhole import PinholeCamera
+from ...files.content import written_file
+from ...transforms import CAM_FROM_OPENGL_CAM, inverse_rigid
+from ..layout import ViewPaths
+from ..run.resume_record import ViewRecord
 
 POSE_COLUMNS = (*(f"r{row}{column}" for row in range(3) for column in range(3)), "tx_mm", "ty_mm", "tz_mm")
 """Columns of a pose in CSV tables."""

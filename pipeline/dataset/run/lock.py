@@ -16,7 +16,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from ..files.content import LARGEST_TEXT, read_file
+from ...files.content import LARGEST_TEXT, read_file
 
 BEAT_SECONDS, STALE_SECONDS = 5.0, 60.0
 BUSY = {errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES, errno.EDEADLK}

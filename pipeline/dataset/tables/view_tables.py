@@ -9,36 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
-from ..errors import RunError
+from ...errors import RunError
+from ..dataset_file import Description
+from ..layout import ViewPaths, scene_count, scene_views
+from ..run.resume_record import ViewRecord, read_record
+from ..run.survey import Tally
 from .bop import is_test_target, write_scene, write_test_targets
-from .layout import ViewPaths, scene_count, scene_views
 from .pose_tables import write_poses
-from .survey import Tally
-from .view_record import ViewRecord, read_record
 
 
-def write_view_tables(
-    root: Path,
-    count: int,
-    identity: str,
-    camera: PinholeCamera,
-    mesh_from_model: np.ndarray,
-    *,
-    object_name: str,
-    bounds: np.ndarray,
-    depth_scale: float,
-) -> Tally:
-    """Write the tables of a dataset whose ``count`` views are all finished.
+def write_view_tables(root: Path, description: Description, *, bounds: np.ndarray, depth_scale: float) -> Tally:
+    """Write the tables of a dataset whose views are all finished.
 
     Parameters
     ----------
-    identity
-        Identity of the dataset, which every record has.
-    mesh_from_model
-        4x4, mm.
-    object_name
-        Name of COCO's category.
     bounds
         ``(2, 3)`` corners of the surface's box in the model frame, mm.
     depth_scale
@@ -53,19 +37,20 @@ def write_view_tables(
     RunError
         A record is missing, damaged or of another run.
     """
+    count, camera = description.count, description.camera
     tally, targets = Tally(), array("L")
 
     def records() -> Iterator[ViewRecord]:
         for scene in range(scene_count(count)):
-            in_scene = scene_records(root, scene, count, identity)
-            write_scene(root, in_scene, camera, object_name)
+            in_scene = scene_records(root, scene, count, description.identity)
+            write_scene(root, in_scene, camera, description.name)
             for record in in_scene:
                 tally.add(record)
                 if is_test_target(record):
                     targets.append(record.index)
                 yield record
 
-    write_poses(root, records(), camera, mesh_from_model, bounds=bounds, depth_scale=depth_scale)
+    write_poses(root, records(), camera, description.mesh_from_model, bounds=bounds, depth_scale=depth_scale)
     write_test_targets(root, targets)
     return tally
 

@@ -9,18 +9,19 @@ from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import RunError
-from ..poses.constraints import Rejections
-from .checksums import damaged_file
-from .differences import described, differences
-from .identity import identity_of, other_description
-from .layout import RECORD, ViewPaths, scene_count, scene_folder, scene_views
-from .view_ranges import view_ranges
-from .view_record import ViewRecord, read_record
+from ...errors import RunError
+from ...poses.constraints import Rejections
+from ..checksums import damaged_file
+from ..identity import identity_of
+from ..layout import RECORD, ViewPaths, scene_count, scene_folder, scene_views
+from .resume_record import ViewRecord, read_record
+
+MOST_SHOWN = 4
 
 
 @dataclass
@@ -111,7 +112,7 @@ def survey_views(
         A record belongs to another run, or to another list of poses.
     """
     finished, damaged, tally = set(), {}, Tally()
-    foreign: dict[int, str] = {}
+    foreign: list[int] = []
     other_poses: list[int] = []
     identity, names = identity_of(description), ("frame", *kinds)
     for number in range(ViewPaths(root, views.start).scene_id, scene_count(views.stop)):
@@ -129,7 +130,7 @@ def survey_views(
                 damaged[index] = f"{paths.relative('frame')} is damaged"
                 continue
             if record.identity != identity:
-                foreign[index] = record.identity
+                foreign.append(index)
                 continue
             if poses is not None and not np.array_equal(record.cam_from_model, poses[index]):
                 other_poses.append(index)
@@ -145,7 +146,10 @@ def survey_views(
             finished.add(record.index)
             tally.add(record)
     if foreign:
-        raise _foreign_views(root, foreign, description)
+        raise RunError(
+            f"{root}: views of another run are among those of {RECORD}: {view_ranges(foreign)}; "
+            f"{_advice(root, foreign)}"
+        )
     if other_poses:
         raise RunError(
             f"{root}: views of other poses than the listed ones are in the folder: {view_ranges(other_poses)}; "
@@ -193,15 +197,6 @@ def _sizes(root: Path, scene: str, kinds: Iterable[str]) -> dict[str, int]:
     return sizes
 
 
-def _foreign_views(root: Path, foreign: dict[int, str], description: Mapping[str, object]) -> RunError:
-    known = other_description(root, next(iter(foreign.values())))
-    why = "" if known is None else f" ({'; '.join(described(differences(known, description))[:4])})"
-    return RunError(
-        f"{root}: views of another run are among those of {RECORD}{why}: {view_ranges(foreign)}; "
-        f"{_advice(root, foreign)}"
-    )
-
-
 def _advice(root: Path, views: Iterable[int]) -> str:
     first = ViewPaths(root, min(views)).relative("frame")
     return (
@@ -231,3 +226,28 @@ def _unchanged(root: Path, records: list[ViewRecord], damaged: dict[int, str], t
         problems = [*pool.map(problem, records)]
     damaged.update({record.index: why for record, why in zip(records, problems, strict=True) if why})
     return [record for record, why in zip(records, problems, strict=True) if not why]
+
+
+def runs(numbers: Iterable[int]) -> list[range]:
+    """Different numbers, in any order, as increasing ranges of consecutive ones."""
+    ordered = sorted(numbers)
+    starts = [place for place, (one, other) in enumerate(pairwise(ordered), 1) if other != one + 1]
+    bounds = [0, *starts, len(ordered)] if ordered else []
+    return [range(ordered[first], ordered[stop - 1] + 1) for first, stop in pairwise(bounds)]
+
+
+def ranges_text(ranges: Iterable[range]) -> str:
+    """Increasing ranges as text: "0-9, 12"; neighbours are joined, and only the first :data:`MOST_SHOWN` are shown."""
+    joined: list[range] = []
+    for one in ranges:
+        if joined and joined[-1].stop == one.start:
+            joined[-1] = range(joined[-1].start, one.stop)
+        elif len(one):
+            joined.append(one)
+    texts = [str(one.start) if len(one) == 1 else f"{one.start}-{one.stop - 1}" for one in joined]
+    return ", ".join(texts[:MOST_SHOWN]) + (", ..." if len(texts) > MOST_SHOWN else "")
+
+
+def view_ranges(views: Iterable[int]) -> str:
+    """Numbers of views as text: see :func:`ranges_text`."""
+    return ranges_text(runs(views))

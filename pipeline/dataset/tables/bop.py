@@ -12,15 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ..camera.pinhole import PinholeCamera
-from ..files.content import create_folder, write_bytes_atomically, written_file
-from ..files.tables import write_json
-from ..surface.decimation import reduced_mesh
-from ..surface.mesh import TriangleMesh, diameter
-from ..surface.mesh_writer import write_ply
+from ...camera.pinhole import PinholeCamera
+from ...files.content import create_folder, write_bytes_atomically, written_file
+from ...files.tables import write_json
+from ...surface.decimation import reduced_mesh
+from ...surface.mesh import TriangleMesh, diameter
+from ...surface.mesh_writer import write_ply
+from ..layout import OBJECT_ID, ViewPaths
+from ..run.resume_record import Box, ViewRecord
 from .coco import coco_table
-from .layout import OBJECT_ID, ViewPaths
-from .view_record import Box, ViewRecord
 
 EVAL_VERTICES = 10_000
 """Most vertices of the model in ``models_eval/``: about as many as in BOP's, as errors of poses visit every vertex."""

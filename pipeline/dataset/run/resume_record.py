@@ -1,21 +1,23 @@
 """The record of a finished view, ``frame/NNNNNN.json``: its pose, ground truth and counts, and hashes of its files.
 
-It is written last, so a view with a record is complete. All tables are made from the records.
+It is written last, so a view with a record is complete: by it a killed run resumes. All tables are made
+from the records.
 """
 
 import json
 import re
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, RunError
-from ..files.content import LARGEST_FILE, read_content
-from ..files.tables import parsed_json
-from ..poses.constraints import Rejections
-from .checksums import FileSum, sums_to_json
-from .layout import ViewPaths
+from ...errors import InputError, RunError
+from ...files.content import LARGEST_FILE, read_content
+from ...files.tables import parsed_json
+from ...poses.constraints import Rejections
+from ..checksums import FileSum, sums_to_json
+from ..layout import ViewPaths
 
 Box = tuple[int, int, int, int]
 """(x, y, width, height) in px with width = x_max - x_min, as in BOP; (-1, -1, -1, -1) if empty."""
@@ -68,7 +70,7 @@ class ViewRecord:
     files
         Size and hash of every file of the view, by its path relative to the dataset.
     rle_counts
-        Run lengths of the mask: see :func:`oneframe.dataset.coco.run_lengths`.
+        Run lengths of the mask: see :func:`oneframe.dataset.tables.coco.run_lengths`.
     """
 
     index: int
@@ -113,7 +115,7 @@ class ViewRecord:
         return (json.dumps(self.to_json(), separators=(",", ":")) + "\n").encode()
 
     @classmethod
-    def from_json(cls, content: object, where: str) -> "ViewRecord":
+    def from_json(cls, content: Any, where: str) -> "ViewRecord":
         """Read the record from a file's JSON object; ``where`` names the file in messages.
 
         Raises
@@ -121,26 +123,28 @@ class ViewRecord:
         RunError
             A key is missing, or its value is of the wrong kind.
         """
-        record = _Fields(content, where)
-        info, rejections = record.object("gt_info"), record.object("rejections")
+        _check_kinds(content, _KINDS, where)
+        _check_kinds(content["gt_info"], _INFO_KINDS, where)
+        _check_kinds(content["rejections"], _REJECTION_KINDS, where)
+        info = content["gt_info"]
         return cls(
-            index=record.integer("index"),
-            identity=record.hash("identity"),
-            cam_from_model=_pose(record.numbers("cam_R_m2c", 9), record.numbers("cam_t_m2c", 3)),
-            depth_scale=record.number("depth_scale"),
+            index=content["index"],
+            identity=content["identity"],
+            cam_from_model=_pose(content["cam_R_m2c"], content["cam_t_m2c"]),
+            depth_scale=float(content["depth_scale"]),
             gt_info=GroundTruthInfo(
-                bbox_obj=info.box("bbox_obj"),
-                bbox_visib=info.box("bbox_visib"),
-                px_count_all=info.integer("px_count_all"),
-                px_count_valid=info.integer("px_count_valid"),
-                px_count_visib=info.integer("px_count_visib"),
-                visib_fract=info.number("visib_fract"),
+                bbox_obj=tuple(info["bbox_obj"]),
+                bbox_visib=tuple(info["bbox_visib"]),
+                px_count_all=info["px_count_all"],
+                px_count_valid=info["px_count_valid"],
+                px_count_visib=info["px_count_visib"],
+                visib_fract=float(info["visib_fract"]),
             ),
-            px_count_observed=record.integer("px_count_observed"),
-            attempts=record.integer("attempts"),
-            rejections=Rejections(**{name: rejections.integer(name) for name in ("surface", "observed", "clearance")}),
-            files=record.files("files"),
-            rle_counts=record.integers("rle_counts"),
+            px_count_observed=content["px_count_observed"],
+            attempts=content["attempts"],
+            rejections=Rejections(**{name: content["rejections"][name] for name in _REJECTION_KINDS}),
+            files={name: FileSum(known["sha256"], known["bytes"]) for name, known in content["files"].items()},
+            rle_counts=tuple(content["rle_counts"]),
         )
 
 
@@ -207,86 +211,77 @@ LARGEST_NUMBER = 1e15
 _AGAIN = "run the same command again: it renders the view again"
 
 
-class _Fields:
-    """Typed access to the values of a JSON object."""
-
-    def __init__(self, content: object, where: str) -> None:
-        if not isinstance(content, dict):
-            raise RunError(f"{where}: expected the record of a view, found {content!r}; remove the file and {_AGAIN}")
-        self._content, self._where = content, where
-
-    def _unexpected(self, key: str, expected: str) -> RunError:
-        found = repr(self._content[key])[:60] if key in self._content else "no such key"
-        return RunError(f"{self._where}: expected {key} to be {expected}, found {found}; remove the file and {_AGAIN}")
-
-    def object(self, key: str) -> "_Fields":
-        value = self._content.get(key)
-        if isinstance(value, dict):
-            return _Fields(value, self._where)
-        raise self._unexpected(key, "an object")
-
-    def integer(self, key: str) -> int:
-        value = self._content.get(key)
-        if _is_integer(value):
-            return value
-        raise self._unexpected(key, "a whole number")
-
-    def number(self, key: str) -> float:
-        value = self._content.get(key)
-        if _is_number(value):
-            return float(value)
-        raise self._unexpected(key, "a number")
-
-    def numbers(self, key: str, count: int) -> list[float]:
-        values = self._content.get(key)
-        if isinstance(values, list) and len(values) == count and all(map(_is_number, values)):
-            return values
-        raise self._unexpected(key, f"{count} numbers")
-
-    def integers(self, key: str) -> tuple[int, ...]:
-        values = self._content.get(key)
-        # thousands of them: without a call for each
-        if isinstance(values, list) and (
-            not values
-            or ({*map(type, values)} == {int} and -LARGEST_NUMBER <= min(values) <= max(values) <= LARGEST_NUMBER)
-        ):
-            return tuple(values)
-        raise self._unexpected(key, "whole numbers")
-
-    def box(self, key: str) -> Box:
-        values = self.integers(key)
-        if len(values) == 4:
-            x, y, width, height = values
-            return x, y, width, height
-        raise self._unexpected(key, "4 whole numbers")
-
-    def hash(self, key: str) -> str:
-        value = self._content.get(key)
-        if _is_hash(value):
-            return value
-        raise self._unexpected(key, "64 hexadecimal digits")
-
-    def files(self, key: str) -> dict[str, FileSum]:
-        entries, sums = self._content.get(key), {}
-        for name, entry in entries.items() if isinstance(entries, dict) else ((key, entries),):
-            digest, size = (entry.get("sha256"), entry.get("bytes")) if isinstance(entry, dict) else (None, None)
-            if not (_is_hash(digest) and _is_integer(size)):
-                raise self._unexpected(key, "sha256 and bytes by name of a file")
-            sums[name] = FileSum(digest, size)
-        return sums
-
-
 _HASH = re.compile("[0-9a-f]{64}")
 
 
-def _is_hash(value: object) -> TypeGuard[str]:
+def _is_object(value: object) -> bool:
+    return isinstance(value, dict)
+
+
+def _is_hash(value: object) -> bool:
     return isinstance(value, str) and _HASH.fullmatch(value) is not None
 
 
-def _is_integer(value: object) -> TypeGuard[int]:
+def _is_integer(value: object) -> bool:
     return type(value) is int and -LARGEST_NUMBER <= value <= LARGEST_NUMBER
 
 
-def _is_number(value: object) -> TypeGuard[float]:
+def _is_number(value: object) -> bool:
     # one after the other: twice as quick as isinstance with a union
     return (type(value) is float or type(value) is int) and -LARGEST_NUMBER <= value <= LARGEST_NUMBER
+
+
+def _are_numbers(count: int) -> Callable[[object], bool]:
+    return lambda value: isinstance(value, list) and len(value) == count and all(map(_is_number, value))
+
+
+def _are_integers(value: object) -> bool:
+    # thousands of them: without a call for each
+    return isinstance(value, list) and (
+        not value or ({*map(type, value)} == {int} and -LARGEST_NUMBER <= min(value) <= max(value) <= LARGEST_NUMBER)
+    )
+
+
+def _is_box(value: object) -> bool:
+    return isinstance(value, list) and len(value) == 4 and _are_integers(value)
+
+
+def _are_sums(value: object) -> bool:
+    return isinstance(value, dict) and all(
+        isinstance(entry, dict) and _is_hash(entry.get("sha256")) and _is_integer(entry.get("bytes"))
+        for entry in value.values()
+    )
+
+
+_Kinds = Mapping[str, tuple[Callable[[object], bool], str]]
+"""Keys of an object -> whether a value is right, and what it should be."""
+_INTEGER, _NUMBER, _OBJECT = (_is_integer, "a whole number"), (_is_number, "a number"), (_is_object, "an object")
+_KINDS: _Kinds = {
+    "index": _INTEGER,
+    "identity": (_is_hash, "64 hexadecimal digits"),
+    "cam_R_m2c": (_are_numbers(9), "9 numbers"),
+    "cam_t_m2c": (_are_numbers(3), "3 numbers"),
+    "depth_scale": _NUMBER,
+    "gt_info": _OBJECT,
+    "px_count_observed": _INTEGER,
+    "attempts": _INTEGER,
+    "rejections": _OBJECT,
+    "files": (_are_sums, "sha256 and bytes by name of a file"),
+    "rle_counts": (_are_integers, "whole numbers"),
+}
+_INFO_KINDS: _Kinds = {
+    **dict.fromkeys(("bbox_obj", "bbox_visib"), (_is_box, "4 whole numbers")),
+    **dict.fromkeys(("px_count_all", "px_count_valid", "px_count_visib"), _INTEGER),
+    "visib_fract": _NUMBER,
+}
+_REJECTION_KINDS: _Kinds = dict.fromkeys(("surface", "observed", "clearance"), _INTEGER)
+
+
+def _check_kinds(content: object, kinds: _Kinds, where: str) -> None:
+    again = f"remove the file and {_AGAIN}"
+    if not isinstance(content, dict):
+        raise RunError(f"{where}: expected the record of a view, found {content!r}; {again}")
+    for key, (is_right, expected) in kinds.items():
+        if not is_right(content.get(key)):
+            found = repr(content[key])[:60] if key in content else "no such key"
+            raise RunError(f"{where}: expected {key} to be {expected}, found {found}; {again}")

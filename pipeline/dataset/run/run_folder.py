@@ -1,35 +1,25 @@
 """The folder of a dataset run: one writer at a time, one identity that never changes, no partial files.
 
 ``dataset.json``, the dataset's description, holds everything that the content depends on. A run writes it first; a run
-that finds another one stops. Locks are in ``.work``, which is removed when the dataset is complete. Nothing is ever
-removed but files that a run writes itself, by their names.
+that finds another one stops. See :mod:`oneframe.dataset.run.work_folder`.
 """
 
 import json
-import os
-import re
 from collections.abc import Mapping
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
 import numpy as np
 
-from ..errors import InputError, RunError
-from ..files.content import LARGEST_TEXT, create_folder, names_in, partial_name, read_file, write_bytes_atomically
-from . import layout
-from .checksums import keep_checksums
-from .differences import COUNT
-from .identity import (
-    check_count,
-    check_description,
-    description_bytes,
-    holds_views_of,
-    identity_of,
-    is_cut_off,
-)
-from .layout import (
+from ...errors import InputError, RunError
+from ...files.content import LARGEST_TEXT, partial_name, read_file, write_bytes_atomically
+from .. import layout
+from ..checksums import keep_checksums
+from ..differences import COUNT
+from ..identity import description_bytes, identity_of
+from ..layout import (
     FOLDERS,
     RECORD,
     SCENE_TABLES,
@@ -41,7 +31,9 @@ from .layout import (
     scene_count,
     scene_folder,
 )
-from .lock import Busy, FileLock, SystemLock, wait_for
+from .lock import Busy, SystemLock, wait_for
+from .same_run import check_count, check_description, holds_views_of, is_cut_off
+from .work_folder import WorkFolder
 
 
 @dataclass(frozen=True)
@@ -76,16 +68,11 @@ def parse_shard(text: str) -> Shard:
     return Shard(index, count)
 
 
-def run_token(path: Path, run: str) -> Path:
-    """The file in a dataset's folder by which other machines know that they see the folder of a run, 16 hex digits."""
-    return path / WORK / f"run-{run}"
-
-
 LAST_SHARDS_SECONDS = 10.0
 """Shards that start or end together wait at most this long for each other."""
 
 
-class RunFolder:
+class RunFolder(WorkFolder):
     """Exclusive access to a dataset folder, or to one shard of it; use as a context manager."""
 
     def __init__(
@@ -118,35 +105,25 @@ class RunFolder:
             The folder cannot be written to, holds something else or another run's data, or is in use. Nothing in it
             has been touched then.
         """
-        self.path = path
+        super().__init__(path, doing="renders into", work_files=r"surface-[0-9a-f]{16}\.npz")
         self._description = description
         self._poses = poses
         self._shared = shard.count > 1
-        self._locks = ExitStack()
         self._is_new = False
-        try:
-            self._new_folders = [folder for folder in (path, *path.parents) if not folder.exists()]
-            self._check_description()
+        self._new_folders: list[Path] = []
+
+        def lock() -> None:
             is_new = self._holds_nothing()
-            create_folder(path / WORK)
             self._common = self._acquire("lock", shared=self._shared, system_lock=system_lock)
             self._is_new = is_new
             if self._shared:
-                self._acquire(f"lock-{shard.index}-of-{shard.count}", shared=False, system_lock=system_lock)
-            self._write_description()
-            if not self._shared:
-                self._remove_leftovers()
-        except (OSError, RunError) as error:
-            refusal = error
-            if isinstance(error, OSError):
-                refusal = RunError(
-                    f"{path}: cannot write to the folder ({error.strerror or error}); choose another folder (--out)"
-                )
-            self.__exit__(None, refusal, None)
-            raise refusal from None
+                self._acquire(f"lock-{shard.index}-of-{shard.count}", system_lock=system_lock)
 
-    def __enter__(self) -> "RunFolder":
-        return self
+        def look() -> None:
+            self._new_folders = [folder for folder in (path, *path.parents) if not folder.exists()]
+
+        steps = [look, self._check_description, lock, self._write_description]
+        self._enter(*steps, *(() if self._shared else (self._remove_leftovers,)))
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -154,7 +131,7 @@ class RunFolder:
         if isinstance(error, InputError | RunError) and self._is_new:
             with suppress(OSError):  # a broken disk is no second error
                 self._discard()
-        self._locks.close()
+        super().__exit__(kind, error, trace)
 
     def finish(self) -> None:
         """Remove locks and temporary files of a complete dataset, unless another process still works in the folder."""
@@ -178,8 +155,7 @@ class RunFolder:
         content = read_file(record, LARGEST_TEXT) if record.exists() else b""
         if content and not is_cut_off(content, description_bytes(self._description)):
             return False
-        work = self.path / WORK
-        was_run = all(re.fullmatch(_WORK_FILES, name) for name in names_in(work))
+        was_run = self._holds_only_work()
         names = [entry.name for entry in self.path.iterdir()]
         others = [name for name in names if name not in (WORK, RECORD) and partial_name(name) != RECORD]
         if was_run and not others:
@@ -194,26 +170,6 @@ class RunFolder:
         raise RunError(
             f"{self.path}: expected a new or empty folder or a dataset to resume, found other files; "
             "choose another folder (--out)"
-        )
-
-    def _acquire(self, name: str, *, shared: bool, system_lock: SystemLock | None) -> FileLock:
-        for _ in range(_ATTEMPTS):
-            try:
-                lock = FileLock(self.path / WORK / name, shared=shared, system_lock=system_lock)
-            except FileNotFoundError:
-                # another process has just finished the dataset and removed the file
-                create_folder(self.path / WORK)
-                continue
-            except Busy:
-                break
-            self._locks.callback(lock.release)
-            return lock
-        raise self._busy()
-
-    def _busy(self) -> RunError:
-        return RunError(
-            f"{self.path}: another process renders into this folder; wait for it, stop it, or choose another "
-            "folder (--out)"
         )
 
     def _check_description(self) -> None:
@@ -275,12 +231,7 @@ class RunFolder:
                 folder.rmdir()
 
     def _remove_leftovers(self) -> None:
-        """Remove the temporary files of killed runs; nobody else may be writing theirs."""
-        for prefix, folder in own_folders(self.path):
-            for name in names_in(folder):
-                target = partial_name(name)
-                if target is not None and is_own_file(prefix + target):
-                    (folder / name).unlink(missing_ok=True)
+        self._remove_partial(own_folders(self.path), is_own_file)
 
     def _remove_scenes(self, first: int) -> None:
         """Remove the folders of all scenes from this one on, none of which has a view, and their tables."""
@@ -292,17 +243,3 @@ class RunFolder:
                     (folder / name).unlink(missing_ok=True)
                 with suppress(OSError):  # it holds files of somebody else
                     folder.rmdir()
-
-    def _remove_work(self) -> None:
-        if os.name == "nt":
-            self._locks.close()  # Windows removes no open files
-        work = self.path / WORK
-        for name in names_in(work):
-            if re.fullmatch(_WORK_FILES, name):
-                (work / name).unlink(missing_ok=True)
-        with suppress(OSError):  # it holds files of somebody else
-            work.rmdir()
-
-
-_ATTEMPTS = 10
-_WORK_FILES = r"lock(-[0-9]+-of-[0-9]+)?(\.[0-9a-f]{16}\.(claim|new))?|surface-[0-9a-f]{16}\.npz|run-[0-9a-f]{16}"

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from ..camera.pinhole import PinholeCamera
-from ..files.content import write_bytes_atomically
-from ..surface.mesh import TriangleMesh
-from . import layout
-from .layout import OBJECT_ID, SPLIT, scene_count
+from ...camera.pinhole import PinholeCamera
+from ...files.content import write_bytes_atomically
+from ...surface.mesh import TriangleMesh
+from .. import layout
+from ..layout import OBJECT_ID, SPLIT, scene_count
 
 TEXT = """\
 # {name}: {count} rendered views

@@ -13,8 +13,8 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
 from oneframe.case.loaded_case import LoadedCase
-from oneframe.dataset.folder import Shard
 from oneframe.dataset.options import DatasetOptions
+from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError
 from oneframe.evaluation.photographs import read_photographs
 from oneframe.files.outputs import made_folder

@@ -9,7 +9,7 @@ from ..pipeline.case.case_file import structure_colour
 from ..pipeline.case.surface_folder import SURFACE, structure_file
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_writer import write_ply
-from ..state.session_files import session_folder
+from ..state.scene_files import session_folder
 
 
 def write_meshes(surface: TriangleMesh, structures: Mapping[str, TriangleMesh]) -> dict[str, Path]:

@@ -12,12 +12,12 @@ import numpy as np
 from ..errors import InputError
 from ..surface.ball import Ball
 from ..surface.mesh import MOST_FACES
-from ..surface.simplification import simplified, tolerance_near
 from ..transforms import transform_points
 from .bone import CRUMB_MM3, without_crumbs
 from .isosurface import Isosurface, RemovedField, isosurface
 from .resampling import Sampler
 from .rim import with_sharp_rim
+from .simplification import simplified, tolerance_near
 from .smoothing import STEPS, smoothed
 from .volume import Volume, VoxelGrid
 

@@ -88,7 +88,7 @@ def opened_film(
     Raises
     ------
     InputError
-        See :class:`oneframe.video.film_reader.Film` and :func:`pipeline.poses.pose_file.read_frame_poses`.
+        See :class:`oneframe.video.film_reader.Film` and :func:`oneframe.poses.pose_file.read_frame_poses`.
     """
     with Film(video, width=WIDEST) as film:
         found, messages = read_frame_poses(

@@ -9,7 +9,7 @@ import numpy as np
 from bpy.props import BoolProperty
 
 from ..class_registration import at_end, class_registration, listening, prop
-from ..pipeline.blender.colour.reference_view import reference_views_of
+from ..pipeline.blender.colour.reference_view import reference_view_of
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.errors import InputError
 from ..state import from_scene
@@ -85,7 +85,7 @@ class ONEFRAME_OT_preview_view(_AboutOptions):
         count = options.count if listed is None else len(listed)
         if index >= count:
             raise InputError(f"view {index}: expected a view of the dataset, 0 to {count - 1}; choose a smaller number")
-        with ViewRenderer(loaded, reference_views_of(loaded, options.engine), options, listed) as renderer:
+        with ViewRenderer(loaded, reference_view_of(loaded, options.engine), options, listed) as renderer:
             view = renderer.make(index)
             messages = renderer.messages
         statistics = view.planned.statistics

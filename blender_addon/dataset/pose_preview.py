@@ -140,7 +140,7 @@ def plan(scene: bpy.types.Scene, number: int) -> PlannedPoses:
     listed = listed_poses(loaded, options)
     count = options.count if listed is None else len(listed)
     source = reference_view_of(loaded)
-    with ViewRenderer(loaded, [source], options, listed) as renderer:
+    with ViewRenderer(loaded, source, options, listed) as renderer:
         planned = [renderer.plan(index) for index in range(min(number, count))]
     lines = frusta(planned, view_camera(loaded, options), source)
     statistics = [view.statistics for view in planned]

@@ -77,14 +77,6 @@ def reference_view_of(loaded: LoadedCase, engine: str = "cycles") -> ReferenceVi
     return _view_of(loaded, seen.depth_mm, seen.observed)
 
 
-def reference_views_of(loaded: LoadedCase, engine: str = "cycles") -> tuple[ReferenceView, ...]:
-    """:func:`reference_view_of` each frame of a case; the first one tells which side of the surface is its front."""
-    first = reference_view_of(loaded, engine)
-    surface = replace(loaded.surface, mesh=first.mesh)
-    others = (replace(loaded, surface=surface, frames=(frame,)) for frame in loaded.frames[1:])
-    return first, *(replace(reference_view_of(each, engine), mesh=first.mesh, rays=first.rays) for each in others)
-
-
 def limited_to_incidence(source: ReferenceView, max_incidence_deg: float) -> ReferenceView:
     """The same view, which counts surface as seen up to this angle between ray and normal."""
     return replace(source, view=replace(source.view, max_incidence_deg=max_incidence_deg))

@@ -25,7 +25,7 @@ from ...files.content import hashed_reading
 from ...poses.pose_file import read_poses
 from ...process.own_process import STDOUT
 from ..case.load_case import load_case
-from ..colour.reference_view import reference_views_of
+from ..colour.reference_view import reference_view_of
 from .view_renderer import ViewRenderer
 
 IN_FLIGHT = 3
@@ -96,8 +96,8 @@ class OpenJob:
     def renderer(self, *, threads: int) -> ViewRenderer:
         """Create the renderer of this job's views, with this number of render threads."""
         options = self.job.options
-        sources = reference_views_of(self.loaded, options.engine)
-        return ViewRenderer(self.loaded, sources, options, self.given_poses, identity=self.identity, threads=threads)
+        source = reference_view_of(self.loaded, options.engine)
+        return ViewRenderer(self.loaded, source, options, self.given_poses, identity=self.identity, threads=threads)
 
     @cached_property
     def identity(self) -> str:

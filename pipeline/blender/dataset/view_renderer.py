@@ -10,11 +10,9 @@ from mathutils.bvhtree import BVHTree
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
-from ...colour.best_view import best_of
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
 from ...colour.ray_tracer import RayTracer
 from ...colour.shading import SurfaceColour
-from ...colour.source_view import SourceView
 from ...dataset.description import farthest_listed_mm, view_camera
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
@@ -38,13 +36,13 @@ GRID = 16
 class ViewProbe:
     """Casts a grid of rays at the surface; call it with ``cam_from_model`` (4x4, mm)."""
 
-    def __init__(self, surface_scene: SurfaceScene, views: Sequence[SourceView], camera: PinholeCamera) -> None:
+    def __init__(self, surface_scene: SurfaceScene, source: ReferenceView, camera: PinholeCamera) -> None:
         layer = surface_scene.scene.view_layers[0]
         # a layer that was never rendered has no depsgraph yet
         layer.update()
         depsgraph = layer.depsgraph
         self._tree = BVHTree.FromObject(surface_scene.surface_object, depsgraph)  # type: ignore[arg-type]  # the same class
-        self._views = views
+        self._source = source
         self._camera = camera
 
     def __call__(self, cam_from_model: np.ndarray) -> ViewStatistics:
@@ -55,7 +53,7 @@ class ViewProbe:
         if len(seen.pixels) == 0:
             return ViewStatistics(0.0, 0.0, clearance)
         # back sides are surface too, but never observed
-        observed = np.any([view.observed(seen.points_model, seen.normals_model) for view in self._views], axis=0)
+        observed = self._source.view.observed(seen.points_model, seen.normals_model)
         return ViewStatistics(seen.image_fraction, float(observed.mean()), clearance)
 
     def _first_hit(self, origin: Sequence[float], direction: Sequence[float]) -> tuple[Vector, Vector] | None:
@@ -70,12 +68,18 @@ SAMPLED_VIEWS = 4
 
 
 class ViewRenderer:
-    """Renders views of one dataset; creating it prepares everything that they share. Use as a context manager."""
+    """Renders views of one dataset; creating it prepares everything that they share. Use as a context manager.
+
+    Attributes
+    ----------
+    render
+        Renders any pose (4x4, mm).
+    """
 
     def __init__(
         self,
         loaded: LoadedCase,
-        sources: Sequence[ReferenceView],
+        source: ReferenceView,
         options: DatasetOptions,
         given_poses: np.ndarray | None,
         *,
@@ -86,8 +90,8 @@ class ViewRenderer:
 
         Parameters
         ----------
-        loaded, sources
-            The case and its reference views; of several, every pixel has the colour of the best, see :func:`.best_of`.
+        loaded, source
+            The case and the reference view of the surface to render.
         options
             The run's options.
         given_poses
@@ -99,8 +103,8 @@ class ViewRenderer:
         """
         self._options, self._identity = options, identity
         self.camera = view_camera(loaded, options)
-        self._sources = [limited_to_incidence(each, options.max_incidence_deg) for each in sources]
-        source = self.source = self._sources[0]
+        source = limited_to_incidence(source, options.max_incidence_deg)
+        self.source = source
         orbits = given_poses is None and options.sampler != "gaussian"
         nearest, farthest = (options.distance_min, options.distance_max) if orbits else (1.0, 1.0)
         view_px, frame_px = self.camera.fx, loaded.frame.camera.fx
@@ -110,13 +114,11 @@ class ViewRenderer:
             reduction_doubt(view_px, frame_px, farthest, options.samples),
         )
         self.messages = (*loaded.messages, *source.messages, *filter(None, doubts))
-        self._resources, self._renders, views = ExitStack(), [], [each.view for each in self._sources]
-        for each in self._sources:
-            colour, messages = colour_of(each, options.colour)
-            self.messages = (*self.messages, *messages)
-            opened = _opened_renderer(each, views, self.camera, colour, options, threads)
-            render, self._probe = self._resources.enter_context(opened)
-            self._renders.append(render)
+        colour, messages = colour_of(source, options.colour)
+        self.messages = (*self.messages, *messages)
+        self._resources = ExitStack()
+        opened = _opened_renderer(source, self.camera, colour, options, threads)
+        self.render, self._probe = self._resources.enter_context(opened)
         self._edges = SilhouetteEdges.of(source.mesh)
         self._given = given_poses
         reference = ReferencePose(loaded.frame.cam_from_model, source.pivot_model)
@@ -142,13 +144,6 @@ class ViewRenderer:
 
     def __exit__(self, *_: object) -> None:
         self._resources.close()
-
-    def render(self, cam_from_model: np.ndarray) -> RenderedView:
-        """Render any pose (4x4, mm)."""
-        views = [render(cam_from_model) for render in self._renders]
-        if len(views) == 1:
-            return views[0]
-        return best_of(views, [each.view for each in self._sources], self.camera, cam_from_model)
 
     def plan(self, index: int) -> PlannedPose:
         """Plan the pose of view ``index``; it depends only on the case, the options and (seed, index).
@@ -203,18 +198,13 @@ class ViewRenderer:
 
 @contextmanager
 def _opened_renderer(
-    source: ReferenceView,
-    views: Sequence[SourceView],
-    camera: PinholeCamera,
-    colour: SurfaceColour,
-    options: DatasetOptions,
-    threads: int,
+    source: ReferenceView, camera: PinholeCamera, colour: SurfaceColour, options: DatasetOptions, threads: int
 ) -> Iterator[tuple[Render, ViewProbe]]:
     """What renders any pose (4x4, mm) with the options' engine, and the probe."""
     unseen, pivot = unseen_colours_of(source, options.unseen), source.pivot_model
     if options.engine == "raster":
         with SurfaceScene(source.mesh, camera, None) as scene:
-            probe = ViewProbe(scene, views, camera)
+            probe = ViewProbe(scene, source, camera)
         tracer = RayTracer(
             source.mesh, camera, colour, unseen=unseen, samples=options.samples, pivot_model=pivot, rays=source.rays
         )
@@ -235,7 +225,7 @@ def _opened_renderer(
         render: Render = partial(render_view, scene)
         if at_edges:
             render = EdgeSampler(scene, source.view, pivot, colour, camera, options.samples).render
-        yield render, ViewProbe(scene, views, camera)
+        yield render, ViewProbe(scene, source, camera)
 
 
 def _distribution(options: DatasetOptions, reference: ReferencePose, camera: PinholeCamera) -> PoseDistribution | None:

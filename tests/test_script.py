@@ -47,7 +47,7 @@ def test_a_case_from_a_ct(tmp_path):
     given = {"frame": tmp_path / "frame.png", "camera": tmp_path / "k.json"}
     case = oneframe.make_case(tmp_path / "case", surface=tmp_path / "bone.ply", **given)
     assert case.alignment == {"method": "initial guess"}
-    assert len(oneframe.load_case(case).mesh.faces) == len(mesh.faces)
+    assert len(oneframe.load_case(case).surface.mesh.faces) == len(mesh.faces)
     with pytest.raises(oneframe.InputError, match="does not exist"):
         oneframe.make_case(tmp_path / "other", surface=tmp_path / "no.ply", **given)
 

@@ -9,7 +9,7 @@ from ..pipeline.blender.case.frame_file import read_frame
 from ..pipeline.case.case_folder import FRAME, KeptFile, check_new, keep_files, kept_mesh
 from ..pipeline.case.surface_folder import SURFACE, structure_file
 from ..pipeline.files.outputs import Output, check_outputs
-from ..pipeline.volume.drill_plan import KIND, plan_text, write_drill_plan
+from ..pipeline.volume.drill.drill_plan import KIND, plan_text, write_drill_plan
 from ..state import from_scene, to_scene
 from ..state.inputs import input_files
 from ..state.session_files import is_temporary

@@ -24,7 +24,7 @@ from ..pipeline.files.outputs import Output, check_outputs
 from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.mesh_writer import write_ply
-from ..pipeline.volume.structures import name_of_file
+from ..pipeline.volume.bone.structures import name_of_file
 from ..state import from_scene, to_scene, workbench
 from ..state.camera_view import look_through_camera, show_shape
 from ..state.from_scene import surface_bounds, surface_extents

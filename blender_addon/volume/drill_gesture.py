@@ -8,7 +8,7 @@ from bpy.props import FloatProperty
 from bpy_extras import view3d_utils
 
 from ..class_registration import class_registration, prop
-from ..pipeline.volume.isosurface import RemovedField
+from ..pipeline.volume.bone.isosurface import RemovedField
 from ..ui.keymap import DRILL_TOOL, Key, Keys, active_tool
 from ..ui.operator import OperatorResult
 from . import drill_session, drill_strokes

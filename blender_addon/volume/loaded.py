@@ -9,10 +9,10 @@ import bpy
 import numpy as np
 
 from ..pipeline.errors import InputError
-from ..pipeline.volume.label_map import on_grid, read_labels
-from ..pipeline.volume.slice_planes import SlicePlane, slice_planes
+from ..pipeline.volume.reading.label_map import on_grid, read_labels
+from ..pipeline.volume.reading.volume_reader import read_volume
+from ..pipeline.volume.slices.slice_planes import SlicePlane, slice_planes
 from ..pipeline.volume.volume import LabelMap, Volume
-from ..pipeline.volume.volume_reader import read_volume
 from ..state import from_scene
 
 Key = tuple[str, int, str]

@@ -6,7 +6,7 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty, FloatVectorProperty, IntProperty, PointerProperty, StringProperty
 
 from ..class_registration import class_registration, prop
-from ..pipeline.volume.threshold import DEFAULT_HU
+from ..pipeline.volume.bone.threshold import DEFAULT_HU
 
 SLICE_SPACE = "IMAGE_EDITOR"
 """The kind of area that shows slices."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ..pipeline.volume.slice_planes import SlicePlane
+from ..pipeline.volume.slices.slice_planes import SlicePlane
 from .loaded import LoadedCT, ct_of
 from .slice_areas import plane_of
 

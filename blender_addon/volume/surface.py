@@ -14,12 +14,12 @@ from ..pipeline.errors import InputError
 from ..pipeline.surface.ball import Ball, ball_around
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
-from ..pipeline.volume.bone import bone_voxels
-from ..pipeline.volume.bone_surface import STAGES, bone_surface
-from ..pipeline.volume.drill_guard import check_margins
-from ..pipeline.volume.drill_plan import unprotected
-from ..pipeline.volume.structures import structure_meshes, without_bone
-from ..pipeline.volume.threshold import check_threshold
+from ..pipeline.volume.bone.bone import bone_voxels
+from ..pipeline.volume.bone.bone_surface import STAGES, bone_surface
+from ..pipeline.volume.bone.structures import structure_meshes, without_bone
+from ..pipeline.volume.bone.threshold import check_threshold
+from ..pipeline.volume.drill.drill_guard import check_margins
+from ..pipeline.volume.drill.drill_plan import unprotected
 from ..state import from_scene, to_scene
 from ..state.initial_pose import renew_initial_pose
 from ..state.structures import put_structures

@@ -95,7 +95,7 @@ def run(arguments: argparse.Namespace, align: str) -> int:
         from ..case.case_file import Structure
         from ..case.structure_colour import structure_colour
         from ..case.surface_folder import RECORD
-        from ..volume.structures import name_of_file
+        from ..volume.bone.structures import name_of_file
     output = own_output()
     structures: list[Structure] = []
     for text in arguments.structures:

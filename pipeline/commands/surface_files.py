@@ -26,19 +26,19 @@ from ..images.slice_picture import slice_picture
 from ..progress import ShareProgress
 from ..surface.mesh import TriangleMesh
 from ..surface.mesh_writer import write_ply
-from ..volume.bone import bone_voxels
-from ..volume.bone_surface import BoneSurface, Finish, bone_surface, taken_bone
-from ..volume.clearance import clearances, violations
-from ..volume.drill_guard import check_margins
-from ..volume.drill_plan import DrillPlan, check_strokes, read_drill_plan, unprotected
-from ..volume.isosurface import RemovedField
-from ..volume.label_map import read_labels
-from ..volume.slice_views import LabelColours, slice_views
-from ..volume.structures import structure_meshes, structure_names, without_bone
-from ..volume.subtraction import removed_by_labels, removed_by_operation, united
-from ..volume.threshold import DEFAULT_HU, check_threshold, otsu_threshold
+from ..volume.bone.bone import bone_voxels
+from ..volume.bone.bone_surface import BoneSurface, Finish, bone_surface, taken_bone
+from ..volume.bone.isosurface import RemovedField
+from ..volume.bone.structures import structure_meshes, structure_names, without_bone
+from ..volume.bone.subtraction import removed_by_labels, removed_by_operation, united
+from ..volume.bone.threshold import DEFAULT_HU, check_threshold, otsu_threshold
+from ..volume.drill.clearance import clearances, violations
+from ..volume.drill.drill_guard import check_margins
+from ..volume.drill.drill_plan import DrillPlan, check_strokes, read_drill_plan, unprotected
+from ..volume.reading.label_map import read_labels
+from ..volume.reading.volume_reader import read_volume
+from ..volume.slices.slice_views import LabelColours, slice_views
 from ..volume.volume import LabelMap, Volume
-from ..volume.volume_reader import read_volume
 from .surface_finish import finish_of, removed_of
 
 SLICES = "slices.png"

@@ -8,11 +8,11 @@ import numpy as np
 from ..case.structure_colour import OTHER, structure_colour
 from ..surface.ball import Ball
 from ..surface.mesh import TriangleMesh
-from ..volume.bone_surface import Finish, removed_ball, widened_mm
-from ..volume.drill_plan import DrillPlan
-from ..volume.drilled_volume import removed_by_plan
-from ..volume.isosurface import RemovedField
-from ..volume.smoothing import STEPS
+from ..volume.bone.bone_surface import Finish, removed_ball, widened_mm
+from ..volume.bone.isosurface import RemovedField
+from ..volume.bone.smoothing import STEPS
+from ..volume.drill.drill_plan import DrillPlan
+from ..volume.drill.virtual_drill import removed_by_plan
 from ..volume.volume import Volume, VoxelGrid
 
 

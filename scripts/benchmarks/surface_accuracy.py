@@ -12,7 +12,7 @@ import numpy as np
 from skimage.measure import marching_cubes
 
 from pipeline.transforms import transform_points
-from pipeline.volume.isosurface import isosurface
+from pipeline.volume.bone.isosurface import isosurface
 from pipeline.volume.volume import VoxelGrid
 
 LEVEL_HU = 300.0

@@ -26,14 +26,14 @@ from pipeline.files.outputs import Output, check_outputs
 from pipeline.images.pixel_values import to_uint8
 from pipeline.images.slice_picture import slice_picture
 from pipeline.surface.mesh import TriangleMesh
-from pipeline.volume.bone import bone_voxels
-from pipeline.volume.bone_surface import bone_surface, removed_ball
-from pipeline.volume.drill_plan import read_drill_plan
-from pipeline.volume.label_map import read_labels
-from pipeline.volume.slice_views import LabelColours, slice_views
-from pipeline.volume.structures import structure_meshes, structure_names, without_bone
-from pipeline.volume.threshold import DEFAULT_HU
-from pipeline.volume.volume_reader import read_volume
+from pipeline.volume.bone.bone import bone_voxels
+from pipeline.volume.bone.bone_surface import bone_surface, removed_ball
+from pipeline.volume.bone.structures import structure_meshes, structure_names, without_bone
+from pipeline.volume.bone.threshold import DEFAULT_HU
+from pipeline.volume.drill.drill_plan import read_drill_plan
+from pipeline.volume.reading.label_map import read_labels
+from pipeline.volume.reading.volume_reader import read_volume
+from pipeline.volume.slices.slice_views import LabelColours, slice_views
 
 JPEG = Kind("a JPEG image", beginning(b"\xff\xd8"))
 QUALITY = {"quality": 86, "optimize": True, "subsampling": 0}

@@ -18,7 +18,7 @@ from pipeline.blender.case.load_case import load_case
 from pipeline.case.case_file import read_case
 from pipeline.commands.__main__ import dispatch
 from pipeline.images.png import encode_png
-from pipeline.volume.drill_plan import read_drill_plan
+from pipeline.volume.drill.drill_plan import read_drill_plan
 from tests.volume.ball_ct import write_ball_ct
 
 K = {"fx": 900.0, "fy": 905.0, "cx": 47.0, "cy": 36.5, "width": 96, "height": 72, "distortion": [0.1, -0.05, 0, 0, 0]}

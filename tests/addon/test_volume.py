@@ -17,7 +17,7 @@ from pipeline.commands import surface as surface_command
 from pipeline.images.png import encode_png
 from pipeline.surface.mesh import TriangleMesh
 from pipeline.transforms import transform_points
-from pipeline.volume.drill_plan import Stroke, read_drill_plan
+from pipeline.volume.drill.drill_plan import Stroke, read_drill_plan
 from tests.waiting import wait_until
 
 SIZE, SPACING = (44, 40, 36), (0.5, 0.5, 0.6)

@@ -25,9 +25,9 @@ from pipeline.files.content import reading
 from pipeline.images.image_check import check_image_file
 from pipeline.poses.pose_file import read_pose, read_poses
 from pipeline.surface.mesh_reader import read_mesh
-from pipeline.volume.drill_plan import read_drill_plan
-from pipeline.volume.label_map import read_labels
-from pipeline.volume.volume_reader import read_volume
+from pipeline.volume.drill.drill_plan import read_drill_plan
+from pipeline.volume.reading.label_map import read_labels
+from pipeline.volume.reading.volume_reader import read_volume
 
 
 class _Loaded:

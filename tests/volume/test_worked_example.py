@@ -9,14 +9,14 @@ import trimesh
 from pipeline.commands.surface_finish import finish_of, removed_of
 from pipeline.surface.deviation import SurfaceTree
 from pipeline.surface.mesh import TriangleMesh
-from pipeline.volume.bone import bone_voxels
-from pipeline.volume.bone_surface import bone_surface
-from pipeline.volume.clearance import clearances, violations
-from pipeline.volume.drill_plan import DrillPlan, Stroke, read_drill_plan
-from pipeline.volume.label_map import read_labels
-from pipeline.volume.structures import structure_meshes, structure_names, without_bone
+from pipeline.volume.bone.bone import bone_voxels
+from pipeline.volume.bone.bone_surface import bone_surface
+from pipeline.volume.bone.structures import structure_meshes, structure_names, without_bone
+from pipeline.volume.drill.clearance import clearances, violations
+from pipeline.volume.drill.drill_plan import DrillPlan, Stroke, read_drill_plan
+from pipeline.volume.reading.label_map import read_labels
+from pipeline.volume.reading.volume_reader import read_volume
 from pipeline.volume.volume import Volume, VoxelGrid
-from pipeline.volume.volume_reader import read_volume
 
 ROOT = Path(__file__).parents[2]
 BONES = ROOT.parent / "shared" / "data" / "temporal_bones"

@@ -1,8 +1,7 @@
 """The series in a folder of DICOM files, from their headers.
 
 Only tags of :data:`TAGS` are looked at, and of these only numbers and known words are ever printed: everything else in
-a header may name the patient. File names are not printed either; hospitals write names into them. Needs ``SimpleITK``,
-in the child process of the reader.
+a header may name the patient. File names are not printed either; hospitals write names into them.
 """
 
 import os
@@ -15,7 +14,10 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
-from .slice_geometry import FEWEST_SLICES, SlicePlace
+from ..volume import VoxelGrid
+from .header_checks import check_axes, check_memory, simple_itk
+from .slice_geometry import FEWEST_SLICES, SlicePlace, stack_of
+from .voxel_values import ValueSurvey
 
 TAGS = {
     "instance": "0008|0018",
@@ -41,41 +43,6 @@ MOST_FILES = 50_000
 
 _CT, _ENHANCED_CT = "1.2.840.10008.5.1.4.1.1.2", ("1.2.840.10008.5.1.4.1.1.2.1", "1.2.840.10008.5.1.4.1.1.2.2")
 _DIRECTORY = "1.2.840.10008.1.3.10"
-
-_SYNTAXES = {
-    "": "Little Endian",
-    ".1": "Explicit Little Endian",
-    ".1.99": "Deflated",
-    ".2": "Explicit Big Endian",
-    ".4.50": "JPEG Baseline",
-    ".4.51": "JPEG Extended",
-    ".4.57": "JPEG Lossless",
-    ".4.70": "JPEG Lossless, First-Order Prediction",
-    ".4.80": "JPEG-LS Lossless",
-    ".4.81": "JPEG-LS Near-Lossless",
-    ".4.90": "JPEG 2000 Lossless",
-    ".4.91": "JPEG 2000",
-    ".5": "RLE Lossless",
-}
-"""Transfer syntaxes that GDCM reads, by what follows ``1.2.840.10008.1.2`` (DICOM PS3.6, table A-1)."""
-
-_UNREADABLE_SYNTAXES = {
-    ".4.92": "JPEG 2000 multi-component",
-    ".4.93": "JPEG 2000 multi-component",
-    ".4.94": "JPIP",
-    ".4.95": "JPIP",
-    ".4.100": "MPEG-2",
-    ".4.101": "MPEG-2",
-    ".4.102": "MPEG-4",
-    ".4.103": "MPEG-4",
-    ".4.110": "JPEG XL Lossless",
-    ".4.111": "JPEG XL Recompression",
-    ".4.112": "JPEG XL",
-    ".4.201": "High-Throughput JPEG 2000 Lossless",
-    ".4.202": "High-Throughput JPEG 2000 Lossless with RPCL",
-    ".4.203": "High-Throughput JPEG 2000",
-}
-_SYNTAX_ROOT = "1.2.840.10008.1.2"
 
 
 @dataclass(frozen=True)
@@ -144,7 +111,7 @@ def find_series(folder: Path) -> tuple[Series, ...]:
     InputError
         No DICOM images, a transfer syntax that cannot be read, multi-frame or damaged files.
     """
-    paths = dicom_paths(folder)
+    paths = _dicom_paths(folder)
     found: dict[str, dict[str, tuple[int, Slice]]] = {}
     for index, (path, group) in enumerate(paths):
         kind = group.get(0x0002, "")
@@ -153,15 +120,10 @@ def find_series(folder: Path) -> tuple[Series, ...]:
                 f"{folder}: expected one slice per file, found an enhanced (multi-frame) CT; convert it to NIfTI, "
                 "for example with dcm2niix"
             )
-        if kind == _CT:
-            _check_syntax(group.get(0x0010, ""), folder)
         tags = _tags(path)
         if tags is None:
             if kind == _CT:
-                raise InputError(
-                    f"{folder}: expected DICOM slices, cannot read file {index + 1} of {len(paths)} in the order of "
-                    "their names; it is damaged or cut off: copy or export the series again"
-                )
+                raise _unreadable(f"{folder}: file {index + 1} of {len(paths)} in the order of their names", path)
             continue
         number = int(tags["series number"]) if re.fullmatch(r"-?\d{1,9}", tags["series number"]) else 0
         # the same slice twice, such as in two copies of a folder, counts once
@@ -199,21 +161,104 @@ def chosen_series(series: Sequence[Series], number: int | None, where: str) -> S
     return chosen
 
 
-def dicom_paths(folder: Path) -> list[tuple[Path, dict[int, str]]]:
+def series_voxels(chosen: Series, box_mm: np.ndarray | None, folder: str) -> tuple[np.ndarray, VoxelGrid]:
+    """The voxels of a series in HU, read-only ``(Z, Y, X)`` int16, and where they lie.
+
+    Parameters
+    ----------
+    chosen
+        The series.
+    box_mm
+        ``(2, 3)`` corners of a box in LPS, mm, to keep.
+    folder
+        Begins messages.
+
+    Raises
+    ------
+    InputError
+        It is not a volume in HU, or damaged.
+    """
+    where = f"{folder}: series {chosen.info.number}"
+    places = []
+    for part in chosen.slices:
+        if part.place is None:
+            raise InputError(
+                f"{where}: expected position, orientation and pixel spacing of each slice, found slices without, so "
+                "left and right are unknown; export the original series again"
+            )
+        if not part.is_grey:
+            raise InputError(f"{where}: expected grey slices (MONOCHROME2), found others; it is no CT: choose another")
+        places.append(part.place)
+    grid, order = stack_of(places, where)
+    check_axes(grid.mesh_from_index, where)
+    stored = [z + 1 for z in range(len(order)) if not chosen.slices[order[z]].is_rescaled]
+    if 0 < len(stored) < len(order):
+        raise InputError(
+            f"{where}: expected Rescale Slope and Intercept in all slices or in none, {len(stored)} of {len(order)} "
+            f"are without (the first: slice {stored[0]}, counted along the series), so their HU are unknown; copy or "
+            "export the series again"
+        )
+    first, stop = grid.box_of(*box_mm, f"{where}: crop") if box_mm is not None else (np.zeros(3, int), grid.size)
+    columns, rows, slices = (int(count) for count in np.subtract(stop, first))
+    # of a slice, GDCM holds several copies, also in double precision
+    check_memory(2 * columns * rows * slices + 32 * grid.size[0] * grid.size[1], grid.size, where)
+    survey, voxels = ValueSurvey(), np.empty((slices, rows, columns), np.int16)
+    for z in range(first[2], stop[2]):
+        pixels = _pixels(chosen.slices[order[z]], f"{where}, slice {z + 1} of {len(order)}")
+        survey.add(pixels)
+        # what is out of range is refused below
+        kept = np.rint(pixels[first[1] : stop[1], first[0] : stop[0]]).clip(-(2**15), 2**15 - 1)
+        voxels[z - first[2]] = kept
+    survey.check_hounsfield(where)
+    voxels.setflags(write=False)
+    return voxels, grid.shifted(first, (columns, rows, slices))
+
+
+def _pixels(part: Slice, where: str) -> np.ndarray:
+    """``(H, W)`` values of a slice after its own rescale slope and intercept."""
+    try:
+        pixels = simple_itk().GetArrayFromImage(_reader(part.path).Execute())
+    except (RuntimeError, MemoryError):
+        pixels = None
+    if pixels is None or pixels.shape != (1, *part.size[::-1]):
+        raise _unreadable(where, part.path)
+    return pixels[0]
+
+
+def _unreadable(where: str, path: Path) -> InputError:
+    """The error for a slice that GDCM cannot read."""
+    syntax = (_file_meta_information(path) or {}).get(0x0010, "")
+    number = syntax if re.fullmatch(r"[0-9.]{1,64}", syntax) else "none"
+    return InputError(
+        f"{where}: cannot read its pixels; it is damaged or cut off (copy or export the series again), or compressed "
+        f"in a way that GDCM does not know (transfer syntax {number}; decompress it with gdcmconv --raw or dcm2niix)"
+    )
+
+
+def _dicom_paths(folder: Path) -> list[tuple[Path, dict[int, str]]]:
     """The DICOM files (with a preamble) in a folder and those in it, sorted, and their file meta information."""
-    paths = []
-    for parent, folders, names in os.walk(folder):
-        folders.sort()
-        for name in sorted(names):
-            path = Path(parent, name)
-            if path.is_file() and (group := file_meta_information(path)) is not None:
-                if group.get(0x0002) == _DIRECTORY:
-                    continue
-                paths.append((path, group))
+    paths, count = [], 0
+    try:
+        for parent, folders, names in os.walk(folder):
+            folders.sort()
+            count += len(names)
+            if count > MOST_FILES:
+                raise InputError(
+                    f"{folder}: expected a folder of DICOM files, found more than {MOST_FILES:,} files in it; give the "
+                    "folder of one examination"
+                )
+            for path in (Path(parent, name) for name in sorted(names)):
+                group = _file_meta_information(path) if path.is_file() else None
+                if group is not None and group.get(0x0002) != _DIRECTORY:
+                    paths.append((path, group))
+    except OSError as error:
+        raise InputError(
+            f"{folder}: expected a folder of DICOM files, cannot read it ({error.strerror}); check its permissions"
+        ) from None
     return paths
 
 
-def file_meta_information(path: Path) -> dict[int, str] | None:
+def _file_meta_information(path: Path) -> dict[int, str] | None:
     """Identifiers in group 0002 by element (DICOM PS3.10, 7.1); ``None`` if the file is not DICOM with a preamble.
 
     This group is never compressed, so a transfer syntax that cannot be read is named.
@@ -234,28 +279,17 @@ def file_meta_information(path: Path) -> dict[int, str] | None:
     return elements
 
 
-def _check_syntax(syntax: str, folder: Path) -> None:
-    code = syntax.removeprefix(_SYNTAX_ROOT)
-    if syntax.startswith(_SYNTAX_ROOT) and code in _SYNTAXES:
-        return
-    name = _UNREADABLE_SYNTAXES.get(code, "a private or unknown one") if syntax else "none"
-    number = f" ({syntax})" if re.fullmatch(r"[0-9.]{1,64}", syntax) else ""
-    raise InputError(
-        f"{folder}: expected slices that are not compressed, or by JPEG, JPEG-LS, JPEG 2000 or RLE; found the transfer "
-        f"syntax {name}{number}; decompress them with a tool that knows it, such as gdcmconv --raw, dcmdjpeg or "
-        "dcm2niix"
-    )
+def _reader(path: Path) -> Any:
+    reader = simple_itk().ImageFileReader()
+    reader.SetImageIO("GDCMImageIO")
+    reader.LoadPrivateTagsOff()
+    reader.SetFileName(str(path))
+    return reader
 
 
 def _tags(path: Path) -> dict[str, str] | None:
     """Values of :data:`TAGS`, empty where missing; ``None`` if it is no image that can be read."""
-    # in the child only: Blender need not load it
-    import SimpleITK as sitk
-
-    reader = sitk.ImageFileReader()
-    reader.SetImageIO("GDCMImageIO")
-    reader.LoadPrivateTagsOff()
-    reader.SetFileName(str(path))
+    reader = _reader(path)
     try:
         reader.ReadImageInformation()
     except RuntimeError:

@@ -52,8 +52,6 @@ def read_labels(path: Path, like: Volume | None = None, *, resampled: bool = Tru
     InputError
         As for :func:`.read_volume`; or it is no label map but a CT, an image or probabilities; it does not overlap the
         volume; or its names cannot be read.
-    RunError
-        A temporary file cannot be written.
     """
     path = Path(path)
     if path.is_dir():

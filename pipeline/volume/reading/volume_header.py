@@ -1,8 +1,8 @@
-"""What the header of a volume claims, read before the voxels: size, type, place of the data, orientation and units.
+"""The header of a volume, before its voxels: SimpleITK reads it, and what it forgives is refused here.
 
-Readers of volumes forgive much: ITK fills up a NIfTI file that was cut off, takes a file without orientation for one
-along the patient's axes, and ignores units. So the headers are read here first, in Python, and nothing of them is ever
-printed but numbers and the words of the format: text in them may name the patient.
+ITK fills up a NIfTI file that was cut off, reads compressed voxels without their checksum, takes a file without
+orientation for one along the patient's axes, chooses one of two orientations, and ignores units. Nothing of a header is
+ever printed but numbers: text in it may name the patient.
 
 Formats: NIfTI-1 (https://nifti.nimh.nih.gov/pub/dist/src/niftilib/nifti1.h), NRRD
 (https://teem.sourceforge.net/nrrd/format.html) and MetaImage (https://itk.org/Wiki/MetaIO/Documentation).
@@ -11,43 +11,76 @@ Formats: NIfTI-1 (https://nifti.nimh.nih.gov/pub/dist/src/niftilib/nifti1.h), NR
 import re
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from ...errors import InputError
-from ...files.content import LARGEST_TEXT, read_beginning
+from ...files.content import LARGEST_TEXT, read_beginning, reading
 from ...transforms import rotation_from_vector
-from .stored_voxels import VolumeHeader, apart_mm, check_axes, several_components, three_dimensions
+from .header_checks import apart_mm, check_axes, simple_itk, three_dimensions
 
 SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 
-_NIFTI_BYTES = {2: 1, 4: 2, 8: 4, 16: 4, 64: 8, 256: 1, 512: 2, 768: 4, 1024: 8, 1280: 8}
 _NIFTI_UNITS = {0: 1.0, 1: 1000.0, 2: 1.0, 3: 0.001}
 """Code -> mm; writers that state none mean mm."""
 
-_BYTES_OF_TYPE = {
-    **dict.fromkeys(("signed char", "int8", "int8_t", "uchar", "unsigned char", "uint8", "uint8_t"), 1),
-    **dict.fromkeys(("short", "short int", "signed short", "signed short int", "int16", "int16_t"), 2),
-    **dict.fromkeys(("ushort", "unsigned short", "unsigned short int", "uint16", "uint16_t"), 2),
-    **dict.fromkeys(("int", "signed int", "int32", "int32_t", "uint", "unsigned int", "uint32", "uint32_t"), 4),
-    **dict.fromkeys(("longlong", "long long", "long long int", "signed long long", "int64", "int64_t"), 8),
-    **dict.fromkeys(("ulonglong", "unsigned long long", "unsigned long long int", "uint64", "uint64_t"), 8),
-    **{"float": 4, "double": 8},
-    **{"met_char": 1, "met_uchar": 1, "met_short": 2, "met_ushort": 2, "met_int": 4, "met_uint": 4, "met_long": 4},
-    **{"met_ulong": 4, "met_long_long": 8, "met_ulong_long": 8, "met_float": 4, "met_double": 8},
-}
-_NRRD_TO_LPS = {
-    **dict.fromkeys(("left-posterior-superior", "lps"), (1, 1, 1)),
-    **dict.fromkeys(("right-anterior-superior", "ras"), (-1, -1, 1)),
-    **dict.fromkeys(("left-anterior-superior", "las"), (1, -1, 1)),
-}
-_LONGEST_LINE = 1 << 16
-"""Bytes of a line of MetaImage; the voxels follow the last one."""
+_NIFTI_FLOATS = {16: "f4", 64: "f8"}
 
-_SEGMENT = re.compile(r"Segment(\d+)_(Name|LabelValue)")
-_VECTOR = re.compile(r"\(([^()]*)\)")
+_SPACES = ("left-posterior-superior", "lps", "right-anterior-superior", "ras", "left-anterior-superior", "las")
+"""Of NRRD, those that ITK takes to LPS."""
+
+_GZIP, _CHUNK = b"\x1f\x8b", 1 << 20
+
+
+@dataclass(frozen=True)
+class StoredVoxels:
+    """Where a file holds its voxels.
+
+    Attributes
+    ----------
+    path
+        The file.
+    start
+        First byte of the voxels, or of their compressed stream; of a compressed NIfTI after decompression.
+    size
+        Bytes that they should take, not compressed.
+    compressed
+        ``"no"``, ``"voxels"``, or ``"file"``.
+    floats
+        Type of voxels that may be NaN where ITK makes 0 of it; empty elsewhere.
+    """
+
+    path: Path
+    start: int
+    size: int
+    compressed: str
+    floats: str = ""
+
+
+@dataclass(frozen=True)
+class VolumeHeader:
+    """What a header claims.
+
+    Attributes
+    ----------
+    size
+        Voxels along x, y and z.
+    mesh_from_index
+        ``(4, 4)``, LPS mm.
+    stored
+        Where the voxels are.
+    segments
+        Names of segments by label, as 3D Slicer writes them.
+    """
+
+    size: tuple[int, int, int]
+    mesh_from_index: np.ndarray
+    stored: StoredVoxels
+    segments: Mapping[int, str]
 
 
 def volume_suffix(path: Path) -> str | None:
@@ -61,8 +94,8 @@ def read_header(path: Path) -> VolumeHeader:
     Raises
     ------
     InputError
-        No such file; not a volume in a format of :data:`SUFFIXES`; not three-dimensional; several components; without
-        orientation or spacing; oblique axes that are not at right angles; implausible units.
+        No such file; not a volume in a format of :data:`SUFFIXES`; damaged; not three-dimensional; several components;
+        without orientation, or with two; axes that are not at right angles; implausible units.
     """
     suffix = volume_suffix(path)
     if suffix is None:
@@ -74,58 +107,129 @@ def read_header(path: Path) -> VolumeHeader:
     if not head:
         raise InputError(f"{path}: expected a volume, found an empty file; copy or export it again")
     if suffix.startswith(".nii"):
-        header = _nifti_header(path, head)
-    elif suffix.startswith(".n"):
-        header = _nrrd_header(path, head)
-    else:
-        header = _metaimage_header(path, head)
-    if header.mesh_from_index is not None:
-        check_axes(header.mesh_from_index, path.name)
-    return header
+        stored = _checked_nifti(path, head)
+    reader = simple_itk().ImageFileReader()
+    reader.SetFileName(str(path))
+    try:
+        reader.ReadImageInformation()
+    except RuntimeError:
+        raise unreadable(path.name) from None
+    size = three_dimensions(reader.GetSize(), path.name)
+    pixel = simple_itk().GetPixelIDValueAsString(reader.GetPixelID())
+    if reader.GetNumberOfComponents() != 1 or not re.match(r"\d", pixel):
+        raise InputError(
+            f"{path.name}: expected one number per voxel, found several or another kind (colour, vector, overlapping "
+            "segments); save one component; in 3D Slicer, export overlapping segments as a label map"
+        )
+    matrix = matrix_of(reader)
+    check_axes(matrix, path.name)
+    if not suffix.startswith(".nii"):
+        voxel_bytes = int(re.match(r"\d+", pixel)[0]) // 8  # type: ignore[index]
+        stored = _checked_text(path, head, int(np.prod(size, dtype=object)) * voxel_bytes)
+    return VolumeHeader(size, matrix, stored, _segments(reader))
 
 
-def _nifti_header(path: Path, head: bytes) -> VolumeHeader:
-    where, compressed = path.name, head[:2] == b"\x1f\x8b"
-    if compressed != path.name.lower().endswith(".gz"):
-        is_so, name = ("compressed", ".nii.gz") if compressed else ("not compressed", ".nii")
-        raise InputError(f"{where}: expected a file as its name says, found one that is {is_so}; rename it to {name}")
+def matrix_of(image: Any) -> np.ndarray:
+    """``(4, 4)`` from the index (x, y, z) to LPS mm, of an image of ITK or its header."""
+    ranks, matrix = len(image.GetSize()), np.eye(4)
+    matrix[:3, :3] = np.reshape(image.GetDirection(), (ranks, ranks))[:3, :3] * image.GetSpacing()[:3]
+    matrix[:3, 3] = image.GetOrigin()[:3]
+    return matrix
+
+
+def unreadable(where: str) -> InputError:
+    """The error for a file that ITK cannot read."""
+    return InputError(
+        f"{where}: expected a volume, cannot read it; it is damaged or cut off, or its header contradicts itself: "
+        "export it again as .nii.gz or .nrrd"
+    )
+
+
+def checked_chunks(stored: StoredVoxels, where: str) -> Iterator[bytes]:
+    """The stored bytes of all voxels, in parts of whole voxels; in the end an error if some are missing.
+
+    Raises
+    ------
+    InputError
+        The file is shorter than its header claims, or damaged: a compressed one has a checksum.
+    """
+    found, waiting = 0, b""
+    with reading(stored.path, "the voxels of a volume", None if stored.path.name == where else where):
+        for chunk in _inflated(stored, where):
+            found += len(chunk)
+            waiting += chunk
+            whole = len(waiting) & -8
+            yield waiting[:whole]
+            waiting = waiting[whole:]
+    if found < stored.size:
+        raise InputError(
+            f"{where}: expected {stored.size:,} bytes of voxels as the header says, found {found:,} "
+            f"({100 * found / stored.size:.0f} %); the file was cut off: copy or export it again"
+        )
+
+
+def _inflated(stored: StoredVoxels, where: str) -> Iterator[bytes]:
+    """The bytes of the voxels, decompressed; no more than there should be."""
+    skipped, left = (stored.start, stored.size) if stored.compressed == "file" else (0, stored.size)
+    with open(stored.path, "rb") as file:
+        file.seek(stored.start - skipped)
+        for chunk in iter(lambda: file.read(_CHUNK), b"") if stored.compressed == "no" else _unzipped(file, where):
+            part = chunk[skipped : skipped + left]
+            skipped, left = max(skipped - len(chunk), 0), left - len(part)
+            yield part
+            # one chunk more than is needed: behind the last voxel stands the checksum
+            if not left and len(chunk) > len(part):
+                return
+
+
+def _unzipped(file: BinaryIO, where: str) -> Iterator[bytes]:
+    """What is compressed by gzip or zlib; several streams may follow one another."""
+    stream = zlib.decompressobj(47)
+    try:
+        while packed := stream.unconsumed_tail or stream.unused_data or file.read(_CHUNK):
+            if stream.eof:
+                if not packed.startswith(_GZIP):
+                    return
+                stream = zlib.decompressobj(47)
+            yield stream.decompress(packed, _CHUNK)
+        yield stream.flush()
+    except zlib.error:
+        raise InputError(f"{where}: expected compressed voxels, found damaged ones; copy or export it again") from None
+
+
+def _checked_nifti(path: Path, head: bytes) -> StoredVoxels:
+    """Orientation, units and place of the voxels, from the 348 bytes of the header."""
+    where, compressed = path.name, head[:2] == _GZIP
     if compressed:
         try:
-            head = zlib.decompressobj(wbits=31).decompress(head, 352)
+            head = zlib.decompressobj(31).decompress(head, 352)
         except zlib.error:
-            raise InputError(f"{where}: expected NIfTI, found a damaged gzip file; copy or export it again") from None
+            raise unreadable(where) from None
     order = next((order for order in "<>" if len(head) >= 348 and struct.unpack_from(order + "i", head) == (348,)), "")
     if not order or head[344:348] != b"n+1\0":
-        kind = (
-            "NIfTI-2" if head[4:7] in (b"n+2", b"ni2") else "a pair of files" if head[344:347] == b"ni1" else "another"
-        )
+        kind = "NIfTI-2" if head[4:7] in (b"n+2", b"ni2") else "another"
         raise InputError(f"{where}: expected a NIfTI-1 file, found {kind}; convert it to NIfTI-1, or export it again")
     ranks, *dims = struct.unpack_from(order + "8h", head, 40)
-    (datatype,) = struct.unpack_from(order + "h", head, 70)
+    size = three_dimensions(dims[: max(ranks, 0)], where)
+    datatype, bits = struct.unpack_from(order + "2h", head, 70)
     (start,) = struct.unpack_from(order + "f", head, 108)
     qform, sform = struct.unpack_from(order + "2h", head, 252)
     rows = np.array(struct.unpack_from(order + "12f", head, 280), np.float64).reshape(3, 4)
-    size = three_dimensions(dims[: max(ranks, 0)], where)
-    if datatype not in _NIFTI_BYTES:
-        raise several_components(where)
     if qform <= 0 and sform <= 0:
-        raise InputError(
-            f"{where}: expected an orientation, found none (qform_code and sform_code are 0), so left and right are "
-            "unknown; export it again from the original with its orientation"
-        )
+        raise _unoriented(where)
     mm = _NIFTI_UNITS.get(head[123] & 7)
     if mm is None:
         raise InputError(f"{where}: expected lengths in mm, found no unit of length; correct xyzt_units")
-    matrix, lps = None, np.diag([-mm, -mm, mm, 1])
     if sform > 0:
-        matrix = lps @ np.vstack([rows, [0, 0, 0, 1]])
-    if matrix is not None and qform > 0:
+        matrix = np.vstack([rows * mm, [0, 0, 0, 1]])
         check_axes(matrix, where)
-        _check_agreement(lps @ _qform(head, order), matrix, size, where)
-    if not 352 <= start < 2**31:
-        raise InputError(f"{where}: expected voxels after the header, found them at byte {start:g}; export it again")
-    encoding = "nifti-gzip" if compressed else "raw"
-    return VolumeHeader(size, _NIFTI_BYTES[datatype], path, int(start), encoding, matrix)
+        if qform > 0:
+            _check_agreement(np.diag([mm, mm, mm, 1]) @ _qform(head, order), matrix, size, where)
+    if not 352 <= start < 2**31 or bits <= 0:
+        raise unreadable(where)
+    stored = int(np.prod(size, dtype=object)) * bits // 8
+    floats = order + _NIFTI_FLOATS[datatype] if datatype in _NIFTI_FLOATS else ""
+    return StoredVoxels(path, int(start), stored, "file" if compressed else "no", floats)
 
 
 def _qform(head: bytes, order: str) -> np.ndarray:
@@ -148,107 +252,54 @@ def _check_agreement(qform: np.ndarray, sform: np.ndarray, size: tuple[int, int,
         )
 
 
-def _nrrd_header(path: Path, head: bytes) -> VolumeHeader:
-    where = path.name
-    if not re.match(rb"NRRD000[1-6]\r?\n", head):
-        raise InputError(f"{where}: expected NRRD, found another kind of file; export it again")
-    end = re.search(rb"\r?\n\r?\n", head)
-    detached = end is None
-    text = head[: end.start() if end else len(head)].decode("utf-8", errors="replace")
+def _checked_text(path: Path, head: bytes, size: int) -> StoredVoxels:
+    """Orientation, units and place of the voxels, from the lines of NRRD or MetaImage."""
+    where, is_nrrd = path.name, head.startswith(b"NRRD")
+    fields, start = _fields(head, is_nrrd)
+    if is_nrrd:
+        oriented = fields.get("space", "").lower() in _SPACES and "spacedirections" in fields
+        units = set(re.findall(r'"([^"]*)"', fields.get("spaceunits", "")))
+        packed = fields.get("encoding", "").lower() in ("gzip", "gz")
+        name, local = fields.get("datafile", ""), "datafile" not in fields
+        elsewhere = any(fields.get(skip, "0") != "0" for skip in ("lineskip", "byteskip"))
+        is_binary = packed or fields.get("encoding", "").lower() == "raw"
+    else:
+        oriented = {"transformmatrix", "rotation", "orientation"} & set(fields) and (
+            {"elementspacing", "elementsize"} & set(fields)
+        )
+        units = {fields.get("distanceunits", "mm").lower()} - {"?"}
+        packed = fields.get("compresseddata", "false").lower() == "true"
+        name = fields.get("elementdatafile", "")
+        local, elsewhere = name.upper() == "LOCAL", fields.get("headersize", "0") != "0"
+        is_binary = fields.get("binarydata", "true").lower() == "true"
+    if not oriented:
+        raise _unoriented(where)
+    if units - {"", "mm"}:
+        raise InputError(f"{where}: expected lengths in mm, found another unit; convert it to mm")
+    if not is_binary or elsewhere:
+        raise InputError(
+            f"{where}: expected binary voxels, raw or gzip, without a header of their own, found others; save it as "
+            "one .nrrd or .mha file"
+        )
+    if local:
+        return StoredVoxels(path, start, size, "voxels" if packed else "no")
+    return StoredVoxels(_data_file(path, name), 0, size, "voxels" if packed else "no")
+
+
+def _fields(head: bytes, is_nrrd: bool) -> tuple[dict[str, str], int]:
+    """Fields by name in lower case without spaces, and where the voxels begin; keys of the user's own are left out."""
     fields: dict[str, str] = {}
-    segments: dict[str, dict[str, str]] = {}
-    for line in text.splitlines()[1:]:
-        # a key of the user's own, such as a patient's name, is not even kept
-        if ":=" in line and (": " not in line or line.index(":=") < line.index(": ")):
-            key, _, value = line.partition(":=")
-            if match := _SEGMENT.fullmatch(key.strip()):
-                segments.setdefault(match[1], {})[match[2]] = value.strip()
-        elif ":" in line and not line.startswith("#"):
-            key, _, value = line.partition(":")
-            fields[key.strip().lower().replace(" ", "")] = value.strip()
-    kinds = fields.get("kinds", "").lower().split()
-    if any(kind not in ("domain", "space", "???", "none") for kind in kinds):
-        raise several_components(where)
-    size = three_dimensions(_numbers(fields.get("sizes", ""), where, "sizes").astype(int).tolist(), where)
-    voxel_bytes = _BYTES_OF_TYPE.get(fields.get("type", "").lower())
-    if voxel_bytes is None:
-        raise InputError(f"{where}: expected voxels of a whole or real number, found another type; convert it")
-    signs = _NRRD_TO_LPS.get(fields.get("space", "").lower())
-    directions = _VECTOR.findall(fields.get("spacedirections", ""))
-    if signs is None or len(directions) != 3:
-        raise InputError(
-            f"{where}: expected an orientation (space: left-posterior-superior and space directions), found none, so "
-            "left and right are unknown; export it again from the original with its orientation"
-        )
-    units = set(re.findall(r'"([^"]*)"', fields.get("spaceunits", ""))) - {"", "mm"}
-    if units:
-        raise InputError(f"{where}: expected space units of mm, found others; convert it to mm")
-    axes = np.array([_numbers(text, where, "space directions", 3) for text in directions]).T
-    origin = _numbers(re.sub(r"[()]", "", fields.get("spaceorigin", "(0,0,0)")), where, "space origin", 3)
-    matrix = np.vstack([np.diag(signs) @ np.column_stack([axes, origin]), [0, 0, 0, 1]])
-    encoding = {"raw": "raw", "gzip": "gzip", "gz": "gzip"}.get(fields.get("encoding", "").lower())
-    if encoding is None:
-        raise InputError(
-            f"{where}: expected voxels stored as raw or gzip, found another encoding; save it as one of them"
-        )
-    if any(fields.get(skip, "0") != "0" for skip in ("lineskip", "byteskip")):
-        raise InputError(f"{where}: expected no line skip or byte skip, found one; save it as one .nrrd file")
-    data, start = path, end.end() if end else 0
-    if "datafile" in fields:
-        data, start = _data_file(path, fields["datafile"]), 0
-    elif detached:
-        raise InputError(f"{where}: expected voxels or the name of their file, found neither; export it again")
-    return VolumeHeader(size, voxel_bytes, data, start, encoding, matrix, _segment_names(segments))
-
-
-def _segment_names(segments: Mapping[str, Mapping[str, str]]) -> dict[int, str]:
-    return {
-        int(segment["LabelValue"]): segment["Name"]
-        for segment in segments.values()
-        if segment.get("LabelValue", "").isdecimal() and "Name" in segment
-    }
-
-
-def _metaimage_header(path: Path, head: bytes) -> VolumeHeader:
-    where, fields, start = path.name, dict[str, str](), 0
-    while start < len(head) and "elementdatafile" not in fields:
-        line, _, _ = head[start : start + _LONGEST_LINE].partition(b"\n")
-        key, equals, value = line.partition(b"=")
-        if not equals or not (name := key.strip().decode("latin-1").lower()).isidentifier():
-            break
-        fields[name] = value.decode("latin-1").strip()
+    start = 0
+    for line in head.split(b"\n"):
         start += len(line) + 1
-    if "elementdatafile" not in fields or "dimsize" not in fields:
-        raise InputError(f"{where}: expected MetaImage, found no DimSize and ElementDataFile; export it again")
-
-    def first(*keys: str) -> str | None:
-        return next((fields[key] for key in keys if key in fields), None)
-
-    size = three_dimensions(_numbers(fields["dimsize"], where, "DimSize").astype(int).tolist(), where)
-    voxel_bytes = _BYTES_OF_TYPE.get(fields.get("elementtype", "").lower())
-    if fields.get("elementnumberofchannels", "1") != "1" or voxel_bytes is None:
-        raise several_components(where)
-    turn, spacing = first("transformmatrix", "rotation", "orientation"), first("elementspacing", "elementsize")
-    origin = first("offset", "position", "origin")
-    if turn is None or spacing is None:
-        raise InputError(
-            f"{where}: expected an orientation and a spacing (TransformMatrix and ElementSpacing), found none, so left "
-            "and right are unknown; export it again from the original with its orientation"
-        )
-    if fields.get("distanceunits", "mm").lower() not in ("mm", "?"):
-        raise InputError(f"{where}: expected DistanceUnits = mm, found others; convert it to mm")
-    axes = _numbers(turn, where, "TransformMatrix", 9).reshape(3, 3).T * _numbers(spacing, where, "ElementSpacing", 3)
-    offset = _numbers(origin or "0 0 0", where, "Offset", 3)
-    matrix = np.vstack([np.column_stack([axes, offset]), [0, 0, 0, 1]])
-    if fields.get("binarydata", "true").lower() == "false" or fields.get("headersize", "0") != "0":
-        raise InputError(
-            f"{where}: expected binary voxels without a header of their own, found others; save it as .mha"
-        )
-    encoding = "zlib" if fields.get("compresseddata", "false").lower() == "true" else "raw"
-    data = path
-    if fields["elementdatafile"].upper() != "LOCAL":
-        data, start = _data_file(path, fields["elementdatafile"]), 0
-    return VolumeHeader(size, voxel_bytes, data, start, encoding, matrix)
+        key, mark, value = line.decode("latin-1").partition(":" if is_nrrd else "=")
+        if is_nrrd and not line.strip():
+            break
+        if mark and not value.startswith("="):
+            fields[key.strip().lower().replace(" ", "")] = value.strip()
+        if not is_nrrd and "elementdatafile" in fields:
+            break
+    return fields, start
 
 
 def _data_file(path: Path, name: str) -> Path:
@@ -267,14 +318,19 @@ def _data_file(path: Path, name: str) -> Path:
     return data
 
 
-def _numbers(text: str, where: str, what: str, count: int | None = None) -> np.ndarray:
-    try:
-        numbers = np.array([float(word) for word in re.split(r"[\s,]+", text.strip()) if word])
-    except ValueError:
-        numbers = np.empty(0)
-    if (count is not None and len(numbers) != count) or not len(numbers) or not np.isfinite(numbers).all():
-        expected = "numbers" if count is None else f"{count} numbers"
-        raise InputError(f"{where}: expected {expected} for {what}, found something else; export it again")
-    if np.abs(numbers).max() > 1e9:
-        raise InputError(f"{where}: expected numbers below 1e9 for {what}, found larger ones; export it again")
-    return numbers
+def _segments(reader: Any) -> dict[int, str]:
+    names: dict[int, str] = {}
+    for key in reader.GetMetaDataKeys():
+        if match := re.fullmatch(r"Segment(\d+)_Name", key):
+            value = f"Segment{match[1]}_LabelValue"
+            if reader.HasMetaDataKey(value) and (label := reader.GetMetaData(value).strip()).isdecimal():
+                names[int(label)] = reader.GetMetaData(key).strip()
+    return names
+
+
+def _unoriented(where: str) -> InputError:
+    return InputError(
+        f"{where}: expected an orientation and a spacing, found none (NIfTI: qform_code and sform_code are 0; NRRD: no "
+        "space and space directions; MetaImage: no TransformMatrix), so left and right are unknown; export it again "
+        "from the original with its orientation"
+    )

@@ -7,24 +7,15 @@ from hypothesis import strategies as st
 
 from pipeline.errors import InputError
 from pipeline.transforms import rotation_from_vector, transform_points
-from pipeline.volume.reading import volume_reader
 from pipeline.volume.reading.slice_geometry import SlicePlace, stack_of
 from pipeline.volume.reading.volume_reader import list_series, read_volume
 
 pytest.importorskip("SimpleITK")
 
 
-@pytest.fixture(scope="module")
-def here():
-    """Read in this process."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(volume_reader, "called_apart", lambda function, data, arguments, **_: function(data, *arguments))
-        yield
-
-
 @settings(max_examples=12)
 @given(vector=st.tuples(*[st.floats(-3, 3)] * 3), seed=st.integers(0, 99), step=st.floats(0.3, 3))
-def test_a_voxel_is_read_where_it_was_written(here, write_series, tmp_path_factory, vector, seed, step):
+def test_a_voxel_is_read_where_it_was_written(write_series, tmp_path_factory, vector, seed, step):
     folder = tmp_path_factory.mktemp("series")
     turn, spacing = rotation_from_vector(np.array(vector)), (0.4, 0.3, step)
     values = write_series(folder, rotation=turn, spacing=spacing, seed=seed)
@@ -37,7 +28,7 @@ def test_a_voxel_is_read_where_it_was_written(here, write_series, tmp_path_facto
     assert not volume.grid.is_left_handed
 
 
-def test_names_of_files_and_folders_and_second_copies_do_not_matter(here, write_series, tmp_path):
+def test_names_of_files_and_folders_and_second_copies_do_not_matter(write_series, tmp_path):
     values = write_series(tmp_path / "a" / "b")
     for index, path in enumerate(sorted((tmp_path / "a" / "b").iterdir())):
         if index % 2:
@@ -47,13 +38,13 @@ def test_names_of_files_and_folders_and_second_copies_do_not_matter(here, write_
     np.testing.assert_array_equal(read_volume(tmp_path).values, values)
 
 
-def test_compressed_slices_are_read(here, write_series, tmp_path):
+def test_compressed_slices_are_read(write_series, tmp_path):
     """RLE; GDCM does not read it where a picture is so small that it grows by it."""
     values = write_series(tmp_path, size=(16, 20), compress="1.2.840.10008.1.2.5")
     np.testing.assert_array_equal(read_volume(tmp_path).values, values)
 
 
-def test_a_crop_keeps_every_voxel_in_its_place(here, write_series, tmp_path):
+def test_a_crop_keeps_every_voxel_in_its_place(write_series, tmp_path):
     write_series(tmp_path)
     whole = read_volume(tmp_path)
     lower, upper = whole.grid.mesh_from_index[:3, 3] + [0.5, 0.4, 1.0], whole.grid.mesh_from_index[:3, 3] + [1.5, 1, 4]
@@ -63,7 +54,6 @@ def test_a_crop_keeps_every_voxel_in_its_place(here, write_series, tmp_path):
 
 
 def test_several_series_are_listed_and_chosen_by_number(write_series, tmp_path):
-    """Through the child, as users do."""
     thin = write_series(tmp_path, number=5, seed=1)
     thick = write_series(tmp_path, 4, number=2, seed=2, spacing=(0.4, 0.3, 2.5))
     write_series(tmp_path, 1, number=1, seed=3)
@@ -80,7 +70,7 @@ def test_several_series_are_listed_and_chosen_by_number(write_series, tmp_path):
         read_volume(tmp_path, series=4)
 
 
-def test_a_scout_beside_the_only_volume_is_passed_over(here, write_series, tmp_path):
+def test_a_scout_beside_the_only_volume_is_passed_over(write_series, tmp_path):
     write_series(tmp_path, 1, number=1, seed=3, size=(20, 30))
     values = write_series(tmp_path, number=2)
     np.testing.assert_array_equal(read_volume(tmp_path).values, values)
@@ -103,7 +93,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_stacks_with_faults_are_refused_in_a_sentence(here, write_series, tmp_path, name):
+def test_stacks_with_faults_are_refused_in_a_sentence(write_series, tmp_path, name):
     options, expected = BAD[name]
     write_series(tmp_path, **options)
     with pytest.raises(InputError, match=expected):
@@ -118,7 +108,7 @@ def test_stacks_with_faults_are_refused_in_a_sentence(here, write_series, tmp_pa
         ({"rotation": rotation_from_vector(np.array([0.0, np.pi / 2, 0]))}, "found some turned by"),
     ],
 )
-def test_slices_of_two_kinds_in_one_series_are_refused(here, write_series, tmp_path, options, expected):
+def test_slices_of_two_kinds_in_one_series_are_refused(write_series, tmp_path, options, expected):
     write_series(tmp_path, SeriesInstanceUID="1.2.3")
     write_series(tmp_path, number=4, origin=(-10, 20.5, 400), SeriesInstanceUID="1.2.3", **options)
     with pytest.raises(InputError, match=expected):
@@ -135,7 +125,7 @@ def changed(folder, change) -> None:
         dataset.save_as(path)
 
 
-def test_each_slice_has_its_own_rescale(here, write_series, tmp_path):
+def test_each_slice_has_its_own_rescale(write_series, tmp_path):
     """As some scanners choose it to use all bits."""
     values = write_series(tmp_path)
 
@@ -160,7 +150,7 @@ def test_each_slice_has_its_own_rescale(here, write_series, tmp_path):
         {"RescaleSlope": 0},
     ],
 )
-def test_slices_without_a_rescale_among_others_are_refused(here, write_series, tmp_path, lost):
+def test_slices_without_a_rescale_among_others_are_refused(write_series, tmp_path, lost):
     """GDCM takes what such a slice stores for HU."""
     write_series(tmp_path, SeriesInstanceUID="1.2.3")
     write_series(tmp_path, 1, number=4, origin=(-10, 20.5, 307.2), SeriesInstanceUID="1.2.3", **lost)
@@ -168,7 +158,7 @@ def test_slices_without_a_rescale_among_others_are_refused(here, write_series, t
         read_volume(tmp_path)
 
 
-def test_transfer_syntaxes_that_cannot_be_read_are_named(here, write_series, tmp_path):
+def test_transfer_syntaxes_that_cannot_be_read_are_named(write_series, tmp_path):
     from pydicom.encaps import encapsulate
     from pydicom.uid import UID
 
@@ -179,15 +169,15 @@ def test_transfer_syntaxes_that_cannot_be_read_are_named(here, write_series, tmp
 
     write_series(tmp_path)
     changed(tmp_path, compress)
-    with pytest.raises(InputError, match=r"syntax High-Throughput JPEG 2000 Lossless \(1\.2\..*decompress them with"):
+    with pytest.raises(InputError, match=r"transfer syntax 1\.2\.840\.10008\.1\.2\.4\.201; decompress it"):
         read_volume(tmp_path)
 
 
-def test_enhanced_damaged_and_single_files_are_refused(here, write_series, tmp_path):
+def test_enhanced_damaged_and_single_files_are_refused(write_series, tmp_path):
     write_series(tmp_path / "cut")
     for path in (tmp_path / "cut").iterdir():
         path.write_bytes(path.read_bytes()[:-20])
-    with pytest.raises(InputError, match=r"cannot read file 1 of 8 in the order of their names; it is damaged"):
+    with pytest.raises(InputError, match="file 1 of 8 in the order of their names: .* damaged or cut off"):
         read_volume(tmp_path / "cut")
     write_series(tmp_path / "ct")
     with pytest.raises(InputError, match="expected a folder of DICOM files, found one of them"):

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from pipeline.errors import InputError
 from pipeline.transforms import rigid, rotation_from_vector, transform_points
-from pipeline.volume.reading import volume_reader
 from pipeline.volume.reading.label_map import on_grid, read_labels
 from pipeline.volume.volume import Volume, VoxelGrid
 
@@ -18,14 +17,6 @@ sitk = pytest.importorskip("SimpleITK")
 
 LABELS = np.zeros((5, 6, 7), np.uint8)
 LABELS[1:4, 1:3, 2:5], LABELS[2:4, 4:5, 1:6] = 3, 12
-
-
-@pytest.fixture(autouse=True, scope="module")
-def here():
-    """Read in this process."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(volume_reader, "called_apart", lambda function, data, arguments, **_: function(data, *arguments))
-        yield
 
 
 def write(path, values=LABELS, spacing=(0.5, 0.5, 0.5), origin=(1.0, 2, 3), **keys):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.volume.reading import volume_reader
 from pipeline.volume.reading.label_map import read_labels
 from pipeline.volume.reading.volume_reader import list_series, read_volume
 
@@ -23,7 +22,6 @@ ROOT = Path(__file__).resolve().parents[3]
 READ = """
 import sys, pathlib
 from pipeline.volume.reading.volume_reader import list_series, read_volume
-from pipeline.volume.reading import volume_reader
 from pipeline.volume.reading.label_map import read_labels
 for call in (list_series, read_volume, read_labels):
     try:
@@ -81,13 +79,6 @@ def spoken_and_written(path: Path, folder: Path) -> bytes:
     return ended.stdout + ended.stderr + left
 
 
-@pytest.fixture
-def here(monkeypatch):
-    """Read in this process, which reports the same in less time."""
-    direct = lambda function, data, arguments, **_: function(data, *arguments)  # noqa: E731
-    monkeypatch.setattr(volume_reader, "called_apart", direct)
-
-
 def reported_by(call, path: Path) -> str:
     """What a function gives, or its error."""
     try:
@@ -96,7 +87,7 @@ def reported_by(call, path: Path) -> str:
         return f"{error!r} {error.__cause__!r}"
 
 
-def test_no_tag_of_dicom_is_ever_reported(here, write_series, tmp_path):
+def test_no_tag_of_dicom_is_ever_reported(write_series, tmp_path):
     """Read well, listed, and refused at each step: several series, a missing slice, no geometry, damage, modality."""
     from pydicom.uid import UID
 
@@ -133,7 +124,7 @@ def test_no_tag_of_dicom_is_ever_reported(here, write_series, tmp_path):
 
 @pytest.mark.parametrize("suffix", [".nii", ".nrrd", ".mhd"])
 @pytest.mark.parametrize("fault", ["none", "labels", "cut", "keyword"])
-def test_no_text_of_a_header_is_ever_reported(here, tmp_path, suffix, fault):
+def test_no_text_of_a_header_is_ever_reported(tmp_path, suffix, fault):
     path, values = tmp_path / f"ct{suffix}", np.arange(-60, 60, dtype=np.int16).reshape(4, 5, 6)
     values = abs(values) % 3 if fault == "labels" else values
     sitk.WriteImage(sitk.GetImageFromArray(values), str(path))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import InputError
 from pipeline.transforms import rotation_from_vector, transform_points
-from pipeline.volume.reading import volume_reader
+from pipeline.volume.reading import header_checks
 from pipeline.volume.reading.volume_header import read_header
 from pipeline.volume.reading.volume_reader import read_volume
 from pipeline.volume.volume import Volume
@@ -25,12 +25,6 @@ FORMATS = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 LPS_FROM_RAS = np.diag([-1.0, -1, 1, 1])
 
 
-@pytest.fixture(scope="module")
-def here():
-    """Read in this process: a process for each example of a law takes half a second."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(volume_reader, "called_apart", lambda function, data, arguments, **_: function(data, *arguments))
-        yield
 
 
 def voxels(shape=(5, 4, 6), seed=0) -> np.ndarray:
@@ -62,7 +56,7 @@ def corners(volume: Volume) -> np.ndarray:
     seed=st.integers(0, 9),
 )
 def test_a_voxel_is_read_where_it_was_written(
-    here, tmp_path_factory, suffix, packed, vector, signs, order, spacing, origin, seed
+    tmp_path_factory, suffix, packed, vector, signs, order, spacing, origin, seed
 ):
     path = tmp_path_factory.mktemp("volume") / f"ct{suffix}"
     axes = rotation_from_vector(np.array(vector)) @ np.diag(signs)[:, list(order)]
@@ -102,7 +96,7 @@ def test_qform_and_sform_of_one_affine_agree(tmp_path_factory, axis, half_turn_b
 
 
 @pytest.mark.parametrize("metres", [False, True])
-def test_nifti_of_nibabel_with_left_and_right_as_it_says(here, tmp_path, metres):
+def test_nifti_of_nibabel_with_left_and_right_as_it_says(tmp_path, metres):
     """Index x grows to the right here, so LPS x falls."""
     unit = 0.001 if metres else 1
     affine = np.diag([0.5, 0.5, 0.8, 1.0]) @ np.diag([unit, unit, unit, 1])
@@ -118,7 +112,7 @@ def test_nifti_of_nibabel_with_left_and_right_as_it_says(here, tmp_path, metres)
 
 
 @pytest.mark.parametrize("suffix", [".nii.gz", ".mha"])
-def test_a_crop_keeps_every_voxel_in_its_place(here, tmp_path, suffix):
+def test_a_crop_keeps_every_voxel_in_its_place(tmp_path, suffix):
     values = voxels((12, 11, 10))
     write(tmp_path / f"ct{suffix}", values, rotation_from_vector(np.array([0.3, -0.2, 0.5])), packed=True)
     whole = read_volume(tmp_path / f"ct{suffix}")
@@ -133,12 +127,12 @@ def test_a_crop_keeps_every_voxel_in_its_place(here, tmp_path, suffix):
 
 
 @pytest.mark.parametrize("dtype", [np.int32, np.float32, np.float64])
-def test_other_types_are_rounded_to_whole_hu(here, tmp_path, dtype):
+def test_other_types_are_rounded_to_whole_hu(tmp_path, dtype):
     write(tmp_path / "ct.nrrd", (voxels() + (0.4 if dtype != np.int32 else 0)).astype(dtype))
     np.testing.assert_array_equal(read_volume(tmp_path / "ct.nrrd").values, voxels())
 
 
-def test_slope_and_intercept_of_nifti_count(here, tmp_path):
+def test_slope_and_intercept_of_nifti_count(tmp_path):
     image = nib.Nifti1Image((voxels().T + 1024).astype(np.uint16), np.eye(4))
     image.header.set_slope_inter(1, -1024)
     # nibabel writes what it scales itself
@@ -149,25 +143,16 @@ def test_slope_and_intercept_of_nifti_count(here, tmp_path):
     np.testing.assert_array_equal(read_volume(tmp_path / "ct.nii").values, voxels())
 
 
-def test_a_fourth_dimension_of_one_is_no_obstacle(here, tmp_path):
+def test_a_fourth_dimension_of_one_is_no_obstacle(tmp_path):
     nifti(tmp_path / "ct.nii.gz", voxels().T[..., None])
     np.testing.assert_array_equal(read_volume(tmp_path / "ct.nii.gz").values, voxels())
 
 
-def test_a_volume_larger_than_what_is_free_is_refused(here, tmp_path, monkeypatch):
+def test_a_volume_larger_than_what_is_free_is_refused(tmp_path, monkeypatch):
     write(tmp_path / "ct.nrrd", voxels())
-    monkeypatch.setattr(volume_reader, "available_bytes", lambda: 700)
+    monkeypatch.setattr(header_checks, "available_bytes", lambda: 700)
     with pytest.raises(InputError, match="a volume that fits into memory, found one of 6 x 4 x 5 voxels"):
         read_volume(tmp_path / "ct.nrrd")
-
-
-def test_a_process_of_its_own_reads_and_refuses(tmp_path):
-    """The very way of the user: through the child."""
-    write(tmp_path / "ct.nii.gz", voxels(), packed=True)
-    np.testing.assert_array_equal(read_volume(tmp_path / "ct.nii.gz").values, voxels())
-    write(tmp_path / "labels.nii.gz", (voxels() > 0).astype(np.uint8), packed=True)
-    with pytest.raises(InputError, match="it looks like a label map; give it as labels"):
-        read_volume(tmp_path / "labels.nii.gz")
 
 
 def nifti(path: Path, values=None, affine=None, **header) -> Path:
@@ -253,7 +238,7 @@ BAD = {
     "vectors in MHA": (lambda p: vector(p / "a.mha"), "one number per voxel, found several"),
     "no orientation": (
         lambda p: patched(nifti(p / "a.nii"), 252, "2h", 0, 0),
-        "expected an orientation, found none .*left and right are unknown",
+        "expected an orientation .*left and right are unknown",
     ),
     "no orientation in NRRD": (
         lambda p: text(written(p / "a.nrrd", voxels()), b"space: left-posterior-superior\n", b"space dimension: 3\n"),
@@ -265,7 +250,7 @@ BAD = {
     ),
     "other units": (
         lambda p: text(written(p / "a.nrrd", voxels()), b"kinds:", b'space units: "um" "um" "um"\nkinds:'),
-        "space units of mm",
+        "lengths in mm",
     ),
     "metres that are not stated": (lambda p: nifti(p / "a.nii", None, np.diag([4e-4, 4e-4, 4e-4, 1])), "another unit"),
     "sheared": (lambda p: nifti(p / "a.nii", None, SHEARED), "sheared by 3.43"),
@@ -285,9 +270,9 @@ BAD = {
     "cut off and compressed": (lambda p: cut(written(p / "a.nii.gz", voxels(), True), 0.7), "was cut off"),
     "cut off NRRD": (lambda p: cut(written(p / "a.nrrd", voxels((9, 30, 30)), True), 0.7), "was cut off"),
     "cut off MHA": (lambda p: cut(written(p / "a.mha", voxels((9, 30, 30)), True), 0.7), "was cut off"),
-    "damaged": (lambda p: damaged(p / "a.nii.gz"), "damaged ones after|was cut off"),
-    "damaged NRRD": (lambda p: damaged(p / "a.nrrd"), "damaged ones after|was cut off"),
-    "damaged MHA": (lambda p: damaged(p / "a.mha"), "damaged ones after|was cut off"),
+    "damaged": (lambda p: damaged(p / "a.nii.gz"), "damaged"),
+    "damaged NRRD": (lambda p: damaged(p / "a.nrrd"), "damaged"),
+    "damaged MHA": (lambda p: damaged(p / "a.mha"), "damaged"),
     "larger than memory": (
         lambda p: patched(nifti(p / "a.nii"), 40, "4h", 3, 32000, 32000, 32000),
         r"fits into memory, found one of 32000 x 32000 x 32000 voxels, which takes [0-9.]+ GB",
@@ -346,7 +331,7 @@ def nifti2(path: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_files_are_refused_in_a_sentence(here, tmp_path, name):
+def test_bad_files_are_refused_in_a_sentence(tmp_path, name):
     make, expected = BAD[name]
     path = make(tmp_path)
     with pytest.raises(InputError, match=expected):

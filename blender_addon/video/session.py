@@ -9,9 +9,8 @@ import bpy
 import numpy as np
 
 from ..pipeline.errors import InputError
-from ..pipeline.video.frame_scores import FilmScores, FrameScore, score_frames
-from ..pipeline.video.selection import best_frames
-from ..pipeline.video.thumbnails import Thumbnails
+from ..pipeline.video.film_reader import Thumbnails
+from ..pipeline.video.frame_scores import FilmScores, FrameScore, best_frames, score_frames
 from ..state import from_scene
 from .frame_fetcher import FrameFetcher
 

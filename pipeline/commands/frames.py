@@ -66,10 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
         from ..charts.score_chart import score_charts
         from ..files.outputs import check_outputs
         from ..progress import ShareProgress
-        from ..video.frame_folder import SHEET, TABLE, folder_outputs, write_frames
-        from ..video.frame_scores import score_frames
-        from ..video.score_report import frame_line, report_lines
-        from ..video.selection import best_frames
+        from ..video.frame_folder import SHEET, TABLE, folder_outputs, frame_line, report_lines, write_frames
+        from ..video.frame_scores import best_frames, score_frames
     output = own_output()
     video, out = arguments.video, arguments.out
     charts = chart_outputs(out / TABLE)

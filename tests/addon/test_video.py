@@ -12,12 +12,10 @@ from blender_addon.video import session, shown_frame, strip_drawing, strip_layou
 from blender_addon.video.frame_fetcher import FrameFetcher
 from pipeline.case.case_file import read_case
 from pipeline.images.png import encode_png
-from pipeline.video.film_reader import FilmFrame
+from pipeline.video.film_reader import MOST, FilmFrame, Thumbnails
 from pipeline.video.frame_folder import write_frames
 from pipeline.video.frame_reader import read_video_frame
-from pipeline.video.frame_scores import score_frames
-from pipeline.video.selection import best_frames
-from pipeline.video.thumbnails import MOST, Thumbnails
+from pipeline.video.frame_scores import best_frames, score_frames
 from tests.video.surgical_film import Event, surgical_film
 
 SIZE_WH = (64, 48)

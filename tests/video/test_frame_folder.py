@@ -11,8 +11,7 @@ import pytest
 from pipeline.commands import frames as command
 from pipeline.errors import InputError
 from pipeline.video.frame_folder import write_frames
-from pipeline.video.frame_scores import score_frames
-from pipeline.video.selection import best_frames
+from pipeline.video.frame_scores import best_frames, score_frames
 from pipeline.video.view_circle import Circle
 from tests.video.surgical_film import Event, surgical_film
 

@@ -9,9 +9,8 @@ import pytest
 
 from pipeline.video import frame_scores
 from pipeline.video.film_reader import FilmInfo
-from pipeline.video.frame_scores import FilmScores, score_images
-from pipeline.video.score_report import report_lines
-from pipeline.video.selection import best_frames
+from pipeline.video.frame_folder import report_lines
+from pipeline.video.frame_scores import FilmScores, best_frames, score_images
 from tests.video.surgical_film import Event, clear_frames, random_events, surgical_film
 
 pytestmark = pytest.mark.render

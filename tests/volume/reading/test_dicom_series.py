@@ -177,7 +177,7 @@ def test_enhanced_damaged_and_single_files_are_refused(write_series, tmp_path):
     write_series(tmp_path / "cut")
     for path in (tmp_path / "cut").iterdir():
         path.write_bytes(path.read_bytes()[:-20])
-    with pytest.raises(InputError, match="file 1 of 8 in the order of their names: .* damaged or cut off"):
+    with pytest.raises(InputError, match=r"file 1 of 8 in the order of their names: .* damaged or cut off"):
         read_volume(tmp_path / "cut")
     write_series(tmp_path / "ct")
     with pytest.raises(InputError, match="expected a folder of DICOM files, found one of them"):

@@ -25,8 +25,6 @@ FORMATS = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 LPS_FROM_RAS = np.diag([-1.0, -1, 1, 1])
 
 
-
-
 def voxels(shape=(5, 4, 6), seed=0) -> np.ndarray:
     return np.random.default_rng(seed).integers(-1024, 3000, shape).astype(np.int16)
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from skimage.measure import marching_cubes
 
-from pipeline.transforms import transform_points
-from pipeline.volume.bone.isosurface import isosurface
-from pipeline.volume.volume import VoxelGrid
+from oneframe.transforms import transform_points
+from oneframe.volume.bone.isosurface import isosurface
+from oneframe.volume.volume import VoxelGrid
 
 LEVEL_HU = 300.0
 SPACING_MM = (0.5, 0.5, 0.8)

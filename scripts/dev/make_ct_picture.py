@@ -18,22 +18,22 @@ import numpy as np
 from mathutils import Matrix
 from PIL import Image
 
-from pipeline.case.structure_colour import OTHER, structure_colour
-from pipeline.commands.surface_finish import finish_of, removed_of
-from pipeline.errors import InputError, RunError
-from pipeline.files.kinds import Kind, beginning
-from pipeline.files.outputs import Output, check_outputs
-from pipeline.images.pixel_values import to_uint8
-from pipeline.images.slice_picture import slice_picture
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.volume.bone.bone import bone_voxels
-from pipeline.volume.bone.bone_surface import bone_surface, removed_ball
-from pipeline.volume.bone.structures import structure_meshes, structure_names, without_bone
-from pipeline.volume.bone.threshold import DEFAULT_HU
-from pipeline.volume.drill.drill_plan import read_drill_plan
-from pipeline.volume.reading.label_map import read_labels
-from pipeline.volume.reading.volume_reader import read_volume
-from pipeline.volume.slices.slice_views import LabelColours, slice_views
+from oneframe.case.structure_colour import OTHER, structure_colour
+from oneframe.commands.surface_finish import finish_of, removed_of
+from oneframe.errors import InputError, RunError
+from oneframe.files.kinds import Kind, beginning
+from oneframe.files.outputs import Output, check_outputs
+from oneframe.images.pixel_values import to_uint8
+from oneframe.images.slice_picture import slice_picture
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.volume.bone.bone import bone_voxels
+from oneframe.volume.bone.bone_surface import bone_surface, removed_ball
+from oneframe.volume.bone.structures import structure_meshes, structure_names, without_bone
+from oneframe.volume.bone.threshold import DEFAULT_HU
+from oneframe.volume.drill.drill_plan import read_drill_plan
+from oneframe.volume.reading.label_map import read_labels
+from oneframe.volume.reading.volume_reader import read_volume
+from oneframe.volume.slices.slice_views import LabelColours, slice_views
 
 JPEG = Kind("a JPEG image", beginning(b"\xff\xd8"))
 QUALITY = {"quality": 86, "optimize": True, "subsampling": 0}

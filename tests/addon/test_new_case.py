@@ -14,11 +14,11 @@ from blender_addon.setup.alignment_record import pose_record
 from blender_addon.state import from_scene, session_files
 from blender_addon.view.overlay import frame_image_of
 from blender_addon.volume import drill_strokes
-from pipeline.blender.case.load_case import load_case
-from pipeline.case.case_file import read_case
-from pipeline.commands.__main__ import dispatch
-from pipeline.images.png import encode_png
-from pipeline.volume.drill.drill_plan import read_drill_plan
+from oneframe.blender.case.load_case import load_case
+from oneframe.case.case_file import read_case
+from oneframe.commands.__main__ import dispatch
+from oneframe.images.png import encode_png
+from oneframe.volume.drill.drill_plan import read_drill_plan
 from tests.volume.ball_ct import write_ball_ct
 
 K = {"fx": 900.0, "fy": 905.0, "cx": 47.0, "cy": 36.5, "width": 96, "height": 72, "distortion": [0.1, -0.05, 0, 0, 0]}

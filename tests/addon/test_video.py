@@ -10,12 +10,12 @@ import pytest
 from blender_addon.ui.background_work import BackgroundWork
 from blender_addon.video import session, shown_frame, strip_drawing, strip_layout
 from blender_addon.video.frame_fetcher import FrameFetcher
-from pipeline.case.case_file import read_case
-from pipeline.images.png import encode_png
-from pipeline.video.film_reader import MOST, FilmFrame, Thumbnails
-from pipeline.video.frame_folder import write_frames
-from pipeline.video.frame_reader import read_video_frame
-from pipeline.video.frame_scores import best_frames, score_frames
+from oneframe.case.case_file import read_case
+from oneframe.images.png import encode_png
+from oneframe.video.film_reader import MOST, FilmFrame, Thumbnails
+from oneframe.video.frame_folder import write_frames
+from oneframe.video.frame_reader import read_video_frame
+from oneframe.video.frame_scores import best_frames, score_frames
 from tests.video.surgical_film import Event, surgical_film
 
 SIZE_WH = (64, 48)

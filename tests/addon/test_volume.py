@@ -11,13 +11,13 @@ sitk = pytest.importorskip("SimpleITK")
 from blender_addon.state import from_scene
 from blender_addon.ui.background_work import BackgroundWork
 from blender_addon.volume import drill_session, drill_strokes, loaded
-from pipeline.blender.alignment import alignment_scene
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.commands import surface as surface_command
-from pipeline.images.png import encode_png
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import transform_points
-from pipeline.volume.drill.drill_plan import Stroke, read_drill_plan
+from oneframe.blender.alignment import alignment_scene
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.commands import surface as surface_command
+from oneframe.images.png import encode_png
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import transform_points
+from oneframe.volume.drill.drill_plan import Stroke, read_drill_plan
 from tests.waiting import wait_until
 
 SIZE, SPACING = (44, 40, 36), (0.5, 0.5, 0.6)
@@ -126,7 +126,7 @@ def test_pose_and_landmarks_stay_when_the_surface_is_made_again(scene, files):
 
 
 def _mesh_from_model(surface):
-    from pipeline.blender.alignment.surface_object import mesh_from_model_of
+    from oneframe.blender.alignment.surface_object import mesh_from_model_of
 
     return mesh_from_model_of(surface)
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from pipeline.volume.bone.bone import bone_voxels
-from pipeline.volume.bone.isosurface import isosurface
-from pipeline.volume.reading.volume_reader import read_volume
+from oneframe.volume.bone.bone import bone_voxels
+from oneframe.volume.bone.isosurface import isosurface
+from oneframe.volume.reading.volume_reader import read_volume
 from scripts.benchmarks.surface_accuracy import OURS, PEER, SHAPES, measure_shapes, write_synthetic_bone
 
 

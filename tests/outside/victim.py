@@ -15,19 +15,19 @@ sys.path.insert(0, str(ROOT))
 
 import numpy as np
 
-from pipeline.camera.intrinsics_file import read_camera
-from pipeline.camera.plausibility import fit_of
-from pipeline.case.case_file import read_case
-from pipeline.case.case_writer import case_text
-from pipeline.case.landmark_file import read_landmarks
-from pipeline.errors import InputError
-from pipeline.files.content import reading
-from pipeline.images.image_check import check_image_file
-from pipeline.poses.pose_file import read_pose, read_poses
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.volume.drill.drill_plan import read_drill_plan
-from pipeline.volume.reading.label_map import read_labels
-from pipeline.volume.reading.volume_reader import read_volume
+from oneframe.camera.intrinsics_file import read_camera
+from oneframe.camera.plausibility import fit_of
+from oneframe.case.case_file import read_case
+from oneframe.case.case_writer import case_text
+from oneframe.case.landmark_file import read_landmarks
+from oneframe.errors import InputError
+from oneframe.files.content import reading
+from oneframe.images.image_check import check_image_file
+from oneframe.poses.pose_file import read_pose, read_poses
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.volume.drill.drill_plan import read_drill_plan
+from oneframe.volume.reading.label_map import read_labels
+from oneframe.volume.reading.volume_reader import read_volume
 
 
 class _Loaded:
@@ -40,7 +40,7 @@ class _Loaded:
 
 
 def _photographs(path: Path) -> object:
-    from pipeline.evaluation.photographs import read_photographs
+    from oneframe.evaluation.photographs import read_photographs
 
     return read_photographs(path, _Loaded())  # type: ignore[arg-type]
 
@@ -62,19 +62,19 @@ def _case(path: Path) -> object:
 
 
 def _image(path: Path) -> object:
-    from pipeline.blender.bridge.image import read_image
+    from oneframe.blender.bridge.image import read_image
 
     return read_image(path, path.name)
 
 
 def _video(path: Path) -> object:
-    from pipeline.video.frame_reader import read_video_frame, video_info
+    from oneframe.video.frame_reader import read_video_frame, video_info
 
     return read_video_frame(path, video_info(path).frames - 1)
 
 
 def _film(path: Path) -> object:
-    from pipeline.video.frame_scores import score_frames
+    from oneframe.video.frame_scores import score_frames
 
     return score_frames(path)
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.sample.distance_field import ImplicitGrid, ball, largest_component, subtract_burrs
+from oneframe.sample.distance_field import ImplicitGrid, ball, largest_component, subtract_burrs
 
 LOWER, UPPER = np.full(3, -2.0), np.full(3, 2.0)
 SPACING = 0.1

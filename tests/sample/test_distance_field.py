@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.sample.distance_field import ImplicitGrid, ball, largest_component, polyline, smooth_minimum
-from pipeline.surface.tube import tube
+from oneframe.sample.distance_field import ImplicitGrid, ball, largest_component, polyline, smooth_minimum
+from oneframe.surface.tube import tube
 
 LOWER, UPPER = np.full(3, -2.0), np.full(3, 2.0)
 

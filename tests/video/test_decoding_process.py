@@ -5,11 +5,11 @@ import sys
 
 import pytest
 
-from pipeline.errors import InputError
-from pipeline.video import decoding_process
-from pipeline.video.decoding_process import DecodingError, decoded_apart
-from pipeline.video.film_reader import Film
-from pipeline.video.frame_reader import read_video_frame
+from oneframe.errors import InputError
+from oneframe.video import decoding_process
+from oneframe.video.decoding_process import DecodingError, decoded_apart
+from oneframe.video.film_reader import Film
+from oneframe.video.frame_reader import read_video_frame
 from tests.video.test_frame_reader import write_video
 
 
@@ -30,7 +30,7 @@ def test_of_a_decoder_that_dies_on_its_way_the_frames_are_used(tmp_path, monkeyp
         yield from (next(parts) for _ in range(6))
         raise DecodingError("it died")
 
-    monkeypatch.setattr("pipeline.video.film_reader.decoded_apart", dying)
+    monkeypatch.setattr("oneframe.video.film_reader.decoded_apart", dying)
     with Film(path) as film:
         assert [frame.index for frame in film] == [0, 1, 2, 3, 4]
         assert film.broken

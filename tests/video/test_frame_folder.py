@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.commands import frames as command
-from pipeline.errors import InputError
-from pipeline.video.frame_folder import write_frames
-from pipeline.video.frame_scores import best_frames, score_frames
-from pipeline.video.view_circle import Circle
+from oneframe.commands import frames as command
+from oneframe.errors import InputError
+from oneframe.video.frame_folder import write_frames
+from oneframe.video.frame_scores import best_frames, score_frames
+from oneframe.video.view_circle import Circle
 from tests.video.surgical_film import Event, surgical_film
 
 pytestmark = pytest.mark.render

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.video import frame_scores
-from pipeline.video.film_reader import FilmInfo
-from pipeline.video.frame_folder import report_lines
-from pipeline.video.frame_scores import FilmScores, best_frames, score_images
+from oneframe.video import frame_scores
+from oneframe.video.film_reader import FilmInfo
+from oneframe.video.frame_folder import report_lines
+from oneframe.video.frame_scores import FilmScores, best_frames, score_images
 from tests.video.surgical_film import Event, clear_frames, random_events, surgical_film
 
 pytestmark = pytest.mark.render

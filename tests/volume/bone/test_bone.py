@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import label
 
-from pipeline.errors import InputError
-from pipeline.volume.bone.bone import bone_voxels, without_crumbs
-from pipeline.volume.bone.components import components
-from pipeline.volume.bone.isosurface import RemovedField
-from pipeline.volume.volume import Volume, VoxelGrid
+from oneframe.errors import InputError
+from oneframe.volume.bone.bone import bone_voxels, without_crumbs
+from oneframe.volume.bone.components import components
+from oneframe.volume.bone.isosurface import RemovedField
+from oneframe.volume.volume import Volume, VoxelGrid
 
 
 def ct(values: np.ndarray, spacing: float = 1.0) -> Volume:

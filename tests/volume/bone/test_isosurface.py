@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from skimage.measure import marching_cubes
 
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import rigid, transform_points
-from pipeline.volume.bone.cell_table import EDGES, cell_table
-from pipeline.volume.bone.isosurface import Isosurface, RemovedField, block_surface, isosurface
-from pipeline.volume.volume import VoxelGrid
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import rigid, transform_points
+from oneframe.volume.bone.cell_table import EDGES, cell_table
+from oneframe.volume.bone.isosurface import Isosurface, RemovedField, block_surface, isosurface
+from oneframe.volume.volume import VoxelGrid
 from scripts.benchmarks.surface_accuracy import scanned
 
 SEEDS = st.integers(0, 2**32 - 1)

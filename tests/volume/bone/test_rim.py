@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.surface.deviation import deviation
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import transform_points
-from pipeline.volume.bone.isosurface import Isosurface, RemovedField, isosurface
-from pipeline.volume.bone.rim import with_sharp_rim
-from pipeline.volume.bone.smoothing import smoothed
-from pipeline.volume.volume import VoxelGrid
+from oneframe.surface.deviation import deviation
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import transform_points
+from oneframe.volume.bone.isosurface import Isosurface, RemovedField, isosurface
+from oneframe.volume.bone.rim import with_sharp_rim
+from oneframe.volume.bone.smoothing import smoothed
+from oneframe.volume.volume import VoxelGrid
 
 SIZE, SPACING = 56, 0.4
 BALL_MM, BURR_MM = 9.0, 4.0

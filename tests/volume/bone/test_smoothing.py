@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.volume.bone.isosurface import Isosurface, isosurface
-from pipeline.volume.bone.smoothing import smoothed
-from pipeline.volume.volume import VoxelGrid
+from oneframe.volume.bone.isosurface import Isosurface, isosurface
+from oneframe.volume.bone.smoothing import smoothed
+from oneframe.volume.volume import VoxelGrid
 
 
 def noisy_ball(radius: float, noise_hu: float, offset: float = 0.0) -> tuple[Isosurface, np.ndarray]:

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.case.structure_colour import OTHER, structure_colour
-from pipeline.errors import InputError
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.volume.bone.structures import name_of_file, structure_meshes, structure_name
-from pipeline.volume.bone.threshold import otsu_threshold
-from pipeline.volume.reading.label_map import read_labels
-from pipeline.volume.reading.volume_reader import read_volume
-from pipeline.volume.volume import LabelMap, VoxelGrid
+from oneframe.case.structure_colour import OTHER, structure_colour
+from oneframe.errors import InputError
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.volume.bone.structures import name_of_file, structure_meshes, structure_name
+from oneframe.volume.bone.threshold import otsu_threshold
+from oneframe.volume.reading.label_map import read_labels
+from oneframe.volume.reading.volume_reader import read_volume
+from oneframe.volume.volume import LabelMap, VoxelGrid
 
 BONES = Path(__file__).resolve().parents[4] / "shared" / "data" / "temporal_bones"
 

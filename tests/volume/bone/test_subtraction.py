@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.transforms import rigid, transform_points
-from pipeline.volume.bone.isosurface import RemovedField, isosurface
-from pipeline.volume.bone.subtraction import FAR_MM, removed_by_labels, removed_by_operation, united
-from pipeline.volume.volume import LabelMap, Volume, VoxelGrid
+from oneframe.errors import InputError
+from oneframe.transforms import rigid, transform_points
+from oneframe.volume.bone.isosurface import RemovedField, isosurface
+from oneframe.volume.bone.subtraction import FAR_MM, removed_by_labels, removed_by_operation, united
+from oneframe.volume.volume import LabelMap, Volume, VoxelGrid
 
 BURR, RADIUS = np.array([8.0, 2.0, 3.0]), 5.0
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.volume.bone.threshold import HIGHEST_HU, LOWEST_HU, check_threshold, histogram, otsu_threshold
-from pipeline.volume.volume import Volume, VoxelGrid
+from oneframe.errors import InputError
+from oneframe.volume.bone.threshold import HIGHEST_HU, LOWEST_HU, check_threshold, histogram, otsu_threshold
+from oneframe.volume.volume import Volume, VoxelGrid
 
 
 def volume(values: np.ndarray) -> Volume:

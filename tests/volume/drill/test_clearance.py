@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.commands.surface_finish import finish_of, removed_of
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.volume.bone.bone_surface import bone_surface, widened_mm
-from pipeline.volume.bone.isosurface import isosurface
-from pipeline.volume.drill.clearance import clearances, violations
-from pipeline.volume.drill.drill_plan import DrillPlan, Stroke
-from pipeline.volume.drill.virtual_drill import removed_by_plan
-from pipeline.volume.volume import Volume, VoxelGrid
+from oneframe.commands.surface_finish import finish_of, removed_of
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.volume.bone.bone_surface import bone_surface, widened_mm
+from oneframe.volume.bone.isosurface import isosurface
+from oneframe.volume.drill.clearance import clearances, violations
+from oneframe.volume.drill.drill_plan import DrillPlan, Stroke
+from oneframe.volume.drill.virtual_drill import removed_by_plan
+from oneframe.volume.volume import Volume, VoxelGrid
 
 GRID = VoxelGrid((60, 60, 60), np.diag([0.5, 0.5, 0.5, 1.0]))
 BONE = np.full((60, 60, 60), 1000, np.int16)

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.volume.drill.drill_plan import (
+from oneframe.errors import InputError
+from oneframe.volume.drill.drill_plan import (
     LARGEST_MARGIN_MM,
     LARGEST_RADIUS_MM,
     MOST_MM,
@@ -20,7 +20,7 @@ from pipeline.volume.drill.drill_plan import (
     read_drill_plan,
     write_drill_plan,
 )
-from pipeline.volume.volume import VoxelGrid
+from oneframe.volume.volume import VoxelGrid
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "docs" / "examples"
 COORDINATES = st.floats(-MOST_MM, MOST_MM, allow_subnormal=False)

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.volume.bone.isosurface import isosurface
-from pipeline.volume.drill.filled import filled
-from pipeline.volume.volume import VoxelGrid
+from oneframe.errors import InputError
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.volume.bone.isosurface import isosurface
+from oneframe.volume.drill.filled import filled
+from oneframe.volume.volume import VoxelGrid
 
 
 @given(st.integers(0, 2**32 - 1))

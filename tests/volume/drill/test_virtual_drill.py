@@ -6,15 +6,15 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.surface.deviation import deviation
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import transform_points
-from pipeline.volume.bone.isosurface import RemovedField, isosurface
-from pipeline.volume.drill.drill_guard import DrillGuard
-from pipeline.volume.drill.drill_plan import DrillPlan, Stroke
-from pipeline.volume.drill.virtual_drill import FAR_MM, DrilledVolume, VoxelBox, drilled, removed_by_plan
-from pipeline.volume.volume import VoxelGrid
+from oneframe.errors import InputError
+from oneframe.surface.deviation import deviation
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import transform_points
+from oneframe.volume.bone.isosurface import RemovedField, isosurface
+from oneframe.volume.drill.drill_guard import DrillGuard
+from oneframe.volume.drill.drill_plan import DrillPlan, Stroke
+from oneframe.volume.drill.virtual_drill import FAR_MM, DrilledVolume, VoxelBox, drilled, removed_by_plan
+from oneframe.volume.volume import VoxelGrid
 
 SEEDS = st.integers(0, 2**32 - 1)
 SIZE = 44

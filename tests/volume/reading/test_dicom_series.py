@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.transforms import rotation_from_vector, transform_points
-from pipeline.volume.reading.slice_geometry import SlicePlace, stack_of
-from pipeline.volume.reading.volume_reader import list_series, read_volume
+from oneframe.errors import InputError
+from oneframe.transforms import rotation_from_vector, transform_points
+from oneframe.volume.reading.slice_geometry import SlicePlace, stack_of
+from oneframe.volume.reading.volume_reader import list_series, read_volume
 
 pytest.importorskip("SimpleITK")
 

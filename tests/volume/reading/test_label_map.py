@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.transforms import rigid, rotation_from_vector, transform_points
-from pipeline.volume.reading.label_map import on_grid, read_labels
-from pipeline.volume.volume import Volume, VoxelGrid
+from oneframe.errors import InputError
+from oneframe.transforms import rigid, rotation_from_vector, transform_points
+from oneframe.volume.reading.label_map import on_grid, read_labels
+from oneframe.volume.volume import Volume, VoxelGrid
 
 sitk = pytest.importorskip("SimpleITK")
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.errors import InputError
-from pipeline.volume.reading.label_map import read_labels
-from pipeline.volume.reading.volume_reader import list_series, read_volume
+from oneframe.errors import InputError
+from oneframe.volume.reading.label_map import read_labels
+from oneframe.volume.reading.volume_reader import list_series, read_volume
 
 sitk = pytest.importorskip("SimpleITK")
 pydicom = pytest.importorskip("pydicom")
@@ -21,8 +21,8 @@ ROOT = Path(__file__).resolve().parents[3]
 
 READ = """
 import sys, pathlib
-from pipeline.volume.reading.volume_reader import list_series, read_volume
-from pipeline.volume.reading.label_map import read_labels
+from oneframe.volume.reading.volume_reader import list_series, read_volume
+from oneframe.volume.reading.label_map import read_labels
 for call in (list_series, read_volume, read_labels):
     try:
         result = call(pathlib.Path(sys.argv[1]))

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.transforms import rotation_from_vector, transform_points
-from pipeline.volume.reading import header_checks
-from pipeline.volume.reading.volume_header import read_header
-from pipeline.volume.reading.volume_reader import read_volume
-from pipeline.volume.volume import Volume
+from oneframe.errors import InputError
+from oneframe.transforms import rotation_from_vector, transform_points
+from oneframe.volume.reading import header_checks
+from oneframe.volume.reading.volume_header import read_header
+from oneframe.volume.reading.volume_reader import read_volume
+from oneframe.volume.volume import Volume
 
 sitk = pytest.importorskip("SimpleITK")
 nib = pytest.importorskip("nibabel")

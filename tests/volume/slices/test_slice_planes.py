@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.transforms import rotation_from_vector, transform_points
-from pipeline.volume.slices.slice_planes import slice_planes
-from pipeline.volume.volume import VoxelGrid
+from oneframe.transforms import rotation_from_vector, transform_points
+from oneframe.volume.slices.slice_planes import slice_planes
+from oneframe.volume.volume import VoxelGrid
 
 AXES = {"R": (0, -1), "L": (0, 1), "A": (1, -1), "P": (1, 1), "S": (2, 1), "I": (2, -1)}
 

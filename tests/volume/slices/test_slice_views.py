@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.transforms import transform_points
-from pipeline.volume.bone.isosurface import RemovedField
-from pipeline.volume.slices.slice_views import LabelColours, slice_views
-from pipeline.volume.volume import LabelMap, Sampler, Volume, VoxelGrid
+from oneframe.transforms import transform_points
+from oneframe.volume.bone.isosurface import RemovedField
+from oneframe.volume.slices.slice_views import LabelColours, slice_views
+from oneframe.volume.volume import LabelMap, Sampler, Volume, VoxelGrid
 
 
 def random_grid(seed: int, size: tuple[int, int, int]) -> VoxelGrid:

@@ -12,7 +12,7 @@ RUN = $(VENV)/bin/python
 .PHONY: setup demo extension dist addon-dev test test-all test-outside lint bench chart bench-alignment bench-surface evaluate stability docs screenshots clean
 .DEFAULT_GOAL := demo
 
-# the environment: Blender as a module, the commands, what tests and checks need; again when pyproject.toml has changed
+# the environment: Blender as a module and the commands; again when pyproject.toml has changed
 setup: $(VENV)/.ready
 
 $(VENV)/.ready: pyproject.toml
@@ -20,14 +20,19 @@ $(VENV)/.ready: pyproject.toml
 	@"$(PYTHON)" -c 'import sys; v = "%d.%d" % sys.version_info[:2]; v in ("3.11", "3.13") or sys.exit("error: expected Python 3.13 (for Blender 5.2 LTS) or 3.11 (for Blender 4.5 LTS), found " + v)'
 	@echo "setting up $(VENV) with $$("$(PYTHON)" --version) (Blender as a module: about 400 MB)"
 	@"$(PYTHON)" -m venv --clear $(VENV)
-	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[test,lint]"
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable .
 	@$(RUN) -c 'import bpy; print("Blender", bpy.app.version_string, "is ready; the commands are in $(VENV)/bin/oneframe")'
+	@touch $@
+
+# what tests and checks need
+$(VENV)/.ready-to-test: $(VENV)/.ready
+	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[test,lint]"
 	@touch $@
 
 # the sample case and a small dataset of it, with a video
 demo: setup
 	@$(RUN) scripts/make_sample.py --out demo/case
-	@$(RUN) scripts/render_dataset.py demo/case/case.toml --out demo/dataset --count 24 --video --video-frames 72
+	@$(RUN) scripts/render_dataset.py demo/case/case.toml --out demo/dataset --count 24 --video --video-frames 48
 	@echo "look at demo/case/frame.png (the one frame), demo/dataset/contact_sheet.png and demo/dataset/video/trajectory.mp4"
 
 # one zip a platform in dist/, validated by Blender, with its size
@@ -35,7 +40,7 @@ extension: setup
 	@$(RUN) scripts/dev/build_extension.py --platform $(PLATFORM)
 
 # wheel and source distribution in dist/; the wheel is built from the latter, so nothing stale gets into it
-dist: setup
+dist: $(VENV)/.ready-to-test
 	@$(RUN) -m build --no-isolation --outdir dist .
 
 # the real Blender with this checkout's add-on and the sample case; BLENDER_FLAGS=... for Blender itself
@@ -43,20 +48,20 @@ addon-dev: setup
 	@$(RUN) scripts/dev/addon_dev.py --blender "$(BLENDER)" -- $(BLENDER_FLAGS)
 
 # the tests, on all cores, without those that take long; PYTEST_FLAGS=... for pytest itself
-test: setup
+test: $(VENV)/.ready-to-test
 	$(RUN) -m pytest --numprocesses auto -m "not long" $(PYTEST_FLAGS)
 
 # all tests, those in a Blender program if BLENDER is set, one after the other
-test-all: setup
+test-all: $(VENV)/.ready-to-test
 	$(RUN) -m pytest --durations 50 $(PYTEST_FLAGS)
 
 # tests/outside in full: interruptions, tampering, bombs, mutations, and readers that others wrote; `make test-all` runs a sample
-test-outside: setup
+test-outside: $(VENV)/.ready-to-test
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[outside]"
 	$(RUN) -m pytest --long tests/outside $(PYTEST_FLAGS)
 
 # format, rules, the contracts between the rooms, and types against the API of the environment's Blender
-lint: setup
+lint: $(VENV)/.ready-to-test
 	$(RUN) -m ruff format --check .
 	$(RUN) -m ruff check .
 	$(VENV)/bin/lint-imports --no-logo

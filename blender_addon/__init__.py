@@ -5,8 +5,8 @@ Each topic has a folder and a panel in the sidebar, in the order of the work: ``
 to and from the pipeline's types; ``ui`` holds the drawing and input code that the topics share. Operators are thin:
 they read the scene, call one function of the pipeline and report.
 
-The extension contains the pipeline inside this package. In a checkout the pipeline lies next to it, and ``.pipeline``
-is an alias for the same modules.
+The extension contains the pipeline inside this package. In a checkout it lies next to it, and ``.pipeline`` is an alias
+for the package ``oneframe``, which scripts and tests import: the same modules.
 """
 
 import sys
@@ -21,7 +21,7 @@ _HERE = Path(__file__).resolve().parent
 
 
 class _CheckoutPipeline(MetaPathFinder, Loader):
-    """In a checkout, imports ``.pipeline`` as the package next to this one: the same modules, not copies of them."""
+    """In a checkout, imports ``.pipeline`` as the package ``oneframe``: the same modules, not copies of them."""
 
     def __init__(self) -> None:
         self._own_specs: dict[str, ModuleSpec | None] = {}
@@ -31,7 +31,7 @@ class _CheckoutPipeline(MetaPathFinder, Loader):
         return spec_from_loader(name, self) if is_pipeline else None
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
-        module = import_module(spec.name.removeprefix(f"{__name__}."))
+        module = import_module("oneframe" + spec.name.removeprefix(f"{__name__}.pipeline"))
         self._own_specs[spec.name] = module.__spec__
         return module
 
@@ -47,7 +47,11 @@ _CHECKOUT_PIPELINE = _CheckoutPipeline()
 def _find_pipeline() -> None:
     if (_HERE / "pipeline").is_dir() or _CHECKOUT_PIPELINE in sys.meta_path:
         return
-    sys.path.insert(0, str(_HERE.parent))
+    # here the folder beside this one is found under the package's name
+    scripts = str(_HERE.parent / "scripts")
+    sys.path.insert(0, scripts)
+    import_module("oneframe")
+    sys.path.remove(scripts)
     sys.meta_path.insert(0, _CHECKOUT_PIPELINE)
 
 
@@ -135,4 +139,3 @@ def unregister() -> None:
         module.unregister()
     if _CHECKOUT_PIPELINE in sys.meta_path:
         sys.meta_path.remove(_CHECKOUT_PIPELINE)
-        sys.path.remove(str(_HERE.parent))

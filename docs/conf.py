@@ -9,8 +9,8 @@ from sphinx.ext.napoleon import Config, NumpyDocstring
 
 ROOT = Path(__file__).resolve().parents[1]
 
-sys.path.insert(0, str(ROOT))
-from pipeline import __version__
+sys.path.insert(0, str(ROOT / "scripts"))
+from oneframe import __version__
 
 project = "OneFrame"
 version = release = __version__
@@ -25,7 +25,7 @@ html_show_sphinx = False
 
 myst_heading_anchors = 3
 
-autoapi_dirs = [str(ROOT / "pipeline")]
+autoapi_dirs = [str(ROOT / "scripts" / "dev" / "mypy-path" / "oneframe")]
 autoapi_root = "reference"
 autoapi_add_toctree_entry = False
 autoapi_options = ["members", "undoc-members", "show-module-summary"]
@@ -45,13 +45,13 @@ nitpick_ignore_regex = [
     ),
     ("py:data", r"\.?[A-Z_]+"),
     ("py:meth", r"\w+"),
-    ("py:class", r"pipeline\..*"),
+    ("py:class", r"oneframe\..*"),
 ]
 
 NAPOLEON = Config(napoleon_use_ivar=True, napoleon_use_rtype=False)
 LITERAL = re.compile(r"(``.*?``|`.*?`)", re.DOTALL)
 RESULT = re.compile(r"^(?P<kind>Returns|Yields)\n-+\n(?P<text>.+?)(?=\n\n\w+\n---|\Z)", re.MULTILINE | re.DOTALL)
-BARE_ROLE = re.compile(r"(?!:meth:`\w+`)(:\w+:`)(?=[A-Za-z_])(?!pipeline\b)")
+BARE_ROLE = re.compile(r"(?!:meth:`\w+`)(:\w+:`)(?=[A-Za-z_])(?!oneframe\b)")
 """A role with a name alone: with a leading dot, Sphinx looks for it here first, then anywhere. Not so
 a method without its class: many have the same name."""
 TWO_NAMES = re.compile(r"^(?P<names>\w+(?:, \w+)+)\n(?P<text>(?: +\S.*(?:\n|\Z))+)", re.MULTILINE)

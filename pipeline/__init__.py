@@ -22,10 +22,10 @@ A folder is a stage, in the order in which data flows; its files are the nouns o
 ``commands``              what users call: the program ``oneframe`` and the scripts
 ========================  =====================================================================
 
-Below them lie ``files`` and ``images``, :mod:`pipeline.transforms` (the conventions, as code), ``progress`` and
+Below them lie ``files`` and ``images``, :mod:`oneframe.transforms` (the conventions, as code), ``progress`` and
 ``errors``. Everything is pure (numpy and the standard library; ``cv2``, ``skimage`` and ``scipy`` only in ``video``,
 ``volume``, ``sample``, ``alignment``, ``evaluation``, ``reader``, ``packing.jpeg`` and ``dataset.check``) except
-:mod:`pipeline.blender` and the commands that call it.
+:mod:`oneframe.blender` and the commands that call it.
 """
 
 __version__ = "0.1.0"

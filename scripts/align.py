@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 
 # Blender puts neither the script's folder nor the current one on the module path
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from pipeline.blender.command_line import run_script
-from pipeline.commands import align
+from oneframe.commands import align
+from oneframe.process.command_line import run_script
 
 if __name__ == "__main__":
     run_script(lambda argv: align.main(argv, "align.py"))

@@ -13,16 +13,16 @@ from pathlib import Path
 
 # before numpy is imported: the matrices are small, so BLAS threads cost more than they save
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# the repository's root: scripts are run from a checkout
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+# the repository's root, for the benchmarks, and the folder where the package is found by its name
+sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parent)]
 
 import argparse
 from collections.abc import Sequence
 from importlib import import_module
 
-from pipeline.blender.command_line import ArgumentParser, run_script
-from pipeline.blender.process import own_output
-from pipeline.charts.page import require_matplotlib
+from oneframe.charts.page import require_matplotlib
+from oneframe.process.command_line import ArgumentParser, run_script
+from oneframe.process.own_process import own_output
 
 TOPICS = ("speed", "chart", "landmarks", "refinement", "surface", "reader", "evaluation", "stability")
 

@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 
 # Blender puts neither the script's folder nor the current one on the module path
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from pipeline.blender.command_line import run_script
-from pipeline.commands import compare
+from oneframe.commands import compare
+from oneframe.process.command_line import run_script
 
 if __name__ == "__main__":
     run_script(lambda argv: compare.main(argv, "compare_views.py"))

@@ -6,11 +6,11 @@ python scripts/pack_dataset.py DIR --out PACKED [--views-per-shard 1000] [--jpeg
 import sys
 from pathlib import Path
 
-# the repository's root: scripts are run from a checkout
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+# Blender puts neither the script's folder nor the current one on the module path
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from pipeline.blender.command_line import run_script
-from pipeline.commands import pack
+from oneframe.commands import pack
+from oneframe.process.command_line import run_script
 
 if __name__ == "__main__":
     run_script(lambda argv: pack.main(argv, "pack_dataset.py"))

@@ -11,13 +11,13 @@ import hypothesis
 import numpy as np
 import pytest
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.case_file import Case
-from pipeline.case.loaded_case import LoadedCase
-from pipeline.images.png import encode_png
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.surface.mesh_writer import write_ply
-from pipeline.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import Case
+from oneframe.case.loaded_case import LoadedCase
+from oneframe.images.png import encode_png
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh_writer import write_ply
+from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 
 # a machine may be slow: no test measures time
 hypothesis.settings.register_profile("any machine", deadline=None)

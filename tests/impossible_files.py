@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.files.content import LARGEST_INPUT
+from oneframe.files.content import LARGEST_INPUT
 
 _posix_only = pytest.mark.skipif(os.name != "posix", reason="pipes, devices and sparse files of POSIX")
 

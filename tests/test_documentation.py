@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import __version__
-from pipeline.case.case_file import case_from_text
-from pipeline.commands.__main__ import COMMANDS, dispatch
-from pipeline.dataset.options import checked_options
+from oneframe import __version__
+from oneframe.case.case_file import case_from_text
+from oneframe.commands.__main__ import COMMANDS, dispatch
+from oneframe.dataset.options import checked_options
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
@@ -43,9 +43,9 @@ def test_links_lead_somewhere(page):
         if re.match(r"https?://", target):
             continue
         path, _, anchor = target.partition("#")
-        if not path and (anchor == "pipeline" or anchor.startswith("pipeline.")):
+        if not path and (anchor == "oneframe" or anchor.startswith("oneframe.")):
             # a module of the reference, which only the site has
-            module = ROOT / anchor.replace(".", "/")
+            module = ROOT / anchor.replace("oneframe", "pipeline").replace(".", "/")
             assert module.is_dir() or module.with_suffix(".py").is_file(), target
             continue
         there = (page.parent / path).resolve() if path else page
@@ -98,7 +98,7 @@ def options_of(command: str) -> set[str]:
 
 def command_of(script: Path) -> str:
     """The command that a script runs."""
-    return re.search(r"^from pipeline.commands import (\w+)$", script.read_text(encoding="utf-8"), re.MULTILINE)[1]
+    return re.search(r"^from oneframe.commands import (\w+)$", script.read_text(encoding="utf-8"), re.MULTILINE)[1]
 
 
 @pytest.mark.parametrize(("page", "line"), commands(), ids=lambda value: value[:60])

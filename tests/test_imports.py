@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PURE = sorted(
-    ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    ".".join(["oneframe", *path.relative_to(ROOT / "pipeline").with_suffix("").parts])
     for path in (ROOT / "pipeline").rglob("*.py")
     if path.stem != "__init__" and (ROOT / "pipeline" / "blender") not in path.parents
 )
@@ -46,7 +46,7 @@ def test_the_add_on_of_a_checkout_shares_the_pipeline():
         "copies = {name: module for name, module in sys.modules.items() if name.startswith('blender_addon.pipeline')}\n"
         "assert copies\n"
         "for name, module in copies.items():\n"
-        "    own = name.removeprefix('blender_addon.')\n"
+        "    own = name.replace('blender_addon.pipeline', 'oneframe')\n"
         "    assert module is sys.modules[own] and module.__spec__.name == own, name\n"
     )
     assert ended.returncode == 0, ended.stderr
@@ -57,9 +57,9 @@ def test_modules_name_each_other_relatively():
     for path in (ROOT / "pipeline").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Import):
-                assert not any(alias.name.split(".")[0] == "pipeline" for alias in node.names), path
+                assert not any(alias.name.split(".")[0] == "oneframe" for alias in node.names), path
             if isinstance(node, ast.ImportFrom) and node.level == 0:
-                assert (node.module or "").split(".")[0] != "pipeline", path
+                assert (node.module or "").split(".")[0] != "oneframe", path
 
 
 def test_no_test_depends_on_the_speed_of_its_machine():

@@ -15,12 +15,13 @@ from pathlib import Path
 
 import pytest
 
-from pipeline import __version__
+from oneframe import __version__
 from scripts.dev import build_extension
 
 ROOT = Path(__file__).resolve().parents[1]
-MODULES = {path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline").rglob("*.py")}
-ASSETS = {path.relative_to(ROOT).as_posix() for path in (ROOT / "pipeline" / "report" / "assets").iterdir()}
+FILES = [*(ROOT / "pipeline").rglob("*.py"), *(ROOT / "pipeline" / "report" / "assets").iterdir()]
+"""Of the package, which is installed as ``oneframe``."""
+INSTALLED = {Path("oneframe", path.relative_to(ROOT / "pipeline")).as_posix() for path in FILES}
 ABOUT = f"oneframe-{__version__}.dist-info"
 
 
@@ -84,7 +85,7 @@ def run_installed(installed, run_command, tmp_path, monkeypatch):
 
 def test_the_wheel_holds_the_package_and_its_licence_and_nothing_else(wheel):
     names = set(names_in(wheel))
-    assert {name for name in names if not name.startswith(ABOUT)} == MODULES | ASSETS
+    assert {name for name in names if not name.startswith(ABOUT)} == INSTALLED
     assert f"{ABOUT}/licenses/LICENSE" in names
     with zipfile.ZipFile(wheel) as archive:
         assert archive.read(f"{ABOUT}/licenses/LICENSE") == (ROOT / "LICENSE").read_bytes()
@@ -127,7 +128,7 @@ def states_version(path: Path) -> bool:
 
 
 def test_the_installed_program_is_the_one_of_the_wheel(run_installed, tmp_path):
-    where = run_installed("python", "-c", "import pipeline; print(pipeline.__file__)")
+    where = run_installed("python", "-c", "import oneframe; print(oneframe.__file__)")
     assert not Path(where.stdout.strip()).is_relative_to(ROOT)
     assert run_installed("oneframe", "--version").stdout == f"oneframe {__version__}\n"
     ended = run_installed("oneframe", "check", tmp_path)
@@ -189,7 +190,7 @@ def test_the_extension_does_what_its_permissions_say(staged):
 
 def test_the_add_on_imports_its_own_modules_relatively(staged):
     """A top-level module would be shared with every other add-on; only the scripts, in processes of their own, may."""
-    own = {path.stem for path in staged.iterdir() if path.is_dir() or path.suffix == ".py"}
+    own = {path.stem for path in staged.iterdir() if path.is_dir() or path.suffix == ".py"} | {"oneframe"}
     absolute = {
         (str(path.relative_to(staged)), name)
         for path in staged.rglob("*.py")

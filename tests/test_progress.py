@@ -4,8 +4,8 @@ import io
 
 import pytest
 
-from pipeline import progress
-from pipeline.progress import Progress, ShareProgress, read_progress
+from oneframe import progress
+from oneframe.progress import Progress, ShareProgress, read_progress
 
 
 class Terminal(io.StringIO):

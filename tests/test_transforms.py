@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.errors import InputError
-from pipeline.transforms import (
+from oneframe.errors import InputError
+from oneframe.transforms import (
     BLOCK,
     NOTED_DEVIATION,
     ORTHONORMAL_TO_ROUNDING,

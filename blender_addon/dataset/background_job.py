@@ -15,8 +15,8 @@ from typing import Any
 
 import bpy
 
-from ..pipeline.blender.command_line import EXIT_STOPPED, script_command
 from ..pipeline.errors import InputError, RunError
+from ..pipeline.process.command_line import EXIT_STOPPED, script_command
 from ..pipeline.progress import ProgressLine, read_progress
 from .wording import in_window_words
 

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 
 from ..class_registration import class_registration
-from ..pipeline.alignment.landmarks.covariance import PoseUncertainty
+from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..state import from_scene, pose_evidence

@@ -14,9 +14,9 @@ from ..pipeline.alignment.landmarks.align_landmarks import (
     is_ambiguous,
     landmark_arrays,
 )
-from ..pipeline.alignment.landmarks.reprojection import twist_between
 from ..pipeline.alignment.landmarks.solver import PoseEstimate, UndeterminedPose
 from ..pipeline.alignment.manual.pins import pull_pins
+from ..pipeline.alignment.reprojection import twist_between
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.blender.alignment.visible_surface import visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera

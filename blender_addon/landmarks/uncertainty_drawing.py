@@ -3,9 +3,9 @@
 import bpy
 import numpy as np
 
-from ..pipeline.alignment.landmarks.confidence_region import ellipse_outlines
-from ..pipeline.alignment.landmarks.covariance import PoseUncertainty
-from ..pipeline.alignment.landmarks.reprojection import apply_twist
+from ..pipeline.alignment.confidence_region import ellipse_outlines
+from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
+from ..pipeline.alignment.reprojection import apply_twist
 from ..pipeline.blender.alignment.visible_surface import visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.transforms import inverse_rigid, transform_points

@@ -1,6 +1,6 @@
 """What the present pose rests on, as far as it was found by something other than the landmarks: kept with its pose.
 
-The record is a table ``[alignment]`` (:mod:`pipeline.case.alignment_record`). It is stored in the surface together with
+The record is a table ``[alignment]`` (:mod:`oneframe.case.alignment_record`). It is stored in the surface together with
 the pose that it is about, and holds while the surface has exactly that pose: it survives undo and .blend files, and no
 movement of the surface can leave it stale.
 """
@@ -12,7 +12,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..pipeline.alignment.landmarks.covariance import PoseUncertainty
+from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.blender.bridge.exact_values import exact, set_exact
 from ..pipeline.case.alignment_record import scaled_record
 from ..pipeline.transforms import inverse_rigid, transform_points

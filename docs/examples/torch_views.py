@@ -11,7 +11,7 @@ import torch
 from torch.utils.data import Dataset as TorchDataset
 from torch.utils.data import IterableDataset, get_worker_info
 
-from pipeline.reader import View, open_dataset
+from oneframe.reader import View, open_dataset
 
 
 def tensors(view: View) -> dict[str, torch.Tensor]:

@@ -75,7 +75,7 @@ class CameraFile:
     messages: tuple[str, ...] = ()
 
     def camera(self, size_wh: tuple[int, int]) -> PinholeCamera:
-        """The camera with this K, unchanged, for images of (width, height); see :mod:`pipeline.camera.plausibility`."""
+        """The camera with this K, unchanged, for images of (width, height); see :mod:`oneframe.camera.plausibility`."""
         k = [[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]]
         return PinholeCamera.from_matrix(k, size=size_wh, where=f"{self.path.name}: K")
 
@@ -85,7 +85,7 @@ class CameraFile:
         Raises
         ------
         InputError
-            See :func:`pipeline.camera.distortion.checked_distortion`.
+            See :func:`oneframe.camera.distortion.checked_distortion`.
         """
         if self.distortion is None:
             return None

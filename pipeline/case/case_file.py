@@ -1,6 +1,6 @@
 """The case file: one frame, its camera, surface and pose, read strictly from TOML.
 
-This module reads paths and numbers; :mod:`pipeline.blender.case.load_case` opens the files that they name.
+This module reads paths and numbers; :mod:`oneframe.blender.case.load_case` opens the files that they name.
 """
 
 import re
@@ -63,9 +63,9 @@ class Case:
     structures
         What overlays show in addition to the surface.
     dataset
-        The raw ``[dataset]`` table: options of the run, checked by :mod:`pipeline.dataset.options`.
+        The raw ``[dataset]`` table: options of the run, checked by :mod:`oneframe.dataset.options`.
     cluster
-        The raw ``[cluster]`` table: jobs of workers, checked by :mod:`pipeline.cluster.slurm_settings`.
+        The raw ``[cluster]`` table: jobs of workers, checked by :mod:`oneframe.cluster.slurm_settings`.
     object_name
         Name of the surface in the tables of a dataset, or ``None`` for that of its file.
     messages
@@ -73,7 +73,7 @@ class Case:
     landmarks
         Points of the surface (mm, ``mesh``) with their pixels in the undistorted frame.
     alignment
-        Origin of the pose: see :mod:`pipeline.case.alignment_record`.
+        Origin of the pose: see :mod:`oneframe.case.alignment_record`.
     """
 
     path: Path
@@ -161,7 +161,7 @@ def checked_camera(table: dict, where: str) -> tuple[PinholeCamera, Distortion |
     Raises
     ------
     InputError
-        See :meth:`.PinholeCamera.from_matrix` and :func:`pipeline.camera.distortion.checked_distortion`.
+        See :meth:`.PinholeCamera.from_matrix` and :func:`oneframe.camera.distortion.checked_distortion`.
     """
     camera = PinholeCamera.from_matrix(
         table["K"], size=table["size"], pixel_origin=table.get("pixel_origin", "center"), where=f"{where} K"

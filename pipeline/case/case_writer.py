@@ -1,4 +1,4 @@
-"""Write case files that :func:`pipeline.case.case_file.read_case` reads back to the last bit."""
+"""Write case files that :func:`oneframe.case.case_file.read_case` reads back to the last bit."""
 
 import json
 import os

@@ -26,7 +26,7 @@ class Landmark:
     name
         Unique within a list of landmarks.
     point
-        mm; in a :class:`~pipeline.case.case_file.Case` in the frame ``mesh``.
+        mm; in a :class:`~oneframe.case.case_file.Case` in the frame ``mesh``.
     pixel
         px in the *undistorted* frame, with (0, 0) at the centre of the top-left pixel.
     enabled

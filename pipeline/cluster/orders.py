@@ -124,7 +124,7 @@ class Orders:
                 del workers[worker]
         for worker in there.keys() - {worker for workers in known for worker in workers}:
             # nothing of OneFrame, for its connection would break where that is missing
-            self._asked[worker] = self._submit([worker], resolve_name, "pipeline:__version__")
+            self._asked[worker] = self._submit([worker], resolve_name, "oneframe:__version__")
         for key, order in [*self._placed.items()]:
             if not order.allowed & self._threads.keys():
                 del self._placed[key]

@@ -41,7 +41,9 @@ CONFIGURATION = {
 }
 """Dask's settings in the child."""
 _CLIENT = ("tls_ca_file", "tls_client_cert", "tls_client_key")
-_ROOT = Path(__file__).resolve().parents[2]
+_PACKAGE = Path(__file__).resolve().parents[1]
+FOUND_IN = _PACKAGE.parent if _PACKAGE.name == "oneframe" else _PACKAGE.parent / "scripts"
+"""Where the package is found by its name: in a checkout by ``scripts/oneframe.py``."""
 
 
 @contextmanager
@@ -58,9 +60,9 @@ def own_workers(settings: Mapping[str, Any], where: str) -> Iterator[tuple[str, 
         They cannot be started, or Slurm refuses the first job; ``where`` begins the message.
     """
     # Dask is there where this process has it
-    paths = [os.environ.get("PYTHONPATH", ""), str(_ROOT), str(Path(distributed.__file__).parents[1])]
+    paths = [os.environ.get("PYTHONPATH", ""), str(FOUND_IN), str(Path(distributed.__file__).parents[1])]
     child = subprocess.Popen(
-        [sys.executable, "-m", "pipeline.cluster.own_workers", json.dumps(settings)],
+        [sys.executable, "-m", __name__, json.dumps(settings)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -18,7 +18,6 @@ from typing import Any
 
 from distributed import Worker
 
-from ..blender.command_line import blender_command
 from ..blender.dataset.render_process import AHEAD, RenderProcess
 from ..case.case_file import read_case
 from ..dataset.case_parcel import CASE, case_parcel
@@ -29,9 +28,11 @@ from ..dataset.missing_views import MissingViews
 from ..dataset.options import option_arguments
 from ..dataset.survey import is_finished
 from ..errors import RunError
+from ..process.command_line import blender_command
 from ..progress import Progress
 from .on_worker import LostError, OnWorker
 from .orders import Orders
+from .own_workers import FOUND_IN
 from .sources import WorkerSource
 
 IDLE_SECONDS = 120.0
@@ -41,8 +42,7 @@ GATHERED_BYTES = 64_000_000
 """About the largest result of an order."""
 CASE_FOLDER = "<case>"
 """Stands in arguments for the folder of the files that were sent."""
-_ROOT = Path(__file__).resolve().parents[2]
-_SCRIPT = _ROOT / "scripts" / "render_dataset.py"
+_SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "render_dataset.py"
 
 
 @dataclass
@@ -80,7 +80,7 @@ class RenderOnWorker(OnWorker):
         self._lock, self._idle, self._is_closed = threading.RLock(), threading.Timer(0, print), False
         self._own, self._out = own_folder, Path(self.folder)
         self.check("choose one that all machines see (--out), or let the views be fetched (--gather)")
-        start = [*self.command] or [sys.executable, "-m", "pipeline.commands", "render"]
+        start = [*self.command] or [sys.executable, "-m", "oneframe.commands", "render"]
         if self.blender is not None:
             start = [*blender_command(self.blender, str(_SCRIPT))]
         sent = {f"case/{name}": content for name, content in (case or {}).items()}
@@ -135,9 +135,9 @@ class RenderOnWorker(OnWorker):
         return self._started()
 
     def _started(self) -> RenderProcess:
-        # the same OneFrame as the worker, which may have that of a checkout from its current folder
-        root = [str(_ROOT)] if (_ROOT / "pyproject.toml").is_file() else []
-        paths = os.pathsep.join(filter(None, [*root, os.environ.get("PYTHONPATH", "")]))
+        # the same OneFrame as the worker, which may be that of a checkout
+        scripts = [str(FOUND_IN)] if (FOUND_IN / "oneframe.py").is_file() else []
+        paths = os.pathsep.join(filter(None, [*scripts, os.environ.get("PYTHONPATH", "")]))
         try:
             process = RenderProcess(self._start, environment={"PYTHONPATH": paths})
         except OSError as error:

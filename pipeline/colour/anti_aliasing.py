@@ -4,8 +4,8 @@ A renderer's own N samples per pixel cost nearly N times one sample, nearly all 
 neighbouring rays agree. This module keeps the exact one-ray view and refines its colour in two ways:
 
 * inside the surface, a colour is a lookup in the frame, or, in views that are coarser than the frame, a mean of four
-  (:mod:`pipeline.colour.footprint_filter`). Vertex colours are means of neighbouring pixels there;
-* in pixels at an edge of the surface (:mod:`pipeline.projection.edge_pixels`) or of the observed region, it is the
+  (:mod:`oneframe.colour.footprint_filter`). Vertex colours are means of neighbouring pixels there;
+* in pixels at an edge of the surface (:mod:`oneframe.projection.edge_pixels`) or of the observed region, it is the
   mean of N rays.
 
 A pixel's colour is that of what its masks say. Of the N rays, those count that meet what the ray through the centre

@@ -1,6 +1,6 @@
 """Exact views by a ray through each pixel's centre: what Cycles renders for colours without light, in less time.
 
-Embree finds the face that each ray meets (:mod:`pipeline.projection.rays`), as it does inside Cycles; everything else
+Embree finds the face that each ray meets (:mod:`oneframe.projection.rays`), as it does inside Cycles; everything else
 is a formula in the pixel and the depth. The point's pixel in the frame, (x, y, z), is A (u, v, 1) + b / depth, with A
 and b computed in double precision, so that at the frame's own pose each pixel is looked up at its own place.
 """

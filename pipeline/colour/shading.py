@@ -1,6 +1,6 @@
-"""The colours of surface points in the three colour modes, by the rule of :mod:`pipeline.colour.source_view`.
+"""The colours of surface points in the three colour modes, by the rule of :mod:`oneframe.colour.source_view`.
 
-It is what the material of :mod:`pipeline.blender.render.material` computes at a shaded point, for many points at once.
+It is what the material of :mod:`oneframe.blender.render.material` computes at a shaded point, for many points at once.
 """
 
 from typing import NamedTuple

@@ -40,7 +40,7 @@ Observed = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """A visibility rule: points (N, 3) in the model frame and their unit face normals (N, 3) -> (N,) bool.
 
 True must mean that the frame, sampled bilinearly at the point's projection, shows this point and nothing else, as
-:meth:`pipeline.colour.source_view.SourceView.observed` does. Points may lie a texel outside the surface.
+:meth:`oneframe.colour.source_view.SourceView.observed` does. Points may lie a texel outside the surface.
 """
 
 
@@ -55,7 +55,7 @@ class TextureAtlas:
         the texel in column i and row j (from the top) is ((i + 0.5) / width, 1 - (j + 0.5) / height).
     image
         ``(h, w, C)`` float32, top row first; where not observed, a given colour, or
-        :data:`pipeline.colour.vertex_colours.NEUTRAL`.
+        :data:`oneframe.colour.vertex_colours.NEUTRAL`.
     observed
         ``(h, w)`` bool.
     faces_seen

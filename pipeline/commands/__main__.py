@@ -1,4 +1,4 @@
-"""The program ``oneframe``: runs one command and imports no other. Also ``python -m pipeline.commands``."""
+"""The program ``oneframe``: runs one command and imports no other. Also ``python -m oneframe.commands``."""
 
 import argparse
 import sys
@@ -9,9 +9,9 @@ from types import ModuleType
 from typing import Any
 
 from .. import __version__
-from ..blender.command_line import ArgumentParser, run_script
 from ..errors import InputError
 from ..files.keys import nearest_name
+from ..process.command_line import ArgumentParser, run_script
 from .parser import explained_imports, fill_parser
 
 COMMANDS = (

@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from .. import __version__
-from ..blender.process import own_output
 from ..errors import InputError
+from ..process.own_process import own_output
 from .parser import command_parser, explained_imports
 
 ABOUT = "Find the pose of a frame from landmarks and report its uncertainty, or refine the pose against the image."

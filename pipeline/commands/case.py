@@ -5,8 +5,8 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.process import own_output
 from ..errors import InputError
+from ..process.own_process import own_output
 from .parser import command_parser, explained_imports
 
 ABOUT = "Put surface, structures, frame, mask and K into a case folder, with a case.toml that all other commands take."

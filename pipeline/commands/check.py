@@ -5,8 +5,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.process import own_output
 from ..errors import InputError
+from ..process.own_process import own_output
 from .parser import command_parser, explained_imports
 
 EXIT_WRONG = 1

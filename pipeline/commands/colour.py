@@ -4,8 +4,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.process import own_output
 from ..dataset.options import UNSEEN
+from ..process.own_process import own_output
 from .parser import command_parser, explained_imports
 
 ABOUT = "Write the surface with the frame's colours on it, as GLB, OBJ or PLY."

@@ -4,8 +4,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.process import own_output
 from ..dataset.options import COLOURS
+from ..process.own_process import own_output
 from .parser import command_parser, explained_imports
 
 ABOUT = "Compare synthetic views with real photographs of the same poses, and measure their similarity."

@@ -4,8 +4,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.process import own_output
 from ..errors import InputError, RunError
+from ..process.own_process import own_output
 from .parser import command_parser, explained_imports
 
 ABOUT = "Find the best frames of a microscope video: sharp, well exposed, free of instruments, hands and glare."

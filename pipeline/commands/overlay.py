@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.process import own_output
+from ..process.own_process import own_output
 from .parser import command_parser, explained_imports
 
 ABOUT = "Draw surface and structures over the frame, or over each frame of a video, as augmented reality shows them."

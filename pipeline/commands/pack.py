@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
-from ..blender.process import own_output
 from ..errors import InputError
+from ..process.own_process import own_output
 from ..progress import LINE_SECONDS
 from .parser import INSECURE, command_parser, explained_imports
 

@@ -5,8 +5,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from ..blender.command_line import ArgumentParser
 from ..errors import RunError
+from ..process.command_line import ArgumentParser
 
 PACKAGES = {
     "bpy": "Blender (bpy), which needs Python 3.11 or 3.13",
@@ -75,7 +75,7 @@ def explained_imports() -> Iterator[None]:
             raise RunError(
                 f"--cluster: expected Dask, this Python ({sys.executable}) has none; install it: pip install {DASK}"
             ) from None
-        if (error.name or "").endswith("pipeline.cluster"):
+        if (error.name or "").endswith(".cluster"):
             raise RunError(
                 "--cluster: expected OneFrame as a package, found the extension, which may use no network; install it "
                 'from its folder: pip install ".[cluster]"'

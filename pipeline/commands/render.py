@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
-from ..blender.command_line import end_with_input
-from ..blender.process import own_output
 from ..dataset.missing_views import Elsewhere
 from ..dataset.options import GONE, add_option_arguments, option_names
 from ..errors import InputError
+from ..process.command_line import end_with_input
+from ..process.own_process import own_output
 from ..progress import LINE_SECONDS
 from .parser import INSECURE, command_parser, explained_imports
 

@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..blender.process import own_output
+from ..process.own_process import own_output
 from .parser import command_parser, explained_imports
 
 ABOUT = "Make the built-in sample case: a drilled temporal bone, a microscope frame of it, and held-out photographs."

@@ -1,8 +1,8 @@
 """A dataset's views on disk, in the BOP layout: the path of each file.
 
 A view is finished when its record ``frame/NNNNNN.json`` exists. The record is written last and holds the hashes of the
-view's other files. All tables of the dataset (:mod:`pipeline.dataset.bop`, :mod:`pipeline.dataset.coco`,
-:mod:`pipeline.dataset.pose_tables`) are made from the records alone.
+view's other files. All tables of the dataset (:mod:`oneframe.dataset.bop`, :mod:`oneframe.dataset.coco`,
+:mod:`oneframe.dataset.pose_tables`) are made from the records alone.
 """
 
 import re

@@ -19,9 +19,9 @@ class MissingViews:
     options
         The options of the run.
     description
-        The content of ``dataset.json``: see :func:`pipeline.dataset.description.describe`.
+        The content of ``dataset.json``: see :func:`oneframe.dataset.description.describe`.
     identity
-        The identity of the dataset: see :func:`pipeline.dataset.identity.identity_of`.
+        The identity of the dataset: see :func:`oneframe.dataset.identity.identity_of`.
     kinds
         Kinds of files of a view, beside its record.
     finished

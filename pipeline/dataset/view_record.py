@@ -54,7 +54,7 @@ class ViewRecord:
     index
         Number of the view in the dataset.
     identity
-        Identity of the dataset: see :func:`pipeline.dataset.identity.identity_of`.
+        Identity of the dataset: see :func:`oneframe.dataset.identity.identity_of`.
     cam_from_model
         ``(4, 4)`` rigid, mm.
     depth_scale
@@ -68,7 +68,7 @@ class ViewRecord:
     files
         Size and hash of every file of the view, by its path relative to the dataset.
     rle_counts
-        Run lengths of the mask: see :func:`pipeline.dataset.coco.run_lengths`.
+        Run lengths of the mask: see :func:`oneframe.dataset.coco.run_lengths`.
     """
 
     index: int

@@ -28,7 +28,7 @@ _HASHES: ContextVar[dict[Path, str] | None] = ContextVar("hashes", default=None)
 
 @contextmanager
 def reading(path: Path, what: str, where: str | None = None) -> Iterator[None]:
-    """Turn the errors of opening and reading ``path`` inside the block into an :class:`~pipeline.errors.InputError`.
+    """Turn the errors of opening and reading ``path`` inside the block into an :class:`~oneframe.errors.InputError`.
 
     Parameters
     ----------

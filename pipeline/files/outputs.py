@@ -5,7 +5,7 @@ The one rule of all commands and operators, applied before any work starts:
 1. An input of the same command is never replaced, however its name is spelt: links and other cases are the same file.
 2. A file that the user named replaces only a file of the same kind, told by its content.
 3. A file that the program named (a texture beside a mesh, a fixed name in a folder) replaces only what the program
-   wrote itself, and what nobody has changed since: see :mod:`pipeline.files.signature`.
+   wrote itself, and what nobody has changed since: see :mod:`oneframe.files.signature`.
 """
 
 import errno

@@ -48,7 +48,7 @@ class Slice:
     Attributes
     ----------
     title
-        Of the letters that :func:`pipeline.images.lettering.lettering` has.
+        Of the letters that :func:`oneframe.images.lettering.lettering` has.
     image
         ``(H, W)`` grey values 0..1, the top row first.
     mm_per_px

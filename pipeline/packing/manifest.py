@@ -23,7 +23,7 @@ class Manifest:
     Attributes
     ----------
     identity
-        Of the dataset: see :func:`~pipeline.dataset.identity.identity_of`.
+        Of the dataset: see :func:`~oneframe.dataset.identity.identity_of`.
     views_per_shard
         As asked for; the last shard may have fewer.
     jpeg_quality, opencv

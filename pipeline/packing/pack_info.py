@@ -47,7 +47,7 @@ for sample in wds.WebDataset(shards, shardshuffle=False).decode("rgb8"):
 
 bop_toolkit: `bop_webdataset.load_image_data("shard-000000.tar", key, rgb_suffix="{rgb_suffix}")`.
 
-OneFrame: `from pipeline.reader import open_dataset; open_dataset(".")[0].depth_mm`; `oneframe pack --verify --out .`
+OneFrame: `from oneframe.reader import open_dataset; open_dataset(".")[0].depth_mm`; `oneframe pack --verify --out .`
 compares all hashes.
 """
 

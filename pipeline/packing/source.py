@@ -28,7 +28,7 @@ class Description:
     content
         All of it.
     identity
-        Of the dataset: see :func:`~pipeline.dataset.identity.identity_of`.
+        Of the dataset: see :func:`~oneframe.dataset.identity.identity_of`.
     count
         Number of views.
     name

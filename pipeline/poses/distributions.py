@@ -143,7 +143,7 @@ class Gaussian:
 
     ``cam_from_model = reference @ T(pivot) @ Exp(xi) @ T(-pivot)`` with xi = (upsilon, omega),
     upsilon ~ N(0, sigma_mm^2 1) and omega ~ N(0, sigma_deg^2 1), a rotation vector, both in the axes of the model, and
-    Exp as in :func:`pipeline.transforms.se3_exp`. As both are isotropic, the camera's axes would give the same
+    Exp as in :func:`oneframe.transforms.se3_exp`. As both are isotropic, the camera's axes would give the same
     distribution. Rotations are about the pivot: with ``sigma_mm = 0`` it does not move.
 
     Attributes

@@ -1,6 +1,6 @@
 """Pose files: one pose as ``.npy`` (Vision6D's format), text or JSON, or a list of poses as ``.npy`` or JSON.
 
-All are ``cam_from_mesh``, in the frame of the user's mesh file: see :mod:`pipeline.transforms`.
+All are ``cam_from_mesh``, in the frame of the user's mesh file: see :mod:`oneframe.transforms`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -57,7 +57,7 @@ def read_pose(path: Path, *, mm_per_unit: float = 1.0) -> tuple[np.ndarray, str 
     ------
     InputError
         The file is missing or has another format, or the pose is not rigid (see
-        :func:`pipeline.transforms.checked_rigid`).
+        :func:`oneframe.transforms.checked_rigid`).
     """
     path = Path(path)
     data = read_content(path, "a file with a pose", most=LARGEST_FILE)
@@ -125,7 +125,7 @@ def read_poses(
     ------
     InputError
         Another extension; a file that is missing, unreadable or corrupt; not poses, or none; a pose that is not rigid
-        (see :func:`pipeline.transforms.checked_rigid`; the message names its index from 0); a useless ``mm_per_unit``.
+        (see :func:`oneframe.transforms.checked_rigid`; the message names its index from 0); a useless ``mm_per_unit``.
     """
     path = Path(path)
     if not (mm_per_unit > 0 and np.isfinite(mm_per_unit)):

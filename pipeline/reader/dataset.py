@@ -27,7 +27,7 @@ class Dataset(Sequence[View]):
     def __init__(
         self, files: ViewFiles, description: Description, views: Sequence[int], shards: Sequence[range]
     ) -> None:
-        """See :func:`~pipeline.reader.dataset.open_dataset`."""
+        """See :func:`~oneframe.reader.dataset.open_dataset`."""
         self._files, self._description, self._views, self._shards = files, description, views, tuple(shards)
 
     def __len__(self) -> int:

@@ -135,7 +135,7 @@ class ShownView:
     record
         ``None`` if it is missing or damaged.
     picture, layers
-        Encoded: colours, and depth with masks (:mod:`pipeline.report.view_layers`).
+        Encoded: colours, and depth with masks (:mod:`oneframe.report.view_layers`).
     range_mm
         Nearest and farthest depth.
     problems

@@ -3,7 +3,7 @@
 It replaces the surface that a segmented CT gives after a mastoidectomy: the lateral skull with the ear canal, a cavity
 drilled behind it with burrs (scallops, undercut walls, opened air cells), the posterior canal wall left as a bridge,
 and below it the antrum, the lateral semicircular canal and the ossicles. Needs ``skimage``, through
-:mod:`pipeline.sample.distance_field`.
+:mod:`oneframe.sample.distance_field`.
 
 The bone is a signed distance field on a regular grid, positive in bone and negative in air; drilling takes the minimum
 with the distance to a burr. The anatomy is described in the frame ``local``: x posterior, y superior, z lateral, origin

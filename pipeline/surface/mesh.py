@@ -1,6 +1,6 @@
 """Triangle meshes: checking and cleaning, normals, diameter.
 
-:mod:`pipeline.surface.mesh_reader` and :mod:`pipeline.surface.mesh_writer` read and write files.
+:mod:`oneframe.surface.mesh_reader` and :mod:`oneframe.surface.mesh_writer` read and write files.
 """
 
 from dataclasses import dataclass, replace

@@ -1,9 +1,9 @@
 """Reading triangle meshes from PLY, OBJ and STL files: geometry only, no colours, normals or texture coordinates.
 
-All readers end in :func:`pipeline.surface.mesh.checked_mesh`. Writing is :mod:`pipeline.surface.mesh_writer`.
+All readers end in :func:`oneframe.surface.mesh.checked_mesh`. Writing is :mod:`oneframe.surface.mesh_writer`.
 
 Sources: 3D Systems, "StereoLithography Interface Specification" (1989); for PLY and OBJ see
-:mod:`pipeline.surface.ply_reader` and :mod:`pipeline.surface.obj_reader`.
+:mod:`oneframe.surface.ply_reader` and :mod:`oneframe.surface.obj_reader`.
 """
 
 import re
@@ -40,7 +40,7 @@ def read_mesh(path: Path) -> tuple[TriangleMesh, list[str]]:
     ------
     InputError
         Another extension; a file that is missing, unreadable, empty, too large, truncated or corrupt; no usable surface
-        (see :func:`pipeline.surface.mesh.checked_mesh`).
+        (see :func:`oneframe.surface.mesh.checked_mesh`).
     """
     path = Path(path)
     reader = _READERS.get(path.suffix.lower())
@@ -84,7 +84,7 @@ _NUMBERS = (b".", b"x", b"y", b"z")
 
 
 def _read_stl(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
-    """Read text or binary STL; the result is as that of :func:`pipeline.surface.ply_reader.read_ply`."""
+    """Read text or binary STL; the result is as that of :func:`oneframe.surface.ply_reader.read_ply`."""
     header, record = 84, 50
     announced = int.from_bytes(data[80:header], "little")
     expected = header + record * announced

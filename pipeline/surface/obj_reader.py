@@ -19,7 +19,7 @@ _BLOCK = 2 << 20
 
 
 def read_obj(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
-    """Read the lines ``v`` and ``f``; the result is as that of :func:`pipeline.surface.ply_reader.read_ply`.
+    """Read the lines ``v`` and ``f``; the result is as that of :func:`oneframe.surface.ply_reader.read_ply`.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Simplification of a surface to a stated tolerance: few faces where it is smooth, all that it takes elsewhere.
 
 The distance is measured, both ways, at the vertices, the midpoints of the edges and the centres of the faces of both
-surfaces (:mod:`pipeline.surface.tolerance_guard`). :mod:`pipeline.surface.edge_collapse` keeps the vertices of the
+surfaces (:mod:`oneframe.surface.tolerance_guard`). :mod:`oneframe.surface.edge_collapse` keeps the vertices of the
 original within a tenth less than the tolerance. Where the other samples find too large a distance all the same, the
 original comes back and is reduced with a tighter tolerance.
 """

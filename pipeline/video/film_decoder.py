@@ -1,7 +1,7 @@
 """Sequential decoding of a whole video, in the child process of the reader. Needs ``cv2``.
 
 Frames leave this process as small pictures, one at a time, so that memory does not grow with the length of the film.
-Numbers and times of frames are those of :mod:`pipeline.video.decoder`.
+Numbers and times of frames are those of :mod:`oneframe.video.decoder`.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""Single frames of a video, by number from 0 in display order; see :mod:`pipeline.video.decoder`.
+"""Single frames of a video, by number from 0 in display order; see :mod:`oneframe.video.decoder`.
 
 The decoder runs in a process of its own: a damaged video may crash it or fill its memory.
 """

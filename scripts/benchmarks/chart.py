@@ -11,13 +11,13 @@ from pathlib import Path
 
 import bpy
 
-from pipeline.blender.render.engines import check_engine, keep_freed_memory
-from pipeline.blender.sample.sample_case import HELD_OUT, write_sample_case
-from pipeline.errors import InputError, RunError
-from pipeline.evaluation.conditions import current_conditions
-from pipeline.files.temporary import temporary_folder
-from pipeline.progress import Progress
-from pipeline.sample.temporal_bone import sample_surface
+from oneframe.blender.render.engines import check_engine, keep_freed_memory
+from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
+from oneframe.errors import InputError, RunError
+from oneframe.evaluation.conditions import current_conditions
+from oneframe.files.temporary import temporary_folder
+from oneframe.progress import Progress
+from oneframe.sample.temporal_bone import sample_surface
 
 from .charts.speed_accuracy_chart import speed_accuracy_charts
 from .figures import conditions_note, read_rows, write_rows

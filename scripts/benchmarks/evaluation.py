@@ -11,14 +11,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from pipeline.blender.evaluation.evaluation_run import evaluation_run, run_evaluation
-from pipeline.blender.evaluation.methods import DEFAULT, chosen_methods
-from pipeline.blender.sample.sample_case import HELD_OUT, write_sample_case
-from pipeline.case.case_file import read_case
-from pipeline.case.case_writer import write_case
-from pipeline.errors import InputError
-from pipeline.files.temporary import temporary_folder
-from pipeline.sample.temporal_bone import MICROSCOPE, sample_surface
+from oneframe.blender.evaluation.evaluation_run import evaluation_run, run_evaluation
+from oneframe.blender.evaluation.methods import DEFAULT, chosen_methods
+from oneframe.blender.sample.sample_case import HELD_OUT, write_sample_case
+from oneframe.case.case_file import read_case
+from oneframe.case.case_writer import write_case
+from oneframe.errors import InputError
+from oneframe.files.temporary import temporary_folder
+from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 
 from .published import LOADERS, CaseFiles
 

@@ -8,11 +8,11 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pipeline.errors import InputError
-from pipeline.evaluation.conditions import COMMENT, Conditions, write_table
-from pipeline.files.content import decoded, read_content, write_bytes_atomically
-from pipeline.files.outputs import made_folder, writing
-from pipeline.files.tables import parsed_json
+from oneframe.errors import InputError
+from oneframe.evaluation.conditions import COMMENT, Conditions, write_table
+from oneframe.files.content import decoded, read_content, write_bytes_atomically
+from oneframe.files.outputs import made_folder, writing
+from oneframe.files.tables import parsed_json
 
 Row = TypeVar("Row")
 CONVERT: dict[object, Callable[[str], Any]] = {str: str, int: int, float: float, bool: lambda text: text == "True"}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.surface.mesh import TriangleMesh
+from oneframe.surface.mesh import TriangleMesh
 
 
 def grid_mesh(points: np.ndarray) -> TriangleMesh:

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import cv2
 
-from pipeline.blender.case.load_case import load_case
-from pipeline.blender.colour.reference_view import reference_view_of
-from pipeline.case.case_file import read_case
+from oneframe.blender.case.load_case import load_case
+from oneframe.blender.colour.reference_view import reference_view_of
+from oneframe.case.case_file import read_case
 
 from .alignment.landmark_accuracy import LandmarkFigures, VisibleSurface, measure_landmarks
 from .charts.landmark_chart import landmark_accuracy_charts

@@ -13,19 +13,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.case_file import Case
-from pipeline.case.case_writer import write_case
-from pipeline.errors import InputError
-from pipeline.files.content import read_content, write_bytes_atomically
-from pipeline.files.tables import parsed_json
-from pipeline.images.image_check import check_image_file
-from pipeline.images.png import encode_png
-from pipeline.projection.z_buffer import inverse_depth_of
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.surface.mesh_writer import write_ply
-from pipeline.transforms import nearest_rotation, rigid
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import Case
+from oneframe.case.case_writer import write_case
+from oneframe.errors import InputError
+from oneframe.files.content import read_content, write_bytes_atomically
+from oneframe.files.tables import parsed_json
+from oneframe.images.image_check import check_image_file
+from oneframe.images.png import encode_png
+from oneframe.projection.z_buffer import inverse_depth_of
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_writer import write_ply
+from oneframe.transforms import nearest_rotation, rigid
 
 from .figures import expected
 from .grid_mesh import grid_mesh

@@ -17,12 +17,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from pipeline.dataset.layout import ViewPaths
-from pipeline.errors import InputError
-from pipeline.files.processors import available_cores
-from pipeline.files.temporary import temporary_folder
-from pipeline.packing.pack import pack_dataset
-from pipeline.reader import Dataset, open_dataset
+from oneframe.dataset.layout import ViewPaths
+from oneframe.errors import InputError
+from oneframe.files.processors import available_cores
+from oneframe.files.temporary import temporary_folder
+from oneframe.packing.pack import pack_dataset
+from oneframe.reader import Dataset, open_dataset
 
 from .figures import write_figures
 

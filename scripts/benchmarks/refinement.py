@@ -17,9 +17,9 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from pipeline.errors import InputError
-from pipeline.evaluation.conditions import current_conditions
-from pipeline.progress import Progress
+from oneframe.errors import InputError
+from oneframe.evaluation.conditions import current_conditions
+from oneframe.progress import Progress
 
 from .alignment.refinement_basin import RefinementTrial, disturbances, run_trials, summary
 from .alignment.refinement_scenes import RefinementScene, bloster_scenes, case_scene, lmo_scenes

@@ -8,9 +8,9 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from pipeline.blender.render.engines import keep_freed_memory
-from pipeline.files.processors import available_cores
-from pipeline.files.temporary import temporary_folder
+from oneframe.blender.render.engines import keep_freed_memory
+from oneframe.files.processors import available_cores
+from oneframe.files.temporary import temporary_folder
 
 from .charts.render_speed_chart import render_speed_charts
 from .figures import expected, read_figures, write_figures

@@ -14,12 +14,12 @@ from pathlib import Path
 import bpy
 import cv2
 
-from pipeline.blender.render.engines import keep_freed_memory
-from pipeline.blender.sample.sample_case import write_sample_case
-from pipeline.evaluation.conditions import current_conditions
-from pipeline.files.temporary import temporary_folder
-from pipeline.progress import Progress
-from pipeline.sample.temporal_bone import sample_surface
+from oneframe.blender.render.engines import keep_freed_memory
+from oneframe.blender.sample.sample_case import write_sample_case
+from oneframe.evaluation.conditions import current_conditions
+from oneframe.files.temporary import temporary_folder
+from oneframe.progress import Progress
+from oneframe.sample.temporal_bone import sample_surface
 
 from .alignment.refinement_scenes import case_scene
 from .charts.stability_camera_chart import camera_stability_charts

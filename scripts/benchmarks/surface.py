@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.errors import RunError
-from pipeline.files.temporary import temporary_folder
+from oneframe.errors import RunError
+from oneframe.files.temporary import temporary_folder
 
 from .figures import write_figures
 from .surface_accuracy import ACCURACY_HEAD, measure_shapes, write_synthetic_bone

@@ -8,14 +8,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 # the package and the other scripts, also where nothing is installed
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "scripts")]
 
 import argparse
 import os
 import subprocess
 from collections.abc import Sequence
 
-from pipeline.errors import InputError, RunError
+from oneframe.errors import InputError, RunError
 from scripts.dev import build_extension
 
 RESOURCES = ROOT / "build" / "addon-dev"

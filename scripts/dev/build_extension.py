@@ -8,7 +8,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 # the version and the exceptions come from the package, also where it is not installed
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(ROOT / "scripts"))
 
 import argparse
 import fnmatch
@@ -24,10 +24,10 @@ import tomllib
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence
 
-from pipeline import __version__
-from pipeline.errors import InputError, RunError
-from pipeline.files.kinds import Kind, beginning
-from pipeline.files.outputs import Output, check_outputs
+from oneframe import __version__
+from oneframe.errors import InputError, RunError
+from oneframe.files.kinds import Kind, beginning
+from oneframe.files.outputs import Output, check_outputs
 
 WHEEL_TAGS = {
     "linux-x64": ("manylinux2014_x86_64", "manylinux_2_28_x86_64"),
@@ -42,16 +42,16 @@ MAKE_SAMPLE = """
 import sys
 sys.path.insert(0, sys.argv[1])
 from pathlib import Path
-from pipeline.blender.sample.sample_case import write_sample_case
-from pipeline.sample.temporal_bone import sample_surface
+from oneframe.blender.sample.sample_case import write_sample_case
+from oneframe.sample.temporal_bone import sample_surface
 for _ in write_sample_case(Path(sys.argv[2]), sample_surface(), held_out=False):
     pass
 """
 WHEEL_CACHE = ROOT / "build" / "wheels"
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 """From Blender 4.5's to that of Linux distributions; wheels of the stable ABI (abi3) for the first one serve all."""
-SCRIPTS = ("render_dataset.py", "check_dataset.py")
-"""Scripts that the add-on runs in a background Blender; each finds the package in the folder above its own."""
+SCRIPTS = ("oneframe.py", "render_dataset.py", "check_dataset.py")
+"""Scripts for a Blender without a window, of which the add-on runs the second."""
 ZIP = Kind("a zip", beginning(b"PK"))
 VERSION_LINE = 'version = "0.0.0"'
 """The line of the manifest that the build fills in."""
@@ -213,7 +213,7 @@ def sample_case() -> Path:
         print("making the sample case for the extension (once)", flush=True)
         SAMPLE_CACHE.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=SAMPLE_CACHE) as partial:
-            command = [sys.executable, "-c", MAKE_SAMPLE, str(ROOT), str(Path(partial, "sample"))]
+            command = [sys.executable, "-c", MAKE_SAMPLE, str(ROOT / "scripts"), str(Path(partial, "sample"))]
             ended = subprocess.run(command, capture_output=True, text=True, check=False)
             if ended.returncode != 0:
                 raise RunError(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 # the package, the tests and the other scripts, also where nothing is installed
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "scripts")]
 
 import argparse
 import os
@@ -19,9 +19,9 @@ from collections.abc import Sequence
 
 from PIL import Image
 
-from pipeline.errors import InputError, RunError
-from pipeline.files.kinds import Kind, beginning
-from pipeline.files.outputs import Output, check_outputs
+from oneframe.errors import InputError, RunError
+from oneframe.files.kinds import Kind, beginning
+from oneframe.files.outputs import Output, check_outputs
 from scripts.dev import build_extension
 from tests.window import session
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from blender_addon.dataset.operators import output_folder
-from pipeline.case.case_file import read_case
-from pipeline.commands.__main__ import dispatch
+from oneframe.case.case_file import read_case
+from oneframe.commands.__main__ import dispatch
 from tests.volume.ball_ct import write_ball_ct
 
 NAMED = '\n[dataset]\nposes = "poses.npy"\n'

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from pipeline.blender.case.load_case import load_case
-from pipeline.blender.colour.export import export_coloured_surface
-from pipeline.blender.colour.reference_view import colour_of, colouring_view_of
-from pipeline.case.case_file import read_case
-from pipeline.images.pixel_values import codes_from_linear, linear_from_codes
-from pipeline.images.png import encode_png
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.surface.mesh_writer import write_ply
+from oneframe.blender.case.load_case import load_case
+from oneframe.blender.colour.export import export_coloured_surface
+from oneframe.blender.colour.reference_view import colour_of, colouring_view_of
+from oneframe.case.case_file import read_case
+from oneframe.images.pixel_values import codes_from_linear, linear_from_codes
+from oneframe.images.png import encode_png
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_writer import write_ply
 
 pytestmark = pytest.mark.render
 
@@ -136,7 +136,7 @@ def test_a_surface_inside_out_gets_the_same_colours(opened, case_path, tmp_path,
 
 
 def looked_up(image, uv) -> np.ndarray:
-    from pipeline.images.pixel_values import sample_bilinear
+    from oneframe.images.pixel_values import sample_bilinear
 
     height, width = image.shape[:2]
     return sample_bilinear(image, uv.reshape(-1, 2) * [width, -height] + [-0.5, height - 0.5])

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from pipeline.blender.dataset.job import Job, open_job
-from pipeline.case.case_file import read_case
-from pipeline.dataset.folder import Shard
-from pipeline.dataset.options import checked_options
-from pipeline.transforms import camera_centre, rigid
+from oneframe.blender.dataset.job import Job, open_job
+from oneframe.case.case_file import read_case
+from oneframe.dataset.folder import Shard
+from oneframe.dataset.options import checked_options
+from oneframe.transforms import camera_centre, rigid
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.render

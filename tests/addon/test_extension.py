@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
-from pipeline import __version__
+from oneframe import __version__
 from scripts.dev import build_extension
 
 HERE = Path(__file__).resolve().parent

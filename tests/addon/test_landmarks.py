@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
-from pipeline.alignment.landmarks.reprojection import apply_twist
-from pipeline.alignment.landmarks.solver import UndeterminedPose, solve_pose
-from pipeline.alignment.manual.pins import pull_pins
-from pipeline.case.landmarks import Landmark
-from pipeline.transforms import inverse_rigid, transform_points
+from oneframe.alignment.landmarks.solver import UndeterminedPose, solve_pose
+from oneframe.alignment.manual.pins import pull_pins
+from oneframe.alignment.reprojection import apply_twist
+from oneframe.case.landmarks import Landmark
+from oneframe.transforms import inverse_rigid, transform_points
 
 POINTS_PX = np.array(
     [[8.2, 7.4], [55.1, 9.3], [50.6, 40.2], [11.7, 38.9], [31.4, 24.8], [42.3, 15.6], [22.8, 12.1], [36.5, 33.3]]
@@ -46,7 +46,7 @@ def pose_of(scene):
 def displace(scene, twist=TWIST):
     """Move the surface by a twist; returns its new pose."""
     from blender_addon.state import from_scene
-    from pipeline.blender.alignment.surface_object import set_pose
+    from oneframe.blender.alignment.surface_object import set_pose
 
     set_pose(
         from_scene.camera_object_of(scene),
@@ -198,7 +198,7 @@ def test_undo_and_redo_restore_landmarks_and_pose_together(scene, pairs):
 
 def test_one_pin_shifts_the_surface_and_more_give_the_functions_pose(scene, pairs):
     from blender_addon.state import from_scene
-    from pipeline.blender.alignment.visible_surface import visible_surface
+    from oneframe.blender.alignment.visible_surface import visible_surface
 
     points, pixels = pairs
     for count in (1, 2, 3):

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from pipeline.alignment.refinement.refine import refine_pose
-from pipeline.blender.alignment.align_case import align_case
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.case_file import read_case
-from pipeline.images.png import encode_png
-from pipeline.projection.z_buffer import rasterise_depth
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.surface.mesh_writer import write_ply
-from pipeline.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from oneframe.alignment.refinement.refine import refine_pose
+from oneframe.blender.alignment.align_case import align_case
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import read_case
+from oneframe.images.png import encode_png
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_writer import write_ply
+from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
 from tests.waiting import wait_until
 
 CAMERA = PinholeCamera(320, 240, fx=1734.0, fy=1739.0, cx=163.0, cy=117.0)

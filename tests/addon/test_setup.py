@@ -11,12 +11,12 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Matrix, Vector
 
-from pipeline.camera.distortion import Distortion
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.case_file import read_case
-from pipeline.images.png import encode_png
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.surface.mesh_writer import write_ply
+from oneframe.camera.distortion import Distortion
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import read_case
+from oneframe.images.png import encode_png
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_writer import write_ply
 
 MORE = """
 [[structures]]
@@ -210,7 +210,7 @@ def test_frame_camera_and_surface_may_be_loaded_in_any_order(addon, case_path, o
     assert made.camera == given.camera
     assert settings.camera_object.data.background_images[0].image is not None
     # in any order, the surface at its initial pose faces the camera inside the frame
-    from pipeline.blender.case.load_case import load_case
+    from oneframe.blender.case.load_case import load_case
 
     loaded = load_case(made)
     pixels = made.camera.project(loaded.mesh.vertices @ loaded.cam_from_model[:3, :3].T + loaded.cam_from_model[:3, 3])
@@ -497,7 +497,7 @@ def test_structures_are_loaded_together_and_follow_the_surface(opened, case_path
 
 def _tiny_surface():
     vertices = np.array([[12.0, -7, 40], [21, -7, 40], [12, 2, 41]])
-    from pipeline.surface.mesh import TriangleMesh
+    from oneframe.surface.mesh import TriangleMesh
 
     return TriangleMesh(vertices, np.array([[0, 1, 2]], np.int32))
 

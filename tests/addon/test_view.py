@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mathutils import Matrix
 
-from pipeline.camera.pinhole import PinholeCamera
+from oneframe.camera.pinhole import PinholeCamera
 
 CAMERA = PinholeCamera(200, 150, 1500.0, 1480.0, 104.5, 70.25)
 OPERATORS = ("cycle_opacity", "toggle_wireframe", "toggle_contour", "toggle_blink", "toggle_swipe", "toggle_difference")
@@ -158,7 +158,7 @@ def test_frame_is_drawn_with_its_own_code_values(gpu_context, scene):
     from blender_addon.ui.frame_view import FrameView
     from blender_addon.view.overlay import Composite, frame_image_of
     from blender_addon.view.overlay_passes import SurfacePicture
-    from pipeline.blender.bridge.image import read_image
+    from oneframe.blender.bridge.image import read_image
 
     image, _ = read_image(frame_path(scene))
     height, width = image.shape[:2]
@@ -176,7 +176,7 @@ def test_frame_is_drawn_with_its_own_code_values(gpu_context, scene):
 
 
 def frame_path(scene):
-    from pipeline.blender.bridge.data_blocks import absolute_path
+    from oneframe.blender.bridge.data_blocks import absolute_path
 
     return absolute_path(scene.oneframe.frame_path)
 

@@ -6,19 +6,19 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.alignment.landmarks.align_landmarks import align_landmarks
-from pipeline.alignment.landmarks.solver import UndeterminedPose
-from pipeline.alignment.landmarks.surface_distance import (
+from oneframe.alignment.landmarks.align_landmarks import align_landmarks
+from oneframe.alignment.landmarks.solver import UndeterminedPose
+from oneframe.alignment.landmarks.surface_distance import (
     check_landmarks_belong,
     landmark_distances,
     off_surface,
     surface_distance,
 )
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.landmarks import Landmark
-from pipeline.errors import InputError
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.landmarks import Landmark
+from oneframe.errors import InputError
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
 
 CAMERA = PinholeCamera(1920, 1080, 12800.0, 12750.0, 955.0, 545.0)
 POSE = rigid(rotation_from_vector(np.array([2.8, 0.3, -0.2])), [1.0, -2.0, 300.0])

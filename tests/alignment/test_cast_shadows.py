@@ -4,12 +4,12 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.alignment.refinement.cast_shadows import directional_light
-from pipeline.alignment.refinement.refine import refine_pose
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.projection.z_buffer import rasterise_depth
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import rigid, rotation_from_vector, transform_points
+from oneframe.alignment.refinement.cast_shadows import directional_light
+from oneframe.alignment.refinement.refine import refine_pose
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import rigid, rotation_from_vector, transform_points
 
 CAMERA = PinholeCamera(240, 180, fx=680.0, fy=678.0, cx=121.0, cy=88.0)
 POSE = rigid(rotation_from_vector(np.array([3.0, 0.25, 0.1])), np.array([1.0, -1.0, 300.0]))

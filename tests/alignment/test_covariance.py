@@ -5,17 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.alignment.landmarks.confidence_region import f_quantile, f_survival, pooled_dof, pooled_survival
-from pipeline.alignment.landmarks.covariance import (
+from oneframe.alignment.confidence_region import f_quantile, f_survival, pooled_dof, pooled_survival
+from oneframe.alignment.landmarks.covariance import (
     REGION_PRIOR_DOF,
     NoiseEstimate,
-    PoseUncertainty,
     pose_uncertainty,
 )
-from pipeline.alignment.landmarks.reprojection import Correspondences, apply_twist
-from pipeline.alignment.landmarks.solver import solve_pose
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.transforms import nearest_rotation, rigid, rotation_from_vector, transform_points
+from oneframe.alignment.landmarks.solver import solve_pose
+from oneframe.alignment.pose_uncertainty import PoseUncertainty
+from oneframe.alignment.reprojection import Correspondences, apply_twist
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.transforms import nearest_rotation, rigid, rotation_from_vector, transform_points
 from scripts.benchmarks.alignment.landmark_trials import MICROSCOPE, box_trial
 
 WIDE = PinholeCamera(1000, 800, 700.0, 690.0, 480.0, 410.0)

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.alignment.manual.initial_pose import FILL, HEAD, initial_pose, opening_of
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.surface.ball import Ball
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import nearest_rotation, transform_points
+from oneframe.alignment.manual.initial_pose import FILL, HEAD, initial_pose, opening_of
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.surface.ball import Ball
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import nearest_rotation, transform_points
 
 CAMERAS = [PinholeCamera(1920, 1080, 12_800.0, 12_700.0, 930.0, 560.0), PinholeCamera(600, 900, 500.0, 510.0, 300, 440)]
 

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from pipeline.alignment.manual.nudge import AXES, nudged
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.errors import InputError
-from pipeline.transforms import nearest_rotation, rigid, rotation_from_vector, transform_points
+from oneframe.alignment.manual.nudge import AXES, nudged
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.errors import InputError
+from oneframe.transforms import nearest_rotation, rigid, rotation_from_vector, transform_points
 
 CAMERAS = [PinholeCamera(1920, 1080, 12_800.0, 12_700.0, 930.0, 560.0), PinholeCamera(900, 700, 500.0, 510.0, 440, 360)]
 PIVOT, RADIUS = np.array([4.0, -7.0, 3.0]), 12.0

@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from pipeline.alignment.landmarks.confidence_region import ellipse_outlines
-from pipeline.alignment.manual.picking import is_unfinished, landmark_for, new_name, next_step
-from pipeline.case.landmarks import Landmark
+from oneframe.alignment.confidence_region import ellipse_outlines
+from oneframe.alignment.manual.picking import is_unfinished, landmark_for, new_name, next_step
+from oneframe.case.landmarks import Landmark
 
 VALUES = {"point": (1.0, 2.0, 3.0), "pixel": (4.0, 5.0)}
 

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.alignment.landmarks.reprojection import apply_twist
-from pipeline.alignment.manual.pins import pull_pins
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.errors import InputError
-from pipeline.transforms import (
+from oneframe.alignment.manual.pins import pull_pins
+from oneframe.alignment.reprojection import apply_twist
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.errors import InputError
+from oneframe.transforms import (
     nearest_rotation,
     rigid,
     rotation_angle_deg,

@@ -4,13 +4,13 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.alignment.refinement.refine import refine_pose
-from pipeline.alignment.refinement.verdict import MAX_ROTATION_DEG
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.errors import InputError
-from pipeline.projection.z_buffer import rasterise_depth
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from oneframe.alignment.refinement.refine import refine_pose
+from oneframe.alignment.refinement.verdict import MAX_ROTATION_DEG
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.errors import InputError
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
 
 CAMERA = PinholeCamera(240, 180, fx=1301.0, fy=1305.0, cx=122.0, cy=88.0)
 TRUE_POSE = rigid(rotation_from_vector(np.array([2.9, 0.3, 0.1])), np.array([0.5, -0.3, 300.0]))

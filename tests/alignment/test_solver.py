@@ -6,11 +6,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from pipeline.alignment.landmarks.reprojection import apply_twist, jacobian_at, twist_between
-from pipeline.alignment.landmarks.solver import UndeterminedPose, solve_pose
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.errors import InputError
-from pipeline.transforms import (
+from oneframe.alignment.landmarks.solver import UndeterminedPose, solve_pose
+from oneframe.alignment.reprojection import apply_twist, jacobian_at, twist_between
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.errors import InputError
+from oneframe.transforms import (
     nearest_rotation,
     rigid,
     rotation_angle_deg,

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.evaluation.conditions import current_conditions
+from oneframe.errors import InputError
+from oneframe.evaluation.conditions import current_conditions
 from scripts.benchmarks.figures import conditions_note, read_rows, write_rows
 from scripts.benchmarks.sweeps.cells import Cell
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.transforms import rigid, rotation_from_vector
+from oneframe.transforms import rigid, rotation_from_vector
 from scripts.benchmarks.alignment.landmark_accuracy import (
     accuracy,
     outlier_rejection,

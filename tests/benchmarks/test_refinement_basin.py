@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.transforms import inverse_rigid, rotation_angle_deg, transform_points
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.transforms import inverse_rigid, rotation_angle_deg, transform_points
 from scripts.benchmarks.alignment.refinement_basin import (
     RIGHT_IMAGE,
     WRONG_IMAGES,

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.case.case_file import read_case
-from pipeline.projection.z_buffer import rasterise_depth
-from pipeline.surface.mesh_reader import read_mesh
+from oneframe.case.case_file import read_case
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.surface.mesh_reader import read_mesh
 from scripts.benchmarks.rendering.benchmark_case import VIEW_CAMERA, ridged_bowl, write_benchmark_case
 from scripts.benchmarks.rendering.render_times import LIT_PEER, PEERS, RenderTimes
 from scripts.benchmarks.rendering.speed_accuracy import pareto_front

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.alignment.refinement.cast_shadows import directional_light
-from pipeline.projection.z_buffer import rasterise_depth
-from pipeline.transforms import transform_points
+from oneframe.alignment.refinement.cast_shadows import directional_light
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.transforms import transform_points
 from scripts.benchmarks.alignment.side_lit_photographs import side_lit_photographs, side_lit_scenes
 from scripts.benchmarks.alignment.side_lit_relief import CAMERA, relief, side_lit_shots
 

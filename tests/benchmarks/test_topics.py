@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.case.case_file import read_case
-from pipeline.case.case_writer import write_case
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.surface.mesh_writer import write_ply
+from oneframe.case.case_file import read_case
+from oneframe.case.case_writer import write_case
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_writer import write_ply
 from scripts.benchmark import TOPICS
 from scripts.benchmarks import speed
 from scripts.benchmarks.figures import write_figures

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from pipeline.camera.distortion import Distortion, checked_distortion, undistort
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.errors import InputError
+from oneframe.camera.distortion import Distortion, checked_distortion, undistort
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.errors import InputError
 
 CAMERA = PinholeCamera(160, 120, 150.0, 140.0, 70.5, 62.25)
 

@@ -14,12 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.camera.intrinsics_file import CameraFile, read_camera
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.camera.plausibility import fit_of
-from pipeline.errors import InputError
-from pipeline.poses.pose_file import read_pose
-from pipeline.transforms import rigid, rotation_from_vector
+from oneframe.camera.intrinsics_file import CameraFile, read_camera
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.camera.plausibility import fit_of
+from oneframe.errors import InputError
+from oneframe.poses.pose_file import read_pose
+from oneframe.transforms import rigid, rotation_from_vector
 
 SIZE = (1920, 1080)
 DISTORTION = (-0.31, 0.12, 0.001, -0.0005, 0.02)

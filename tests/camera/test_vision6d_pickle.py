@@ -6,8 +6,8 @@ import pickletools
 import numpy as np
 import pytest
 
-from pipeline.camera.vision6d_pickle import camera_table
-from pipeline.errors import InputError
+from oneframe.camera.vision6d_pickle import camera_table
+from oneframe.errors import InputError
 
 K = np.array([[9000.0, 0.0, 970.25], [0.0, 9010.0, 530.5], [0.0, 0.0, 1.0]])
 PROTOCOLS = range(pickle.HIGHEST_PROTOCOL + 1)

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.camera.distortion import Distortion
-from pipeline.case.alignment_record import KEYS
-from pipeline.case.case_file import Structure, read_case
-from pipeline.case.landmarks import Landmark
-from pipeline.dataset.options import checked_options
-from pipeline.errors import InputError
-from pipeline.files.keys import nearest_name
-from pipeline.files.numbers import MM_PER_UNIT
+from oneframe.camera.distortion import Distortion
+from oneframe.case.alignment_record import KEYS
+from oneframe.case.case_file import Structure, read_case
+from oneframe.case.landmarks import Landmark
+from oneframe.dataset.options import checked_options
+from oneframe.errors import InputError
+from oneframe.files.keys import nearest_name
+from oneframe.files.numbers import MM_PER_UNIT
 
 PARTS = {
     "units": 'units = "mm"',

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.case.case_file import case_from_text, read_case
-from pipeline.case.case_update import differing_fields, update_case, updated_text
-from pipeline.case.case_writer import case_text
-from pipeline.case.landmarks import Landmark
-from pipeline.errors import InputError
-from pipeline.transforms import rigid
+from oneframe.case.case_file import case_from_text, read_case
+from oneframe.case.case_update import differing_fields, update_case, updated_text
+from oneframe.case.case_writer import case_text
+from oneframe.case.landmarks import Landmark
+from oneframe.errors import InputError
+from oneframe.transforms import rigid
 from tests.case.test_case_writer import cases
 
 SECTIONS = ("frame", "camera", "surface", "pose", "alignment", "landmarks", "structures", "cluster", "dataset")

@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.camera.distortion import Distortion
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.case_file import Case, Structure, read_case
-from pipeline.case.case_update import update_case
-from pipeline.case.case_writer import path_from_folder, relative_name, toml_value, write_case
-from pipeline.case.landmarks import Landmark
-from pipeline.dataset.description import object_name
-from pipeline.errors import InputError
-from pipeline.files.numbers import WrittenFloat, length_text, millimetres
-from pipeline.transforms import rigid, se3_exp
+from oneframe.camera.distortion import Distortion
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import Case, Structure, read_case
+from oneframe.case.case_update import update_case
+from oneframe.case.case_writer import path_from_folder, relative_name, toml_value, write_case
+from oneframe.case.landmarks import Landmark
+from oneframe.dataset.description import object_name
+from oneframe.errors import InputError
+from oneframe.files.numbers import WrittenFloat, length_text, millimetres
+from oneframe.transforms import rigid, se3_exp
 
 lengths = st.floats(-1e6, 1e6)
 any_text = st.text(st.characters(codec="utf-8"))

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.case.landmark_file import read_landmarks, write_landmarks
-from pipeline.case.landmarks import Landmark
-from pipeline.errors import InputError
+from oneframe.case.landmark_file import read_landmarks, write_landmarks
+from oneframe.case.landmarks import Landmark
+from oneframe.errors import InputError
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 lengths = st.floats(-1e6, 1e6)

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.case.structure_place import place_doubt
+from oneframe.case.structure_place import place_doubt
 
 SURFACE = np.array([[20.0, -60.0, 900.0], [70.0, -10.0, 950.0]])
 inside = st.tuples(*(st.floats(low, high - 8) for low, high in SURFACE.T))

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.case.surface_folder import focus_table, read_surface_folder, structure_file
-from pipeline.errors import InputError
-from pipeline.surface.ball import Ball
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.surface.mesh_writer import SAFE_NAME, write_ply
+from oneframe.case.surface_folder import focus_table, read_surface_folder, structure_file
+from oneframe.errors import InputError
+from oneframe.surface.ball import Ball
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh_writer import SAFE_NAME, write_ply
 
 MESH = TriangleMesh(np.eye(3) * 10, np.array([[0, 1, 2]], np.int32))
 FOCUS = Ball(np.array([1.23456, -2.0, 3.0]), 4.56789)

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.surface_size import size_doubt
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.surface_size import size_doubt
 
 CAMERAS = {
     "none": None,

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.charts.evaluation_chart import evaluation_charts
-from pipeline.charts.page import THEMES
-from pipeline.evaluation.conditions import current_conditions
-from pipeline.evaluation.record.evaluation_record import (
+from oneframe.charts.evaluation_chart import evaluation_charts
+from oneframe.charts.page import THEMES
+from oneframe.evaluation.conditions import current_conditions
+from oneframe.evaluation.record.evaluation_record import (
     Bound,
     EvaluatedCase,
     EvaluatedMethod,
@@ -19,7 +19,7 @@ from pipeline.evaluation.record.evaluation_record import (
     Row,
     summarised,
 )
-from pipeline.evaluation.scores.view_scores import SCORES
+from oneframe.evaluation.scores.view_scores import SCORES
 
 matplotlib = pytest.importorskip("matplotlib")
 ROOT = Path(__file__).resolve().parents[2]

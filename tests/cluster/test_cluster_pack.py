@@ -8,11 +8,11 @@ import pytest
 
 pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[cluster]"')
 
-from pipeline.cluster import on_worker
-from pipeline.cluster.pack_on_workers import PackOnWorker
-from pipeline.dataset.folder import run_token
-from pipeline.errors import InputError, RunError
-from pipeline.packing.pack import on_this_machine, pack_dataset
+from oneframe.cluster import on_worker
+from oneframe.cluster.pack_on_workers import PackOnWorker
+from oneframe.dataset.folder import run_token
+from oneframe.errors import InputError, RunError
+from oneframe.packing.pack import on_this_machine, pack_dataset
 from tests.dataset.synthetic_dataset import make_dataset
 from tests.different_files import different_files
 

@@ -22,12 +22,12 @@ from distributed import Client, LocalCluster, get_worker
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.cluster import orders
-from pipeline.cluster.on_worker import LostError, OnWorker
-from pipeline.cluster.orders import MOST_ITEMS, ORDER_SECONDS, Orders, order_size
-from pipeline.cluster.sources import WorkerSource, open_source
-from pipeline.errors import InputError, RunError
-from pipeline.progress import Progress
+from oneframe.cluster import orders
+from oneframe.cluster.on_worker import LostError, OnWorker
+from oneframe.cluster.orders import MOST_ITEMS, ORDER_SECONDS, Orders, order_size
+from oneframe.cluster.sources import WorkerSource, open_source
+from oneframe.errors import InputError, RunError
+from oneframe.progress import Progress
 from tests.waiting import wait_until
 
 ITEMS = range(200)
@@ -144,8 +144,8 @@ def test_if_all_refuse_the_run_says_why(cluster):
     ],
 )
 def test_a_worker_without_oneframe_or_with_another_one_is_refused(cluster, tmp_path, content, why):
-    (tmp_path / "pipeline").mkdir()
-    (tmp_path / "pipeline/__init__.py").write_text(content)
+    (tmp_path / "oneframe").mkdir()
+    (tmp_path / "oneframe/__init__.py").write_text(content)
     command = [sys.executable, "-m", "distributed.cli.dask_worker", cluster.scheduler_address, "--no-nanny"]
     lacking = subprocess.Popen(
         [*command, "--no-dashboard"],
@@ -280,13 +280,13 @@ def test_an_order_is_no_more_than_its_time_and_half_of_its_share(left, slots, ea
     ],
 )
 def test_no_scheduler(where, error, message, monkeypatch):
-    monkeypatch.setattr("pipeline.cluster.sources.CONNECT_SECONDS", 0.5)
+    monkeypatch.setattr("oneframe.cluster.sources.CONNECT_SECONDS", 0.5)
     with pytest.raises(error, match=message), open_source(where):
         pass
 
 
 def test_what_listens_but_is_no_scheduler(monkeypatch):
-    monkeypatch.setattr("pipeline.cluster.sources.CONNECT_SECONDS", 0.2)
+    monkeypatch.setattr("oneframe.cluster.sources.CONNECT_SECONDS", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.listen()
         where = f"tcp://127.0.0.1:{server.getsockname()[1]}"

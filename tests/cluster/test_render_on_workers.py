@@ -9,11 +9,11 @@ import pytest
 
 pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[cluster]"')
 
-from pipeline.cluster import on_worker, render_on_workers
-from pipeline.cluster.on_worker import LostError
-from pipeline.cluster.render_on_workers import RenderOnWorker
-from pipeline.dataset.folder import run_token
-from pipeline.errors import InputError, RunError
+from oneframe.cluster import on_worker, render_on_workers
+from oneframe.cluster.on_worker import LostError
+from oneframe.cluster.render_on_workers import RenderOnWorker
+from oneframe.dataset.folder import run_token
+from oneframe.errors import InputError, RunError
 from tests.waiting import wait_until
 
 STAND_IN = Path(__file__).with_name("stand_in_process.py")

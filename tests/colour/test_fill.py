@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.colour.fill import filled_colours
+from oneframe.colour.fill import filled_colours
 
 
 def tube(rows: int, around: int, low: float = 0.0) -> tuple[np.ndarray, np.ndarray]:

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 
-from pipeline.colour.footprint_filter import LARGEST_SIDE, averaged, mean_over_pixels, squares_for
-from pipeline.images.pixel_values import sample_bilinear
+from oneframe.colour.footprint_filter import LARGEST_SIDE, averaged, mean_over_pixels, squares_for
+from oneframe.images.pixel_values import sample_bilinear
 
 SIZE, FINE = 64, 20
 

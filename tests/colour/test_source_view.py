@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.colour.source_view import SourceView, continued_by_a_pixel
-from pipeline.colour.vertex_colours import colour_vertices
-from pipeline.dataset.options import DatasetOptions
-from pipeline.projection.z_buffer import rasterise_depth
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import camera_centre, rigid
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.source_view import SourceView, continued_by_a_pixel
+from oneframe.colour.vertex_colours import colour_vertices
+from oneframe.dataset.options import DatasetOptions
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import camera_centre, rigid
 
 CAMERA = PinholeCamera(120, 100, 800.0, 790.0, 61.3, 48.7)
 CAM_FROM_MODEL = rigid(translation=np.array([0.3, -0.2, 300.0]))

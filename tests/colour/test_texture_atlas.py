@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.colour.source_view import SourceView
-from pipeline.colour.texture_atlas import bake_atlas, classify_faces
-from pipeline.colour.vertex_colours import NEUTRAL
-from pipeline.errors import InputError
-from pipeline.projection.rasteriser import rasterise
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import camera_centre, rigid, rotation_from_vector, transform_points
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.source_view import SourceView
+from oneframe.colour.texture_atlas import bake_atlas, classify_faces
+from oneframe.colour.vertex_colours import NEUTRAL
+from oneframe.errors import InputError
+from oneframe.projection.rasteriser import rasterise
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import camera_centre, rigid, rotation_from_vector, transform_points
 
 CAMERA = PinholeCamera(160, 120, 500.0, 510.0, 78.3, 60.9)
 CAM_FROM_MODEL = rigid(translation=np.array([0, 0, 200.0]))

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.dataset import layout
-from pipeline.dataset.bop import bounding_box, is_test_target, write_camera, write_scene, write_test_targets
-from pipeline.dataset.coco import run_lengths
-from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.pose_tables import write_poses
-from pipeline.dataset.view import file_sums, write_view
-from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord, read_record
-from pipeline.poses.constraints import Rejections
-from pipeline.transforms import rigid, rotation_from_vector
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.dataset import layout
+from oneframe.dataset.bop import bounding_box, is_test_target, write_camera, write_scene, write_test_targets
+from oneframe.dataset.coco import run_lengths
+from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.pose_tables import write_poses
+from oneframe.dataset.view import file_sums, write_view
+from oneframe.dataset.view_record import GroundTruthInfo, ViewRecord, read_record
+from oneframe.poses.constraints import Rejections
+from oneframe.transforms import rigid, rotation_from_vector
 
 CAMERA = PinholeCamera(width=20, height=14, fx=31.7, fy=29.3, cx=8.2, cy=7.9)
 CENTRE = np.array([11.0, -7.0, 420.0])

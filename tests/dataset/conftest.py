@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.dataset import layout
+from oneframe.dataset import layout
 from tests.dataset.blank_dataset import write_blank_dataset
 from tests.dataset.synthetic_dataset import PER_SCENE, make_dataset
 

@@ -4,8 +4,8 @@ import hashlib
 import json
 from pathlib import Path
 
-from pipeline.dataset.checksums import write_checksums
-from pipeline.dataset.identity import identity_of
+from oneframe.dataset.checksums import write_checksums
+from oneframe.dataset.identity import identity_of
 
 
 def sealed(root: Path) -> Path:

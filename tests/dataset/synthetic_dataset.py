@@ -8,8 +8,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.dataset.bop import (
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.dataset.bop import (
     bounding_box,
     is_test_target,
     write_camera,
@@ -17,22 +17,22 @@ from pipeline.dataset.bop import (
     write_scene,
     write_test_targets,
 )
-from pipeline.dataset.checksums import write_checksums
-from pipeline.dataset.coco import run_lengths
-from pipeline.dataset.dataset_info import write_dataset_info
-from pipeline.dataset.identity import geometry_hash, identity_of
-from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.options import DatasetOptions
-from pipeline.dataset.pose_tables import POSE_COLUMNS, pose_cells, write_poses
-from pipeline.dataset.view import file_sums, view_files, write_view
-from pipeline.dataset.view_record import GroundTruthInfo, ViewRecord, read_record
-from pipeline.files.tables import write_csv
-from pipeline.images.contact_sheet import contact_sheet
-from pipeline.images.pixel_values import to_uint8
-from pipeline.images.png import encode_png
-from pipeline.poses.constraints import Rejections
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import rigid, rotation_from_vector, transform_points
+from oneframe.dataset.checksums import write_checksums
+from oneframe.dataset.coco import run_lengths
+from oneframe.dataset.dataset_info import write_dataset_info
+from oneframe.dataset.identity import geometry_hash, identity_of
+from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.options import DatasetOptions
+from oneframe.dataset.pose_tables import POSE_COLUMNS, pose_cells, write_poses
+from oneframe.dataset.view import file_sums, view_files, write_view
+from oneframe.dataset.view_record import GroundTruthInfo, ViewRecord, read_record
+from oneframe.files.tables import write_csv
+from oneframe.images.contact_sheet import contact_sheet
+from oneframe.images.pixel_values import to_uint8
+from oneframe.images.png import encode_png
+from oneframe.poses.constraints import Rejections
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import rigid, rotation_from_vector, transform_points
 
 CAMERA = PinholeCamera(width=64, height=48, fx=151.3, fy=147.9, cx=30.2, cy=25.1)
 COUNT, PER_SCENE, DEPTH_SCALE = 4, 3, 0.01

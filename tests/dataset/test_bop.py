@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from pipeline.dataset.bop import EVAL_VERTICES, bounding_box, write_models
-from pipeline.surface.decimation import reduced_mesh
-from pipeline.surface.mesh_reader import read_mesh
+from oneframe.dataset.bop import EVAL_VERTICES, bounding_box, write_models
+from oneframe.surface.decimation import reduced_mesh
+from oneframe.surface.mesh_reader import read_mesh
 from tests.conftest import grid_mesh
 from tests.dataset.blank_dataset import pose_of, record_of, scene_tables
 from tests.dataset.masks import masks

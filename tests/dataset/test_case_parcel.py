@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.case.case_file import case_from_text, read_case
-from pipeline.dataset.case_parcel import CASE, case_parcel
-from pipeline.dataset.options import DatasetOptions
+from oneframe.case.case_file import case_from_text, read_case
+from oneframe.dataset.case_parcel import CASE, case_parcel
+from oneframe.dataset.options import DatasetOptions
 
 
 def unpack(parcel, root: Path) -> None:

@@ -14,20 +14,20 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.blender.command_line import exit_code
-from pipeline.commands import check
-from pipeline.dataset.bop import write_models
-from pipeline.dataset.check.findings import Findings
-from pipeline.dataset.coco import compressed_counts, run_lengths
-from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.view import file_sums, write_view
-from pipeline.dataset.view_record import read_record
-from pipeline.images.contact_sheet import contact_sheet
-from pipeline.images.pixel_values import to_uint8
-from pipeline.images.png import encode_png
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.surface.mesh_writer import write_ply
-from pipeline.transforms import rigid, rotation_from_vector
+from oneframe.commands import check
+from oneframe.dataset.bop import write_models
+from oneframe.dataset.check.findings import Findings
+from oneframe.dataset.coco import compressed_counts, run_lengths
+from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.view import file_sums, write_view
+from oneframe.dataset.view_record import read_record
+from oneframe.images.contact_sheet import contact_sheet
+from oneframe.images.pixel_values import to_uint8
+from oneframe.images.png import encode_png
+from oneframe.process.command_line import exit_code
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh_writer import write_ply
+from oneframe.transforms import rigid, rotation_from_vector
 from tests.dataset.masks import coco_mask
 from tests.dataset.sealing import sealed
 from tests.dataset.synthetic_dataset import (

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.dataset.check.depth import agreement, surface_depth
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import rigid, rotation_from_vector
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.dataset.check.depth import agreement, surface_depth
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import rigid, rotation_from_vector
 from tests.dataset.synthetic_dataset import CAMERA, DEPTH_SCALE, MESH, cast_rays
 
 seeds = st.integers(0, 2**32 - 1).map(np.random.default_rng)

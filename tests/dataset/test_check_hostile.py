@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.dataset import layout
-from pipeline.dataset.check.check_dataset import CheckReport, check_dataset
-from pipeline.dataset.view_ranges import ranges_text, runs
+from oneframe.dataset import layout
+from oneframe.dataset.check.check_dataset import CheckReport, check_dataset
+from oneframe.dataset.view_ranges import ranges_text, runs
 from tests.dataset.sealing import sealed
 
 SCENE = "train_synt/000000"
@@ -149,7 +149,7 @@ def test_memory_stays_small(copied):
         BOMBS[name](copied)
     (copied / "camera.json").unlink()
     code = (
-        "import io, sys; from pathlib import Path; from pipeline.dataset.check.check_dataset import check_dataset; "
+        "import io, sys; from pathlib import Path; from oneframe.dataset.check.check_dataset import check_dataset; "
         "check_dataset(Path(sys.argv[1]), stream=io.StringIO()); "
         "print(open('/proc/self/status').read().split('VmHWM:')[1].split()[0])"
     )

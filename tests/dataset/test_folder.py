@@ -13,15 +13,15 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.dataset import folder as run_folder
-from pipeline.dataset import layout
-from pipeline.dataset.checksums import Checksums, read_checksums, sum_of
-from pipeline.dataset.folder import RunFolder, Shard
-from pipeline.dataset.identity import identity_of, other_description
-from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.lock import STALE_SECONDS, lock_by_system
-from pipeline.errors import InputError, RunError
-from pipeline.files.content import partial_name
+from oneframe.dataset import folder as run_folder
+from oneframe.dataset import layout
+from oneframe.dataset.checksums import Checksums, read_checksums, sum_of
+from oneframe.dataset.folder import RunFolder, Shard
+from oneframe.dataset.identity import identity_of, other_description
+from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.lock import STALE_SECONDS, lock_by_system
+from oneframe.errors import InputError, RunError
+from oneframe.files.content import partial_name
 from tests.impossible_files import impossible
 
 WHOLE = Shard()

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.dataset.gathered_view import gather_view
-from pipeline.dataset.identity import identity_of
-from pipeline.dataset.layout import ViewPaths, view_kinds
-from pipeline.errors import RunError
+from oneframe.dataset.gathered_view import gather_view
+from oneframe.dataset.identity import identity_of
+from oneframe.dataset.layout import ViewPaths, view_kinds
+from oneframe.errors import RunError
 
 from .synthetic_dataset import description_of, make_dataset
 

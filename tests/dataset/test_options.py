@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.dataset.folder import Shard, parse_shard
-from pipeline.dataset.options import DatasetOptions, add_option_arguments, checked_options, merged_options
-from pipeline.errors import InputError
+from oneframe.dataset.folder import Shard, parse_shard
+from oneframe.dataset.options import DatasetOptions, add_option_arguments, checked_options, merged_options
+from oneframe.errors import InputError
 
 CASE = Path("folder/case.toml")
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.transforms import rigid
+from oneframe.transforms import rigid
 from tests.dataset.blank_dataset import BOUNDS, CAMERA, CENTRE, DEPTH_SCALE, pose_of, record_of
 
 POINTS = np.array([[1.0, 2.0, -3.0], [-4.0, 0.5, 2.0], [0.0, 0.0, 0.0]])

@@ -10,9 +10,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.dataset.coco import run_lengths
-from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.view import (
+from oneframe.dataset.coco import run_lengths
+from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.view import (
     RenderedSample,
     RenderedView,
     depth_scale_for,
@@ -22,10 +22,10 @@ from pipeline.dataset.view import (
     view_files,
     write_view,
 )
-from pipeline.dataset.view_record import read_record
-from pipeline.errors import InputError
-from pipeline.poses.constraints import PlannedPose, Rejections, ViewStatistics
-from pipeline.projection.silhouette import SilhouetteEdges
+from oneframe.dataset.view_record import read_record
+from oneframe.errors import InputError
+from oneframe.poses.constraints import PlannedPose, Rejections, ViewStatistics
+from oneframe.projection.silhouette import SilhouetteEdges
 from tests.dataset.blank_dataset import CAMERA, record_of
 from tests.dataset.synthetic_dataset import CAMERA as WIDE
 from tests.dataset.synthetic_dataset import COUNT, MESH, cast_rays, pose_of

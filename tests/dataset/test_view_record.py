@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.dataset.identity import identity_of
-from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.survey import survey_views
-from pipeline.dataset.view import file_sums, write_view
-from pipeline.dataset.view_record import ViewRecord, read_record
-from pipeline.errors import RunError
+from oneframe.dataset.identity import identity_of
+from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.survey import survey_views
+from oneframe.dataset.view import file_sums, write_view
+from oneframe.dataset.view_record import ViewRecord, read_record
+from oneframe.errors import RunError
 from tests.dataset.blank_dataset import record_of
 
 WHERE = "dataset/frame/000002.json"

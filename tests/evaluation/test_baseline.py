@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.evaluation.baseline import pyvista_renderer
-from pipeline.projection.z_buffer import rasterise_depth
-from pipeline.transforms import rigid, rotation_from_vector
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.evaluation.baseline import pyvista_renderer
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.transforms import rigid, rotation_from_vector
 
 
 @pytest.mark.gl

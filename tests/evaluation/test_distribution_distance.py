@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.linalg import sqrtm
 
-from pipeline.errors import InputError
-from pipeline.evaluation.scores.distribution_distance import frechet_distance, kernel_distance
-from pipeline.evaluation.scores.inception import FEATURES, SIDE_PX, Inception
+from oneframe.errors import InputError
+from oneframe.evaluation.scores.distribution_distance import frechet_distance, kernel_distance
+from oneframe.evaluation.scores.inception import FEATURES, SIDE_PX, Inception
 
 
 def features(rng: np.random.Generator, count: int, size: int, shift: float = 0.0) -> np.ndarray:

@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.errors import InputError
-from pipeline.evaluation.conditions import current_conditions
-from pipeline.evaluation.record.evaluation_notes import evaluation_notes
-from pipeline.evaluation.record.evaluation_record import (
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.errors import InputError
+from oneframe.evaluation.conditions import current_conditions
+from oneframe.evaluation.record.evaluation_notes import evaluation_notes
+from oneframe.evaluation.record.evaluation_record import (
     Distribution,
     EvaluatedCase,
     EvaluatedMethod,
@@ -19,13 +19,13 @@ from pipeline.evaluation.record.evaluation_record import (
     read_evaluation,
     summarised,
 )
-from pipeline.evaluation.record.evaluation_tables import latex_summary, markdown_summary
-from pipeline.evaluation.scores.confidence import mean_interval
-from pipeline.evaluation.scores.exposure import colour_gain
-from pipeline.evaluation.scores.flow_alignment import aligned_by_flow
-from pipeline.evaluation.scores.reachable_scores import jittered_pose, perfect_view
-from pipeline.evaluation.scores.view_scores import SCORES
-from pipeline.transforms import transform_points
+from oneframe.evaluation.record.evaluation_tables import latex_summary, markdown_summary
+from oneframe.evaluation.scores.confidence import mean_interval
+from oneframe.evaluation.scores.exposure import colour_gain
+from oneframe.evaluation.scores.flow_alignment import aligned_by_flow
+from oneframe.evaluation.scores.reachable_scores import jittered_pose, perfect_view
+from oneframe.evaluation.scores.view_scores import SCORES
+from oneframe.transforms import transform_points
 
 OURS, PEER = "ours, projective, cycles", "paper's & 100 %"
 

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.errors import InputError
-from pipeline.evaluation.photographs import MOST_PHOTOGRAPHS, read_photographs
-from pipeline.transforms import inverse_rigid, rigid, rotation_from_vector
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.errors import InputError
+from oneframe.evaluation.photographs import MOST_PHOTOGRAPHS, read_photographs
+from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector
 
 CAMERA = PinholeCamera(64, 48, 300.0, 300.0, 31.5, 23.5)
 MESH_FROM_MODEL = rigid(rotation_from_vector(np.array([0.2, -0.1, 0.4])), np.array([20.0, -7.0, 3.0]))

@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.evaluation.scores.edge_measures import edge_measures
-from pipeline.evaluation.scores.exposure import colour_gain, corrected
-from pipeline.evaluation.scores.flow_alignment import aligned_by_flow
-from pipeline.evaluation.scores.similarity import segmented_similarity, similarity
-from pipeline.evaluation.scores.view_scores import SCORES, scores_of
+from oneframe.evaluation.scores.edge_measures import edge_measures
+from oneframe.evaluation.scores.exposure import colour_gain, corrected
+from oneframe.evaluation.scores.flow_alignment import aligned_by_flow
+from oneframe.evaluation.scores.similarity import segmented_similarity, similarity
+from oneframe.evaluation.scores.view_scores import SCORES, scores_of
 
 HEIGHT, WIDTH = 180, 240
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.files.content import read_content, reading, write_bytes_atomically
-from pipeline.files.numbers import WrittenFloat, millimetres
-from pipeline.files.tables import MOST_LEVELS, parsed_json, parsed_toml
+from oneframe.errors import InputError
+from oneframe.files.content import read_content, reading, write_bytes_atomically
+from oneframe.files.numbers import WrittenFloat, millimetres
+from oneframe.files.tables import MOST_LEVELS, parsed_json, parsed_toml
 
 
 def missing(path: Path) -> str:

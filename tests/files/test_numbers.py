@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.errors import InputError
-from pipeline.files.numbers import first_wrong_word, format_two_digits, npy_array
+from oneframe.errors import InputError
+from oneframe.files.numbers import first_wrong_word, format_two_digits, npy_array
 
 
 def saved(array: np.ndarray) -> bytes:

@@ -4,10 +4,10 @@ import os
 
 import pytest
 
-from pipeline.errors import InputError, RunError
-from pipeline.files.kinds import MTL, OBJ, PLY, PNG, Kind, json_object
-from pipeline.files.outputs import Output, check_folder, check_outputs, companion
-from pipeline.files.signature import signed
+from oneframe.errors import InputError, RunError
+from oneframe.files.kinds import MTL, OBJ, PLY, PNG, Kind, json_object
+from oneframe.files.outputs import Output, check_folder, check_outputs, companion
+from oneframe.files.signature import signed
 
 MATERIAL = b"newmtl surface\n"
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.images.exr import ExrError, read_exr
+from oneframe.images.exr import ExrError, read_exr
 
 HALF, FLOAT = 1, 2
 

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.images.image_check import MOST_SCANS, check_image
-from pipeline.images.image_header import image_header
+from oneframe.errors import InputError
+from oneframe.images.image_check import MOST_SCANS, check_image
+from oneframe.images.image_header import image_header
 
 FORMATS = {".png": 16, ".jpg": 8, ".tif": 16, ".bmp": 8}
 

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.files.signature import is_signed
-from pipeline.images.masked_frame import encoded_frame, joined_mask, shown_by_mask
+from oneframe.errors import InputError
+from oneframe.files.signature import is_signed
+from oneframe.images.masked_frame import encoded_frame, joined_mask, shown_by_mask
 
 
 @settings(max_examples=40)

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.images.layer_stack import Layer, LayerStack, SurfaceLayer
-from pipeline.images.legend import Entry, bar_panel, freest_corner, legend_panel, put, scale_bar
-from pipeline.images.mask_outline import outlines
-from pipeline.images.overlay import DASH_PX, GAP_PX, SMOOTHING_PX, draw_overlay, hidden_opacity, outline_segments
-from pipeline.images.strokes import coverage, line_distance
+from oneframe.images.layer_stack import Layer, LayerStack, SurfaceLayer
+from oneframe.images.legend import Entry, bar_panel, freest_corner, legend_panel, put, scale_bar
+from oneframe.images.mask_outline import outlines
+from oneframe.images.overlay import DASH_PX, GAP_PX, SMOOTHING_PX, draw_overlay, hidden_opacity, outline_segments
+from oneframe.images.strokes import coverage, line_distance
 
 SHAPE = 240, 320
 NO_LINES = np.zeros((0, 2, 2))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.images.pixel_values import among_centres, codes_from_linear, linear_from_codes, sample_bilinear, to_uint8
+from oneframe.images.pixel_values import among_centres, codes_from_linear, linear_from_codes, sample_bilinear, to_uint8
 
 SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
 

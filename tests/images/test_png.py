@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from PIL import Image
 
-from pipeline.errors import InputError
-from pipeline.images.image_check import check_image_file
-from pipeline.images.pixel_values import to_uint8
-from pipeline.images.png import encode_png
+from oneframe.errors import InputError
+from oneframe.images.image_check import check_image_file
+from oneframe.images.pixel_values import to_uint8
+from oneframe.images.png import encode_png
 
 TURNED = {
     2: "mirrored",

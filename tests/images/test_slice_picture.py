@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.images.lettering import lettering
-from pipeline.images.slice_picture import BACKGROUND, GAP_PX, INK, Contour, Slice, slice_picture
+from oneframe.images.lettering import lettering
+from oneframe.images.slice_picture import BACKGROUND, GAP_PX, INK, Contour, Slice, slice_picture
 
 GREEN = (0.0, 1.0, 0.0)
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.dataset import layout
-from pipeline.transforms import rigid, rotation_from_vector
+from oneframe.dataset import layout
+from oneframe.transforms import rigid, rotation_from_vector
 from tests.dataset.synthetic_dataset import PER_SCENE, make_dataset
 
 OBJECT = "Schädel 1"

@@ -13,8 +13,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from pipeline.blender.command_line import run_script
-from pipeline.commands.render import main
+from oneframe.commands.render import main
+from oneframe.process.command_line import run_script
 
 CHANGES = ("os.rename", "os.remove", "os.mkdir", "os.rmdir")
 

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.images.png import encode_png
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.surface.mesh_writer import texture_path, write_obj, write_ply
+from oneframe.images.png import encode_png
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_writer import texture_path, write_obj, write_ply
 from tests.conftest import grid_mesh
 from tests.outside.foreign_datasets import FRONTAL, OBJECT, scenes
 from tests.outside.foreign_meshes import NOT_INSTALLED, READERS, Read

@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.transforms import rigid
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.transforms import rigid
 from tests.conftest import intersect
 from tests.outside.foreign_datasets import OBJECT, scenes
 
@@ -186,7 +186,7 @@ class Renderer:
     def add_object(self, obj_id, path): self.path = path
     def render_object(self, obj_id, R, t, fx, fy, cx, cy):
         from pathlib import Path
-        from pipeline.transforms import rigid
+        from oneframe.transforms import rigid
         width, height = (side // 3 for side in self.size)
         k = np.array([[fx, 0, cx - width], [0, fy, cy - height], [0, 0, 1]])
         return {"depth": depth_of_model(Path(self.path).parents[1], k, rigid(R, t.ravel()), (width, height))}

@@ -21,19 +21,19 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.landmark_file import read_landmarks, write_landmarks
-from pipeline.case.landmarks import Landmark
-from pipeline.commands.__main__ import COMMANDS
-from pipeline.images.png import encode_png
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.landmark_file import read_landmarks, write_landmarks
+from oneframe.case.landmarks import Landmark
+from oneframe.commands.__main__ import COMMANDS
+from oneframe.images.png import encode_png
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = [sys.executable, "-m", "pipeline.commands"]
+PROGRAM = [sys.executable, "-m", "oneframe.commands"]
 POSE = [[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]]
 RUN_ALL = """
 import json, sys
-from pipeline.blender.command_line import exit_code
-from pipeline.commands.__main__ import dispatch
+from oneframe.process.command_line import exit_code
+from oneframe.commands.__main__ import dispatch
 for line in open(sys.argv[1]):
     sys.stderr.write(f"code {exit_code(dispatch, json.loads(line))}\\n")
     sys.stderr.flush()
@@ -76,7 +76,7 @@ def run_all(tmp_path, run_command) -> Callable[[list[CommandLine]], list[tuple[i
     def run(lines: list[CommandLine]) -> list[tuple[int, str]]:
         listed = tmp_path / "lines.txt"
         listed.write_text("".join(json.dumps(list(map(str, line))) + "\n" for line in lines))
-        ended = run_command([sys.executable, "-c", RUN_ALL, str(listed)], PYTHONPATH=str(ROOT))
+        ended = run_command([sys.executable, "-c", RUN_ALL, str(listed)])
         listed.unlink()
         results, errors = [], ""
         for line in ended.stderr.splitlines(keepends=True):
@@ -426,7 +426,7 @@ def test_a_command_whose_messages_nobody_gets(case, tmp_path, streams):
 
 @pytest.mark.parametrize("arguments", ["--help", "render --help"])
 def test_without_docstrings(arguments):
-    plain, bare = shell(f"$RUN {arguments}"), shell(f"{sys.executable} -OO -m pipeline.commands {arguments}")
+    plain, bare = shell(f"$RUN {arguments}"), shell(f"{sys.executable} -OO -m oneframe.commands {arguments}")
     assert (bare.returncode, bare.stderr) == (0, "")
     assert bare.stdout == plain.stdout
 

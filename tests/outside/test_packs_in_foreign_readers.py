@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.dataset import layout
-from pipeline.dataset.layout import ViewPaths
-from pipeline.packing.pack import pack_dataset
+from oneframe.dataset import layout
+from oneframe.dataset.layout import ViewPaths
+from oneframe.packing.pack import pack_dataset
 from tests.dataset.synthetic_dataset import PER_SCENE
 
 LOADER = """

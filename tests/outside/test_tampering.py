@@ -18,28 +18,28 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.blender.dataset import run as dataset_run
-from pipeline.blender.dataset.job import Job
-from pipeline.blender.dataset.rerender import CaseRenderer
-from pipeline.blender.render.video import write_video
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.case_file import Case, read_case
-from pipeline.dataset.bop import is_test_target, write_models, write_scene, write_test_targets
-from pipeline.dataset.check.check_dataset import CheckReport, check_dataset
-from pipeline.dataset.check.rerendered import Rerendering
-from pipeline.dataset.folder import Shard
-from pipeline.dataset.identity import geometry_hash
-from pipeline.dataset.layout import SPLIT, ViewPaths
-from pipeline.dataset.options import DatasetOptions
-from pipeline.dataset.pose_tables import write_poses
-from pipeline.dataset.view_record import read_record
-from pipeline.errors import InputError
-from pipeline.images.contact_sheet import contact_sheet
-from pipeline.images.pixel_values import to_uint8
-from pipeline.images.png import encode_png
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.video.frame_reader import read_video_frame
+from oneframe.blender.dataset import run as dataset_run
+from oneframe.blender.dataset.job import Job
+from oneframe.blender.dataset.rerender import CaseRenderer
+from oneframe.blender.render.video import write_video
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import Case, read_case
+from oneframe.dataset.bop import is_test_target, write_models, write_scene, write_test_targets
+from oneframe.dataset.check.check_dataset import CheckReport, check_dataset
+from oneframe.dataset.check.rerendered import Rerendering
+from oneframe.dataset.folder import Shard
+from oneframe.dataset.identity import geometry_hash
+from oneframe.dataset.layout import SPLIT, ViewPaths
+from oneframe.dataset.options import DatasetOptions
+from oneframe.dataset.pose_tables import write_poses
+from oneframe.dataset.view_record import read_record
+from oneframe.errors import InputError
+from oneframe.images.contact_sheet import contact_sheet
+from oneframe.images.pixel_values import to_uint8
+from oneframe.images.png import encode_png
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.video.frame_reader import read_video_frame
 from tests.dataset.sealing import sealed
 
 pytestmark = pytest.mark.render

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.dataset import layout
-from pipeline.packing.pack import pack_dataset
+from oneframe.dataset import layout
+from oneframe.packing.pack import pack_dataset
 from tests.dataset import synthetic_dataset
 
 

@@ -12,8 +12,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "outside")]
 
 from interrupted_render import arm
 
-from pipeline.blender.command_line import run_script
-from pipeline.commands.pack import main
+from oneframe.commands.pack import main
+from oneframe.process.command_line import run_script
 
 if __name__ == "__main__":
     place, *arguments = sys.argv[1:]

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.commands import pack
-from pipeline.packing.manifest import read_manifest
-from pipeline.packing.verify import verify_pack
+from oneframe.commands import pack
+from oneframe.packing.manifest import read_manifest
+from oneframe.packing.verify import verify_pack
 
 VIEWS = 60
 

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.errors import RunError
-from pipeline.packing.local_processes import packed_locally
-from pipeline.packing.pack import pack_dataset
-from pipeline.packing.tar import member_places
+from oneframe.errors import RunError
+from oneframe.packing.local_processes import packed_locally
+from oneframe.packing.pack import pack_dataset
+from oneframe.packing.tar import member_places
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pipeline.errors import InputError
-from pipeline.images.png import encode_png
-from pipeline.packing.mask_image import decoded_mask
-from pipeline.packing.mask_runs import mask_columns, mask_json
-from pipeline.reader.decoding import decoded_mask_image, decoded_run_lengths
+from oneframe.errors import InputError
+from oneframe.images.png import encode_png
+from oneframe.packing.mask_image import decoded_mask
+from oneframe.packing.mask_runs import mask_columns, mask_json
+from oneframe.reader.decoding import decoded_mask_image, decoded_run_lengths
 
 MASKS = arrays(bool, st.tuples(st.integers(1, 12), st.integers(1, 12)))
 

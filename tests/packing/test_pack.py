@@ -15,12 +15,12 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.dataset.bop import write_test_targets
-from pipeline.dataset.layout import ViewPaths
-from pipeline.errors import InputError, RunError
-from pipeline.packing.pack import on_this_machine, pack_dataset
-from pipeline.packing.shard import PackedShard, pack_shard
-from pipeline.packing.verify import verify_pack
+from oneframe.dataset.bop import write_test_targets
+from oneframe.dataset.layout import ViewPaths
+from oneframe.errors import InputError, RunError
+from oneframe.packing.pack import on_this_machine, pack_dataset
+from oneframe.packing.shard import PackedShard, pack_shard
+from oneframe.packing.verify import verify_pack
 from tests.impossible_files import impossible
 
 ROOT = Path(__file__).resolve().parents[2]

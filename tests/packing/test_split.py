@@ -7,11 +7,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.errors import InputError
-from pipeline.packing.split import PARTS, Split, embedded, split_of_views
-from pipeline.poses.distributions import Cone, Gaussian, ReferencePose, Shell, Trajectory
-from pipeline.transforms import rigid, transform_points
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.errors import InputError
+from oneframe.packing.split import PARTS, Split, embedded, split_of_views
+from oneframe.poses.distributions import Cone, Gaussian, ReferencePose, Shell, Trajectory
+from oneframe.transforms import rigid, transform_points
 
 REFERENCE = ReferencePose(rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0]), np.array([0.0, 0.0, 3.0]))
 CAMERA = PinholeCamera(640, 480, 2000.0, 1990.0, 310.5, 235.0)

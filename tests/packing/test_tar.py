@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.packing.tar import member_places, write_end, write_member
+from oneframe.errors import InputError
+from oneframe.packing.tar import member_places, write_end, write_member
 
 NAMES = st.text("abcdefghijklmnopqrstuvwxyz0123456789_.", min_size=1, max_size=60)
 MEMBERS = st.dictionaries(NAMES, st.binary(max_size=1500), max_size=6)

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.dataset.checksums import sum_of_file
-from pipeline.errors import InputError
-from pipeline.packing.pack import pack_dataset
-from pipeline.packing.tar import member_places, write_end, write_member
-from pipeline.packing.verify import verify_pack
+from oneframe.dataset.checksums import sum_of_file
+from oneframe.errors import InputError
+from oneframe.packing.pack import pack_dataset
+from oneframe.packing.tar import member_places, write_end, write_member
+from oneframe.packing.verify import verify_pack
 
 SHARD = "shard-000000.tar"
 

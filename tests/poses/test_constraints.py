@@ -9,11 +9,11 @@ import zipfile
 import numpy as np
 import pytest
 
-from pipeline.errors import InputError
-from pipeline.poses.constraints import Constraints, Rejections, ViewStatistics, plan_given_poses, plan_pose
-from pipeline.poses.distributions import ReferencePose, Shell
-from pipeline.poses.pose_file import read_frame_poses, read_poses
-from pipeline.transforms import camera_centre, inverse_rigid, rigid, rotation_from_vector
+from oneframe.errors import InputError
+from oneframe.poses.constraints import Constraints, Rejections, ViewStatistics, plan_given_poses, plan_pose
+from oneframe.poses.distributions import ReferencePose, Shell
+from oneframe.poses.pose_file import read_frame_poses, read_poses
+from oneframe.transforms import camera_centre, inverse_rigid, rigid, rotation_from_vector
 
 COUNT = 1500
 KS_BOUND = np.sqrt(np.log(2 / 1e-6) / (2 * COUNT))

@@ -13,10 +13,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.errors import InputError
-from pipeline.poses.distributions import Cone, Gaussian, ReferencePose, Shell, Trajectory
-from pipeline.transforms import camera_centre, rigid, rotation_from_vector
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.errors import InputError
+from oneframe.poses.distributions import Cone, Gaussian, ReferencePose, Shell, Trajectory
+from oneframe.transforms import camera_centre, rigid, rotation_from_vector
 
 COUNT = 3000
 KS_BOUND = np.sqrt(np.log(2 / 1e-6) / (2 * COUNT))

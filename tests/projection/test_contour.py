@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.camera.whereabouts import whereabouts
-from pipeline.images.layer_stack import LayerStack
-from pipeline.images.overlay import SMOOTHING_PX, outline_segments
-from pipeline.projection.contour import visible_contours
-from pipeline.projection.overlay_scene import OverlayScene, Solid, structure_layer
-from pipeline.projection.silhouette import SilhouetteEdges, silhouette_mask
-from pipeline.projection.z_buffer import inverse_depth_of, rasterise_depth
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.surface.tube import tube
-from pipeline.transforms import rigid
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.camera.whereabouts import whereabouts
+from oneframe.images.layer_stack import LayerStack
+from oneframe.images.overlay import SMOOTHING_PX, outline_segments
+from oneframe.projection.contour import visible_contours
+from oneframe.projection.overlay_scene import OverlayScene, Solid, structure_layer
+from oneframe.projection.silhouette import SilhouetteEdges, silhouette_mask
+from oneframe.projection.z_buffer import inverse_depth_of, rasterise_depth
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.tube import tube
+from oneframe.transforms import rigid
 
 CAMERA = PinholeCamera(401, 301, fx=1210.0, fy=1190.0, cx=195.3, cy=148.8)
 

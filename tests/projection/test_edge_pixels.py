@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.projection.edge_pixels import edge_pixels, pixel_pattern
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.projection.edge_pixels import edge_pixels, pixel_pattern
 
 CAMERA = PinholeCamera(40, 30, 900.0, 880.0, 18.5, 15.0)
 ALL = np.ones(CAMERA.shape_hw, dtype=bool)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.projection.rasteriser import barycentric, rasterise
+from oneframe.projection.rasteriser import barycentric, rasterise
 
 
 def covered(triangles, **options):

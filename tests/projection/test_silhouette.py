@@ -5,16 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.projection.silhouette import (
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.projection.silhouette import (
     SilhouetteEdges,
     canvas,
     projected_bounds,
     silhouette_mask,
     silhouette_statistics,
 )
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import rigid, rotation_from_vector, transform_points
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import rigid, rotation_from_vector, transform_points
 
 CAMERA = PinholeCamera(width=24, height=16, fx=31.7, fy=29.3, cx=11.2, cy=8.4)
 

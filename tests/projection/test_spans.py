@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.projection.rasteriser import rasterise
-from pipeline.projection.spans import filled, spans_of
+from oneframe.projection.rasteriser import rasterise
+from oneframe.projection.spans import filled, spans_of
 
 SIZE_WH = 23, 17
 

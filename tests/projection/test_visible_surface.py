@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.projection.visible_surface import cast_grid, most_central
-from pipeline.transforms import rigid, rotation_from_vector, transform_points
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.projection.visible_surface import cast_grid, most_central
+from oneframe.transforms import rigid, rotation_from_vector, transform_points
 
 CAMERA = PinholeCamera(64, 48, 150.0, 148.0, 30.0, 25.0)
 RADIUS = 20.0

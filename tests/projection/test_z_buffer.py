@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.projection.z_buffer import rasterise_depth
-from pipeline.surface.decimation import cluster_vertices
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import rigid
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.surface.decimation import cluster_vertices
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import rigid
 
 CAMERA = PinholeCamera(97, 71, fx=460.0, fy=440.0, cx=51.3, cy=33.8)
 

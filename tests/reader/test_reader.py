@@ -19,12 +19,12 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.dataset.layout import ViewPaths
-from pipeline.errors import InputError
-from pipeline.images.png import encode_png
-from pipeline.packing.pack import pack_dataset
-from pipeline.reader import Dataset, View, open_dataset
-from pipeline.reader.pack_files import MOST_OPEN
+from oneframe.dataset.layout import ViewPaths
+from oneframe.errors import InputError
+from oneframe.images.png import encode_png
+from oneframe.packing.pack import pack_dataset
+from oneframe.reader import Dataset, View, open_dataset
+from oneframe.reader.pack_files import MOST_OPEN
 from tests.impossible_files import impossible
 
 PARTS = ("rgb", "depth_mm", "mask", "observed", "k", "cam_from_model")

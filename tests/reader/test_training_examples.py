@@ -7,7 +7,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from pipeline.reader import open_dataset
+from oneframe.reader import open_dataset
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
 

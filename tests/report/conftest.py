@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.dataset import layout
+from oneframe.dataset import layout
 from tests.dataset.synthetic_dataset import PER_SCENE, make_dataset
 from tests.report.chromium import PROGRAM, Chromium
 from tests.report.synthetic_evaluation import write_evaluation

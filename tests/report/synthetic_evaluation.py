@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.images.png import encode_png
+from oneframe.images.png import encode_png
 
 METHODS = (("ours, projective, cycles", False), ("ours, vertex, eevee", False), ("paper (PyVista)", True))
 CASES = {"relief": ("frame_03.png", "frame_05.png", "frame_09.png"), "bone": ("view_1.png", "view_2.png")}

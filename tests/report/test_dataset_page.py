@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.dataset.check.check_dataset import check_dataset
-from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.view_record import read_record
-from pipeline.report.dataset_page import dataset_page
+from oneframe.dataset.check.check_dataset import check_dataset
+from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.view_record import read_record
+from oneframe.report.dataset_page import dataset_page
 from tests.dataset.synthetic_dataset import CAMERA, COUNT, DEPTH_SCALE, pose_of
 
 GREEN, ORANGE = [0, 125, 90], [213, 94, 0]

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.errors import InputError
-from pipeline.images.png import encode_png
-from pipeline.report.evaluation_page import evaluation_page
+from oneframe.errors import InputError
+from oneframe.images.png import encode_png
+from oneframe.report.evaluation_page import evaluation_page
 from tests.report.synthetic_evaluation import CASES, METHODS, write_evaluation
 
 HOSTILE = "</script><script>window.pwned = 1</script><img src=x onerror='window.pwned = 2'>"

@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.dataset.layout import ViewPaths
-from pipeline.errors import InputError
-from pipeline.report.dataset_page import FRAME_BYTES, dataset_page
-from pipeline.report.page import THEMES, embedded_json, theme_rules
-from pipeline.report.surface_model import MOST_VERTICES
-from pipeline.report.thumbnails import PAGE_BYTES, QUALITIES, fitting_quality
+from oneframe.dataset.layout import ViewPaths
+from oneframe.errors import InputError
+from oneframe.report.dataset_page import FRAME_BYTES, dataset_page
+from oneframe.report.page import THEMES, embedded_json, theme_rules
+from oneframe.report.surface_model import MOST_VERTICES
+from oneframe.report.thumbnails import PAGE_BYTES, QUALITIES, fitting_quality
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "report.py"
 

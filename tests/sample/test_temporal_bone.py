@@ -6,8 +6,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.sample.temporal_bone import (
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.sample.temporal_bone import (
     LOWER_MM,
     MESH_FROM_LOCAL,
     MICROSCOPE,
@@ -17,8 +17,8 @@ from pipeline.sample.temporal_bone import (
     held_out_poses,
     sample_surface,
 )
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import camera_centre, inverse_rigid, transform_points
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import camera_centre, inverse_rigid, transform_points
 
 
 @pytest.fixture(scope="module")

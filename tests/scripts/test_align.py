@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.case.case_file import Case, read_case
-from pipeline.case.case_writer import write_case
-from pipeline.case.landmark_file import write_landmarks
-from pipeline.case.landmarks import Landmark
-from pipeline.commands.__main__ import dispatch
-from pipeline.errors import InputError
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.surface.mesh_writer import write_ply
-from pipeline.transforms import transform_points
+from oneframe.case.case_file import Case, read_case
+from oneframe.case.case_writer import write_case
+from oneframe.case.landmark_file import write_landmarks
+from oneframe.case.landmarks import Landmark
+from oneframe.commands.__main__ import dispatch
+from oneframe.errors import InputError
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_writer import write_ply
+from oneframe.transforms import transform_points
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "align.py"
 ROUGH = "cam_from_mesh = [[1, 0, 0, 300], [0, -1, 0, -7], [0, 0, -1, 700], [0, 0, 0, 1]]"

@@ -13,17 +13,17 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.blender.dataset import run as dataset_run
-from pipeline.blender.dataset.job import Job, open_job
-from pipeline.case.case_file import read_case
-from pipeline.dataset.folder import Shard
-from pipeline.dataset.options import DatasetOptions
-from pipeline.errors import InputError
-from pipeline.images.png import encode_png
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.surface.mesh_writer import write_ply
-from pipeline.transforms import rigid, rotation_from_vector
+from oneframe.blender.dataset import run as dataset_run
+from oneframe.blender.dataset.job import Job, open_job
+from oneframe.case.case_file import read_case
+from oneframe.dataset.folder import Shard
+from oneframe.dataset.options import DatasetOptions
+from oneframe.errors import InputError
+from oneframe.images.png import encode_png
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_writer import write_ply
+from oneframe.transforms import rigid, rotation_from_vector
 
 pytestmark = pytest.mark.render
 

@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import __version__
-from pipeline.commands.__main__ import COMMANDS, EPILOG, SHELLS, dispatch
-from pipeline.commands.parser import command_parser
-from pipeline.commands.render import GROUPS
-from pipeline.dataset.options import option_names
-from pipeline.errors import InputError
+from oneframe import __version__
+from oneframe.commands.__main__ import COMMANDS, EPILOG, SHELLS, dispatch
+from oneframe.commands.parser import command_parser
+from oneframe.commands.render import GROUPS
+from oneframe.dataset.options import option_names
+from oneframe.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = {
@@ -44,12 +44,12 @@ SCRIPTS = {
 def oneframe(run_command):
     """Runs the program as its console script does, from this checkout."""
     return lambda *arguments: run_command(
-        [sys.executable, "-m", "pipeline.commands", *map(str, arguments)], PYTHONPATH=str(ROOT)
+        [sys.executable, "-m", "oneframe.commands", *map(str, arguments)], PYTHONPATH=str(ROOT)
     )
 
 
 def parser_of(name: str) -> argparse.ArgumentParser:
-    module = import_module(f"pipeline.commands.{name}")
+    module = import_module(f"oneframe.commands.{name}")
     return command_parser(f"oneframe {name}", module.ABOUT, module.EPILOG, module.add_arguments)
 
 
@@ -68,7 +68,7 @@ def assert_one_line(ended: subprocess.CompletedProcess, code: int, message: str)
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_example_of_the_help_is_a_command_line(name):
-    module = import_module(f"pipeline.commands.{name}")
+    module = import_module(f"oneframe.commands.{name}")
     assert len(examples(module.EPILOG)) >= 2
     for arguments in examples(module.EPILOG):
         parser_of(name).parse(arguments)
@@ -103,9 +103,9 @@ def test_help_needs_neither_blender_nor_numpy(arguments, run_command):
         "import runpy, sys\n"
         "sys.modules.update(dict.fromkeys(['bpy', 'cv2', 'numpy', 'scipy', 'shtab', 'skimage']))\n"
         f"sys.argv[1:] = {arguments!r}\n"
-        "runpy.run_module('pipeline.commands', run_name='__main__')"
+        "runpy.run_module('oneframe.commands', run_name='__main__')"
     )
-    ended = run_command([sys.executable, "-c", code], PYTHONPATH=str(ROOT))
+    ended = run_command([sys.executable, "-c", code])
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "oneframe" in ended.stdout
 
@@ -147,11 +147,11 @@ def test_mistyped_commands_and_options_are_one_line(arguments, message, oneframe
 def test_a_missing_package_is_named(run_command, tmp_path):
     code = (
         "import sys; sys.modules['cv2'] = None\n"
-        "from pipeline.blender.command_line import exit_code\n"
-        "from pipeline.commands.__main__ import dispatch\n"
+        "from oneframe.process.command_line import exit_code\n"
+        "from oneframe.commands.__main__ import dispatch\n"
         f"sys.exit(exit_code(dispatch, ['align', {str(tmp_path / 'case.toml')!r}]))"
     )
-    assert_one_line(run_command([sys.executable, "-c", code], PYTHONPATH=str(ROOT)), 3, "expected OpenCV")
+    assert_one_line(run_command([sys.executable, "-c", code]), 3, "expected OpenCV")
 
 
 def test_values_that_look_like_options_are_values():

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_reader import read_mesh
 
 sitk = pytest.importorskip("SimpleITK")
 

@@ -10,14 +10,14 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.blender.bridge.image import read_image
-from pipeline.blender.case.load_case import load_case
-from pipeline.case.case_file import read_case
-from pipeline.commands.__main__ import dispatch
-from pipeline.errors import InputError
-from pipeline.images.png import encode_png
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.surface.mesh_writer import write_obj, write_ply
+from oneframe.blender.bridge.image import read_image
+from oneframe.blender.case.load_case import load_case
+from oneframe.case.case_file import read_case
+from oneframe.commands.__main__ import dispatch
+from oneframe.errors import InputError
+from oneframe.images.png import encode_png
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_writer import write_obj, write_ply
 from tests.volume.ball_ct import write_ball_ct
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -123,14 +123,13 @@ def test_the_folder_is_a_case_that_every_command_takes(given, tmp_path, run_comm
     assert loaded.cam_from_model[2, 0] < -0.95
     assert loaded.cam_from_model[1, 2] < -0.95
 
-    program = [sys.executable, "-m", "pipeline.commands"]
+    program = [sys.executable, "-m", "oneframe.commands"]
     rendered = run_command(
         [*program, "render", str(out / "case.toml"), "--out", str(tmp_path / "dataset"), "--count", "2"],
-        PYTHONPATH=str(ROOT),
     )
     assert rendered.returncode == 0, rendered.stderr
     assert rendered.stdout.startswith("note: the pose of case.toml is an initial guess that nobody has aligned")
-    checked = run_command([*program, "check", str(tmp_path / "dataset")], PYTHONPATH=str(ROOT))
+    checked = run_command([*program, "check", str(tmp_path / "dataset")])
     assert checked.returncode == 0, checked.stdout + checked.stderr
 
 

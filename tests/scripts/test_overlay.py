@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.case.case_file import read_case
-from pipeline.commands.__main__ import dispatch
-from pipeline.errors import InputError
-from pipeline.images.png import encode_png
-from pipeline.surface.mesh_writer import write_ply
-from pipeline.surface.tube import tube
-from pipeline.transforms import transform_points
+from oneframe.case.case_file import read_case
+from oneframe.commands.__main__ import dispatch
+from oneframe.errors import InputError
+from oneframe.images.png import encode_png
+from oneframe.surface.mesh_writer import write_ply
+from oneframe.surface.tube import tube
+from oneframe.transforms import transform_points
 
 pytestmark = pytest.mark.render
 

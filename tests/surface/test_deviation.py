@@ -5,8 +5,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.surface.deviation import SurfaceTree, deviation
-from pipeline.surface.mesh import TriangleMesh
+from oneframe.surface.deviation import SurfaceTree, deviation
+from oneframe.surface.mesh import TriangleMesh
 
 
 def _brute_force(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.errors import InputError
-from pipeline.surface.mesh import TriangleMesh, checked_mesh, diameter
-from pipeline.transforms import rotation_from_vector
+from oneframe.errors import InputError
+from oneframe.surface.mesh import TriangleMesh, checked_mesh, diameter
+from oneframe.transforms import rotation_from_vector
 
 CUBE_VERTICES = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
 CUBE_SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]  # outward

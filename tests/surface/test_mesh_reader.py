@@ -12,11 +12,11 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.errors import InputError
-from pipeline.files.numbers import parsed_numbers
-from pipeline.surface.mesh import checked_mesh
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.surface.obj_reader import read_obj
+from oneframe.errors import InputError
+from oneframe.files.numbers import parsed_numbers
+from oneframe.surface.mesh import checked_mesh
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.obj_reader import read_obj
 
 TYPE_NAMES = {
     "b": ("char", "int8"),
@@ -248,7 +248,7 @@ def test_obj_is_read_as_line_by_line(monkeypatch, lines, block):
     """All bytes of a block at once, wherever blocks end: the same numbers, and errors that name a wrong line."""
     text = "v 1 2 3\nv 4 5 6\n" + "".join(line + end for line, end in lines)
     vertices, polygons, wrong = obj_line_by_line(text)
-    monkeypatch.setattr("pipeline.surface.obj_reader._BLOCK", block)
+    monkeypatch.setattr("oneframe.surface.obj_reader._BLOCK", block)
     if wrong:
         with pytest.raises(InputError) as refused:
             read_obj(text.encode(), "a.obj")

@@ -11,11 +11,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from pipeline.errors import InputError
-from pipeline.files.content import write_bytes_atomically
-from pipeline.surface.mesh import TriangleMesh, checked_mesh
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.surface.mesh_writer import material_path, texture_path, write_obj, write_ply
+from oneframe.errors import InputError
+from oneframe.files.content import write_bytes_atomically
+from oneframe.surface.mesh import TriangleMesh, checked_mesh
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_writer import material_path, texture_path, write_obj, write_ply
 
 SHARED_DATA = Path(__file__).parents[3] / "shared" / "data"
 quick = settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])

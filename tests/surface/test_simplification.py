@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from skimage.measure import marching_cubes
 
-from pipeline.errors import InputError
-from pipeline.surface import reduced_surface, surface_blocks, tolerance_guard
-from pipeline.surface.deviation import deviation
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.surface.simplification import simplified, tolerance_near
+from oneframe.errors import InputError
+from oneframe.surface import reduced_surface, surface_blocks, tolerance_guard
+from oneframe.surface.deviation import deviation
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.simplification import simplified, tolerance_near
 
 
 def _mesh(vertices: np.ndarray, faces: np.ndarray) -> TriangleMesh:

@@ -14,8 +14,8 @@ SIZE_WH = (320, 240)
 def sample_views(tmp_path_factory: pytest.TempPathFactory) -> list[np.ndarray]:
     """Two photographs of the sample case, (240, 320, 3) uint8 RGB."""
     pytest.importorskip("bpy")
-    from pipeline.blender.sample.photograph import take_photographs
-    from pipeline.sample.temporal_bone import MICROSCOPE, frame_pose, held_out_poses, sample_surface
+    from oneframe.blender.sample.photograph import take_photographs
+    from oneframe.sample.temporal_bone import MICROSCOPE, frame_pose, held_out_poses, sample_surface
 
     folder = tmp_path_factory.mktemp("views")
     poses = (frame_pose(), held_out_poses()[3])

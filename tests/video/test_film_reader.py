@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.errors import InputError
-from pipeline.video.film_decoder import comb_ratio
-from pipeline.video.film_reader import Film, read_film_frames
-from pipeline.video.frame_mask import without_combs
-from pipeline.video.frame_reader import read_video_frame
-from pipeline.video.frame_scores import COMBED, score_frames
+from oneframe.errors import InputError
+from oneframe.video.film_decoder import comb_ratio
+from oneframe.video.film_reader import Film, read_film_frames
+from oneframe.video.frame_mask import without_combs
+from oneframe.video.frame_reader import read_video_frame
+from oneframe.video.frame_scores import COMBED, score_frames
 from tests.video.test_frame_reader import (
     FORMATS,
     FRAMES,

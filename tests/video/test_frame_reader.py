@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.errors import InputError
-from pipeline.video.frame_reader import read_video_frame, video_info, write_video_frame
+from oneframe.errors import InputError
+from oneframe.video.frame_reader import read_video_frame, video_info, write_video_frame
 
 FRAMES = 90
 SIZE = (128, 96)

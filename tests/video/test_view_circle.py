@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.video.view_circle import Circle, lit_part, view_circle
+from oneframe.video.view_circle import Circle, lit_part, view_circle
 
 WIDTH, HEIGHT = 1920, 1080
 SMALL_WH = (480, 270)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.blender.sample.sample_case import write_sample_case
-from pipeline.sample.temporal_bone import sample_surface
+from oneframe.blender.sample.sample_case import write_sample_case
+from oneframe.sample.temporal_bone import sample_surface
 from tests.window import session
 
 PICTURES = Path(__file__).resolve().parents[2] / "build" / "window"

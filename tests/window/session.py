@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.images.png import encode_png
+from oneframe.images.png import encode_png
 
 DRIVER = Path(__file__).resolve().parent / "driver.py"
 SIZE = 1280, 800

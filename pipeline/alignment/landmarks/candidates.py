@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from .reprojection import Correspondences, Poses
+from ..reprojection import Correspondences, Poses
 
 UNDISTORTED = np.zeros(4)
 """Distortion coefficients for OpenCV: none."""

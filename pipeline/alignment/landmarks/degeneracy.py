@@ -7,9 +7,9 @@ import numpy as np
 
 from ...errors import InputError
 from ...files.numbers import format_two_digits
-from .covariance import PoseUncertainty
+from ..pose_uncertainty import PoseUncertainty
+from ..reprojection import Correspondences
 from .hypotheses import Hypothesis
-from .reprojection import Correspondences
 
 Kind = Literal[
     "few",

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..levenberg_marquardt import Loss, fit_poses
+from ..reprojection import Correspondences, Poses, residuals
 from .candidates import candidate_poses
-from .levenberg_marquardt import Loss, fit_poses
 from .outliers import select_inliers
-from .reprojection import Correspondences, Poses, residuals
 
 OUTLIER_PROBABILITY, OUTLIER_RANGE_SIGMAS = 0.05, 50.0
 """Prior probability of an outlier, and the side of the square it is uniform in, in units of the click noise."""

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from .confidence_region import f_survival
+from ..confidence_region import f_survival
+from ..levenberg_marquardt import fit_poses
+from ..reprojection import Correspondences, Poses, residuals, twist_jacobians
 from .covariance import SELECTION_PRIOR_DOF, NoiseEstimate, inverse_normal_matrix
-from .levenberg_marquardt import fit_poses
-from .reprojection import Correspondences, Poses, residuals, twist_jacobians
 
 FALSE_ALARM_PROBABILITY = 0.01
 """Probability that any of the correspondences is called an outlier although none is."""

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 
 from ...transforms import transform_points
+from ..confidence_region import ellipse_outlines
 from .align_landmarks import Alignment
-from .confidence_region import ellipse_outlines
 
 MAGNIFIED = 10.0
 """Residuals are drawn so many times longer than they are: at their own length they could not be seen."""

@@ -94,7 +94,7 @@ def report_table(alignment: Alignment) -> dict[str, object]:
 
 
 def alignment_record(alignment: Alignment, tool: str, date: str) -> dict[str, object]:
-    """The record for a case file: see :mod:`pipeline.case.alignment_record`. The same in any frame of the surface."""
+    """The record for a case file: see :mod:`oneframe.case.alignment_record`. The same in any frame of the surface."""
     estimate, uncertainty = alignment.estimate, alignment.estimate.uncertainty
     return {
         "method": "landmarks",

@@ -9,7 +9,9 @@ from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
 from ...files.numbers import format_two_digits
 from ...transforms import rotation_angle_deg
-from .covariance import PoseUncertainty, pose_uncertainty
+from ..pose_uncertainty import PoseUncertainty
+from ..reprojection import Correspondences, Poses, residuals
+from .covariance import pose_uncertainty
 from .degeneracy import (
     UndeterminedPose,
     ambiguous_pose,
@@ -19,7 +21,6 @@ from .degeneracy import (
     repeated_correspondences,
 )
 from .hypotheses import Hypothesis, hypotheses
-from .reprojection import Correspondences, Poses, residuals
 
 __all__ = ["PoseEstimate", "UndeterminedPose", "solve_pose"]
 

@@ -5,8 +5,8 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...errors import InputError
 from ...transforms import transform_points
-from ..landmarks.levenberg_marquardt import PosePrior, fit_poses
-from ..landmarks.reprojection import Correspondences, Poses
+from ..levenberg_marquardt import PosePrior, fit_poses
+from ..reprojection import Correspondences, Poses
 
 PRIOR_PX_PER_DISTANCE = 0.1
 PRIOR_PX_PER_RADIAN = 0.3

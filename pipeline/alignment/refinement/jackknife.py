@@ -18,7 +18,7 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...transforms import inverse_rigid, transform_points
-from ..landmarks.covariance import PoseUncertainty
+from ..pose_uncertainty import PoseUncertainty
 from .image_pyramid import PyramidLevel
 from .local_search import Linearisation, linearised, refine_on_level
 

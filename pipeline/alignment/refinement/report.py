@@ -12,7 +12,7 @@ KEPT_OF_START = ("method", "pairs", "rms_px")
 
 
 def refinement_record(refinement: Refinement, start: Mapping[str, object], tool: str, date: str) -> dict[str, object]:
-    """The record for a case file: see :mod:`pipeline.case.alignment_record`. The same in any frame of the surface.
+    """The record for a case file: see :mod:`oneframe.case.alignment_record`. The same in any frame of the surface.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...files.numbers import format_two_digits
 from ...transforms import rotation_angle_deg
-from ..landmarks.covariance import PoseUncertainty
+from ..pose_uncertainty import PoseUncertainty
 from .image_pyramid import PyramidLevel
 from .jackknife import jackknife, root_mean_square_px
 from .local_search import score

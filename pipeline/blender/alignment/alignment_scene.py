@@ -1,7 +1,7 @@
 """The scene in which a frame is aligned: the frame's camera at the world's origin and the surface in front of it.
 
 The world is the camera's frame with Blender's axes (x right, y up, looking along -z); one unit is a millimetre. The
-camera never moves; aligning moves the surface (:mod:`pipeline.blender.alignment.surface_object`). Structures are
+camera never moves; aligning moves the surface (:mod:`oneframe.blender.alignment.surface_object`). Structures are
 children of the surface.
 """
 

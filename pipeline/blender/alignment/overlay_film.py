@@ -88,7 +88,7 @@ def opened_film(
     Raises
     ------
     InputError
-        See :class:`pipeline.video.film_reader.Film` and :func:`pipeline.poses.pose_file.read_frame_poses`.
+        See :class:`oneframe.video.film_reader.Film` and :func:`oneframe.poses.pose_file.read_frame_poses`.
     """
     with Film(video, width=WIDEST) as film:
         found, messages = read_frame_poses(
@@ -126,7 +126,7 @@ class OverlayFilm:
         InputError
             None of its frames can be decoded.
         OSError, RunError
-            As for :func:`pipeline.blender.render.video.stream_video`.
+            As for :func:`oneframe.blender.render.video.stream_video`.
         """
 
         def pictures() -> Iterator[np.ndarray]:

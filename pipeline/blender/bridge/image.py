@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import InputError
 from ...images.image_check import LARGEST_DEEP_FRAME, LARGEST_FRAME, check_image_file
 from ...images.image_header import image_header
-from ..process import delayed_interrupts
+from ...process.own_process import delayed_interrupts
 
 EIGHT_BITS = 4
 """Most bytes of a pixel with 8 bits a channel."""

@@ -72,6 +72,6 @@ def read_frame(path: Path) -> Frame:
     Raises
     ------
     InputError
-        No usable image; see :func:`pipeline.blender.bridge.image.read_image`.
+        No usable image; see :func:`oneframe.blender.bridge.image.read_image`.
     """
     return Frame(path.name, *read_image(path, path.name))

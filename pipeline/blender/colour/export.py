@@ -24,11 +24,11 @@ from ...files.signature import signed
 from ...files.temporary import temporary_folder, unwritable_temporary, writing_temporary
 from ...images.pixel_values import linear_from_codes, to_uint8
 from ...images.png import encode_png
+from ...process.own_process import delayed_interrupts
 from ...surface.mesh import TriangleMesh
 from ...surface.mesh_writer import material_path, texture_path, write_obj, write_ply
 from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colors, temporary_data
 from ..bridge.versions import new_node_material
-from ..process import delayed_interrupts
 from .reference_view import baked_colour_of, colouring_view_of, unseen_colours_of
 
 FORMATS = {".glb": GLB, ".obj": OBJ, ".ply": PLY}

@@ -23,9 +23,9 @@ from ...dataset.view import RenderedSample, write_view
 from ...errors import RunError
 from ...files.content import hashed_reading
 from ...poses.pose_file import read_poses
+from ...process.own_process import STDOUT
 from ..case.load_case import load_case
 from ..colour.reference_view import reference_view_of
-from ..process import STDOUT
 from .view_renderer import ViewRenderer
 
 IN_FLIGHT = 3
@@ -101,12 +101,12 @@ class OpenJob:
 
     @cached_property
     def identity(self) -> str:
-        """The dataset's identity: see :func:`pipeline.dataset.identity.identity_of`."""
+        """The dataset's identity: see :func:`oneframe.dataset.identity.identity_of`."""
         return identity_of(self.description)
 
     @cached_property
     def description(self) -> dict[str, object]:
-        """The content of ``dataset.json``: see :func:`pipeline.dataset.description.describe`."""
+        """The content of ``dataset.json``: see :func:`oneframe.dataset.description.describe`."""
         return describe(
             self.loaded,
             self.job.options,

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import TextIO
 
 from ...errors import InputError, RunError
-from ..command_line import EXIT_INPUT, EXIT_RUN
-from ..process import end_process
+from ...process.command_line import EXIT_INPUT, EXIT_RUN
+from ...process.own_process import end_process
 
 _READY, _FINISHED = "ready", "finished: "
 

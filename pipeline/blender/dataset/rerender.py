@@ -27,7 +27,7 @@ from .job import Job, OpenJob, open_job
 
 
 class CaseRenderer:
-    """Renders a dataset again: a :class:`pipeline.dataset.check.rerendered.Renderer`. Use as a context manager."""
+    """Renders a dataset again: a :class:`oneframe.dataset.check.rerendered.Renderer`. Use as a context manager."""
 
     def __init__(self, case: Case, content: Mapping[str, Any], poses: Path | None) -> None:
         """Load the case.

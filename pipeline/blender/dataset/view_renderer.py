@@ -128,7 +128,7 @@ class ViewRenderer:
     def sampling_doubt(self) -> str:
         """A message if hardly any pose meets the constraints; empty otherwise.
 
-        See :func:`pipeline.poses.constraints.sampling_doubt`.
+        See :func:`oneframe.poses.constraints.sampling_doubt`.
 
         Raises
         ------

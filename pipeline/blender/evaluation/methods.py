@@ -39,9 +39,9 @@ class Method:
     colour
         One of :data:`.COLOURS`, or :data:`PAPER`.
     renderer
-        One of :data:`pipeline.dataset.options.ENGINES`, or ``"pyvista"`` or ``"pytorch3d"``.
+        One of :data:`oneframe.dataset.options.ENGINES`, or ``"pyvista"`` or ``"pytorch3d"``.
     unseen
-        What surface looks like that the frame did not see: one of :data:`pipeline.dataset.options.UNSEEN`.
+        What surface looks like that the frame did not see: one of :data:`oneframe.dataset.options.UNSEEN`.
     """
 
     key: str

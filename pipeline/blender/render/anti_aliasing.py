@@ -1,4 +1,4 @@
-"""Anti-aliased views by Cycles: :mod:`pipeline.colour.anti_aliasing`, with filtered lookups in the material."""
+"""Anti-aliased views by Cycles: :mod:`oneframe.colour.anti_aliasing`, with filtered lookups in the material."""
 
 import bpy
 import numpy as np

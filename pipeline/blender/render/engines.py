@@ -20,12 +20,12 @@ from ...colour.shading import SurfaceColour
 from ...errors import InputError
 from ...files.temporary import temporary_folder, unwritable_temporary
 from ...images.exr import ExrError, read_exr
+from ...process.own_process import delayed_interrupts
 from ...projection.rays import require_embree
 from ...projection.rendered_view import RenderedView
 from ...surface.mesh import TriangleMesh
 from ..bridge.image import render_path
 from ..bridge.versions import set_multilayer_exr
-from ..process import delayed_interrupts
 from .material import OBSERVED_PASS
 from .surface_scene import SurfaceScene
 

@@ -4,7 +4,7 @@ All modes compute two values, a colour and a flag that is 1 where the frame saw 
 colour, or that of unseen surface where the flag is 0; the flag goes to the pass :data:`OBSERVED_PASS`. There is no
 light, so renders show the code values unchanged. Back sides are never observed.
 
-The flag is the rule of :mod:`pipeline.colour.source_view` at the shaded point, in all modes. In the baked ones, the
+The flag is the rule of :mod:`oneframe.colour.source_view` at the shaded point, in all modes. In the baked ones, the
 lookup must also find colour: a texel that the frame saw, or three vertices with a colour from it.
 """
 
@@ -56,7 +56,7 @@ def assign_colour(
         ``(V, 3)`` code values 0..1 of the vertices, shown where the frame saw nothing; ``None``: :data:`NEUTRAL_RGBA`.
     filtered
         Take colours (not the observed flag) as the mean of four lookups, nodes :data:`FILTER_LOOKUPS`, for which the
-        caller sets images and offsets, see :mod:`pipeline.colour.footprint_filter`. The alpha of the first is added to
+        caller sets images and offsets, see :mod:`oneframe.colour.footprint_filter`. The alpha of the first is added to
         the flag of observed points. Ignored for vertex colours, which have no image.
     """
     material = new_node_material("surface")
@@ -132,7 +132,7 @@ def _flag(
 def _projection(
     nodes: Nodes, mesh_object: bpy.types.Object, mesh: TriangleMesh, source: SourceView, filtered: bool
 ) -> tuple:
-    """The pinhole projection per shaded point, and the rule of :mod:`pipeline.colour.source_view`.
+    """The pinhole projection per shaded point, and the rule of :mod:`oneframe.colour.source_view`.
 
     The homogeneous pixel (s z, t z, z), with (s, t) in Blender's texture coordinates, is an affine function of the
     surface point: interpolated over a triangle of any size and divided by z it is the exact projection.

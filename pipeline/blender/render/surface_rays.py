@@ -58,7 +58,7 @@ class SurfaceRays:
         Returns
         -------
         ``(N, 3)`` float32 colours, black without a hit, and ``(N,)`` int8: what they meet, see
-        :mod:`pipeline.colour.anti_aliasing`.
+        :mod:`oneframe.colour.anti_aliasing`.
         """
         points, count = self._points, len(directions_model)
         if count == 0:
@@ -143,7 +143,7 @@ def _shade(
     surface: bpy.types.Object,
     texel_share: bpy.types.Node | None,
 ) -> tuple[bpy.types.NodeSocket, bpy.types.NodeSocket]:
-    """Colour and observed flag of a hit, as in :mod:`pipeline.blender.render.material`."""
+    """Colour and observed flag of a hit, as in :mod:`oneframe.blender.render.material`."""
     if isinstance(colour, VertexColours):
         channels = nodes.add("FunctionNodeSeparateColor")
         nodes.link(attribute, channels.inputs["Color"])

@@ -19,13 +19,13 @@ from ...files.signature import signed
 from ...files.temporary import temporary_folder, unwritable_temporary
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
+from ...process.own_process import delayed_interrupts
 from ...sample.temporal_bone import SampleSurface
 from ...transforms import inverse_rigid, rigid
 from ..bridge.camera import new_camera, place_camera
 from ..bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
 from ..bridge.image import read_image
 from ..bridge.versions import new_node_material
-from ..process import delayed_interrupts
 from .path_tracing import add_ambient_light, set_path_tracing
 
 LAMP_OFFSET_MM = np.array([-13.0, -16.0, 0.0])

@@ -58,7 +58,7 @@ def write_sample_case(
     folder
         Created if it does not exist; the files of an earlier sample case are replaced.
     surface
-        From :func:`pipeline.sample.temporal_bone.sample_surface`.
+        From :func:`oneframe.sample.temporal_bone.sample_surface`.
     camera
         Intrinsics of all photographs.
     held_out

@@ -1,7 +1,7 @@
 """Check whether a dataset is complete and consistent: files, hashes, tables, images, and poses against pixels.
 
 The check does not read the files with the code that wrote them: it decodes images with OpenCV, converts the poses and
-intrinsics of every table itself, and computes depths by projecting the model (:mod:`pipeline.dataset.check.depth`).
+intrinsics of every table itself, and computes depths by projecting the model (:mod:`oneframe.dataset.check.depth`).
 It goes through the scenes one by one and keeps little of a view, so its memory does not grow with the masks. Needs cv2
 and OpenCV's video reader.
 """

@@ -1,7 +1,7 @@
 """The images of one view: do they decode, agree with each other and the record, and show the surface at its pose?
 
-OpenCV decodes the images and computes the boxes (:mod:`pipeline.dataset.check.png`, ``cv2.boundingRect``): a reader
-independent of :mod:`pipeline.images.png`, which writes them. Needs cv2.
+OpenCV decodes the images and computes the boxes (:mod:`oneframe.dataset.check.png`, ``cv2.boundingRect``): a reader
+independent of :mod:`oneframe.images.png`, which writes them. Needs cv2.
 """
 
 import cv2

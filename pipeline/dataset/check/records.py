@@ -104,7 +104,7 @@ class Description:
 
 @dataclass(frozen=True)
 class ViewRecord:
-    """The record of a finished view; see :mod:`pipeline.dataset.bop` for the meaning of ``gt_info``.
+    """The record of a finished view; see :mod:`oneframe.dataset.bop` for the meaning of ``gt_info``.
 
     Attributes
     ----------

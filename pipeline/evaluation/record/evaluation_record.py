@@ -41,7 +41,7 @@ class EvaluatedMethod:
 
 @dataclass(frozen=True)
 class Row:
-    """The scores of a view, see :mod:`pipeline.evaluation.scores.view_scores`; NaN for those that it does not have."""
+    """The scores of a view, see :mod:`oneframe.evaluation.scores.view_scores`; NaN for those that it does not have."""
 
     case: str
     image: str

@@ -18,7 +18,7 @@ CRUMB_MM3 = 10.0
 def bone_voxels(
     volume: Volume, level_hu: float, *, smallest_mm3: float | None = None, hole_mm3: float = HOLE_MM3
 ) -> np.ndarray:
-    """The voxels of bone, of which :func:`pipeline.volume.bone.isosurface.isosurface` makes the surface.
+    """The voxels of bone, of which :func:`oneframe.volume.bone.isosurface.isosurface` makes the surface.
 
     Parts are connected by the faces of their voxels, as in the surface. It stays where it is: all neighbours of a
     voxel of bone that are left out lie below the threshold.

@@ -38,7 +38,7 @@ class Finish:
     crumb_mm3
         Parts below this volume that the drill has cut off are dropped.
     smoothing_steps
-        Steps of :func:`pipeline.volume.bone.smoothing.smoothed`; what the drill made is not smoothed.
+        Steps of :func:`oneframe.volume.bone.smoothing.smoothed`; what the drill made is not smoothed.
     tolerance_mm
         How far the simplified surface may lie from the smoothed one; 0 keeps all faces.
     focus

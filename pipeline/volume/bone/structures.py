@@ -106,7 +106,7 @@ def structure_meshes(
     blur_voxels
         Standard deviation of the blur.
     smoothing_steps
-        Steps of :func:`pipeline.volume.bone.smoothing.smoothed`.
+        Steps of :func:`oneframe.volume.bone.smoothing.smoothed`.
     progress
         Called with the finished share, 0..1, after each structure; what it raises ends the work.
 

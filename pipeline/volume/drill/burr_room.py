@@ -1,6 +1,6 @@
 """How near a burr comes to structures, many times a second: by their vertices, which lie a voxel apart.
 
-For what a pointer shows. What bone stays is decided by :mod:`pipeline.volume.drill.drill_guard`, exactly.
+For what a pointer shows. What bone stays is decided by :mod:`oneframe.volume.drill.drill_guard`, exactly.
 """
 
 from collections.abc import Mapping

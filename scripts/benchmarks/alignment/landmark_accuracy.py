@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.alignment.landmarks.solver import UndeterminedPose, solve_pose
-from pipeline.camera.pinhole import PinholeCamera
+from oneframe.alignment.landmarks.solver import UndeterminedPose, solve_pose
+from oneframe.camera.pinhole import PinholeCamera
 
 from .landmark_trials import MICROSCOPE, LandmarkTrial, PoseErrors, box_trial, run_trials, surface_trial
 

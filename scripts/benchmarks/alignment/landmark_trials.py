@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline.alignment.landmarks.candidates import UNDISTORTED
-from pipeline.alignment.landmarks.degeneracy import UndeterminedPose
-from pipeline.alignment.landmarks.solver import solve_pose
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.transforms import nearest_rotation, rigid, rotation_angle_deg, transform_points
+from oneframe.alignment.landmarks.candidates import UNDISTORTED
+from oneframe.alignment.landmarks.degeneracy import UndeterminedPose
+from oneframe.alignment.landmarks.solver import solve_pose
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.transforms import nearest_rotation, rigid, rotation_angle_deg, transform_points
 
 MICROSCOPE = PinholeCamera(1920, 1080, 12_800.0, 12_800.0, 960.0, 540.0)
 DISTANCE_MM = 300.0

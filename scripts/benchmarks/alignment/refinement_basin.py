@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline.alignment.refinement.refine import refine_pose
-from pipeline.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points, turned_about
+from oneframe.alignment.refinement.refine import refine_pose
+from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points, turned_about
 
 from .refinement_scenes import RefinementScene
 

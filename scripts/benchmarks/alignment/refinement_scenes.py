@@ -10,14 +10,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from pipeline.camera.distortion import undistort
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.case_file import read_case
-from pipeline.errors import InputError
-from pipeline.projection.z_buffer import rasterise_depth
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.transforms import inverse_rigid, rigid, transform_points
+from oneframe.camera.distortion import undistort
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import read_case
+from oneframe.errors import InputError
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.transforms import inverse_rigid, rigid, transform_points
 
 from ..published import LMO_OBJECTS, lmo_image, lmo_model, read_bloster, read_codes, read_lmo
 

@@ -6,13 +6,13 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from pipeline.blender.bridge.camera import new_camera, place_camera
-from pipeline.blender.bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
-from pipeline.blender.bridge.image import read_image
-from pipeline.blender.bridge.versions import new_node_material
-from pipeline.blender.sample.path_tracing import add_ambient_light, set_path_tracing
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.files.temporary import temporary_folder
+from oneframe.blender.bridge.camera import new_camera, place_camera
+from oneframe.blender.bridge.data_blocks import new_mesh_object, set_vertex_colors, temporary_data
+from oneframe.blender.bridge.image import read_image
+from oneframe.blender.bridge.versions import new_node_material
+from oneframe.blender.sample.path_tracing import add_ambient_light, set_path_tracing
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.files.temporary import temporary_folder
 
 from .refinement_scenes import RefinementScene, visible_points
 from .side_lit_relief import CAMERA, Relief, SideLitShot, relief, side_lit_shots

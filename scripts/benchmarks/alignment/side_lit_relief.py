@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import rigid, rotation_from_vector
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import rigid, rotation_from_vector
 
 from ..grid_mesh import grid_mesh
 

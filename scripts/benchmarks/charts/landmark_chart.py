@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.charts.page import OURS, PEER, WARNING, Theme, note, write_chart
+from oneframe.charts.page import OURS, PEER, WARNING, Theme, note, write_chart
 
 from ..alignment.landmark_accuracy import ErrorQuantiles, LandmarkAccuracy, LandmarkFigures
 from .log_axes import plain_log_axis, round_ticks

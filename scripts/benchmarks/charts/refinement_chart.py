@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.charts.page import OURS, WARNING, Theme, note, write_chart
-from pipeline.errors import InputError
+from oneframe.charts.page import OURS, WARNING, Theme, note, write_chart
+from oneframe.errors import InputError
 
 from ..alignment.refinement_basin import RIGHT_IMAGE, RefinementTrial, Tally
 from .log_axes import plain_log_axis, round_ticks

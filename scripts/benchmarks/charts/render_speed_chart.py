@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from pipeline.charts.page import OURS, WARNING, Theme, note, write_chart
+from oneframe.charts.page import OURS, WARNING, Theme, note, write_chart
 
 from ..rendering.render_times import LIT_PEER, UNLIT_PEER, RenderTimes
 from .log_axes import plain_log_axis, round_ticks

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.charts import page
-from pipeline.charts.page import Theme, note, write_chart
+from oneframe.charts import page
+from oneframe.charts.page import Theme, note, write_chart
 
 from ..rendering.speed_accuracy import ENGINE_NAMES, FLOOR, PEER, SpeedPoint, pareto_front
 from .log_axes import plain_log_axis, round_ticks

@@ -5,8 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.case.precision import EXACT_PX
-from pipeline.charts.page import Theme, write_chart
+from oneframe.case.precision import EXACT_PX
+from oneframe.charts.page import Theme, write_chart
 
 from ..sweeps.cells import Cell
 from .log_axes import log_axes, log_y

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.charts.page import Theme, write_chart
+from oneframe.charts.page import Theme, write_chart
 
 from ..sweeps.cells import Cell
 from .log_axes import log_axes, log_y

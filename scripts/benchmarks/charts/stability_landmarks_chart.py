@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.charts.page import PEER, WARNING, Theme, write_chart
+from oneframe.charts.page import PEER, WARNING, Theme, write_chart
 
 from ..sweeps.cells import Cell
 from ..sweeps.landmarks import LEVELS, OURS, PEERS, SWEEPS

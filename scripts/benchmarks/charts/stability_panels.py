@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.charts.page import OURS, WARNING, Theme, note
+from oneframe.charts.page import OURS, WARNING, Theme, note
 
 from ..figures import conditions_note
 from ..sweeps.cells import ANSWERS, Answer, Cell

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.charts.page import Theme, write_chart
+from oneframe.charts.page import Theme, write_chart
 
 from ..sweeps.cells import Cell
 from .log_axes import log_axes, short_number

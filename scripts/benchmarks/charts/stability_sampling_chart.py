@@ -5,8 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.charts.page import Theme, write_chart
-from pipeline.poses.constraints import MAX_ATTEMPTS
+from oneframe.charts.page import Theme, write_chart
+from oneframe.poses.constraints import MAX_ATTEMPTS
 
 from ..sweeps.cells import Cell
 from .log_axes import log_axes, log_y

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.case_file import Case
-from pipeline.case.case_writer import write_case
-from pipeline.files.content import write_bytes_atomically
-from pipeline.images.pixel_values import to_uint8
-from pipeline.images.png import encode_png
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.surface.mesh_writer import write_ply
-from pipeline.transforms import rigid
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import Case
+from oneframe.case.case_writer import write_case
+from oneframe.files.content import write_bytes_atomically
+from oneframe.images.pixel_values import to_uint8
+from oneframe.images.png import encode_png
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh_writer import write_ply
+from oneframe.transforms import rigid
 
 from ..grid_mesh import grid_mesh
 

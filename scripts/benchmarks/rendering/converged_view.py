@@ -1,7 +1,7 @@
 """What anti-aliased views are measured against: many exact rays in every pixel, averaged as the masks say.
 
 The frame counts as constant on its pixels, which are means over their squares already (see
-:mod:`pipeline.colour.footprint_filter`). Of the rays in a pixel, those count that meet what the ray through its centre
+:mod:`oneframe.colour.footprint_filter`). Of the rays in a pixel, those count that meet what the ray through its centre
 does: surface that the frame saw, surface that it did not see, or background.
 """
 
@@ -9,13 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.blender.render.engines import render_view
-from pipeline.blender.render.material import FILTER_LOOKUPS
-from pipeline.blender.render.surface_scene import LARGEST_VIEW_PX, SurfaceScene
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.colour.shading import SurfaceColour
-from pipeline.colour.vertex_colours import VertexColours
-from pipeline.surface.mesh import TriangleMesh
+from oneframe.blender.render.engines import render_view
+from oneframe.blender.render.material import FILTER_LOOKUPS
+from oneframe.blender.render.surface_scene import LARGEST_VIEW_PX, SurfaceScene
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.shading import SurfaceColour
+from oneframe.colour.vertex_colours import VertexColours
+from oneframe.surface.mesh import TriangleMesh
 
 
 def converged_view(

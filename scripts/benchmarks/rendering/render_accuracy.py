@@ -15,15 +15,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from pipeline.blender.bridge.image import read_image
-from pipeline.blender.colour.reference_view import colour_of, vertex_colours_of
-from pipeline.blender.render.engines import render_view
-from pipeline.blender.render.surface_scene import SurfaceScene
-from pipeline.dataset.layout import ViewPaths
-from pipeline.errors import RunError
-from pipeline.evaluation.scores.similarity import Similarity, similarity
-from pipeline.files.processors import available_cores
-from pipeline.images.pixel_values import to_uint8
+from oneframe.blender.bridge.image import read_image
+from oneframe.blender.colour.reference_view import colour_of, vertex_colours_of
+from oneframe.blender.render.engines import render_view
+from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.dataset.layout import ViewPaths
+from oneframe.errors import RunError
+from oneframe.evaluation.scores.similarity import Similarity, similarity
+from oneframe.files.processors import available_cores
+from oneframe.images.pixel_values import to_uint8
 
 from .converged_view import converged_view
 from .render_scenes import RenderScene

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from skimage.metrics import structural_similarity
 
-from pipeline.blender.dataset.job import render_views
-from pipeline.blender.dataset.view_renderer import ViewRenderer
-from pipeline.files.processors import available_cores
-from pipeline.images.pixel_values import to_uint8
+from oneframe.blender.dataset.job import render_views
+from oneframe.blender.dataset.view_renderer import ViewRenderer
+from oneframe.files.processors import available_cores
+from oneframe.images.pixel_values import to_uint8
 
 from ..memory import memory_mb
 from .benchmark_case import TRIANGLES, VIEW_CAMERA, write_benchmark_case

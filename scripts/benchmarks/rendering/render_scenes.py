@@ -5,22 +5,22 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.blender.bridge.image import read_image
-from pipeline.blender.case.load_case import load_case
-from pipeline.blender.colour.reference_view import ReferenceView
-from pipeline.blender.dataset.job import Job, open_job
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.case_file import read_case
-from pipeline.case.case_writer import write_case
-from pipeline.case.loaded_case import LoadedCase
-from pipeline.dataset.folder import Shard
-from pipeline.dataset.options import DatasetOptions
-from pipeline.errors import InputError
-from pipeline.evaluation.photographs import read_photographs
-from pipeline.files.outputs import made_folder
-from pipeline.surface.mesh_writer import write_ply
-from pipeline.surface.simplification import simplified
-from pipeline.transforms import inverse_rigid
+from oneframe.blender.bridge.image import read_image
+from oneframe.blender.case.load_case import load_case
+from oneframe.blender.colour.reference_view import ReferenceView
+from oneframe.blender.dataset.job import Job, open_job
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import read_case
+from oneframe.case.case_writer import write_case
+from oneframe.case.loaded_case import LoadedCase
+from oneframe.dataset.folder import Shard
+from oneframe.dataset.options import DatasetOptions
+from oneframe.errors import InputError
+from oneframe.evaluation.photographs import read_photographs
+from oneframe.files.outputs import made_folder
+from oneframe.surface.mesh_writer import write_ply
+from oneframe.surface.simplification import simplified
+from oneframe.transforms import inverse_rigid
 
 LEAST_WIDTH = 640
 """Views are scaled down by a whole number while they keep this width, px: photographs are then averaged exactly."""

@@ -9,17 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.blender.colour.reference_view import vertex_colours_of
-from pipeline.blender.dataset.job import Job, OpenJob, open_job
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.case_file import read_case
-from pipeline.dataset.folder import Shard
-from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.options import DatasetOptions
-from pipeline.evaluation.baseline import pyvista_renderer
-from pipeline.files.processors import available_cores
-from pipeline.images.pixel_values import to_uint8
-from pipeline.surface.mesh import TriangleMesh
+from oneframe.blender.colour.reference_view import vertex_colours_of
+from oneframe.blender.dataset.job import Job, OpenJob, open_job
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import read_case
+from oneframe.dataset.folder import Shard
+from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.options import DatasetOptions
+from oneframe.evaluation.baseline import pyvista_renderer
+from oneframe.files.processors import available_cores
+from oneframe.images.pixel_values import to_uint8
+from oneframe.surface.mesh import TriangleMesh
 
 from .benchmark_case import VIEW_CAMERA, write_benchmark_case
 from .render_times import LIT_PEER, PLAIN_PEER, UNLIT_PEER, RenderTimes

@@ -20,7 +20,7 @@ class Configuration:
     Attributes
     ----------
     engine, samples, colour
-        As in :class:`pipeline.dataset.options.DatasetOptions`.
+        As in :class:`oneframe.dataset.options.DatasetOptions`.
     mesh_px
         Tolerance to which the surface is simplified, in pixels of the views; 0 is the whole surface.
     processes

@@ -15,20 +15,20 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.blender.bridge.camera import MAX_PIXEL_ASPECT, SMALLEST_VIEW_PX
-from pipeline.blender.case.load_case import load_case
-from pipeline.blender.render.engines import check_engine, opened_engine
-from pipeline.camera.pinhole import FARTHEST_PRINCIPAL_POINT, PinholeCamera
-from pipeline.case.case_file import Case, read_case
-from pipeline.case.case_writer import write_case
-from pipeline.case.loaded_case import FARTHEST_MM, MAX_EXTENT_RATIO
-from pipeline.case.precision import EXACT_PX, LONGEST_EXACT_FOCAL_PX, UNIT_ROUNDOFF
-from pipeline.errors import InputError
-from pipeline.files.content import write_bytes_atomically
-from pipeline.images.png import encode_png
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.surface.mesh_writer import write_ply
-from pipeline.transforms import rigid, rotation_from_vector
+from oneframe.blender.bridge.camera import MAX_PIXEL_ASPECT, SMALLEST_VIEW_PX
+from oneframe.blender.case.load_case import load_case
+from oneframe.blender.render.engines import check_engine, opened_engine
+from oneframe.camera.pinhole import FARTHEST_PRINCIPAL_POINT, PinholeCamera
+from oneframe.case.case_file import Case, read_case
+from oneframe.case.case_writer import write_case
+from oneframe.case.loaded_case import FARTHEST_MM, MAX_EXTENT_RATIO
+from oneframe.case.precision import EXACT_PX, LONGEST_EXACT_FOCAL_PX, UNIT_ROUNDOFF
+from oneframe.errors import InputError
+from oneframe.files.content import write_bytes_atomically
+from oneframe.images.png import encode_png
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh_writer import write_ply
+from oneframe.transforms import rigid, rotation_from_vector
 
 from .cells import NO_LIMIT, Cell, Limit, Outcome, Task
 

@@ -11,18 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.blender.colour.reference_view import ReferenceView, colour_of, reference_view_of
-from pipeline.blender.render.engines import render_view
-from pipeline.blender.render.surface_scene import SurfaceScene
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.case_file import Case
-from pipeline.case.loaded_case import FARTHEST_MM, LoadedCase, check_pose
-from pipeline.colour.colour_doubts import MAX_MAGNIFICATION, MAX_STATED_ERROR_PX, magnification_doubt, pose_doubt
-from pipeline.colour.source_view import MAX_INCIDENCE_DEG, TOLERANCE_PX
-from pipeline.errors import InputError
-from pipeline.projection.z_buffer import rasterise_depth
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
+from oneframe.blender.colour.reference_view import ReferenceView, colour_of, reference_view_of
+from oneframe.blender.render.engines import render_view
+from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import Case
+from oneframe.case.loaded_case import FARTHEST_MM, LoadedCase, check_pose
+from oneframe.colour.colour_doubts import MAX_MAGNIFICATION, MAX_STATED_ERROR_PX, magnification_doubt, pose_doubt
+from oneframe.colour.source_view import MAX_INCIDENCE_DEG, TOLERANCE_PX
+from oneframe.errors import InputError
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 
 from ..grid_mesh import grid_mesh
 from .cells import NO_LIMIT, Answer, Cell, Limit, Outcome, Task

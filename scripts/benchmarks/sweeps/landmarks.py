@@ -14,11 +14,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from pipeline.alignment.landmarks.candidates import UNDISTORTED
-from pipeline.alignment.landmarks.degeneracy import MIN_INLIER_FRACTION, UndeterminedPose
-from pipeline.alignment.landmarks.solver import FEW_CORRESPONDENCES, LARGE_NOISE_RATIO, solve_pose
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.transforms import nearest_rotation, rigid, rotation_from_vector, transform_points
+from oneframe.alignment.landmarks.candidates import UNDISTORTED
+from oneframe.alignment.landmarks.degeneracy import MIN_INLIER_FRACTION, UndeterminedPose
+from oneframe.alignment.landmarks.solver import FEW_CORRESPONDENCES, LARGE_NOISE_RATIO, solve_pose
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.transforms import nearest_rotation, rigid, rotation_from_vector, transform_points
 
 from ..alignment.landmark_trials import LandmarkTrial, pose_error, refined_sqpnp_pose
 from .cells import NO_LIMIT, Cell, Limit, Outcome, Task

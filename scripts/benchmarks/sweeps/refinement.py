@@ -12,9 +12,9 @@ from functools import partial
 import cv2
 import numpy as np
 
-from pipeline.alignment.refinement.refine import refine_pose
-from pipeline.alignment.refinement.verdict import MAX_ROTATION_DEG
-from pipeline.transforms import rotation_angle_deg
+from oneframe.alignment.refinement.refine import refine_pose
+from oneframe.alignment.refinement.verdict import MAX_ROTATION_DEG
+from oneframe.transforms import rotation_angle_deg
 
 from ..alignment.refinement_basin import displacement_px, disturbed_pose
 from ..alignment.refinement_scenes import RefinementScene

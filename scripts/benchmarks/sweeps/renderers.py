@@ -14,20 +14,20 @@ from typing import Any
 import numpy as np
 from skimage.metrics import structural_similarity
 
-from pipeline.blender.colour.reference_view import colour_of
-from pipeline.blender.dataset.job import Job, open_job
-from pipeline.blender.dataset.view_renderer import ViewRenderer
-from pipeline.blender.render.engines import keep_freed_memory, render_view
-from pipeline.blender.render.surface_scene import SurfaceScene
-from pipeline.case.case_file import read_case
-from pipeline.colour.colour_doubts import MAX_REDUCTION, reduction_doubt
-from pipeline.dataset.folder import Shard
-from pipeline.dataset.options import DatasetOptions
-from pipeline.errors import InputError, RunError
-from pipeline.images.pixel_values import to_uint8
-from pipeline.projection.rendered_view import RenderedView
-from pipeline.surface.mesh import MOST_FACES, checked_mesh
-from pipeline.transforms import rigid, rotation_from_vector
+from oneframe.blender.colour.reference_view import colour_of
+from oneframe.blender.dataset.job import Job, open_job
+from oneframe.blender.dataset.view_renderer import ViewRenderer
+from oneframe.blender.render.engines import keep_freed_memory, render_view
+from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.case.case_file import read_case
+from oneframe.colour.colour_doubts import MAX_REDUCTION, reduction_doubt
+from oneframe.dataset.folder import Shard
+from oneframe.dataset.options import DatasetOptions
+from oneframe.errors import InputError, RunError
+from oneframe.images.pixel_values import to_uint8
+from oneframe.projection.rendered_view import RenderedView
+from oneframe.surface.mesh import MOST_FACES, checked_mesh
+from oneframe.transforms import rigid, rotation_from_vector
 
 from ..memory import memory_mb
 from ..rendering.benchmark_case import CAM_FROM_MESH, write_benchmark_case
@@ -151,7 +151,7 @@ def measure_triangles(folder: Path, engine: str, triangles: int) -> list[Cell]:
         return [Cell.of(sweep, engine, triangles, [outcome], limit=limit) for sweep in SCALING]
     _case(folder, triangles)
     program = (
-        f"import sys; sys.path.insert(0, {str(ROOT)!r}); from pathlib import Path; "
+        f"import sys; sys.path[:] = {sys.path!r}; from pathlib import Path; "
         f"from {__name__} import report_scaling; report_scaling(Path({str(folder)!r}), {engine!r}, {triangles})"
     )
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.errors import InputError
-from pipeline.poses.constraints import (
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.errors import InputError
+from oneframe.poses.constraints import (
     LEAST_ACCEPTANCE,
     MAX_ATTEMPTS,
     Constraints,
@@ -23,10 +23,10 @@ from pipeline.poses.constraints import (
     plan_pose,
     sampling_doubt,
 )
-from pipeline.poses.distributions import Cone, PoseDistribution, ReferencePose
-from pipeline.projection.z_buffer import rasterise_depth
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import camera_centre, inverse_rigid, transform_points
+from oneframe.poses.distributions import Cone, PoseDistribution, ReferencePose
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import camera_centre, inverse_rigid, transform_points
 
 from ..rendering.benchmark_case import CAM_FROM_MESH, VIEW_CAMERA, ridged_bowl
 from .cells import Cell, Limit, Outcome, Task

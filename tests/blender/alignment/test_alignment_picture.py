@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from pipeline.blender.alignment.align_case import AlignedCase, alignment_picture
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.transforms import transform_points
+from oneframe.blender.alignment.align_case import AlignedCase, alignment_picture
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.transforms import transform_points
 
 CAMERA = PinholeCamera(128, 96, 500.0, 498.0, 64.5, 47.0)
 

@@ -7,17 +7,17 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.blender.alignment.overlay_film import OverlayFilm, camera_of_film, opened_film, report_lines
-from pipeline.blender.alignment.overlay_picture import OverlayPainter
-from pipeline.blender.render.lettering import text_mask
-from pipeline.blender.render.video import stream_video
-from pipeline.camera.distortion import Distortion, undistort
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.case_file import Structure
-from pipeline.errors import InputError
-from pipeline.surface.tube import tube
-from pipeline.transforms import rigid
-from pipeline.video.film_reader import Film
+from oneframe.blender.alignment.overlay_film import OverlayFilm, camera_of_film, opened_film, report_lines
+from oneframe.blender.alignment.overlay_picture import OverlayPainter
+from oneframe.blender.render.lettering import text_mask
+from oneframe.blender.render.video import stream_video
+from oneframe.camera.distortion import Distortion, undistort
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import Structure
+from oneframe.errors import InputError
+from oneframe.surface.tube import tube
+from oneframe.transforms import rigid
+from oneframe.video.film_reader import Film
 from tests.blender.dataset.test_job import as_tagged
 from tests.video.test_frame_reader import SIZE, with_uneven_times
 

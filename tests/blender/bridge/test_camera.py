@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.blender.bridge.camera import cam_from_model_of, camera_from_blender, new_camera, place_camera
-from pipeline.blender.bridge.data_blocks import data_blocks
-from pipeline.blender.render.engines import check_engine, opened_engine, render_view
-from pipeline.blender.render.surface_scene import SurfaceScene
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.errors import InputError
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import CAM_FROM_OPENGL_CAM, rigid, rotation_from_vector
+from oneframe.blender.bridge.camera import cam_from_model_of, camera_from_blender, new_camera, place_camera
+from oneframe.blender.bridge.data_blocks import data_blocks
+from oneframe.blender.render.engines import check_engine, opened_engine, render_view
+from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.errors import InputError
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import CAM_FROM_OPENGL_CAM, rigid, rotation_from_vector
 
 CAMERAS = {
     "landscape": PinholeCamera(640, 480, 900.0, 880.0, 333.3, 221.7),

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from pipeline.blender.bridge.exact_values import exact, set_exact
+from oneframe.blender.bridge.exact_values import exact, set_exact
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 ARRAYS = arrays(np.float64, array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=4), elements=FINITE)

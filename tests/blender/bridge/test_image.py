@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.blender.bridge.image import read_image
+from oneframe.blender.bridge.image import read_image
 
 WIDTH, HEIGHT = 40, 30
 SUFFIXES = {"PNG": ".PNG", "TIFF": ".TIF", "BMP": ".BMP"}

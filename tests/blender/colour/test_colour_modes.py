@@ -3,20 +3,20 @@
 import numpy as np
 import pytest
 
-from pipeline.blender.colour.reference_view import (
+from oneframe.blender.colour.reference_view import (
     ReferenceView,
     colour_of,
     limited_to_incidence,
     reference_view_of,
     unseen_colours_of,
 )
-from pipeline.blender.render.engines import render_view
-from pipeline.blender.render.surface_scene import SurfaceScene
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.colour.vertex_colours import NEUTRAL
-from pipeline.projection.rendered_view import RenderedView
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import camera_centre, inverse_rigid, rigid, rotation_from_vector, transform_points
+from oneframe.blender.render.engines import render_view
+from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.vertex_colours import NEUTRAL
+from oneframe.projection.rendered_view import RenderedView
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import camera_centre, inverse_rigid, rigid, rotation_from_vector, transform_points
 
 pytestmark = pytest.mark.render
 

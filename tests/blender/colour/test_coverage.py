@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from pipeline.blender.case.load_case import load_case
-from pipeline.blender.colour.coverage import coverage_of
-from pipeline.blender.colour.reference_view import baked_colour_of, colouring_view_of
-from pipeline.blender.render.engines import render_view
-from pipeline.blender.render.surface_scene import SurfaceScene
-from pipeline.case.case_file import read_case
+from oneframe.blender.case.load_case import load_case
+from oneframe.blender.colour.coverage import coverage_of
+from oneframe.blender.colour.reference_view import baked_colour_of, colouring_view_of
+from oneframe.blender.render.engines import render_view
+from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.case.case_file import read_case
 
 pytestmark = pytest.mark.render
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.blender.colour.export import export_coloured_surface
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.loaded_case import LoadedCase
-from pipeline.errors import InputError
-from pipeline.images.pixel_values import sample_bilinear
-from pipeline.transforms import rigid, transform_points
+from oneframe.blender.colour.export import export_coloured_surface
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.loaded_case import LoadedCase
+from oneframe.errors import InputError
+from oneframe.images.pixel_values import sample_bilinear
+from oneframe.transforms import rigid, transform_points
 
 trimesh = pytest.importorskip("trimesh")
 pytestmark = pytest.mark.render

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pipeline.blender.colour.reference_view import colouring_view_of, rasterised_view_of, reference_view_of
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.colour.texture_atlas import classify_faces
-from pipeline.colour.vertex_colours import colour_vertices
-from pipeline.transforms import rigid
+from oneframe.blender.colour.reference_view import colouring_view_of, rasterised_view_of, reference_view_of
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.texture_atlas import classify_faces
+from oneframe.colour.vertex_colours import colour_vertices
+from oneframe.transforms import rigid
 
 pytestmark = pytest.mark.render
 

@@ -19,22 +19,22 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.blender.dataset import job as dataset_job
-from pipeline.blender.dataset import run as dataset_run
-from pipeline.blender.dataset.job import Job, OpenJob, open_job
-from pipeline.blender.render.engines import check_engine
-from pipeline.blender.render.video import _is_whole, write_video
-from pipeline.case.case_file import read_case
-from pipeline.dataset import layout as dataset
-from pipeline.dataset.check.check_dataset import check_dataset
-from pipeline.dataset.folder import Shard
-from pipeline.dataset.layout import ViewPaths
-from pipeline.dataset.options import COLOURS, DatasetOptions
-from pipeline.dataset.view_record import read_record
-from pipeline.errors import InputError, RunError
-from pipeline.images.png import encode_png
-from pipeline.progress import Progress, duration, read_progress
-from pipeline.transforms import inverse_rigid, rigid, rotation_from_vector
+from oneframe.blender.dataset import job as dataset_job
+from oneframe.blender.dataset import run as dataset_run
+from oneframe.blender.dataset.job import Job, OpenJob, open_job
+from oneframe.blender.render.engines import check_engine
+from oneframe.blender.render.video import _is_whole, write_video
+from oneframe.case.case_file import read_case
+from oneframe.dataset import layout as dataset
+from oneframe.dataset.check.check_dataset import check_dataset
+from oneframe.dataset.folder import Shard
+from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.options import COLOURS, DatasetOptions
+from oneframe.dataset.view_record import read_record
+from oneframe.errors import InputError, RunError
+from oneframe.images.png import encode_png
+from oneframe.progress import Progress, duration, read_progress
+from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.render

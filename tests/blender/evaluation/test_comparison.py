@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.blender.case.load_case import load_case
-from pipeline.blender.evaluation.comparison import compare
-from pipeline.case.case_file import read_case
-from pipeline.case.loaded_case import LoadedCase
-from pipeline.evaluation.photographs import PosedPhotograph
-from pipeline.transforms import checked_rigid, rigid
+from oneframe.blender.case.load_case import load_case
+from oneframe.blender.evaluation.comparison import compare
+from oneframe.case.case_file import read_case
+from oneframe.case.loaded_case import LoadedCase
+from oneframe.evaluation.photographs import PosedPhotograph
+from oneframe.transforms import checked_rigid, rigid
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 pytestmark = [

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.blender.evaluation.methods import METHODS, chosen_methods
-from pipeline.blender.sample.sample_case import write_sample_case
-from pipeline.commands import evaluate
-from pipeline.errors import InputError
-from pipeline.evaluation.record.evaluation_record import read_evaluation
-from pipeline.evaluation.scores.view_scores import SCORES
-from pipeline.images.image_header import PNG_SIGNATURE
-from pipeline.sample.temporal_bone import MICROSCOPE, sample_surface
+from oneframe.blender.evaluation.methods import METHODS, chosen_methods
+from oneframe.blender.sample.sample_case import write_sample_case
+from oneframe.commands import evaluate
+from oneframe.errors import InputError
+from oneframe.evaluation.record.evaluation_record import read_evaluation
+from oneframe.evaluation.scores.view_scores import SCORES
+from oneframe.images.image_header import PNG_SIGNATURE
+from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 
 ROOT = Path(__file__).resolve().parents[3]
 pytestmark = pytest.mark.render

@@ -10,26 +10,26 @@ import bpy
 import numpy as np
 import pytest
 
-from pipeline.alignment.landmarks.covariance import pose_uncertainty
-from pipeline.alignment.landmarks.degeneracy import UndeterminedPose, check_uncertainty
-from pipeline.alignment.landmarks.reprojection import Correspondences
-from pipeline.alignment.landmarks.solver import solve_pose
-from pipeline.alignment.refinement.refine import refine_pose
-from pipeline.alignment.refinement.verdict import Refinement
-from pipeline.blender.bridge.camera import new_camera
-from pipeline.blender.case.load_case import load_case
-from pipeline.blender.dataset.job import Job, open_job
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.case_file import read_case
-from pipeline.colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
-from pipeline.colour.source_view import SourceView
-from pipeline.dataset.folder import Shard
-from pipeline.dataset.options import DatasetOptions
-from pipeline.errors import InputError
-from pipeline.poses.constraints import Constraints, ViewStatistics, plan_pose, sampling_doubt
-from pipeline.projection.z_buffer import rasterise_depth
-from pipeline.surface.mesh import TriangleMesh, checked_mesh
-from pipeline.transforms import rigid, rotation_from_vector, transform_points
+from oneframe.alignment.landmarks.covariance import pose_uncertainty
+from oneframe.alignment.landmarks.degeneracy import UndeterminedPose, check_uncertainty
+from oneframe.alignment.landmarks.solver import solve_pose
+from oneframe.alignment.refinement.refine import refine_pose
+from oneframe.alignment.refinement.verdict import Refinement
+from oneframe.alignment.reprojection import Correspondences
+from oneframe.blender.bridge.camera import new_camera
+from oneframe.blender.case.load_case import load_case
+from oneframe.blender.dataset.job import Job, open_job
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import read_case
+from oneframe.colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
+from oneframe.colour.source_view import SourceView
+from oneframe.dataset.folder import Shard
+from oneframe.dataset.options import DatasetOptions
+from oneframe.errors import InputError
+from oneframe.poses.constraints import Constraints, ViewStatistics, plan_pose, sampling_doubt
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.surface.mesh import TriangleMesh, checked_mesh
+from oneframe.transforms import rigid, rotation_from_vector, transform_points
 from scripts.benchmarks.sweeps.camera import Place, write_place
 from scripts.benchmarks.sweeps.landmarks import Clicks, camera_of, draw_trial
 

@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_erosion, gaussian_filter
 
-from pipeline.blender.colour.reference_view import ReferenceView, colour_of, reference_view_of, unseen_colours_of
-from pipeline.blender.render.anti_aliasing import EdgeSampler
-from pipeline.blender.render.engines import render_view
-from pipeline.blender.render.surface_rays import SurfaceRays
-from pipeline.blender.render.surface_scene import SurfaceScene
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.colour.vertex_colours import NEUTRAL
-from pipeline.projection.edge_pixels import edge_pixels
-from pipeline.transforms import camera_centre, rigid
+from oneframe.blender.colour.reference_view import ReferenceView, colour_of, reference_view_of, unseen_colours_of
+from oneframe.blender.render.anti_aliasing import EdgeSampler
+from oneframe.blender.render.engines import render_view
+from oneframe.blender.render.surface_rays import SurfaceRays
+from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.vertex_colours import NEUTRAL
+from oneframe.projection.edge_pixels import edge_pixels
+from oneframe.transforms import camera_centre, rigid
 from scripts.benchmarks.rendering.converged_view import converged_view
 
 pytestmark = pytest.mark.render

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pipeline.blender.render.engines import opened_engine
-from pipeline.blender.render.surface_scene import SurfaceScene
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.errors import InputError
+from oneframe.blender.render.engines import opened_engine
+from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.errors import InputError
 
 pytestmark = pytest.mark.render
 

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from pipeline.blender.colour.reference_view import colour_of, reference_view_of, unseen_colours_of
-from pipeline.blender.render.anti_aliasing import EdgeSampler
-from pipeline.blender.render.engines import render_view
-from pipeline.blender.render.surface_scene import SurfaceScene
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.colour.ray_tracer import RayTracer
-from pipeline.dataset.options import COLOURS, UNSEEN
-from pipeline.projection.rendered_view import RenderedView
-from pipeline.projection.z_buffer import rasterise_depth
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.transforms import rigid, rotation_from_vector
+from oneframe.blender.colour.reference_view import colour_of, reference_view_of, unseen_colours_of
+from oneframe.blender.render.anti_aliasing import EdgeSampler
+from oneframe.blender.render.engines import render_view
+from oneframe.blender.render.surface_scene import SurfaceScene
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.colour.ray_tracer import RayTracer
+from oneframe.dataset.options import COLOURS, UNSEEN
+from oneframe.projection.rendered_view import RenderedView
+from oneframe.projection.z_buffer import rasterise_depth
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import rigid, rotation_from_vector
 
 pytestmark = pytest.mark.render
 

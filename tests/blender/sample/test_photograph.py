@@ -7,16 +7,16 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from pipeline.blender.bridge.image import read_image
-from pipeline.blender.sample.photograph import take_photographs
-from pipeline.blender.sample.sample_case import check_sample_case, write_sample_case
-from pipeline.camera.pinhole import PinholeCamera
-from pipeline.case.case_file import read_case
-from pipeline.errors import InputError
-from pipeline.sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses, sample_surface
-from pipeline.surface.mesh import TriangleMesh
-from pipeline.surface.mesh_reader import read_mesh
-from pipeline.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
+from oneframe.blender.bridge.image import read_image
+from oneframe.blender.sample.photograph import take_photographs
+from oneframe.blender.sample.sample_case import check_sample_case, write_sample_case
+from oneframe.camera.pinhole import PinholeCamera
+from oneframe.case.case_file import read_case
+from oneframe.errors import InputError
+from oneframe.sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses, sample_surface
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
 
 pytestmark = pytest.mark.render
 

@@ -28,7 +28,7 @@ def program_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the command ``oneframe`` of this checkout and this Python, for the ``PATH``."""
     folder = tmp_path_factory.mktemp("bin")
     program = folder / "oneframe"
-    program.write_text(f'#!/bin/sh\nPYTHONPATH="{ROOT}" exec "{sys.executable}" -m pipeline.commands "$@"\n')
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m oneframe.commands "$@"\n')
     program.chmod(0o755)
     return folder
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.cluster.slurm_settings import SlurmSettings, checked_slurm_settings, read_slurm_settings
-from pipeline.errors import InputError
+from oneframe.cluster.slurm_settings import SlurmSettings, checked_slurm_settings, read_slurm_settings
+from oneframe.errors import InputError
 from tests.cluster.slurm.slurm_on_this_machine import Slurm
 from tests.cluster.strangers import check_closed, listeners
 from tests.cluster.written_records import records

@@ -1,6 +1,6 @@
 """Arguments, output and exit code of commands, in a Blender program or in a Python with or without the bpy module.
 
-Nothing here imports Blender, so a mistake in the arguments is reported before Blender loads.
+A mistake in the arguments is reported before Blender loads.
 """
 
 import argparse
@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from ..errors import InputError, RunError
 from ..files.keys import nearest_name
 from ..files.outputs import unwritable
-from .process import (
+from .own_process import (
     STDOUT,
     STOPPING_SECONDS,
     end_process,
@@ -142,7 +142,7 @@ def exit_code(main: Callable[[Sequence[str]], int], argv: Sequence[str]) -> int:
 
     Returns
     -------
-    The value of ``main``; 2 for :class:`~pipeline.errors.InputError`, 3 for :class:`~pipeline.errors.RunError` and for
+    The value of ``main``; 2 for :class:`~oneframe.errors.InputError`, 3 for :class:`~pipeline.errors.RunError` and for
     lack of memory or files, 128 and the number of the signal for an interruption (130 for Ctrl-C), 1 for a defect.
     """
     try:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...transforms import cross_matrices, rotation_from_vector, rotation_vector
+from ..transforms import cross_matrices, rotation_from_vector, rotation_vector
 from .reprojection import Correspondences, Poses, residuals, twist_jacobians
 
 MAX_ITERATIONS = 60

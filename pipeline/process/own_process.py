@@ -2,7 +2,6 @@
 
 Blender leaves much of this to the system: a process that ends early would leave its temporary folder behind, and a
 closed stream would pass its number on to the next file that Blender opens.
-Nothing here imports Blender.
 """
 
 import _thread

@@ -4,15 +4,15 @@ A twist ``(6,)`` is a motion of a pose about a pivot: a translation in mm, then 
 the axes of ``cam``. Applied to a pose (R, t) about a pivot P of the model, seen at p = R P + t, it moves a point y of
 the camera frame to exp(rotation) (y - p) + p + translation. So P moves by the translation alone, whatever the rotation,
 and both have a meaning in the image: the pivot shifts, the model rotates about it. (The two are coupled in
-:func:`pipeline.transforms.se3_exp`.)
+:func:`oneframe.transforms.se3_exp`.)
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...camera.pinhole import PinholeCamera
-from ...transforms import cross_matrices, rigid, rotation_from_vector, rotation_vector, transform_points
+from ..camera.pinhole import PinholeCamera
+from ..transforms import cross_matrices, rigid, rotation_from_vector, rotation_vector, transform_points
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ import bpy
 from bpy.props import CollectionProperty, StringProperty
 
 from ..class_registration import class_registration, prop
-from ..pipeline.case.structure_colour import OTHER, structure_colour
 from ..pipeline.case.surface_folder import RECORD
 from ..pipeline.errors import InputError
+from ..pipeline.surface.structure_colour import OTHER, structure_colour
 from ..state import from_scene, workbench
 from ..ui.operator import Asking, OperatorResult, call
 from .operators import CAMERAS, IMAGES, MESHES

@@ -14,7 +14,6 @@ from ..pipeline.blender.case.load_case import load_case
 from ..pipeline.camera.intrinsics_file import read_camera
 from ..pipeline.camera.plausibility import camera_doubts, fit_of
 from ..pipeline.case.case_file import MM_PER_UNIT, read_case
-from ..pipeline.case.structure_colour import structure_colour
 from ..pipeline.case.structure_place import place_doubt
 from ..pipeline.case.surface_folder import RECORD, SurfaceFolder, read_surface_folder
 from ..pipeline.case.surface_size import SizeDoubt, extents_of, size_doubt, size_text
@@ -24,6 +23,7 @@ from ..pipeline.files.outputs import Output, check_outputs
 from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.mesh_writer import write_ply
+from ..pipeline.surface.structure_colour import structure_colour
 from ..pipeline.volume.bone.structures import name_of_file
 from ..state import from_scene, to_scene, workbench
 from ..state.camera_view import look_through_camera, show_shape

@@ -9,8 +9,8 @@ from mathutils import Matrix
 
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.blender.alignment.alignment_scene import BONE_RGBA
-from ..pipeline.case.structure_colour import OTHER, structure_colour
 from ..pipeline.images.pixel_values import linear_from_codes
+from ..pipeline.surface.structure_colour import OTHER, structure_colour
 from ..state import from_scene
 from . import drill_session
 from .drill_session import BlockKey, DrillSession

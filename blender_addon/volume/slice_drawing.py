@@ -4,7 +4,7 @@ import bpy
 import gpu
 import numpy as np
 
-from ..pipeline.case.structure_colour import structure_colour
+from ..pipeline.surface.structure_colour import structure_colour
 from ..pipeline.volume.bone.isosurface import RemovedField
 from ..pipeline.volume.bone.structures import structure_name, without_bone
 from ..pipeline.volume.slices.slice_planes import SlicePlane

@@ -9,12 +9,12 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...case.case_file import Case, Structure
 from ...case.case_writer import CASE_FILE, case_text, write_case
-from ...case.structure_colour import structure_colour
 from ...files.content import write_bytes_atomically
 from ...files.kinds import PLY, PNG, Kind, json_array
 from ...files.outputs import check_outputs, companion, made_folder, writing
 from ...sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses
 from ...surface.mesh_writer import write_ply
+from ...surface.structure_colour import structure_colour
 from .photograph import take_photographs
 
 STRUCTURES = ("facial_nerve", "chorda_tympani", "ossicles")

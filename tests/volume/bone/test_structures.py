@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from oneframe.case.structure_colour import OTHER, structure_colour
 from oneframe.errors import InputError
 from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.structure_colour import OTHER, structure_colour
 from oneframe.volume.bone.structures import name_of_file, structure_meshes, structure_name
 from oneframe.volume.bone.threshold import otsu_threshold
 from oneframe.volume.reading.label_map import read_labels

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from oneframe.commands.surface_finish import finish_of, removed_of
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.volume.bone.bone_surface import bone_surface, widened_mm
 from oneframe.volume.bone.isosurface import isosurface
 from oneframe.volume.drill.clearance import clearances, violations
 from oneframe.volume.drill.drill_plan import DrillPlan, Stroke
 from oneframe.volume.drill.virtual_drill import removed_by_plan
+from oneframe.volume.make_surface import finish_of, removed_of
 from oneframe.volume.volume import Volume, VoxelGrid
 
 GRID = VoxelGrid((60, 60, 60), np.diag([0.5, 0.5, 0.5, 1.0]))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from oneframe.case.structure_colour import OTHER, structure_colour
+from oneframe.surface.structure_colour import OTHER, structure_colour
 
 AQUA, MAGENTA, GREEN = (0, 1, 1), (1, 0, 1), (0, 1, 0)
 

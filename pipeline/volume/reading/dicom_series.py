@@ -198,7 +198,9 @@ def series_voxels(chosen: Series, box_mm: np.ndarray | None, folder: str) -> tup
             f"are without (the first: slice {stored[0]}, counted along the series), so their HU are unknown; copy or "
             "export the series again"
         )
-    first, stop = grid.box_of(*box_mm, f"{where}: crop") if box_mm is not None else (np.zeros(3, int), grid.size)
+    first, stop = (
+        grid.box_of(box_mm[0], box_mm[1], f"{where}: crop") if box_mm is not None else (np.zeros(3, int), grid.size)
+    )
     columns, rows, slices = (int(count) for count in np.subtract(stop, first))
     # of a slice, GDCM holds several copies, also in double precision
     check_memory(2 * columns * rows * slices + 32 * grid.size[0] * grid.size[1], grid.size, where)

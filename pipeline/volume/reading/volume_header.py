@@ -264,9 +264,8 @@ def _checked_text(path: Path, head: bytes, size: int) -> StoredVoxels:
         elsewhere = any(fields.get(skip, "0") != "0" for skip in ("lineskip", "byteskip"))
         is_binary = packed or fields.get("encoding", "").lower() == "raw"
     else:
-        oriented = {"transformmatrix", "rotation", "orientation"} & set(fields) and (
-            {"elementspacing", "elementsize"} & set(fields)
-        )
+        turned, spaced = {"transformmatrix", "rotation", "orientation"}, {"elementspacing", "elementsize"}
+        oriented = not turned.isdisjoint(fields) and not spaced.isdisjoint(fields)
         units = {fields.get("distanceunits", "mm").lower()} - {"?"}
         packed = fields.get("compresseddata", "false").lower() == "true"
         name = fields.get("elementdatafile", "")

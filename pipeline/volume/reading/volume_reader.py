@@ -133,7 +133,9 @@ def file_voxels(
         survey.check_hounsfield(where)
     else:
         survey.check_labels(where)
-    first, stop = grid.box_of(*box_mm, f"{where}: crop") if box_mm is not None else (np.zeros(3, int), grid.size)
+    first, stop = (
+        grid.box_of(box_mm[0], box_mm[1], f"{where}: crop") if box_mm is not None else (np.zeros(3, int), grid.size)
+    )
     part = voxels[first[2] : stop[2], first[1] : stop[1], first[0] : stop[0]]
     kept = np.empty(part.shape, np.int16 if wanted == "HU" else survey.label_type)
     for at in range(0, len(part), _SLAB):

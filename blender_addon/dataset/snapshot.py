@@ -6,9 +6,10 @@ from pathlib import Path
 import bpy
 
 from ..pipeline.case.case_file import case_from_text
-from ..pipeline.case.case_writer import CASE_FILE, case_text, encoded
+from ..pipeline.case.case_writer import case_text, encoded
+from ..pipeline.errors import InputError
 from ..pipeline.files.content import write_bytes_atomically
-from ..pipeline.files.outputs import check_outputs, companion, made_folder, writing
+from ..pipeline.files.outputs import check_outputs, made_folder, writing
 from ..state import from_scene
 from ..state.inputs import input_files
 from ..state.session_files import check_lasting
@@ -44,11 +45,9 @@ def write_snapshot(scene: bpy.types.Scene, out: Path) -> Path:
     data = encoded(path, text)
     if path.is_file() and path.read_bytes() == data:
         return path
-    check_outputs([companion(path, CASE_FILE, _is_snapshot)], input_files(scene))
+    check_outputs([path], input_files(scene))
+    if path.exists() and not path.read_bytes().startswith(f"# {COMMENT}\n".encode()):
+        raise InputError(f"{path}: expected no such file or that of an earlier run, found another case; rename it")
     with writing(made_folder(path)):
         write_bytes_atomically(path, data)
     return path
-
-
-def _is_snapshot(path: Path) -> bool:
-    return path.read_bytes().startswith(f"# {COMMENT}\n".encode())

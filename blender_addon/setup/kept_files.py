@@ -1,6 +1,7 @@
 """The files that Save Case puts into the case's folder: what was made in this session, and on request all others."""
 
 from collections.abc import Callable
+from itertools import chain, count
 from pathlib import Path
 
 import bpy
@@ -8,8 +9,8 @@ import bpy
 from ..pipeline.blender.case.frame_file import read_frame
 from ..pipeline.case.case_folder import FRAME, KeptFile, check_new, keep_files, kept_mesh
 from ..pipeline.case.surface_folder import SURFACE, structure_file
-from ..pipeline.files.outputs import Output, check_outputs
-from ..pipeline.volume.drill.drill_plan import KIND, plan_text, write_drill_plan
+from ..pipeline.files.outputs import check_outputs
+from ..pipeline.volume.drill.drill_plan import plan_text, write_drill_plan
 from ..state import from_scene, to_scene
 from ..state.inputs import input_files
 from ..state.session_files import is_temporary
@@ -29,7 +30,8 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace:
     collect
         Copy all files, and not only those that end with this session and the frame that was taken from a video.
     replace
-        Replace files of these names: they are of the case that is saved.
+        The folder is that of the case that is saved: its drill plan is replaced, and files with other content than
+        those of the same names get a number, since these may be the user's own.
 
     Returns
     -------
@@ -38,7 +40,7 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace:
     Raises
     ------
     InputError
-        There are files of these names of another case, or that the add-on did not write; nothing is copied then.
+        There are files of these names of another case; nothing is copied then.
     RunError
         A file cannot be written.
     """
@@ -61,10 +63,12 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace:
         if is_kept(source):
             target = folder / (SURFACE if made == surface else structure_file(made.name))
             kept.append((kept_mesh(source, target), _relinked(made)))
+    if replace:
+        kept = [(_numbered(file), relink) for file, relink in kept]
     files, plan = [file for file, _ in kept], drill_strokes.plan_of(scene)
     # of this surface: the strokes stay when another case is opened
-    plans = [KeptFile(folder / DRILL, plan_text(plan).encode(), KIND)] if plan.strokes and is_from_ct(scene) else []
-    check_outputs([Output(each.path, each.kind) for each in plans], inputs)
+    plans = [KeptFile(folder / DRILL, plan_text(plan).encode())] if plan.strokes and is_from_ct(scene) else []
+    check_outputs([each.path for each in plans], inputs)
     instead = "" if replace else "choose another folder"
     if instead:
         check_new(plans, instead)
@@ -76,6 +80,11 @@ def keep_beside(scene: bpy.types.Scene, folder: Path, *, collect: bool, replace:
     for each in plans:
         write_drill_plan(each.path, plan, {})
     return [each.path for each in (*files, *plans)]
+
+
+def _numbered(file: KeptFile) -> KeptFile:
+    numbered = (KeptFile(file.path.with_stem(f"{file.path.stem}_{number}"), file.data) for number in count(2))
+    return next(each for each in chain([file], numbered) if each.is_there or not each.path.exists())
 
 
 def _relinked(made: bpy.types.Object) -> Callable[[str], None]:

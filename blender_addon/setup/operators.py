@@ -18,8 +18,7 @@ from ..pipeline.case.structure_place import place_doubt
 from ..pipeline.case.surface_folder import RECORD, SurfaceFolder, read_surface_folder
 from ..pipeline.case.surface_size import SizeDoubt, extents_of, size_doubt, size_text
 from ..pipeline.errors import InputError
-from ..pipeline.files.kinds import PLY
-from ..pipeline.files.outputs import Output, check_outputs
+from ..pipeline.files.outputs import check_outputs
 from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.mesh_writer import write_ply
@@ -345,7 +344,7 @@ class ONEFRAME_OT_save_edited_surface(SavesFile, bpy.types.Operator):
         scene, path = context.scene, self.chosen_file()
         if path.suffix.lower() != ".ply":
             raise InputError(f"{path}: expected a file name *.ply, found {path.name!r}; choose another name")
-        check_outputs([Output(path, PLY)], input_files(scene))
+        check_outputs([path], input_files(scene))
         surface = from_scene.surface_of(scene)
         mesh = surface_object.edited_mesh(surface)
         given = mesh.moved(surface_object.mesh_from_model_of(surface)[:3, 3])

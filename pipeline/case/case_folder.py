@@ -4,6 +4,7 @@ Names of the given files, comments in their headers and metadata of images may n
 """
 
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,19 +13,21 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import read_content, write_bytes_atomically
-from ..files.kinds import PLY, PNG, Kind
-from ..files.outputs import Output, check_outputs, companion, made_folder, writing
-from ..files.signature import is_signed, signed
+from ..files.outputs import check_outputs, made_folder, writing
 from ..surface.mesh import TriangleMesh
 from ..surface.mesh_reader import read_mesh
 from ..surface.mesh_writer import encoded_ply
 from .case_file import Case, case_from_text
-from .case_writer import CASE_FILE, case_text, encoded
+from .case_writer import case_text, encoded
 from .surface_folder import SURFACE, structure_file
 
 CASE, FRAME, OVERLAY = "case.toml", "frame.png", "overlay.png"
 
-_TEXTURE = b"comment TextureFile"
+_BARE_PLY = re.compile(
+    rb"ply\nformat binary_little_endian 1\.0\n"
+    rb"(?:element (?:vertex|face) \d+\n|property (?:list uchar )?(?:float|uchar|int) \w+\n)+end_header\n"
+)
+"""The header that this program writes, without comments, which may name a patient or a texture."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +40,10 @@ class KeptFile:
         Where.
     data
         Its content.
-    kind
-        What it is.
     """
 
     path: Path
     data: bytes
-    kind: Kind
 
     @property
     def is_there(self) -> bool:
@@ -54,7 +54,7 @@ class KeptFile:
             return False
 
 
-def folder_outputs(folder: Path, structures: Iterable[str], *, overlay: bool) -> list[Output]:
+def folder_outputs(folder: Path, structures: Iterable[str]) -> list[Path]:
     """The files of a new case, to be checked before any work; the structures are given by their names.
 
     Raises
@@ -67,17 +67,11 @@ def folder_outputs(folder: Path, structures: Iterable[str], *, overlay: bool) ->
         other = names.setdefault(structure_file(name).casefold(), name)
         if other != name:
             raise InputError(f"structures: expected names that differ in their letters, found {other!r} and {name!r}")
-    meshes = [folder / name for name in (SURFACE, *map(structure_file, names.values()))]
-    pictures = [folder / FRAME, *([folder / OVERLAY] if overlay else [])]
-    return [
-        *(companion(path, PLY) for path in meshes),
-        *(companion(path, PNG) for path in pictures),
-        companion(folder / CASE, CASE_FILE),
-    ]
+    return [folder / name for name in (SURFACE, *map(structure_file, names.values()), FRAME, OVERLAY, CASE)]
 
 
 def kept_mesh(path: Path, target: Path) -> KeptFile:
-    """A mesh as a file of the folder: byte by byte if this program wrote it, or else as a new PLY in the same units.
+    """A mesh as a file of the folder: byte by byte if it holds nothing else, or else as a new PLY in the same units.
 
     Raises
     ------
@@ -85,13 +79,13 @@ def kept_mesh(path: Path, target: Path) -> KeptFile:
         No usable mesh.
     """
     data = read_content(path, "a mesh")
-    if not (PLY.matches(data) and is_signed(data) and _TEXTURE not in data[:1000]):
+    if not _BARE_PLY.match(data):
         data = encoded_ply(read_mesh(path)[0])
-    return KeptFile(target, data, PLY)
+    return KeptFile(target, data)
 
 
 def kept_case(case: Case) -> KeptFile:
-    """The case file of a folder, signed.
+    """The case file of a folder.
 
     Raises
     ------
@@ -99,9 +93,9 @@ def kept_case(case: Case) -> KeptFile:
         The case could not be read back.
     """
     text = case_text(case.path, case)
-    data = signed(encoded(case.path, text))
+    data = encoded(case.path, text)
     case_from_text(data, case.path)
-    return KeptFile(case.path, data, CASE_FILE)
+    return KeptFile(case.path, data)
 
 
 def keep_files(files: Sequence[KeptFile], inputs: Mapping[str, Path], *, instead: str = "") -> None:
@@ -112,19 +106,19 @@ def keep_files(files: Sequence[KeptFile], inputs: Mapping[str, Path], *, instead
     files, inputs
         What to write; what was read, by what it is.
     instead
-        What to do instead of replacing the frame or a mesh, if the folder may be that of another case.
+        What to do instead of replacing a file, if the folder may be that of another case.
 
     Raises
     ------
     InputError
-        One would replace an input, or a file that this program did not write or somebody has changed.
+        One would replace an input, or, with ``instead``, a file that holds something else.
     RunError
         One cannot be written.
     """
     fresh = [file for file in files if not file.is_there]
-    check_outputs([companion(file.path, file.kind) for file in fresh], inputs)
+    check_outputs([file.path for file in fresh], inputs)
     if instead:
-        check_new([file for file in files if file.kind != CASE_FILE], instead)
+        check_new(files, instead)
     for file in fresh:
         with writing(made_folder(file.path)):
             write_bytes_atomically(file.path, file.data)
@@ -143,10 +137,10 @@ def check_new(files: Iterable[KeptFile], instead: str) -> None:
             raise InputError(f"{file.path}: expected no such file or that of this case, found another one; {instead}")
 
 
-def without_kept(outputs: Iterable[Output], inputs: Mapping[str, Path]) -> list[Output]:
+def without_kept(outputs: Iterable[Path], inputs: Mapping[str, Path]) -> list[Path]:
     """The outputs that are no input: what already lies in the folder is compared with its new content later."""
     taken = {os.path.realpath(path) for path in inputs.values()}
-    return [output for output in outputs if os.path.realpath(output.path) not in taken]
+    return [output for output in outputs if os.path.realpath(output) not in taken]
 
 
 def rounding_message(mesh: TriangleMesh, name: str) -> str | None:

@@ -13,10 +13,8 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import write_bytes_atomically
-from ..files.kinds import Kind
 from ..files.numbers import MM_PER_UNIT, length_text
-from ..files.outputs import Output, check_outputs
-from ..files.tables import parsed_toml
+from ..files.outputs import check_outputs
 from ..poses.pose_file import POSE_KEY
 from .alignment_record import checked_alignment_record
 from .case_file import Case, Structure, case_from_text
@@ -43,7 +41,7 @@ def write_case(path: Path, case: Case, *, comment: str = "") -> None:
     Raises
     ------
     InputError
-        Another extension; an existing file that is one of the case's or no case file; or a case that could not be
+        Another extension; a file of the case; or a case that could not be
         read back, such as one with two landmarks of one name or a number that is not finite.
     OSError, RunError
         The file cannot be written.
@@ -69,8 +67,8 @@ def encoded(path: Path, text: str) -> bytes:
         raise InputError(f"{path.name}: expected names in Unicode, found one that is not; rename the file") from None
 
 
-def case_output(path: Path) -> Output:
-    """A case file as an output.
+def case_output(path: Path) -> Path:
+    """The name of a case file to write, checked.
 
     Raises
     ------
@@ -79,17 +77,7 @@ def case_output(path: Path) -> Output:
     """
     if path.suffix.lower() != ".toml":
         raise InputError(f"{path}: expected the name of a case file, *.toml, found {path.name!r}; choose another name")
-    return Output(path, CASE_FILE)
-
-
-def _is_case(data: bytes) -> bool:
-    try:
-        return {"frame", "camera", "surface"} <= parsed_toml(data, "").keys()
-    except InputError:
-        return False
-
-
-CASE_FILE = Kind("a case file", _is_case)
+    return path
 
 
 def case_text(path: Path, case: Case, *, comment: str = "") -> str:

@@ -15,9 +15,8 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..files.content import LARGEST_TEXT, decoded, read_content, write_bytes_atomically
-from ..files.kinds import Kind
 from ..files.numbers import WrittenFloat, length_text
-from ..files.outputs import Output, check_outputs
+from ..files.outputs import check_outputs
 from ..files.tables import parsed_json, write_csv
 from .landmarks import MOST_LANDMARKS, Landmark, landmark_from_table, landmarks_from_tables
 
@@ -63,7 +62,7 @@ def write_landmarks(
     Raises
     ------
     InputError
-        Another extension; an existing file that is an input or holds no landmarks; or landmarks that could not be read
+        Another extension; an input; or landmarks that could not be read
         back: two of one name, or a number that is not finite.
     OSError, RunError
         The file cannot be written.
@@ -73,7 +72,7 @@ def write_landmarks(
         raise InputError(
             f"{path}: expected the name of a file *.csv or *.json, found {path.name!r}; choose another name"
         )
-    check_outputs([Output(path, LANDMARKS)], inputs or {})
+    check_outputs([path], inputs or {})
     tables = [
         {"name": landmark.name}
         | ({} if landmark.point is None else {"surface": list(landmark.point)})
@@ -85,17 +84,6 @@ def write_landmarks(
         write_csv(path, COLUMNS, _csv_rows(landmarks, mm_per_unit))
     else:
         write_bytes_atomically(path, _json_text(landmarks, mm_per_unit).encode())
-
-
-def _holds_landmarks(data: bytes) -> bool:
-    text = decoded(data)
-    try:
-        return text is not None and _parsed(text, "", 1.0) is not None
-    except InputError:
-        return False
-
-
-LANDMARKS = Kind("a file with landmarks", _holds_landmarks)
 
 
 def _parsed(text: str, name: str, mm_per_unit: float) -> tuple[Landmark, ...]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
-from ..files.kinds import Kind, json_object
 from ..files.outputs import made_folder, writing
 from ..files.tables import parsed_json
 from ..surface.ball import Ball, ball_around
@@ -22,7 +21,6 @@ from ..surface.structure_colour import structure_colour
 from .case_file import Structure
 
 SURFACE, RECORD, STRUCTURES = "surface.ply", "surface.json", "structures"
-RECORD_KIND = Kind("the report of a surface", json_object("threshold_hu", "surface", "volume"))
 
 ADVICE = "run oneframe surface again, or give a mesh file"
 
@@ -102,9 +100,9 @@ def read_surface_folder(folder: Path) -> SurfaceFolder:
             f"{folder}: expected a folder of oneframe surface, or a mesh file; there is no {RECORD} in it; {ADVICE}"
         )
     data = read_content(path, "the report of a surface", str(path), most=LARGEST_FILE)
-    if not RECORD_KIND.matches(data):
-        raise InputError(f"{path}: expected the report of oneframe surface, found another file; {ADVICE}")
     record = parsed_json(data, str(path))
+    if not (isinstance(record, dict) and record.keys() >= {"threshold_hu", "surface", "volume"}):
+        raise InputError(f"{path}: expected the report of oneframe surface, found another file; {ADVICE}")
     surface = _table(record["surface"], f"{path}: surface")
     mesh = _file(folder, surface, f"{path}: surface")
     _check_counts(mesh, surface, ("vertices", "faces"), path)

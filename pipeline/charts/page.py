@@ -13,9 +13,7 @@ from typing import Any
 
 from ..errors import RunError
 from ..files.content import write_bytes_atomically
-from ..files.kinds import PNG, SVG
-from ..files.outputs import Output, companion, writing
-from ..files.signature import signed
+from ..files.outputs import writing
 
 DPI = 160
 
@@ -62,10 +60,9 @@ def require_matplotlib() -> None:
         ) from None
 
 
-def chart_outputs(data: Path) -> list[Output]:
-    """The files of :func:`write_chart`, as outputs that replace charts only."""
-    kinds = {"svg": SVG, "png": PNG}
-    return [companion(chart_path(data, theme, name), kind) for theme in THEMES for name, kind in kinds.items()]
+def chart_outputs(data: Path) -> list[Path]:
+    """The files of :func:`write_chart`."""
+    return [chart_path(data, theme, kind) for theme in THEMES for kind in ("svg", "png")]
 
 
 def chart_path(data: Path, theme: Theme, kind: str) -> Path:
@@ -105,7 +102,7 @@ def write_chart(data: Path, draw: Draw, size_inches: tuple[float, float], *, tit
                 figure.savefig(content, format=kind, metadata={"Title": title, **metadata})
                 path = chart_path(data, theme, kind)
                 with writing(path):
-                    write_bytes_atomically(path, signed(content.getvalue()))
+                    write_bytes_atomically(path, content.getvalue())
                 written.append(path)
     return written
 

@@ -77,8 +77,7 @@ def run(arguments: argparse.Namespace, *, tool: str) -> int:
         from ..case.case_writer import case_output, write_case
         from ..case.landmark_file import read_landmarks
         from ..files.content import write_bytes_atomically
-        from ..files.kinds import PNG, Kind, json_object
-        from ..files.outputs import Output, check_outputs, made_folder, writing
+        from ..files.outputs import check_outputs, made_folder, writing
         from ..images.pixel_values import to_uint8
         from ..images.png import encode_png
     output = own_output()
@@ -87,9 +86,9 @@ def run(arguments: argparse.Namespace, *, tool: str) -> int:
     if arguments.landmarks:
         inputs["file of the landmarks"] = arguments.landmarks
     if arguments.json:
-        outputs.append(Output(arguments.json, Kind("the report of a pose", json_object("convention", "cam_from_mesh"))))
+        outputs.append(arguments.json)
     if arguments.picture:
-        outputs.append(Output(arguments.picture, PNG))
+        outputs.append(arguments.picture)
     if arguments.out:
         outputs.append(case_output(arguments.out))
     check_outputs(outputs, inputs)

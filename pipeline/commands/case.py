@@ -68,7 +68,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--pose", metavar="FILE", type=Path, help="cam_from_mesh: .npy, text or JSON")
     parser.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder of the case")
-    parser.add_argument("--overwrite", action="store_true", help="replace another frame or surface in that folder")
+    parser.add_argument(
+        "--overwrite", action="store_true", help="replace another case, frame or surface in that folder"
+    )
 
 
 def main(argv: Sequence[str], prog: str = "oneframe case", *, align: str = "oneframe align") -> int:

@@ -64,9 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
     with explained_imports():
         from ..charts.page import chart_outputs, require_matplotlib
         from ..charts.score_chart import score_charts
-        from ..files.outputs import check_outputs
         from ..progress import ShareProgress
-        from ..video.frame_folder import SHEET, TABLE, folder_outputs, frame_line, report_lines, write_frames
+        from ..video.frame_folder import SHEET, TABLE, check_frame_folder, frame_line, report_lines, write_frames
         from ..video.frame_scores import best_frames, score_frames
     output = own_output()
     video, out = arguments.video, arguments.out
@@ -75,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
         require_matplotlib()
     except RunError:
         charts = []
-    check_outputs([*folder_outputs(out), *charts], {"video": video})
+    check_frame_folder(out, video, charts)
     with ShareProgress("of the film", stream=output) as shown:
         scores = score_frames(
             video, every=arguments.every, from_s=arguments.from_s, to_s=arguments.to_s, progress=shown.reach

@@ -61,15 +61,14 @@ def run(arguments: argparse.Namespace) -> int:
     """Draw the picture or the video and report what it shows."""
     with explained_imports():
         from ..case.case_file import read_case
-        from ..files.kinds import MP4, PNG
-        from ..files.outputs import Output, check_outputs, made_folder, writing
+        from ..files.outputs import check_outputs, made_folder, writing
         from ..progress import Progress
     output = own_output()
     case = read_case(arguments.case)
     inputs = case.input_files()
     if arguments.video:
         inputs |= {"video": arguments.video, "file of the poses": arguments.poses}
-    check_outputs([Output(arguments.out, MP4 if arguments.video else PNG)], inputs)
+    check_outputs([arguments.out], inputs)
     if arguments.video:
         with explained_imports():
             from ..blender.alignment.overlay_film import OverlayFilm, opened_film, report_lines

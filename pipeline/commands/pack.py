@@ -115,7 +115,7 @@ def run(arguments: argparse.Namespace) -> int:
     output = own_output()
     if arguments.verify:
         with explained_imports():
-            from ..files.processors import available_cores
+            from ..files.machine import available_cores
             from ..packing.verify import verify_pack
         threads = arguments.workers or available_cores()
         report = verify_pack(arguments.out, arguments.dataset, threads=threads, stream=output)

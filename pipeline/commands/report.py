@@ -56,14 +56,13 @@ def run(arguments: argparse.Namespace) -> int:
         from ..case.case_file import read_case
         from ..dataset.layout import RECORD
         from ..files.content import write_bytes_atomically
-        from ..files.outputs import Output, check_outputs, made_folder, writing
+        from ..files.outputs import check_outputs, made_folder, writing
         from ..report.evaluation_folder import EVALUATION
-        from ..report.page import PAGE
     root, out = arguments.folder, arguments.out
     is_evaluation = (root / EVALUATION).is_file()
     case = None if arguments.case is None or is_evaluation else read_case(arguments.case)
     inputs = {"description": root / (EVALUATION if is_evaluation else RECORD)}
-    check_outputs([Output(out, PAGE)], inputs if case is None else inputs | case.input_files())
+    check_outputs([out], inputs if case is None else inputs | case.input_files())
     if is_evaluation:
         with explained_imports():
             from ..report.evaluation_page import evaluation_page

@@ -3,6 +3,7 @@
 import argparse
 import json
 import platform
+import re
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,11 +14,9 @@ from typing import TextIO
 import numpy as np
 
 from .. import __version__
-from ..case.surface_folder import RECORD, RECORD_KIND, STRUCTURES, SURFACE, focus_table, structure_file, write_meshes
+from ..case.surface_folder import RECORD, STRUCTURES, SURFACE, focus_table, structure_file, write_meshes
 from ..files.content import write_bytes_atomically
-from ..files.kinds import PLY, PNG
-from ..files.outputs import Output, check_outputs, companion, writing
-from ..files.signature import signed
+from ..files.outputs import check_outputs, check_own_folder, writing
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
 from ..images.slice_picture import slice_picture
@@ -88,6 +87,7 @@ def write_surface(arguments: argparse.Namespace, output: TextIO) -> None:
     inputs = {
         name: path for name in ("volume", "drill", "remove", "operated", "labels") if (path := getattr(arguments, name))
     }
+    check_own_folder(out, "|".join(map(re.escape, (SURFACE, SLICES, RECORD, STRUCTURES))))
     check_outputs(_outputs(out, ()), inputs)
     try:
         _make(arguments, work, out, inputs)
@@ -179,13 +179,8 @@ def _report_clearances(work: _Work, made: MadeSurface, removed: RemovedField, vo
         work.say(f"warning: {sentence}")
 
 
-def _outputs(out: Path, structures: Iterable[str]) -> list[Output]:
-    return [
-        companion(out / SURFACE, PLY),
-        companion(out / SLICES, PNG),
-        companion(out / RECORD, RECORD_KIND, RECORD_KIND.is_of),
-        *(companion(out / structure_file(name), PLY) for name in structures),
-    ]
+def _outputs(out: Path, structures: Iterable[str]) -> list[Path]:
+    return [out / name for name in (SURFACE, SLICES, RECORD, *map(structure_file, structures))]
 
 
 def _write_meshes(work: _Work, out: Path, made: MadeSurface) -> None:
@@ -224,7 +219,7 @@ def _write_slices(
     centre = made.bone.surface.mesh.vertices.mean(axis=0) if focus is None else focus.centre
     views = slice_views(volume, level, centre, solid=solid, removed=made.removed, structures=drawn)
     with writing(out / SLICES):
-        write_bytes_atomically(out / SLICES, signed(encode_png(to_uint8(slice_picture(views)))))
+        write_bytes_atomically(out / SLICES, encode_png(to_uint8(slice_picture(views))))
     work.say(f"slices: {out / SLICES}")
 
 

@@ -13,7 +13,6 @@ from pathlib import Path
 
 from .. import __version__
 from ..files.content import write_bytes_atomically
-from ..files.kinds import Kind
 
 COMMENT = "# "
 """Begins each line of the conditions in a table (CSV)."""
@@ -93,17 +92,6 @@ def _processor() -> str:
             if line.startswith("model name"):
                 return line.split(":", 1)[1].strip()
     return platform.processor() or "an unknown processor"
-
-
-def measured_table(name: str, columns: Sequence[str]) -> Kind:
-    """The kind of a table with these columns; ``name`` has an article, such as "the scores of an evaluation"."""
-    header = ",".join(columns).encode()
-
-    def matches(data: bytes) -> bool:
-        first = next((line for line in data.splitlines() if not line.startswith(COMMENT.encode())), b"")
-        return first == header
-
-    return Kind(name, matches)
 
 
 def write_table(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]], conditions: Conditions) -> None:

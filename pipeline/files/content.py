@@ -69,7 +69,7 @@ def _status(path: Path) -> os.stat_result:
 
 
 def regular_file(path: str, flags: int) -> int:
-    """The ``opener`` for ``open`` of files that nobody vouches for: it never waits, as a pipe for its other end.
+    """The ``opener`` for ``open`` of files of a dataset or a pack: it never waits, as a pipe for its other end.
 
     Raises
     ------
@@ -78,8 +78,7 @@ def regular_file(path: str, flags: int) -> int:
     """
     if not stat.S_ISREG(os.stat(path).st_mode):
         raise OSError(errno.EINVAL, "no regular file", path)
-    # should it have become a pipe by now
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+    return os.open(path, flags)
 
 
 def read_file(path: Path, most: int = LARGEST_INPUT) -> bytes:
@@ -114,7 +113,7 @@ def read_content(path: Path, what: str, where: str | None = None, most: int = LA
         As for :func:`reading`; or the file is empty, or longer than ``most``.
     """
     place = path.name if where is None else where
-    with reading(path, what, where), open(path, "rb", opener=regular_file) as file:
+    with reading(path, what, where), open(path, "rb") as file:
         size = os.fstat(file.fileno()).st_size
         if size > most:
             raise InputError(f"{place}: expected {what}, found one of {size >> 20} MB; choose another")
@@ -138,7 +137,7 @@ def read_beginning(path: Path, what: str, most: int, where: str | None = None) -
     InputError
         As for :func:`reading`.
     """
-    with reading(path, what, where), open(path, "rb", opener=regular_file) as file:
+    with reading(path, what, where), open(path, "rb") as file:
         return file.read(min(os.fstat(file.fileno()).st_size, most))
 
 

@@ -1,52 +1,25 @@
-"""What may be written: no output ever replaces an input, or a file of another kind.
-
-The one rule of all commands and operators, applied before any work starts:
+"""What may be written, checked by all commands and operators before any work starts.
 
 1. An input of the same command is never replaced, however its name is spelt: links and other cases are the same file.
-2. A file that the user named replaces only a file of the same kind, told by its content.
-3. A file that the program named (a texture beside a mesh, a fixed name in a folder) replaces only what the program
-   wrote itself, and what nobody has changed since: see :mod:`oneframe.files.signature`.
+2. Any other file that the user names is replaced, as by any program; no two outputs are one file.
+3. A folder for several files of given names holds nothing but such files.
 """
 
 import errno
 import os
+import re
 import stat
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import InputError, RunError
-from .kinds import Kind
-from .signature import is_own_file
+
+_DESKTOP_FILES = ("Thumbs.db", "desktop.ini")
 
 
-@dataclass(frozen=True)
-class Output:
-    """A file that a command is about to write.
-
-    Attributes
-    ----------
-    path
-        Where.
-    kind
-        What it will hold.
-    is_own
-        For a file that the program named: whether an existing one is its own; ``None`` if the user named it.
-    """
-
-    path: Path
-    kind: Kind
-    is_own: Callable[[Path], bool] | None = None
-
-
-def companion(path: Path, kind: Kind, is_own: Callable[[Path], bool] = is_own_file) -> Output:
-    """An output that the program named."""
-    return Output(path, kind, is_own)
-
-
-def check_outputs(outputs: Iterable[Output], inputs: Mapping[str, Path]) -> None:
+def check_outputs(outputs: Iterable[Path], inputs: Mapping[str, Path]) -> None:
     """Check before any work that every output may be written.
 
     Parameters
@@ -59,15 +32,14 @@ def check_outputs(outputs: Iterable[Output], inputs: Mapping[str, Path]) -> None
     Raises
     ------
     InputError
-        An output is an input, an existing file that it must not replace, or another output.
+        An output is an input, a device, or another output.
     RunError
         An output cannot be written, as far as that is known without writing it.
     """
     protected = _Inputs(inputs)
     seen: dict[str, Path] = {}
     folders: set[Path] = set()
-    for output in outputs:
-        path = output.path
+    for path in outputs:
         if source := protected.same_as(path):
             name, file = source
             raise InputError(f"{path}: expected a new file, found the {name} ({file}), an input; choose another name")
@@ -76,10 +48,37 @@ def check_outputs(outputs: Iterable[Output], inputs: Mapping[str, Path]) -> None
         if other is not path:
             raise InputError(f"{path}: expected different names for all files to write, {other} is the same one")
         with writing(path):
-            _check_replaced(output)
+            _check_replaced(path)
             if path.parent not in folders:
                 _check_folder(path)
                 folders.add(path.parent)
+
+
+def check_own_folder(folder: Path, names: str) -> None:
+    """Check that a folder, if there is one, holds nothing but what a command writes into it, and hidden files.
+
+    Parameters
+    ----------
+    folder
+        The folder.
+    names
+        Regular expression of all names that the command may give to files and folders in it.
+
+    Raises
+    ------
+    InputError
+        It holds something else.
+    RunError
+        It cannot be read, or is a file.
+    """
+    with writing(folder):
+        found = sorted(os.listdir(folder)) if folder.exists() else []
+    for name in found:
+        if not (re.fullmatch(names, name) or name.startswith(".") or name in _DESKTOP_FILES):
+            raise InputError(
+                f"{folder}: expected a new folder or one of this command alone, found {name} in it; "
+                "choose another folder"
+            )
 
 
 def check_folder(folder: Path, inputs: Mapping[str, Path]) -> None:
@@ -156,8 +155,7 @@ class _Inputs:
         return self._by_number.get((found.st_dev, found.st_ino))
 
 
-def _check_replaced(output: Output) -> None:
-    path = output.path
+def _check_replaced(path: Path) -> None:
     try:
         mode = path.stat().st_mode
     except FileNotFoundError:
@@ -166,16 +164,6 @@ def _check_replaced(output: Output) -> None:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     if not stat.S_ISREG(mode):
         raise InputError(f"{path}: expected a new or an ordinary file, found a device or a pipe; choose another name")
-    if output.is_own is None:
-        if not output.kind.is_of(path):
-            raise InputError(
-                f"{path}: expected no file or {output.kind.name}, found a file of another kind; choose another name"
-            )
-    elif not output.is_own(path):
-        raise InputError(
-            f"{path}: expected no such file or one that this program wrote, found another one or a changed one; "
-            "move it, or choose another name"
-        )
 
 
 def _check_folder(path: Path) -> None:

@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import re
 import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -15,12 +14,6 @@ from .numbers import WrittenFloat
 
 MOST_LEVELS = 32
 """Of lists and tables in one another; real files have up to ten, and recursion over many more overflows the stack."""
-
-MOST_KEY_PARTS = 16
-"""Of a dotted key in TOML; the time that :mod:`tomllib` takes grows with their square."""
-
-_PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
-_LONG_KEY = re.compile(rf"""(?<![\w"'-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MOST_KEY_PARTS}}}""")
 
 
 def parsed_json(
@@ -68,10 +61,7 @@ def parsed_toml(content: str | bytes, where: str) -> dict[str, Any]:
     if len(content) > LARGEST_TEXT:
         raise InputError(f"{where}: expected TOML, found a file of {len(content) >> 20} MB; choose another")
     try:
-        text = _text(content)
-        if _LONG_KEY.search(text):
-            raise ValueError(f"a key of more than {MOST_KEY_PARTS} parts")
-        table = tomllib.loads(text, parse_float=WrittenFloat)
+        table = tomllib.loads(_text(content), parse_float=WrittenFloat)
         check_levels(table)
         _check_integers(table)
         return table

@@ -1,38 +1,35 @@
-"""Check before decoding that an image file is complete and that every program shows it the same way up."""
+"""Check before decoding that an image file is complete, of a sensible size, and the same image in every program.
 
+Sources: PNG (W3C 2003), 11.2.2; JPEG (ITU T.81), B.2.2; TIFF 6.0, section 2; BMP (Microsoft, BITMAPINFOHEADER);
+*OpenEXR File Layout*, openexr.com.
+"""
+
+import re
 import struct
 import zlib
-from contextlib import suppress
 from pathlib import Path
+from typing import Literal
 
 from ..errors import InputError
 from ..files.content import read_content
-from .image_header import (
-    JPEG_SIGNATURE,
-    PNG_SIGNATURE,
-    SIGNATURES,
-    TIFF_SIGNATURES,
-    ImageHeader,
-    image_header,
-    jpeg_markers,
-    tiff_tags,
-)
 
-LARGEST_IMAGE = 1 << 26
-"""Pixels of the largest image that is decoded."""
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+JPEG_SIGNATURE = b"\xff\xd8\xff"
+_TIFF_SIGNATURES = (b"II*\0", b"MM\0*")
+_EXR_SIGNATURE = b"\x76\x2f\x31\x01"
+SIGNATURES = (PNG_SIGNATURE, JPEG_SIGNATURE, *_TIFF_SIGNATURES, _EXR_SIGNATURE, b"BM")
 
-LARGEST_FRAME, LARGEST_DEEP_FRAME = 25_000_000, 20_000_000
-"""Pixels of the largest frame, and of one with more than 8 bits a channel, for which Blender needs more memory: 1 GB.
-4K video has 8.3 million."""
+LARGEST_IMAGE, LARGEST_FRAME = 1 << 26, 25_000_000
+"""Pixels of the largest image that is decoded, and of the largest frame, which Blender opens in 1 GB; 4K has 8.3
+million."""
 
-MOST_PIXEL_BYTES = 64
-"""Four channels of 32 bits take 16; EXR files may hold some layers more."""
-
-MOST_SCANS = 64
-"""Of a progressive JPEG; writers make about ten, and each takes as long as a whole image."""
-
-MOST_CHUNKS = 1_000_000
-"""Of a PNG; writers make one of every 8 KB or more."""
+_JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+"""Markers that begin a frame: SOF0 to SOF15, without those of tables."""
+_TIFF_TYPES = {1: 1, 3: 2, 4: 4}
+"""Type of a whole number in a TIFF -> its bytes."""
+_WIDTH, _HEIGHT, _ORIENTATION = 256, 257, 0x0112
+_EXR_WINDOW = re.compile(rb"(?:data|display)Window\0box2i\0\x10\0\0\0(.{16})", re.DOTALL)
+_EXR_HEADER_BYTES = 64 * 1024
 
 _REORIENTED = {
     2: "mirrored left to right",
@@ -43,7 +40,7 @@ _REORIENTED = {
     7: "mirrored and rotated by 90°",
     8: "rotated by 90° counter-clockwise",
 }
-"""EXIF orientation (tag 0x0112, as in TIFF 6.0) -> how to show the image."""
+"""EXIF orientation, as in TIFF 6.0 -> how to show the image."""
 
 
 def check_image_file(path: Path, where: str, *, most_pixels: int = LARGEST_IMAGE) -> bytes:
@@ -77,8 +74,8 @@ def check_image_file(path: Path, where: str, *, most_pixels: int = LARGEST_IMAGE
     return data
 
 
-def check_image(data: bytes, where: str, *, most_pixels: int = LARGEST_IMAGE) -> ImageHeader:
-    """Check the bytes of an image file, as :func:`check_image_file` does.
+def check_image(data: bytes, where: str, *, most_pixels: int = LARGEST_IMAGE) -> tuple[int, int]:
+    """Check the bytes of an image file, as :func:`check_image_file` does, and give its width and height.
 
     Raises
     ------
@@ -89,82 +86,128 @@ def check_image(data: bytes, where: str, *, most_pixels: int = LARGEST_IMAGE) ->
         raise InputError(
             f"{where}: expected an image (PNG, JPEG, TIFF, BMP or EXR), found a file that starts with {data[:8]!r}"
         )
-    exif = b""
-    if data.startswith(PNG_SIGNATURE):
-        exif = _checked_png(data, where)
-    elif data.startswith(JPEG_SIGNATURE):
-        if b"\xff\xd9" not in data[-64 * 1024 :]:
-            raise InputError(f"{where}: expected the end of a JPEG image, the file is cut off; copy it again")
-        exif = _jpeg_exif(data)
-    elif data.startswith(TIFF_SIGNATURES):
-        exif = data
-    reoriented = _REORIENTED.get(_orientation(exif))
+    try:
+        if data.startswith(JPEG_SIGNATURE) and b"\xff\xd9" not in data[-64 * 1024 :]:
+            raise ValueError("the file is cut off")
+        exif = _checked_png(data) if data.startswith(PNG_SIGNATURE) else b""
+        width, height, orientation = _size_and_orientation(data)
+        reoriented = _REORIENTED.get(_exif_orientation(exif) if exif else orientation)
+    except (ValueError, struct.error, IndexError, KeyError) as error:
+        reason = error if type(error) is ValueError else "its header is cut off or damaged"
+        raise InputError(f"{where}: expected an image, {reason}; copy it again, or save it as PNG") from None
     if reoriented:
         raise InputError(
             f"{where}: expected an upright image, found an EXIF orientation: some programs show it {reoriented}, "
             "others do not; open it, save it as PNG, and give the K of the saved image"
         )
-    return _checked_header(data, where, most_pixels)
-
-
-def _checked_header(data: bytes, where: str, most_pixels: int) -> ImageHeader:
-    try:
-        header = image_header(data)
-    except ValueError as error:
-        raise InputError(f"{where}: expected an image, {error}; copy it again, or save it as PNG") from None
-    width, height = header.width, header.height
-    if not (width > 0 and height > 0):
-        raise InputError(f"{where}: expected an image, found one of {width}x{height} px; copy it again")
-    if width * height > most_pixels:
+    if not 0 < width * height <= most_pixels:
         raise InputError(
             f"{where}: expected an image of at most {most_pixels / 1e6:.1f} million pixels, found {width}x{height}; "
             "crop it or scale it down, and give the K of the result"
         )
-    if not 0 < header.pixel_bytes <= MOST_PIXEL_BYTES or header.scans > MOST_SCANS:
-        raise InputError(
-            f"{where}: expected an image of up to four channels, found one of {header.pixel_bytes:g} bytes a pixel in "
-            f"{header.scans} scans; save it as PNG"
-        )
-    return header
+    return width, height
 
 
-def _jpeg_exif(data: bytes) -> bytes:
-    """The EXIF block of a JPEG, or nothing."""
-    with suppress(ValueError):
-        for marker, at in jpeg_markers(data):
-            if marker == 0xE1 and data[at : at + 6] == b"Exif\0\0":
-                return data[at + 6 : at - 2 + int.from_bytes(data[at - 2 : at], "big")]
-            if marker == 0xDA:  # the image data begin
-                break
-    return b""
+def image_size(data: bytes) -> tuple[int, int]:
+    """Width and height in the header of a PNG, JPEG, TIFF, EXR or BMP file.
 
-
-def _orientation(exif: bytes) -> int:
-    """The orientation in a TIFF or EXIF block; 1, upright, if there is none."""
+    Raises
+    ------
+    ValueError
+        No such file, or a damaged header.
+    """
     try:
-        return tiff_tags(exif).get(0x0112, 1)
-    except struct.error:
-        return 1
+        return _size_and_orientation(data)[:2]
+    except (struct.error, IndexError, KeyError):
+        raise ValueError("its header is cut off or damaged") from None
 
 
-def _checked_png(data: bytes, where: str) -> bytes:
-    """Check a PNG's chunks; returns its EXIF block, or nothing."""
-    position, kind, exif, chunks = len(PNG_SIGNATURE), b"", b"", 0
+def may_have_alpha(data: bytes) -> bool:
+    """Whether an image file may have alpha, by its beginning: a JPEG and most PNG without it rule it out."""
+    if data.startswith(PNG_SIGNATURE):
+        return data[25:26] not in (b"\0", b"\2") or b"tRNS" in data
+    return not data.startswith(JPEG_SIGNATURE)
+
+
+def _size_and_orientation(data: bytes) -> tuple[int, int, int]:
+    """Width, height and EXIF orientation (1 is upright), which of a PNG is left out."""
+    if data.startswith(PNG_SIGNATURE):
+        return *struct.unpack_from(">II", data, 16), 1
+    if data.startswith(JPEG_SIGNATURE):
+        return _jpeg(data)
+    if data.startswith(_TIFF_SIGNATURES):
+        tags = _tiff_tags(data)
+        return tags[_WIDTH], tags[_HEIGHT], tags.get(_ORIENTATION, 1)
+    if data.startswith(_EXR_SIGNATURE):
+        windows = [struct.unpack("<4i", found) for found in _EXR_WINDOW.findall(data, 0, _EXR_HEADER_BYTES)]
+        if not windows:
+            raise ValueError("its header has no size")
+        width = max(right - left + 1 for left, _, right, _ in windows)
+        return width, max(bottom - top + 1 for _, top, _, bottom in windows), 1
+    if data.startswith(b"BM"):
+        is_old = struct.unpack_from("<I", data, 14) == (12,)
+        width, height = struct.unpack_from("<HH" if is_old else "<ii", data, 18)
+        # a negative height: rows from top to bottom
+        return width, abs(height), 1
+    raise ValueError("it is no image")
+
+
+def _checked_png(data: bytes) -> bytes:
+    """The EXIF block of a PNG whose chunks are all there and undamaged, or nothing."""
+    position, kind, exif = len(PNG_SIGNATURE), b"", b""
     view = memoryview(data)  # a slice of bytes would be a copy, of all pixels perhaps
     while kind != b"IEND":
-        chunks += 1
-        if chunks > MOST_CHUNKS:
-            raise InputError(f"{where}: expected a PNG image, found more than {MOST_CHUNKS} chunks; save it again")
-        if position + 12 > len(data):
-            raise InputError(f"{where}: expected a whole PNG image, the file is cut off; copy it again")
-        (size,) = struct.unpack_from(">I", data, position)
+        size = int.from_bytes(data[position : position + 4], "big")
         kind, body = data[position + 4 : position + 8], view[position + 8 : position + 8 + size]
-        stored = data[position + 8 + size : position + 12 + size]
-        if len(stored) < 4:
-            raise InputError(f"{where}: expected a whole PNG image, the file is cut off; copy it again")
-        if struct.unpack(">I", stored)[0] != zlib.crc32(body, zlib.crc32(kind)):
-            raise InputError(f"{where}: expected an intact PNG image, chunk {kind!r} is damaged; copy it again")
+        if len(data) < position + 12 + size:
+            raise ValueError("the file is cut off")
+        if struct.unpack_from(">I", data, position + 8 + size) != (zlib.crc32(body, zlib.crc32(kind)),):
+            raise ValueError(f"chunk {kind!r} is damaged")
         if kind == b"eXIf":
             exif = bytes(body)
         position += 12 + size
     return exif
+
+
+def _jpeg(data: bytes) -> tuple[int, int, int]:
+    """Width, height and EXIF orientation, from the segments before the pixels."""
+    position, size, orientation = 2, None, 1
+    while data[position + 1] != 0xDA:
+        marker, at = data[position + 1], position + 4
+        if data[position] != 0xFF:
+            raise ValueError("its header is damaged")
+        if marker in (0x01, 0xFF):  # without content; padding
+            position += 2 if marker == 0x01 else 1
+            continue
+        if marker in _JPEG_FRAMES:
+            _, height, width = struct.unpack_from(">BHH", data, at)
+            size = width, height
+        if marker == 0xE1 and data[at : at + 6] == b"Exif\0\0":
+            orientation = _exif_orientation(data[at + 6 : at - 2 + int.from_bytes(data[at - 2 : at], "big")])
+        position += 2 + max(2, int.from_bytes(data[at - 2 : at], "big"))
+    if size is None:
+        raise ValueError("it has no size")
+    return *size, orientation
+
+
+def _exif_orientation(exif: bytes) -> int:
+    try:
+        return _tiff_tags(exif).get(_ORIENTATION, 1)
+    except struct.error:
+        return 1
+
+
+def _tiff_tags(data: bytes) -> dict[int, int]:
+    """The first value of each tag of whole numbers in a TIFF's first directory, by its number; so too in EXIF."""
+    order: Literal["<", ">"] = "<" if data[:2] == b"II" else ">"
+    (first,) = struct.unpack_from(order + "I", data, 4)
+    (count,) = struct.unpack_from(order + "H", data, first)
+    tags: dict[int, int] = {}
+    for entry in range(first + 2, first + 2 + 12 * count, 12):
+        tag, kind, values, offset = struct.unpack_from(order + "HHII", data, entry)
+        size = _TIFF_TYPES.get(kind)
+        if size and values:
+            at = entry + 8 if size * values <= 4 else offset
+            if at + size <= len(data):
+                tags.setdefault(tag, int.from_bytes(data[at : at + size], "little" if order == "<" else "big"))
+    return tags

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .mask_box import mask_box
+from .pixel_values import mask_box
 
 LARGEST_SHIFT_PX = 0.7
 """Farthest that smoothing moves a point from the middle of its pixel's side."""

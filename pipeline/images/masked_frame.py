@@ -3,7 +3,6 @@
 import numpy as np
 
 from ..errors import InputError
-from ..files.signature import signed
 from .png import encode_png
 
 DEEP = 65535
@@ -79,7 +78,7 @@ def with_mask_tinted(colours: np.ndarray, valid: np.ndarray, tint: tuple[float, 
 
 
 def encoded_frame(colours: np.ndarray, valid: np.ndarray, where: str) -> bytes:
-    """A frame as signed PNG, with 8 bits if they hold its values and else with 16; without metadata.
+    """A frame as PNG, with 8 bits if they hold its values and else with 16; without metadata.
 
     Parameters
     ----------
@@ -108,4 +107,4 @@ def encoded_frame(colours: np.ndarray, valid: np.ndarray, where: str) -> bytes:
         is_byte = is_byte and not (codes[row, :, :3] % _BYTE_STEP).any()
     if codes.shape[2] == 4:
         codes[..., 3] = np.where(valid, DEEP, 0)
-    return signed(encode_png((codes // _BYTE_STEP).astype(np.uint8) if is_byte else codes))
+    return encode_png((codes // _BYTE_STEP).astype(np.uint8) if is_byte else codes)

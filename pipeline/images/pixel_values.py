@@ -1,4 +1,4 @@
-"""Pixel values: interpolated between pixel centres, as 8-bit codes, and as linear light (sRGB, IEC 61966-2-1)."""
+"""Pixel values: interpolated between centres, as 8-bit codes, as linear light (IEC 61966-2-1); and boxes of masks."""
 
 import numpy as np
 
@@ -50,3 +50,21 @@ def codes_from_linear(linear: np.ndarray) -> np.ndarray:
     """Linear light -> code values, float64 of any shape."""
     linear = np.asarray(linear, dtype=np.float64)
     return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0) ** (1 / 2.4) - 0.055)
+
+
+def mask_box(mask: np.ndarray, margin_px: int = 0) -> tuple[slice, slice]:
+    """The rows and columns of an ``(H, W)`` bool mask, with a margin as far as the image goes.
+
+    Raises
+    ------
+    ValueError
+        The mask is empty.
+    """
+    if not mask.any():
+        raise ValueError("expected a mask with pixels in it, found an empty one")
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    height, width = mask.shape
+    return (
+        slice(max(int(rows[0]) - margin_px, 0), min(int(rows[-1]) + margin_px + 1, height)),
+        slice(max(int(columns[0]) - margin_px, 0), min(int(columns[-1]) + margin_px + 1, width)),
+    )

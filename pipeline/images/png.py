@@ -9,7 +9,7 @@ import zlib
 
 import numpy as np
 
-from .image_header import PNG_SIGNATURE
+from .image_check import PNG_SIGNATURE
 
 _GREY, _RGB, _RGBA = 0, 2, 6
 

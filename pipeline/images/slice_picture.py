@@ -7,9 +7,8 @@ Slices are shown as radiologists look at them: from the feet (axial), from the f
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
-
-from .lettering import lettering
 
 GAP_PX = 12
 BACKGROUND = 0.08
@@ -17,7 +16,7 @@ INK = (0.95, 0.95, 0.95)
 TINT = (0.95, 0.25, 0.15)
 TINT_OPACITY = 0.45
 LINE_PX = 1.6
-LETTER_SIZE = 2
+FONT, FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.5
 
 Colour = tuple[float, float, float]
 
@@ -48,7 +47,7 @@ class Slice:
     Attributes
     ----------
     title
-        Of the letters that :func:`oneframe.images.lettering.lettering` has.
+        In ASCII.
     image
         ``(H, W)`` grey values 0..1, the top row first.
     mm_per_px
@@ -110,15 +109,17 @@ def _line_opacity(field: np.ndarray) -> np.ndarray:
 
 def _letter(panel: np.ndarray, text: str, x: float, y: float) -> None:
     """Write a text at a relative place in a panel, its centre there but inside the panel."""
-    if not text.strip():
+    (width, height), _ = cv2.getTextSize(text, FONT, FONT_SCALE, 1)
+    _write(panel, text, round(x * (panel.shape[1] - width - 2)) + 1, round(y * (len(panel) - height - 2)) + height + 1)
+
+
+def _write(panel: np.ndarray, text: str, left: int, base: int) -> None:
+    """Write a text, if it fits, with a dark rim that sets it off."""
+    (width, height), _ = cv2.getTextSize(text, FONT, FONT_SCALE, 1)
+    if not text.strip() or not (0 < left <= panel.shape[1] - width and height < base < len(panel)):
         return
-    mask = lettering(text, LETTER_SIZE)
-    height, width = mask.shape
-    if height + 2 > len(panel) or width + 2 > panel.shape[1]:
-        return
-    top = round(y * (len(panel) - height - 2)) + 1
-    left = round(x * (panel.shape[1] - width - 2)) + 1
-    _ink(panel[top - 1 : top + height + 1, left - 1 : left + width + 1], np.pad(mask, 1))
+    for colour, thickness in (((0.0, 0.0, 0.0), 3), (INK, 1)):
+        cv2.putText(panel, text, (left, base), FONT, FONT_SCALE, colour, thickness, cv2.LINE_AA)
 
 
 def _scale_bar(panel: np.ndarray, mm_per_px: float) -> None:
@@ -130,19 +131,6 @@ def _scale_bar(panel: np.ndarray, mm_per_px: float) -> None:
     left, top = round(0.02 * panel.shape[1]) + 1, round(0.98 * height) - 4
     if width < 4 or top < 1:
         return
-    mask = np.zeros((6, width + 2), np.bool_)
-    mask[1:-1, 1:-1] = True
-    _ink(panel[top - 1 : top + 5, left - 1 : left + width + 1], mask)
-    text = lettering(f"{length:g} mm", LETTER_SIZE)
-    room = panel[top - len(text) - 6 : top - 4, left - 1 : left + text.shape[1] + 1]
-    if room.shape[:2] == (len(text) + 2, text.shape[1] + 2):
-        _ink(room, np.pad(text, 1))
-
-
-def _ink(panel: np.ndarray, mask: np.ndarray) -> None:
-    """Draw a mask, which is False along its border, into a part of a panel, with a dark rim that sets it off."""
-    rim = mask.copy()
-    for shift in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-        rim |= np.roll(mask, shift, axis=(0, 1))
-    panel[rim] = 0.0
-    panel[mask] = INK
+    panel[top - 1 : top + 5, left - 1 : left + width + 1] = 0.0
+    panel[top : top + 4, left : left + width] = INK
+    _write(panel, f"{length:g} mm", left, top - 6)

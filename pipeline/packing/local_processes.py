@@ -13,7 +13,7 @@ from queue import SimpleQueue
 from typing import BinaryIO, cast
 
 from ..errors import RunError
-from ..files.processors import available_cores
+from ..files.machine import available_cores
 from .shard import PackedShard, ShardOrder, pack_shard
 
 _ROOT = Path(__file__).resolve().parents[2]

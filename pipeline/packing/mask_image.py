@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 
 from ..errors import InputError
-from ..images.image_header import PNG_SIGNATURE
+from ..images.image_check import PNG_SIGNATURE
 
 
 def decoded_mask(data: bytes, where: str) -> np.ndarray:

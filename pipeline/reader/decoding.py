@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
-from ..images.image_check import MOST_SCANS
-from ..images.image_header import image_header
+from ..images.image_check import image_size
 from ..packing.mask_runs import mask_columns
 
 Shape = tuple[int, int]
@@ -101,11 +100,11 @@ def parsed(data: bytes, where: str) -> Any:
 
 def _decoded(data: bytes, flags: int, shape: Shape, where: str) -> np.ndarray | None:
     try:
-        header = image_header(data)
+        width, height = image_size(data)
     except ValueError:
         raise _damaged(where) from None
     # before memory is taken for any size that a header claims
-    if (header.height, header.width) != shape or header.scans > MOST_SCANS:
+    if (height, width) != shape:
         raise _damaged(where)
     return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
 

@@ -13,11 +13,8 @@ from importlib import resources
 
 from .. import __version__
 from ..charts.page import THEMES, Theme
-from ..files.kinds import Kind, beginning
 
 MARK = "<!DOCTYPE html>\n<!-- OneFrame report -->\n"
-PAGE = Kind("a report page", beginning(MARK.encode()))
-"""The first lines tell it from other pages."""
 THREE = "three.min.js"
 
 

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from ..files.content import write_bytes_atomically
-from ..files.signature import signed
 from .mesh import TriangleMesh
 
 SAFE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
@@ -134,7 +133,7 @@ def encoded_ply(
     faces["count"], faces["indices"] = 3, mesh.faces
     if uv is not None:
         faces["uv_count"], faces["uv"] = 6, uv.reshape(-1, 6)
-    return signed("\n".join(header).encode() + vertices.tobytes() + faces.tobytes())
+    return "\n".join(header).encode() + vertices.tobytes() + faces.tobytes()
 
 
 def write_obj(
@@ -167,7 +166,7 @@ def write_obj(
     if texture is not None:
         material = material_path(path)
         # the mesh comes second, so that it never refers to a missing material
-        write_bytes_atomically(material, signed(MATERIAL.format(texture=texture).encode()))
+        write_bytes_atomically(material, MATERIAL.format(texture=texture).encode())
         parts += [f"mtllib {material.name}\n", "usemtl surface\n"]
     parts.append(_format_rows("v %.9g %.9g %.9g\n", mesh.vertices))
     corners = mesh.faces + 1

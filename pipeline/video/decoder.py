@@ -23,7 +23,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import read_beginning
-from ..images.image_header import SIGNATURES
+from ..images.image_check import SIGNATURES
 
 PICTURE_HEAD = struct.Struct("<QII")
 """Number of a frame, width, height; then its pixels."""

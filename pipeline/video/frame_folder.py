@@ -9,9 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import write_bytes_atomically
-from ..files.kinds import PNG, Kind, csv_table
-from ..files.outputs import Output, check_outputs, companion, made_folder, writing
-from ..files.signature import signed
+from ..files.outputs import check_outputs, check_own_folder, made_folder, writing
 from ..files.tables import write_csv
 from ..images.contact_sheet import contact_sheet, downscaled
 from ..images.pixel_values import to_uint8
@@ -26,7 +24,7 @@ COLUMNS = (
     "frame", "time_s", "chosen", "score", "sharpness", "exposure_stops", "glare", "obstructed", "motion_px",
     "comb_ratio", "scene",
 )  # fmt: skip
-SCORES = Kind("a table of scores", csv_table(",".join(COLUMNS)))
+_NAMES = r".+_frame_\d{6,}(_field)?(_masked)?\.png|contact_sheet\.png|scores(-dark)?\.(csv|svg|png)"
 TILE_WIDTH = 640
 MASKED_COLOUR = np.array([1.0, 0.0, 1.0], np.float32)
 
@@ -57,9 +55,16 @@ class ChosenFrame:
     tissue: float
 
 
-def folder_outputs(out: Path) -> list[Output]:
-    """The files whose names are known before any work."""
-    return [companion(out / SHEET, PNG), companion(out / TABLE, SCORES, SCORES.is_of)]
+def check_frame_folder(out: Path, video: Path, charts: Sequence[Path] = ()) -> None:
+    """Check before any work that the folder holds nothing else, and that the files of known names can be written.
+
+    Raises
+    ------
+    InputError, RunError
+        As :func:`.check_own_folder` and :func:`.check_outputs`.
+    """
+    check_own_folder(out, _NAMES)
+    check_outputs([out / SHEET, out / TABLE, *charts], {"video": video})
 
 
 def write_frames(
@@ -92,10 +97,7 @@ def write_frames(
         A file cannot be written.
     """
     files = {each.index: _files(video, out, each) for each in chosen}
-    outputs = folder_outputs(out)
-    for image, masked in files.values():
-        # a frame that is already there is compared with its content
-        outputs += [companion(image, PNG, lambda _: True), companion(masked, PNG)]
+    outputs = [out / SHEET, out / TABLE, *(path for pair in files.values() for path in pair)]
     check_outputs(outputs, {"video": video, **(inputs or {})})
     made_folder(out / SHEET)
     by_index = {each.index: number for number, each in enumerate(scores.frames)}
@@ -107,7 +109,8 @@ def write_frames(
         picture = without_combs(pixels) if score.comb > COMBED else pixels
         mask = tissue_mask(picture, scores.compared[by_index[index]], scores.inside, scores.circle)
         _write_new(image_file, encode_png(picture))
-        _write_masked(masked_file, picture, mask)
+        # somebody may have corrected it by hand
+        _write_new(masked_file, _encoded_masked(picture, mask))
         written[index] = ChosenFrame(score, image_file, masked_file, float(mask.mean()))
         tiles[index] = _tiles(picture, mask, score, [each.index for each in chosen].index(index) + 1)
         if progress:
@@ -116,7 +119,7 @@ def write_frames(
     if in_order:
         sheet = contact_sheet([tile for index in in_order for tile in tiles[index]], columns=2, tile_width=TILE_WIDTH)
         with writing(out / SHEET):
-            write_bytes_atomically(out / SHEET, signed(encode_png(to_uint8(sheet))))
+            write_bytes_atomically(out / SHEET, encode_png(to_uint8(sheet)))
     with writing(out / TABLE):
         write_csv(out / TABLE, COLUMNS, _rows(scores.frames, in_order))
     return [written[index] for index in in_order]
@@ -147,13 +150,13 @@ def write_frame(video: Path, folder: Path, scores: FilmScores, score: FrameScore
     """
     image_file, masked_file = _files(video, folder, score)
     written = masked_file if masked else image_file
-    check_outputs([companion(masked_file, PNG) if masked else companion(image_file, PNG, lambda _: True)],
-                  {"video": video})  # fmt: skip
+    check_outputs([written], {"video": video})
     for _, pixels in _pictures(video, scores, [score.index]):
         picture = without_combs(pixels) if score.comb > COMBED else pixels
         if masked:
             compared = scores.compared[scores.frames.index(score)]
-            _write_masked(written, picture, tissue_mask(picture, compared, scores.inside, scores.circle))
+            mask = tissue_mask(picture, compared, scores.inside, scores.circle)
+            _write_new(written, _encoded_masked(picture, mask))
         else:
             _write_new(written, encode_png(picture))
         return written
@@ -185,10 +188,8 @@ def _write_new(path: Path, data: bytes) -> None:
         write_bytes_atomically(path, data)
 
 
-def _write_masked(path: Path, picture: np.ndarray, mask: np.ndarray) -> None:
-    alpha = np.where(mask, 255, 0).astype(np.uint8)
-    with writing(path):
-        write_bytes_atomically(path, signed(encode_png(np.dstack([picture, alpha]))))
+def _encoded_masked(picture: np.ndarray, mask: np.ndarray) -> bytes:
+    return encode_png(np.dstack([picture, np.where(mask, 255, 0).astype(np.uint8)]))
 
 
 def _tiles(picture: np.ndarray, mask: np.ndarray, score: FrameScore, rank: int) -> list[np.ndarray]:

@@ -11,8 +11,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import write_bytes_atomically
-from ..files.kinds import PNG
-from ..files.outputs import check_outputs, companion, writing
+from ..files.outputs import check_outputs, writing
 from ..images.png import encode_png
 from .decoder import PICTURE_HEAD
 from .decoding_process import DecodingError, decoded_apart, undecodable
@@ -75,7 +74,7 @@ def write_video_frame(path: Path, index: int, *, image: Path | None = None) -> P
     path = Path(path)
     image = image or path.with_name(f"{path.stem}_frame_{index:06d}.png")
     # decoding takes long; its result alone says whether an existing image may stay
-    check_outputs([companion(image, PNG, lambda _: True)], {"video": path})
+    check_outputs([image], {"video": path})
     data = encode_png(read_video_frame(path, index))
     if image.exists() and image.read_bytes() != data:
         raise InputError(

@@ -19,7 +19,7 @@ import numpy as np
 
 from oneframe.dataset.layout import ViewPaths
 from oneframe.errors import InputError
-from oneframe.files.processors import available_cores
+from oneframe.files.machine import available_cores
 from oneframe.files.temporary import temporary_folder
 from oneframe.packing.pack import pack_dataset
 from oneframe.reader import Dataset, open_dataset

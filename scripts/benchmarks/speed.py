@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from oneframe.blender.render.engines import keep_freed_memory
-from oneframe.files.processors import available_cores
+from oneframe.files.machine import available_cores
 from oneframe.files.temporary import temporary_folder
 
 from .charts.render_speed_chart import render_speed_charts

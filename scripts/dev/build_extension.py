@@ -26,8 +26,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from oneframe import __version__
 from oneframe.errors import InputError, RunError
-from oneframe.files.kinds import Kind, beginning
-from oneframe.files.outputs import Output, check_outputs
+from oneframe.files.outputs import check_outputs
 
 WHEEL_TAGS = {
     "linux-x64": ("manylinux2014_x86_64", "manylinux_2_28_x86_64"),
@@ -52,7 +51,6 @@ PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 """From Blender 4.5's to that of Linux distributions; wheels of the stable ABI (abi3) for the first one serve all."""
 SCRIPTS = ("oneframe.py", "render_dataset.py", "check_dataset.py")
 """Scripts for a Blender without a window, of which the add-on runs the second."""
-ZIP = Kind("a zip", beginning(b"PK"))
 VERSION_LINE = 'version = "0.0.0"'
 """The line of the manifest that the build fills in."""
 
@@ -154,7 +152,7 @@ def build(names: Sequence[str], out: Path, *, blender: str | None = None) -> Ite
         built.mkdir()
         _run([*tool, "build", "--source-dir", staged, "--output-dir", built, "--split-platforms", *tags])
         out.mkdir(parents=True, exist_ok=True)
-        check_outputs([Output(out / path.name, ZIP) for path in built.glob("*.zip")], {})
+        check_outputs([out / path.name for path in built.glob("*.zip")], {})
         for path in sorted(built.glob("*.zip")):
             _run([*tool, "validate", path])
             partial = out / f".partial-{path.name}"

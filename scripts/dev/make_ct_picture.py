@@ -19,8 +19,7 @@ from mathutils import Matrix
 from PIL import Image
 
 from oneframe.errors import InputError, RunError
-from oneframe.files.kinds import Kind, beginning
-from oneframe.files.outputs import Output, check_outputs
+from oneframe.files.outputs import check_outputs
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.slice_picture import slice_picture
 from oneframe.surface.mesh import TriangleMesh
@@ -35,7 +34,6 @@ from oneframe.volume.reading.label_map import read_labels
 from oneframe.volume.reading.volume_reader import read_volume
 from oneframe.volume.slices.slice_views import LabelColours, slice_views
 
-JPEG = Kind("a JPEG image", beginning(b"\xff\xd8"))
 QUALITY = {"quality": 86, "optimize": True, "subsampling": 0}
 SIDE_PX, GAP_PX = 480, 6
 SAMPLES = 64
@@ -63,7 +61,7 @@ def main(argv: Sequence[str]) -> int:
     arguments = parse_arguments(argv)
     try:
         inputs = {"volume": arguments.volume, "drill": arguments.drill}
-        check_outputs([Output(arguments.out, JPEG)], inputs)
+        check_outputs([arguments.out], inputs)
         panels = made_panels(arguments)
     except (InputError, RunError) as error:
         print(f"error: {error}", file=sys.stderr)

@@ -20,15 +20,13 @@ from collections.abc import Sequence
 from PIL import Image
 
 from oneframe.errors import InputError, RunError
-from oneframe.files.kinds import Kind, beginning
-from oneframe.files.outputs import Output, check_outputs
+from oneframe.files.outputs import check_outputs
 from scripts.dev import build_extension
 from tests.window import session
 
 SCENARIO = ROOT / "scripts" / "dev" / "screenshot_scenario.py"
 WINDOW = 1440, 880
 TIMEOUT_S = 900
-JPEG = Kind("a JPEG image", beginning(b"\xff\xd8"))
 QUALITY = {"quality": 86, "optimize": True, "subsampling": 0}
 VIEWS = 24
 SHOWN_VIEWS = (0, 8, 16)
@@ -127,7 +125,7 @@ def main(argv: Sequence[str]) -> int:
 
 def save(pictures: dict[str, Image.Image], out: Path) -> None:
     """Write each picture as JPEG, whole or not at all."""
-    check_outputs([Output(out / f"{name}.jpg", JPEG) for name in pictures], {})
+    check_outputs([out / f"{name}.jpg" for name in pictures], {})
     out.mkdir(parents=True, exist_ok=True)
     for name, picture in pictures.items():
         path = out / f"{name}.jpg"

@@ -106,12 +106,6 @@ def test_levels_are_counted(parse, levels):
         parse(text, "table 7")
 
 
-def test_a_dotted_key_takes_no_time_that_grows_with_its_square():
-    assert parsed_toml("a" + ".b" * 15 + " = 1", "a")
-    with pytest.raises(InputError, match="a key of more than 16 parts"):
-        parsed_toml("a" + ".b" * 400_000 + " = 1", "a")
-
-
 @pytest.mark.parametrize("digits", ["1e999999999", "0." + "3" * 5_000_000, "9" * 400 + ".0"])
 def test_numbers_of_any_length_are_lengths(digits):
     (number,) = parsed_json(f"[{digits}]", "a", parse_float=WrittenFloat)

@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as hnp
 from PIL import Image
 
 from oneframe.errors import InputError
-from oneframe.images.image_check import check_image_file
+from oneframe.images.image_check import SIGNATURES, check_image, check_image_file
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
 
@@ -26,6 +26,7 @@ TURNED = {
     8: "counter-clockwise",
 }
 FORMATS = ("JPEG", "PNG", "TIFF")
+BEGINNINGS = (*SIGNATURES, b"\xff\xd8\xff\xe1\0\x1eExif\0\0II*\0")
 ORIENTATION, MAKER, COPYRIGHT = 0x0112, 0x010F, 0x8298
 
 
@@ -59,16 +60,26 @@ def test_an_upright_image_is_accepted(tmp_path, kind, orientation):
 
 def test_the_other_byte_order_is_read(tmp_path):
     big = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
+    exif = b"Exif\0\0" + big
+    segment = b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif
+    data = cv2.imencode(".jpg", np.zeros((48, 64), np.uint8))[1].tobytes()
     with pytest.raises(InputError, match="rotated by 90° clockwise"):
-        check(tmp_path, big)
+        check(tmp_path, data[:2] + segment + data[2:])
 
 
-@given(data=st.binary(max_size=60), begin=st.sampled_from([b"II*\0", b"MM\0*", b"\xff\xd8\xff\xe1\0\x1eExif\0\0II*\0"]))
+@given(data=st.binary(max_size=60), begin=st.sampled_from(BEGINNINGS))
 def test_any_bytes_are_accepted_or_refused(tmp_path_factory, data, begin):
     try:
         check(tmp_path_factory.getbasetemp(), begin + data + b"\xff\xd9")
     except InputError as error:
         assert str(error).startswith("case.toml: image: expected an ")  # noqa: PT017
+
+
+@pytest.mark.parametrize(("suffix", "bits"), [(".png", 16), (".jpg", 8), (".tif", 16), (".bmp", 8)])
+@given(shape=st.tuples(st.integers(1, 200), st.integers(1, 200)), channels=st.sampled_from([1, 3]), deep=st.booleans())
+def test_the_size_is_the_decoders(suffix, bits, shape, channels, deep):
+    image = np.zeros((*shape, channels), np.uint16 if deep and bits == 16 else np.uint8)
+    assert check_image(cv2.imencode(suffix, image)[1].tobytes(), "frame") == shape[::-1]
 
 
 def test_codes_are_the_nearest(rng):

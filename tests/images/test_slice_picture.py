@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from oneframe.images.lettering import lettering
 from oneframe.images.slice_picture import BACKGROUND, GAP_PX, INK, Contour, Slice, slice_picture
 
 GREEN = (0.0, 1.0, 0.0)
@@ -43,12 +42,10 @@ def test_bar_has_a_round_length_and_letters_stand_at_their_sides():
     ink = np.isclose(panel, INK).all(axis=2)
     longest = max(len(run) for row in ink for run in "".join(".#"[int(dot)] for dot in row).split("."))
     assert longest == round(20 / mm_per_px)
-    for letter, box in (
-        ("R", np.s_[80:120, :20]), ("L", np.s_[80:120, -20:]), ("A", np.s_[:20, 190:210]), ("P", np.s_[-20:, 190:210])
-    ):  # fmt: skip
-        rows, columns = np.nonzero(ink[box])
-        found = ink[box][rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
-        assert np.array_equal(found, lettering(letter, 2))
+    light = (panel > 0.5).all(axis=2)
+    for box in (np.s_[80:120, :20], np.s_[80:120, -20:], np.s_[:20, 190:210], np.s_[-20:, 190:210], np.s_[:20, :150]):
+        # letters, and not a block
+        assert 10 < light[box].sum() < 0.5 * light[box].size
 
 
 def test_panels_of_all_sizes_fit_into_one_picture():

@@ -1,4 +1,4 @@
-"""Outputs where they cannot or must not be: inputs and foreign files stay, and every failure is a sentence.
+"""Outputs where they cannot or must not be: inputs and other folders stay, and every failure is a sentence.
 
 Most command lines run in one process, one after the other: only what concerns a whole process (streams, signals,
 limits) starts its own.
@@ -25,7 +25,6 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.landmark_file import read_landmarks, write_landmarks
 from oneframe.case.landmarks import Landmark
 from oneframe.commands.__main__ import COMMANDS
-from oneframe.images.png import encode_png
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = [sys.executable, "-m", "oneframe.commands"]
@@ -49,7 +48,7 @@ def hashes(*roots: Path) -> dict[str, str]:
 
 @pytest.fixture
 def case(tmp_path, write_tiny_case) -> Path:
-    """A case with every kind of input, in a folder of its own; one file of each output's kind that is no input."""
+    """A case with every kind of input, in a folder of its own."""
     path = write_tiny_case(tmp_path / "case")
     folder = path.parent
     (folder / "nerve.ply").write_bytes((folder / "surface.ply").read_bytes())
@@ -91,23 +90,25 @@ def run_all(tmp_path, run_command) -> Callable[[list[CommandLine]], list[tuple[i
     return run
 
 
-def writing_commands(case: Path, target: Path) -> Iterator[CommandLine]:
-    """Every command that writes files, told to write ``target`` itself or beside another output."""
+def writing_commands(case: Path, target: Path) -> Iterator[tuple[CommandLine, list[Path], set[str]]]:
+    """Every command that writes files, told to write ``target``: what it writes there or beside it, and reads."""
     folder = case.parent
-    yield "colour", case, "--out", target
-    yield "colour", case, "--out", target, "--colour", "vertex"
+    own = {"case.toml", "frame.png", "surface.ply", "nerve.ply"}
     for suffix in (".obj", ".ply"):
-        yield "colour", case, "--out", target.with_suffix(suffix)
+        path = target.with_suffix(suffix)
+        yield ("colour", case, "--out", path), [path, path.with_suffix(".png")], own
     for option in ("--json", "--picture", "--out"):
-        yield "align", case, "--landmarks", folder / "landmarks.csv", option, target
-    if "photo" not in target.name:
-        # photographs are inputs of compare and evaluate only, and a picture may replace a picture
-        yield "overlay", case, "--out", target
-    yield "compare", case, folder / "held_out.json", "--out", target
-    yield "evaluate", case, folder / "held_out.json", "--out", target, "--methods", "paper-cycles"
-    yield "sample", "--out", target
-    yield new_case(case, target)
-    yield "render", case, "--out", target, "--count", "1"
+        yield (
+            ("align", case, "--landmarks", folder / "landmarks.csv", option, target),
+            [target],
+            {*own, "landmarks.csv"},
+        )
+    for line in (("overlay", case, "--out", target), new_case(case, target)):
+        yield line, [target], own
+    for command in ("compare", "evaluate"):
+        line = (command, case, folder / "held_out.json", "--out", target)
+        yield line, [target], {*own, "held_out.json", "photo.png"}
+    yield ("render", case, "--out", target, "--count", "1"), [target], own
 
 
 def new_case(case: Path, out: Path) -> CommandLine:
@@ -138,106 +139,57 @@ def spellings(path: Path, folder: Path) -> Iterator[Path]:
     yield folder / "way" / path.name
 
 
-def makes_a_new_surface(line: CommandLine, pictures: set[str]) -> bool:
-    """Whether a command colours a surface in a new file, beside no file that its texture would replace."""
-    path = Path(str(line[3])) if line[0] == "colour" else Path()
-    return path.suffix in (".obj", ".ply") and not path.exists() and path.stem not in pictures
+def refused_lines(case: Path, other: Path) -> Iterator[CommandLine]:
+    """Each input as the name of each output of a command that reads it, some by other names, and as its folder."""
+    folder = case.parent
+    targets = [*sorted(folder.iterdir()), *spellings(folder / "frame.png", other), *spellings(case, other)]
+    for target in targets:
+        for line, written, inputs in writing_commands(case, target):
+            if any(path.exists() and path.samefile(folder / name) for path in written for name in inputs):
+                yield line
+    for place in (folder, other / "way"):
+        yield "sample", "--out", place
+        yield "compare", case, folder / "held_out.json", "--out", place
+        yield "evaluate", case, folder / "held_out.json", "--out", place
+        yield "render", case, "--out", place, "--count", "1"
+    yield "render", case, "--out", other, "--count", "1"
 
 
 @pytest.mark.render
-def test_no_command_replaces_an_input(case, tmp_path, run_all, long_form):
-    """Each input as the name of each output, of each file beside it, and in each folder."""
-    folder, before = case.parent, hashes(case.parent)
-    names = sorted(folder.iterdir())
-    targets = [other for path in names for other in (spellings(path, tmp_path) if long_form else [path])]
-    if not long_form:
-        targets += [*spellings(folder / "frame.png", tmp_path), *spellings(case, tmp_path)][1:]
-    lines = [line for target in targets for line in writing_commands(case, target)]
-    # of landmarks.csv and poses.npy some commands may make landmarks.ply, but nothing may be lost
-    taken = {path.stem for path in targets if path.suffix == ".png"}
-    lines = [line for line in lines if not makes_a_new_surface(line, taken)]
-    for place in (folder, tmp_path / "way"):
-        lines += [("sample", "--out", place), new_case(case, place)]
-        lines.append(("render", case, "--out", place, "--count", "1"))
-    lines.append(("render", case, "--out", folder, "--poses", folder / "poses.npy"))
-    lines.append(("render", case, "--out", tmp_path, "--count", "1"))
+def test_no_command_replaces_an_input(case, tmp_path, run_all):
+    before = hashes(case.parent)
+    lines = list(refused_lines(case, tmp_path))
+    assert {line[0] for line in lines} >= {"colour", "align", "overlay", "case", "compare", "render", "sample"}
     for line, (code, errors) in zip(lines, run_all(lines), strict=True):
         assert_sentence(code, errors, line)
-    assert hashes(folder) == before
-
-
-def foreign_files(folder: Path) -> Iterator[Path]:
-    """Files of the user's that are no output of this program, by the names of its outputs."""
-    folder.mkdir()
-    contents = {
-        "a.glb": b"not a model", "a.ply": b"solid stl", "b.ply": b"ply\nformat ascii 1.0\nend_header\n",
-        "b.png": b"\xff\xd8 a JPEG", "c.obj": b"\x7fELF", "d.mtl": b"newmtl mine\n",
-        "e.png": encode_png(np.zeros((2, 2), np.uint8)), "p.png": b"GIF89a",
-        "pose.json": b'{"name": "package"}', "list.json": b"[1, 2]", "a.toml": b"[project]\nname = 'mine'\n",
-    }  # fmt: skip
-    for name, data in contents.items():
-        (folder / name).write_bytes(data)
-        yield folder / name
+        assert hashes(case.parent) == before, line
 
 
 @pytest.mark.render
-def test_no_command_replaces_a_file_of_another_kind(case, tmp_path, run_all):
-    folder = tmp_path / "mine"
-    lines: list[CommandLine] = []
-    for path in foreign_files(folder):
-        if path.suffix in (".glb", ".obj") or path.name == "a.ply":
-            lines.append(("colour", case, "--out", path))
-        elif path.suffix in (".png", ".mtl"):
-            # a texture or a material beside the named file
-            lines.append(("colour", case, "--out", path.with_suffix(".obj")))
-        if path.name in ("b.png", "p.png", "a.glb"):
-            lines.append(("overlay", case, "--out", path))
-        options = {".json": "--json", ".toml": "--out", ".png": "--picture"}
-        if path.suffix in options and path.name != "e.png":
-            lines.append(("align", case, "--landmarks", case.parent / "landmarks.csv", options[path.suffix], path))
-    sheet = tmp_path / "sheet"
-    sheet.mkdir()
-    for name in ("sheet.png", "photo.png"):
-        (sheet / name).write_bytes(encode_png(np.ones((2, 2), np.uint8)))
-    (sheet / "likeness.csv").write_text("name,value\n")
-    lines.append(("compare", case, case.parent / "held_out.json", "--out", sheet))
-    sample = tmp_path / "sample"
-    sample.mkdir()
-    (sample / "case.toml").write_bytes(case.read_bytes())
-    lines += [("sample", "--out", sample), new_case(case, sample), ("render", case, "--out", sample, "--count", "1")]
-    before = hashes(folder, sheet, sample)
-    for line, (code, errors) in zip(lines, run_all(lines), strict=True):
-        assert_sentence(code, errors, line)
-        assert code == 2 or line[0] == "render", (line, errors)
-    assert hashes(folder, sheet, sample) == before
-
-
-@pytest.mark.render
-def test_own_outputs_are_replaced_until_somebody_changes_them(case, tmp_path, run_all):
+def test_own_outputs_are_replaced_and_no_folder_with_something_else(case, tmp_path, run_all):
     out = tmp_path / "out"
+    photographs = case.parent / "held_out.json"
     landmarks = ("--landmarks", case.parent / "landmarks.csv", "--click-sigma-px", "0.1", "--json", out / "pose.json")
     lines: list[CommandLine] = [
         *(("colour", case, "--out", out / name) for name in ("a.obj", "b.ply", "c.glb")),
         ("align", case, *landmarks, "--out", out / "aligned.toml", "--picture", out / "picture.png"),
-        ("compare", case, case.parent / "held_out.json", "--out", out / "comparison"),
         new_case(case, out / "case"),
     ]
-    results = run_all([*lines, *lines])
-    assert [code for code, _ in results] == [0] * 2 * len(lines), results
-    for name in ("a.png", "a.mtl", "b.png", "comparison/sheet.png", "comparison/photograph_1.png", "case/frame.png"):
-        path = out / name
-        data = bytearray(path.read_bytes())
-        data[len(data) // 3] ^= 1
-        path.write_bytes(data)
+    folders: list[CommandLine] = [
+        ("compare", case, photographs, "--out", out / "comparison"),
+        ("evaluate", case, photographs, "--out", out / "evaluation", "--methods", "paper-cycles"),
+    ]
+    results = run_all([*lines, *folders, *lines, *folders])
+    assert [code for code, _ in results] == [0] * 2 * len([*lines, *folders]), results
+    for line in folders:
+        (line[-1] if line[0] == "compare" else out / "evaluation").joinpath("mine.txt").touch()
+    (out / "case" / "case.toml").write_text((out / "case" / "case.toml").read_text() + "# aligned by hand\n")
     before = hashes(out)
-    for line, (code, errors) in zip(lines, run_all(lines), strict=True):
-        if line[0] == "align" or "c.glb" in str(line[-1]):
-            assert code == 0
-        else:
-            assert_sentence(code, errors, line)
-            assert "changed" in errors
-    unchanged = {path: digest for path, digest in before.items() if "c.glb" not in path}
-    assert {path: hashes(out)[path] for path in unchanged} == unchanged
+    refused = [*folders, ("sample", "--out", out / "comparison"), ("sample", "--out", out / "case"), lines[-1]]
+    for line, (code, errors) in zip(refused, run_all(refused), strict=True):
+        assert_sentence(code, errors, line)
+        assert "found mine.txt" in errors or line not in folders
+    assert hashes(out) == before
 
 
 @pytest.mark.render
@@ -267,10 +219,7 @@ def test_photographs_of_one_name_get_pictures_of_their_own(case, tmp_path, run_a
 
 UNWRITABLE = {
     "a file as a folder": lambda folder: folder / "frame.png" / "x",
-    "a name that is too long": lambda folder: folder / ("n" * 252),
-    "a folder that is too long": lambda folder: folder / ("n" * 300) / "x",
     "no permission": lambda folder: Path("/proc/x"),
-    "nobody's permission": lambda folder: Path("/sys/kernel/x"),
     "a full device": lambda folder: Path("/dev/full"),
     "a folder": lambda folder: folder / "folder",
 }
@@ -308,26 +257,25 @@ def recording_commands(made: dict[str, Path], out: Path) -> list[CommandLine]:
 
 
 def test_recordings_are_not_replaced_and_own_outputs_are(recordings, tmp_path, run_all):
-    folder, out = recordings["ct"].parent, tmp_path / "out"
-    good = recording_commands(recordings, out)
+    folder = recordings["ct"].parent
+    good = (
+        recording_commands(recordings, tmp_path / "surface")[:2] + recording_commands(recordings, tmp_path / "film")[2:]
+    )
     results = run_all([*good, *good])
     assert [code for code, _ in results] == [0] * len(results), results
-    assert {"surface.ply", "surface.json", "slices.png", "scores.csv"} <= {path.name for path in out.iterdir()}
-    before, (drilled, removed, film) = hashes(folder), recording_commands(recordings, folder)
-    bad: list[CommandLine] = [drilled, film, *recording_commands(recordings, Path("/dev/full"))]
-    bad += [line for path in recordings.values() for line in recording_commands(recordings, path)]
-    bad += recording_commands(recordings, folder / ("n" * 300)) + recording_commands(recordings, Path("/proc/x"))
-    # the plan, which is no input of this one, is no report of ours either
-    bad.append(removed)
+    assert {"surface.ply", "surface.json", "slices.png"} <= {path.name for path in (tmp_path / "surface").iterdir()}
+    before = hashes(folder)
+    bad = [
+        line
+        for place in (folder, Path("/dev/full"), recordings["ct"])
+        for line in recording_commands(recordings, place)
+    ]
+    bad += (
+        recording_commands(recordings, tmp_path / "film")[:2] + recording_commands(recordings, tmp_path / "surface")[2:]
+    )
     for line, (code, errors) in zip(bad, run_all(bad), strict=True):
         assert_sentence(code, errors, line)
     assert hashes(folder) == before
-    for name in ("surface.ply", "surface.json", "slices.png", "scores.csv", "contact_sheet.png"):
-        (out / name).write_bytes(b"mine")
-    before = hashes(out)
-    for line, (code, errors) in zip(good, run_all(good), strict=True):
-        assert_sentence(code, errors, line)
-    assert hashes(out) == before
 
 
 @pytest.mark.render
@@ -346,7 +294,7 @@ def test_what_cannot_be_written_is_one_sentence(case, run_all):
                 name.mkdir(exist_ok=True)
             given = ("--landmarks", folder / "landmarks.csv") if command == "align" else ()
             lines.append((command, case, *given, option, name))
-        if kind not in ("a folder", "a name that is too long"):
+        if kind != "a folder":
             lines += [
                 ("sample", "--out", path),
                 new_case(case, path),
@@ -388,30 +336,14 @@ FAILING = {
 """Command lines that fail soon."""
 
 
-def test_every_command_fails_here():
-    assert FAILING.keys() == set(COMMANDS)
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_every_command_fails_with_a_sentence(name, tmp_path):
-    ended = shell(f"$RUN {FAILING[name]} >&-", TMPDIR=str(tmp_path))
-    assert_sentence(ended.returncode, ended.stderr, (name,))
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("streams", [">/dev/full", "<&- >&- 2>&-"])
-def test_help_in_closed_and_full_streams(streams, tmp_path):
-    ended = shell(f"set -o pipefail; $RUN --help {streams}", TMPDIR=str(tmp_path))
-    assert ended.returncode == (3 if "full" in streams else 0)
-    assert ended.stderr == (
-        "error: the standard output: cannot write to it (No space left on device); choose another place\n"
-        if "full" in streams
-        else ""
-    )
+def test_every_command_fails_with_a_sentence(run_all):
+    lines = [tuple(FAILING[name].split()) for name in COMMANDS]
+    for line, (code, errors) in zip(lines, run_all(lines), strict=True):
+        assert_sentence(code, errors, line)
 
 
 @pytest.mark.render
-@pytest.mark.parametrize("streams", [">&-", ">/dev/full", "| true"])
+@pytest.mark.parametrize("streams", [">&-", ">/dev/full"])
 def test_a_command_whose_messages_nobody_gets(case, tmp_path, streams):
     out = tmp_path / "out.ply"
     ended = shell(f"set -o pipefail; $RUN colour {case} --out {out} {streams}")
@@ -424,29 +356,21 @@ def test_a_command_whose_messages_nobody_gets(case, tmp_path, streams):
     assert out.read_bytes().startswith(b"ply\n")
 
 
-@pytest.mark.parametrize("arguments", ["--help", "render --help"])
-def test_without_docstrings(arguments):
-    plain, bare = shell(f"$RUN {arguments}"), shell(f"{sys.executable} -OO -m oneframe.commands {arguments}")
-    assert (bare.returncode, bare.stderr) == (0, "")
-    assert bare.stdout == plain.stdout
-
-
 @pytest.mark.render
 def test_temporary_folders_with_strange_names(case, tmp_path, run_command):
     """Braces are a template to Blender, and two slashes the folder of its file."""
     strange = tmp_path / "a {x} # <T>"
     strange.mkdir()
-    for number, folder in enumerate((strange, f"/{strange}", tmp_path / "none")):
-        out = tmp_path / f"out {{{number}}}"
-        arguments = ["render", case, "--out", out, "--count", "1", "--workers", "1", "--video", "--video-frames", "2"]
-        ended = run_command([sys.executable, "-OO", *PROGRAM[1:], *map(str, arguments)], TMPDIR=str(folder))
+    out = tmp_path / "out {1}"
+    for options, arguments in (
+        # without docstrings and assertions it works as well
+        (["-OO"], ["render", case, "--out", out, "--count", "1", "--workers", "1", "--video", "--video-frames", "2"]),
+        ([], ["colour", case, "--out", out / "surface.glb"]),
+    ):
+        ended = run_command([sys.executable, *options, *PROGRAM[1:], *map(str, arguments)], TMPDIR=f"/{strange}")
         assert (ended.returncode, ended.stderr) == (0, "")
-        glb = out / "surface.glb"
-        ended = run_command([*PROGRAM, "colour", str(case), "--out", str(glb)], TMPDIR=str(folder))
-        assert (ended.returncode, ended.stderr) == (0, "")
-        assert (out / "video" / "trajectory.mp4").stat().st_size > 1000
+    assert (out / "video" / "trajectory.mp4").stat().st_size > 1000
     assert not list(strange.iterdir())
-    assert not (tmp_path / "none").exists()
 
 
 def mounted(folder: Path, size: str, command: str) -> str:
@@ -462,32 +386,25 @@ def small_disks_work(folder: Path) -> bool:
 
 
 @pytest.mark.render
-@pytest.mark.parametrize("what", ["colour --out {out}/a.glb", "colour --out {out}/a.obj", "compare {list} --out {out}"])
-@pytest.mark.parametrize("full", ["out", "tmp"])
-def test_full_disks_are_told_apart(case, tmp_path, what, full):
+@pytest.mark.parametrize(("command", "full"), [("colour --out {}/a.glb", "tmp"), ("colour --out {}/a.obj", "out")])
+def test_full_disks_are_told_apart(case, tmp_path, command, full):
     folders = {"out": tmp_path / "out", "tmp": tmp_path / "tmp"}
     for folder in folders.values():
         folder.mkdir()
     if not small_disks_work(folders["out"]):
         pytest.skip("this machine mounts no file systems for tests")
-    command, *rest = what.format(out=folders["out"], list=case.parent / "held_out.json").split()
-    line = f"TMPDIR={folders['tmp']} $RUN {command} {case} {' '.join(rest)}"
+    name, *rest = command.format(folders["out"]).split()
+    line = f"TMPDIR={folders['tmp']} $RUN {name} {case} {' '.join(rest)}"
     # room for the folders of Blender and of the program, but not for their files
     ended = shell(mounted(folders[full], "76k", line))
-    if full == "tmp" and not rest[-1].endswith(".glb"):
-        assert (ended.returncode, ended.stderr) == (0, "")
-        return
-    assert_sentence(ended.returncode, ended.stderr, (what, full))
+    assert_sentence(ended.returncode, ended.stderr, (command, full))
     assert str(folders[full]) in ended.stderr
     assert ("TMPDIR" in ended.stderr) == (full == "tmp")
 
 
 @pytest.mark.render
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
-@pytest.mark.parametrize("command", ["render", "compare", "sample"])
-def test_signals_end_a_command_with_a_sentence_and_without_leavings(case, tmp_path, number, command, long_form):
-    if not long_form and (command, number) not in {("render", signal.SIGTERM), ("compare", signal.SIGHUP)}:
-        pytest.skip("in the long form")
+@pytest.mark.parametrize(("command", "number"), [("render", signal.SIGTERM), ("compare", signal.SIGHUP)])
+def test_signals_end_a_command_with_a_sentence_and_without_leavings(case, tmp_path, command, number):
     if signal.getsignal(number) == signal.SIG_IGN:
         pytest.skip(f"this run ignores {number.name}, as under nohup, and so do its commands")
     folder, temporary = case.parent, tmp_path / "tmp"
@@ -498,7 +415,6 @@ def test_signals_end_a_command_with_a_sentence_and_without_leavings(case, tmp_pa
     lines = {
         "render": ["render", case, "--out", out, "--count", "5000", "--workers", "2", "--progress-seconds", "0.1"],
         "compare": ["compare", case, folder / "long.json", "--out", out],
-        "sample": ["sample", "--out", out],
     }
     process = subprocess.Popen(
         [*PROGRAM, *map(str, lines[command])], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -551,7 +467,7 @@ def test_no_operator_replaces_an_input(addon, case, tmp_path):
         "save_case": {}, "export_landmarks": {}, "save_edited_surface": {}, "export_surface": {"mode": "texture"},
         "load_video_frame": {"frame_index": 0},
     }  # fmt: skip
-    inputs = [path for path in folder.iterdir() if not path.name.startswith("landmarks")]
+    inputs = [folder / name for name in ("case.toml", "frame.png", "surface.ply", "nerve.ply")]
     before = hashes(folder)
     for (name, arguments), path in itertools.product(operators.items(), inputs):
         targets = [path, *(path.with_suffix(suffix) for suffix in (".obj", ".ply") if path.suffix == ".png")]

@@ -1,98 +1,182 @@
-"""Processes that open files that mean harm, one after another; a process that dies or hangs is replaced."""
+"""Readers of files in a process of their own, one file after another; a process that dies or hangs is replaced.
 
-import json
+An answer is a value, a sentence (an InputError), or anything else, which is a defect.
+"""
+
+import multiprocessing
 import os
-import select
-import subprocess
 import sys
-import tempfile
-from collections.abc import Iterable
+import traceback
+import warnings
+from collections.abc import Callable, Iterable
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from pathlib import Path
-from typing import Any
+
+import numpy as np
+
+from oneframe.camera.intrinsics_file import read_camera
+from oneframe.camera.plausibility import fit_of
+from oneframe.case.case_file import read_case
+from oneframe.case.case_writer import case_text
+from oneframe.case.landmark_file import read_landmarks
+from oneframe.errors import InputError
+from oneframe.files.content import reading
+from oneframe.images.image_check import check_image_file
+from oneframe.poses.pose_file import read_pose, read_poses
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.volume.drill.drill_plan import read_drill_plan
+from oneframe.volume.reading.label_map import read_labels
+from oneframe.volume.reading.volume_reader import read_volume
+
+
+class _Loaded:
+    """As much of a loaded case as the reader of photographs needs."""
+
+    mesh_from_model = np.eye(4)
+
+    class case:
+        mm_per_unit = 1000.0
+
+
+def _photographs(path: Path) -> object:
+    from oneframe.evaluation.photographs import read_photographs
+
+    return read_photographs(path, _Loaded())  # type: ignore[arg-type]
+
+
+def _camera(path: Path) -> object:
+    found = read_camera(path)
+    fit = fit_of(found, (64, 48))
+    return fit, found.distortion_for(fit.camera)
+
+
+def _case(path: Path) -> object:
+    """Read it, look for its files, and write it again."""
+    case = read_case(path)
+    case_text(path, case)
+    for file in case.input_files().values():
+        with reading(file, "a file of the case", path.name):
+            pass
+    return case
+
+
+def _image(path: Path) -> object:
+    from oneframe.blender.bridge.image import read_image
+
+    return read_image(path, path.name)
+
+
+def _video(path: Path) -> object:
+    from oneframe.video.frame_reader import read_video_frame, video_info
+
+    return read_video_frame(path, video_info(path).frames - 1)
+
+
+def _load_frame(path: Path) -> object:
+    """The operator of the add-on: its report of an error is what Blender raises here."""
+    import bpy
+
+    if not hasattr(bpy.types.Scene, "oneframe"):
+        import blender_addon
+
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        blender_addon.register()
+    try:
+        return bpy.ops.oneframe.load_frame(filepath=str(path))
+    except RuntimeError as error:
+        text = str(error).removeprefix("Error: ").strip()
+        if "Traceback" in text or "\n" in text:
+            raise
+        raise InputError(text) from None
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "camera": _camera,
+    "pose": lambda path: read_pose(path, mm_per_unit=1000.0),
+    "poses": lambda path: read_poses(path, mesh_from_model=np.eye(4), mm_per_unit=1000.0),
+    "landmarks": lambda path: read_landmarks(path, mm_per_unit=1000.0),
+    "case": _case,
+    "photographs": _photographs,
+    "mesh": lambda path: read_mesh(path),
+    "image header": lambda path: check_image_file(path, path.name),
+    "image": _image,
+    "video": _video,
+    "volume": lambda path: read_volume(path),
+    "slice": lambda path: read_volume(path.parent),
+    "labels": lambda path: read_labels(path),
+    "drill plan": lambda path: read_drill_plan(path),
+    "button": _load_frame,
+}
 
 MEGABYTES = 1024.0
 """What opening a file may take at most."""
+PATIENCE_S = 120.0
+"""Time after which a process is stopped: it starts Blender, and the computer may be busy."""
 
-PATIENCE_S = 30.0
-"""Time after which a process is stopped: the computer may be busy."""
+Answer = tuple[str, str, float]
+"""Kind, text and largest memory in MB."""
 
 
 class Victims:
     """One process at a time, started when it is needed."""
 
-    def __init__(self) -> None:
-        self._process: subprocess.Popen[str] | None = None
-
     def __enter__(self) -> "Victims":
+        self._process: ProcessPoolExecutor | None = None
         return self
 
     def __exit__(self, *_: object) -> None:
         self._end()
 
-    def opened(self, reader: str, path: Path) -> dict[str, Any]:
-        """The answer of :mod:`victim`, or one of kind ``"dead"`` with what is known."""
+    def opened(self, reader: str, path: Path) -> Answer:
+        """What a reader makes of a file."""
         if self._process is None:
-            self._start()
-        process = self._process
-        assert process is not None
-        assert process.stdin is not None
+            self._process = ProcessPoolExecutor(
+                1, multiprocessing.get_context("spawn"), initializer=_forget_folders_of_blender
+            )
         try:
-            process.stdin.write(json.dumps({"reader": reader, "path": str(path)}) + "\n")
-            process.stdin.flush()
-            ready, _, _ = select.select([self._answers], [], [], PATIENCE_S)
-            line = self._answers.readline() if ready else ""
-        except BrokenPipeError:
-            line = ""
-        if line:
-            return json.loads(line)
-        hangs = process.poll() is None and not self._has_ended(process)
-        self._end()
-        self._stderr.seek(0)
-        said = self._stderr.read()[-1500:].decode(errors="replace")
-        return {"kind": "dead", "text": f"hangs\n{said}" if hangs else f"exit code {process.returncode}\n{said}"}
-
-    def _start(self) -> None:
-        ours, theirs = os.pipe()
-        # no pipe: nobody would empty it
-        self._stderr = tempfile.TemporaryFile()  # noqa: SIM115
-        script = Path(__file__).with_name("victim.py")
-        self._process = subprocess.Popen(
-            [sys.executable, "-X", "faulthandler", str(script), str(theirs)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=self._stderr,
-            text=True,
-            pass_fds=(theirs,),
-        )
-        os.close(theirs)
-        self._answers = os.fdopen(ours)
-
-    @staticmethod
-    def _has_ended(process: subprocess.Popen[str]) -> bool:
-        try:
-            process.wait(1)
-        except subprocess.TimeoutExpired:
-            return False
-        return True
+            return self._process.submit(_answer, reader, path).result(PATIENCE_S)
+        except (BrokenExecutor, TimeoutError) as error:
+            self._end()
+            return "dead", repr(error), 0.0
 
     def _end(self) -> None:
         if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-            self._answers.close()
+            for process in list(self._process._processes.values()):
+                process.kill()
+            self._process.shutdown()
             self._process = None
 
 
-def faults_of(answers: Iterable[tuple[str, str, dict[str, Any]]]) -> list[str]:
-    """What is wrong with answers, given with the bomb's name and its file's: nothing, if all are as they should be."""
+def faults_of(answers: Iterable[tuple[str, str, Answer]]) -> list[str]:
+    """What is wrong with answers, given with a name and that of the file: nothing, if all are as they should be."""
     faults = []
-    for name, file, answer in answers:
-        if answer["kind"] not in ("value", "sentence"):
-            faults.append(f"{name}: {answer['kind']}: {answer['text']}")
-            continue
-        if answer["mb"] > MEGABYTES:
-            faults.append(f"{name}: {answer['mb']:.0f} MB")
-        text = answer.get("text", file)
-        if file not in text or len(text) > 1500:
+    for name, file, (kind, text, megabytes) in answers:
+        if kind not in ("value", "sentence"):
+            faults.append(f"{name}: {kind}: {text}")
+        elif megabytes > MEGABYTES:
+            faults.append(f"{name}: {megabytes:.0f} MB")
+        elif kind == "sentence" and (file not in text or len(text) > 1500):
             faults.append(f"{name}: expected a sentence that names {file}, found {text[:300]!r}")
     return faults
+
+
+def _forget_folders_of_blender() -> None:
+    """Those that this process has inherited if ours has Blender: its module is another one from there."""
+    sys.path[:] = [path for path in sys.path if f"{os.sep}bpy{os.sep}" not in path]
+
+
+def _answer(reader: str, path: Path) -> Answer:
+    # numbers that overflow would warn on the terminal
+    warnings.simplefilter("error")
+    warnings.filterwarnings("ignore", category=DeprecationWarning)
+    Path("/proc/self/clear_refs").write_text("5")
+    kind, text = "value", ""
+    try:
+        READERS[reader](path)
+    except InputError as error:
+        kind, text = "sentence", str(error)
+    except BaseException:
+        kind, text = "defect", traceback.format_exc()[-2000:]
+    lines = Path("/proc/self/status").read_text().splitlines()
+    peak_kb = next(line for line in lines if line.startswith("VmHWM")).split()[1]
+    return kind, text, int(peak_kb) / 1024

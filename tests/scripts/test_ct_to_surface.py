@@ -138,9 +138,9 @@ def test_margins_of_labels_without_names_are_refused_at_once_with_where_names_co
 def test_threshold_crop_and_islands_are_obeyed(ct, tmp_path, surface):
     crop = [*(CENTRE - 20), *(np.add(CENTRE, (20, 20, 0)))]
     raw = ("--smooth", 0, "--tolerance", 0)
-    ended = surface(ct, "--out", tmp_path, "--threshold", "800", "--crop", *crop, "--islands", "0.5", *raw)
+    ended = surface(ct, "--out", tmp_path / "out", "--threshold", "800", "--crop", *crop, "--islands", "0.5", *raw)
     assert (ended.returncode, ended.stderr) == (0, "")
-    mesh, _ = read_mesh(tmp_path / "surface.ply")
+    mesh, _ = read_mesh(tmp_path / "out" / "surface.ply")
     ball = np.linalg.norm(mesh.vertices - CENTRE, axis=1) < 9
     assert not ball.all()
     # 500 HU at 1000 HU a mm
@@ -187,9 +187,11 @@ def test_what_cannot_be_is_one_line_and_leaves_nothing(arguments, message, ct, l
     assert not (tmp_path / "out").exists()
 
 
-def test_a_foreign_file_is_not_replaced(ct, tmp_path, surface):
-    (tmp_path / "surface.ply").write_text("ply\nmine")
-    ended = surface(ct, "--out", tmp_path)
+def test_a_folder_with_something_else_is_refused(ct, tmp_path, surface):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "surface.ply").write_text("ply\nmine")
+    (tmp_path / "mine" / "notes.txt").touch()
+    ended = surface(ct, "--out", tmp_path / "mine")
     assert ended.returncode == 2
-    assert "expected no such file or one that this program wrote" in ended.stderr
-    assert (tmp_path / "surface.ply").read_text() == "ply\nmine"
+    assert "found notes.txt in it" in ended.stderr
+    assert (tmp_path / "mine" / "surface.ply").read_text() == "ply\nmine"

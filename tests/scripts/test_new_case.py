@@ -151,8 +151,8 @@ def test_a_second_run_replaces_the_first_until_somebody_changes_it(given, tmp_pa
         text = (out / name).read_bytes()
         (out / name).write_bytes(text.replace(b"guess", b"align") if name == "case.toml" else text[:-1])
         kept = hashes(out)
-        with pytest.raises(InputError, match=f"{name}: expected no such file or one that this program wrote"):
-            dispatch(line(given))
+        with pytest.raises(InputError, match=f"{name}: expected no such file or that of this case"):
+            dispatch(line(given, mask=given / "mask.png"))
         assert hashes(out) == kept
         (out / name).write_bytes(text)
 

@@ -31,10 +31,8 @@ from ...case.surface_folder import RECORD, SURFACE, SurfaceFolder, read_surface_
 from ...case.surface_size import extents_of, size_doubt, size_text
 from ...errors import InputError
 from ...files.keys import nearest_name
-from ...files.kinds import PNG
 from ...files.numbers import MM_PER_UNIT
 from ...files.outputs import check_outputs
-from ...files.signature import signed
 from ...images.masked_frame import with_mask_tinted
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
@@ -111,7 +109,7 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     surface = _surface(given)
     inputs = given.files(surface)
     names = [structure.name for structure in surface.structures]
-    check_outputs(without_kept(folder_outputs(out, names, overlay=True), inputs), inputs)
+    check_outputs(without_kept(folder_outputs(out, names), inputs), inputs)
     frame = _frame(given)
     kept_frame = frame.kept(out / FRAME)
     camera, distortion, doubts = _camera(given.camera, frame.size_wh, rescale=given.rescale_camera)
@@ -151,8 +149,8 @@ def make_case(given: CaseInputs, out: Path, *, overwrite: bool) -> Iterator[str]
     keep_files(files, inputs, instead="" if overwrite else "choose another folder, or replace it with --overwrite")
     yield f"case: {case.path}"
     # as every other command reads it
-    picture = signed(encode_png(to_uint8(_overlay(load_case(read_case(case.path), aligned=False)))))
-    keep_files([KeptFile(out / OVERLAY, picture, PNG)], inputs)
+    picture = encode_png(to_uint8(_overlay(load_case(read_case(case.path), aligned=False))))
+    keep_files([KeptFile(out / OVERLAY, picture)], inputs)
     yield f"frame with the surface at this pose: {out / OVERLAY}"
 
 

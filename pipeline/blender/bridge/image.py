@@ -10,12 +10,8 @@ import bpy
 import numpy as np
 
 from ...errors import InputError
-from ...images.image_check import LARGEST_DEEP_FRAME, LARGEST_FRAME, check_image_file
-from ...images.image_header import image_header
+from ...images.image_check import LARGEST_FRAME, check_image_file
 from ...process.own_process import delayed_interrupts
-
-EIGHT_BITS = 4
-"""Most bytes of a pixel with 8 bits a channel."""
 
 
 def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
@@ -33,12 +29,6 @@ def read_image(path: Path, where: str = "") -> tuple[np.ndarray, np.ndarray]:
     """
     where = where or str(path)
     data = check_image_file(path, where, most_pixels=LARGEST_FRAME)
-    header = image_header(data)
-    if header.pixel_bytes > EIGHT_BITS and header.width * header.height > LARGEST_DEEP_FRAME:
-        raise InputError(
-            f"{where}: expected up to {LARGEST_DEEP_FRAME:,} pixels of more than 8 bits a channel, found "
-            f"{header.width} x {header.height}; save it with 8 bits, or scale it down"
-        )
     image = bpy.data.images.new("image", 1, 1)
     try:
         # the bytes that were checked, whatever the file is called and whatever has become of it

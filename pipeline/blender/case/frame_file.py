@@ -8,8 +8,7 @@ import numpy as np
 from ...case.case_folder import KeptFile
 from ...errors import InputError
 from ...files.content import read_content
-from ...files.kinds import PNG
-from ...images.image_header import JPEG_SIGNATURE
+from ...images.image_check import JPEG_SIGNATURE
 from ...images.masked_frame import encoded_frame, joined_mask, shown_by_mask
 from ..bridge.image import read_image
 
@@ -63,7 +62,7 @@ class Frame:
         """
         if not self.shown.any():
             raise InputError(f"{self.name}: expected a frame that shows something, its alpha is 0 everywhere")
-        return KeptFile(target, encoded_frame(self.colours, self.shown, self.name), PNG)
+        return KeptFile(target, encoded_frame(self.colours, self.shown, self.name))
 
 
 def read_frame(path: Path) -> Frame:

@@ -18,9 +18,7 @@ from ...colour.texture_atlas import TextureAtlas
 from ...colour.vertex_colours import VertexColours
 from ...errors import InputError
 from ...files.content import write_bytes_atomically
-from ...files.kinds import GLB, MTL, OBJ, PLY, PNG
-from ...files.outputs import Output, check_outputs, companion, made_folder, writing
-from ...files.signature import signed
+from ...files.outputs import check_outputs, made_folder, writing
 from ...files.temporary import temporary_folder, unwritable_temporary, writing_temporary
 from ...images.pixel_values import linear_from_codes, to_uint8
 from ...images.png import encode_png
@@ -31,7 +29,7 @@ from ..bridge.data_blocks import new_mesh_object, set_corner_uv, set_vertex_colo
 from ..bridge.versions import new_node_material
 from .reference_view import baked_colour_of, colouring_view_of, unseen_colours_of
 
-FORMATS = {".glb": GLB, ".obj": OBJ, ".ply": PLY}
+FORMATS = (".glb", ".obj", ".ply")
 
 
 def check_export(path: Path, inputs: Mapping[str, Path], *, colour: str) -> None:
@@ -56,11 +54,11 @@ def check_export(path: Path, inputs: Mapping[str, Path], *, colour: str) -> None
         raise InputError(f"{path}: expected a file name that ends in {', '.join(FORMATS)}, found {path.suffix!r}")
     if colour not in ("texture", "vertex") or (suffix == ".obj" and colour == "vertex"):
         raise InputError(f"{path}: a {suffix} file cannot hold {colour} colours; use texture")
-    outputs = [Output(path, FORMATS[suffix])]
+    outputs = [path]
     if colour == "texture" and suffix != ".glb":
-        outputs.append(companion(texture_path(path), PNG))
+        outputs.append(texture_path(path))
     if suffix == ".obj":
-        outputs.append(companion(material_path(path), MTL))
+        outputs.append(material_path(path))
     check_outputs(outputs, inputs)
 
 
@@ -107,7 +105,7 @@ def export_coloured_surface(
     if isinstance(surface_colour, TextureAtlas):
         picture = texture_path(path)
         with writing(picture):
-            write_bytes_atomically(picture, signed(encode_png(to_uint8(surface_colour.image))))
+            write_bytes_atomically(picture, encode_png(to_uint8(surface_colour.image)))
         uv, texture = surface_colour.uv, picture.name
         with writing(path):
             if suffix == ".obj":

@@ -19,7 +19,7 @@ from ...dataset.folder import Shard
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions, checked_options
 from ...dataset.view import RenderedSample
-from ...files.processors import available_cores
+from ...files.machine import available_cores
 from ..render.engines import check_engine
 from ..render.video import write_video
 from . import finish

@@ -13,7 +13,7 @@ from ...dataset.layout import RECORD, VIDEO_FILES, other_files, view_kinds
 from ...dataset.missing_views import Elsewhere, MissingViews
 from ...dataset.survey import Survey, Tally, survey_views, unrecorded_views
 from ...dataset.view_ranges import view_ranges
-from ...files.processors import available_cores
+from ...files.machine import available_cores
 from ...progress import LINE_SECONDS, Progress
 from ..render.engines import check_engine, keep_freed_memory
 from . import finish

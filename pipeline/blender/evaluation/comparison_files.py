@@ -1,5 +1,6 @@
 """A comparison with photographs as files: a table of similarities, a picture of each pair, a sheet of all pairs."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -8,9 +9,7 @@ import numpy as np
 from ...case.loaded_case import LoadedCase
 from ...evaluation.photographs import PosedPhotograph
 from ...files.content import write_bytes_atomically
-from ...files.kinds import PNG, Kind, csv_table
-from ...files.outputs import check_outputs, companion, made_folder, writing
-from ...files.signature import signed
+from ...files.outputs import check_outputs, check_own_folder, made_folder, writing
 from ...files.tables import write_csv
 from ...images.contact_sheet import contact_sheet
 from ...images.pixel_values import to_uint8
@@ -19,7 +18,7 @@ from .comparison import Comparison, compare
 
 TABLE, SHEET = "likeness.csv", "sheet.png"
 COLUMNS = ("image", "picture", "ssim", "mean_error_of_255", "correlation", "pixels")
-LIKENESS = Kind("a table of similarities", csv_table(",".join(COLUMNS)))
+_NAMES = rf"photograph_\d+\.png|{re.escape(TABLE)}|{re.escape(SHEET)}"
 TILE_WIDTH = 900
 """Width of a picture in the sheet, px."""
 
@@ -37,13 +36,13 @@ def check_comparisons(out: Path, photographs: Sequence[PosedPhotograph], inputs:
     Raises
     ------
     InputError
-        A file must not be replaced.
+        The folder holds something else, or a file must not be replaced.
     RunError
         The files cannot be written.
     """
-    pictures = [companion(out / name, PNG) for name in (*_picture_names(photographs), SHEET)]
     shown = {f"photograph {number}": photograph.path for number, photograph in enumerate(photographs, start=1)}
-    check_outputs([*pictures, companion(out / TABLE, LIKENESS, LIKENESS.is_of)], {**inputs, **shown})
+    check_own_folder(out, _NAMES)
+    check_outputs([out / name for name in (*_picture_names(photographs), SHEET, TABLE)], {**inputs, **shown})
 
 
 def write_comparisons(
@@ -93,7 +92,7 @@ def _picture_names(photographs: Sequence[PosedPhotograph]) -> list[str]:
 
 
 def _write_picture(path: Path, picture: np.ndarray) -> None:
-    data = signed(encode_png(to_uint8(picture)))
+    data = encode_png(to_uint8(picture))
     with writing(made_folder(path)):
         write_bytes_atomically(path, data)
 

@@ -18,7 +18,7 @@ from ...evaluation.scores.distribution_distance import FEWEST_IMAGES, FID_IMAGES
 from ...evaluation.scores.inception import Inception
 from ...evaluation.scores.reachable_scores import JITTERS, perfect_view
 from ...evaluation.scores.view_scores import SCORES, scores_of
-from ...files.processors import available_cores
+from ...files.machine import available_cores
 from ...poses.distributions import Cone, ReferencePose
 from ..colour.reference_view import ReferenceView, reference_view_of
 from .evaluation_case import EvaluationCase, ShownSurface, read_photograph, shown_surfaces

@@ -1,6 +1,7 @@
 """An evaluation as a folder: scores, summaries, the paper's figure, pairs of novel views, pictures and charts."""
 
 import itertools
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -16,7 +17,6 @@ from ...evaluation.conditions import Conditions, current_conditions, write_table
 from ...evaluation.record.evaluation_notes import evaluation_notes
 from ...evaluation.record.evaluation_pictures import Crop, crop_of, labelled_grid, tile
 from ...evaluation.record.evaluation_record import (
-    EVALUATION,
     EvaluatedCase,
     EvaluatedMethod,
     Evaluation,
@@ -26,17 +26,12 @@ from ...evaluation.record.evaluation_record import (
 )
 from ...evaluation.record.evaluation_tables import (
     FRAME_COLUMNS,
-    FRAMES,
-    LATEX,
-    MARKDOWN,
     frame_rows,
     latex_summary,
     markdown_summary,
 )
 from ...files.content import write_bytes_atomically
-from ...files.kinds import PNG
-from ...files.outputs import Output, check_outputs, companion, made_folder, writing
-from ...files.signature import signed
+from ...files.outputs import check_outputs, check_own_folder, made_folder, writing
 from ...images.contact_sheet import downscaled
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
@@ -46,6 +41,8 @@ from .methods import Method
 
 RECORD, TABLE, MARKDOWN_FILE, LATEX_FILE = "evaluation.json", "frames.csv", "summary.md", "summary.tex"
 FIGURE, PAIRS, PICTURES, CHART = "figure.png", "pairs.png", "pictures", "scores.svg"
+_FILES = (RECORD, TABLE, MARKDOWN_FILE, LATEX_FILE, FIGURE, PAIRS)
+_NAMES = "|".join([*map(re.escape, _FILES), PICTURES, r"scores(_cases)?(-dark)?\.(svg|png)"])
 PICTURE_WIDTH = 960
 """Pictures are reduced to this width, px."""
 MOST_COLUMNS = 6
@@ -87,18 +84,15 @@ def check_evaluation(run: EvaluationRun, inputs: Mapping[str, Path]) -> None:
     Raises
     ------
     InputError
-        A file must not be replaced.
+        The folder holds something else, or a file must not be replaced.
     RunError
         The files cannot be written.
     """
     out = run.out
-    kinds = {RECORD: EVALUATION, TABLE: FRAMES, MARKDOWN_FILE: MARKDOWN, LATEX_FILE: LATEX}
-    outputs: list[Output] = [companion(out / name, kind, kind.is_of) for name, kind in kinds.items()]
-    outputs += [companion(out / name, PNG) for name in (FIGURE, PAIRS)]
+    check_own_folder(out, _NAMES)
+    outputs = [out / name for name in (*_FILES, *_PictureNames(run).all())]
     for data in _chart_files(out, len(run.cases)):
         outputs += chart_outputs(data)
-    names = _PictureNames(run)
-    outputs += [companion(out / name, PNG) for name in names.all()]
     photographs = {
         f"photograph {number} of {case.name}": photograph.path
         for case in run.cases
@@ -334,4 +328,4 @@ class _Gallery:
         path = made_folder(self.run.out / name)
         shown = image if width is None else downscaled(image, width)
         with writing(path):
-            write_bytes_atomically(path, signed(encode_png(to_uint8(shown))))
+            write_bytes_atomically(path, encode_png(to_uint8(shown)))

@@ -15,7 +15,6 @@ from mathutils import Matrix
 from ...camera.pinhole import PinholeCamera
 from ...files.content import write_bytes_atomically
 from ...files.outputs import writing
-from ...files.signature import signed
 from ...files.temporary import temporary_folder, unwritable_temporary
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
@@ -80,7 +79,7 @@ def take_photographs(
             _place_lamp(lamp, cam_from_scene)
             with delayed_interrupts():
                 bpy.ops.render.render(scene=scene.name)
-            data = signed(_png_of_render(scene))
+            data = _png_of_render(scene)
             with writing(path):
                 write_bytes_atomically(path, data)
             yield path

@@ -8,10 +8,10 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...case.case_file import Case, Structure
-from ...case.case_writer import CASE_FILE, case_text, write_case
-from ...files.content import write_bytes_atomically
-from ...files.kinds import PLY, PNG, Kind, json_array
-from ...files.outputs import check_outputs, companion, made_folder, writing
+from ...case.case_writer import case_text, write_case
+from ...errors import InputError
+from ...files.content import read_content, write_bytes_atomically
+from ...files.outputs import check_outputs, check_own_folder, made_folder, writing
 from ...sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses
 from ...surface.mesh_writer import write_ply
 from ...surface.structure_colour import structure_colour
@@ -19,7 +19,7 @@ from .photograph import take_photographs
 
 STRUCTURES = ("facial_nerve", "chorda_tympani", "ossicles")
 HELD_OUT = "held_out.json"
-PHOTOGRAPHS = Kind("a list of photographs", json_array("image", "cam_from_mesh"))
+_NAMES = r"surface\.ply|structures|frame\.png|case\.toml|held_out|held_out\.json"
 COMMENT = "A photograph of a drilled temporal bone: generated, not a patient"
 
 
@@ -29,19 +29,18 @@ def check_sample_case(folder: Path, *, camera: PinholeCamera = MICROSCOPE, held_
     Raises
     ------
     InputError
-        One exists that this program has not written, or that somebody has changed.
+        The folder holds another case, or something else and no case.
     RunError
         The files cannot be written.
     """
-    text = case_text(folder / "case.toml", _case(folder, camera), comment=COMMENT)
+    case, text = folder / "case.toml", case_text(folder / "case.toml", _case(folder, camera), comment=COMMENT)
+    if not case.exists():
+        check_own_folder(folder, _NAMES)
+    elif read_content(case, "a case file") != text.encode():
+        raise InputError(f"{case}: expected no such file or the sample's, found another case; choose another folder")
     images = ("frame.png", *(_held_out_views() if held_out else ()))
-    outputs = [companion(folder / name, PLY) for name in ("surface.ply", *map(_structure_file, STRUCTURES))]
-    outputs += [companion(folder / name, PNG) for name in images]
-    outputs.append(companion(folder / "case.toml", CASE_FILE, lambda path: path.read_bytes() == text.encode()))
-    if held_out:
-        listed = _held_out_list()
-        outputs.append(companion(folder / HELD_OUT, PHOTOGRAPHS, lambda path: path.read_bytes() == listed))
-    check_outputs(outputs, {})
+    names = ["surface.ply", *map(_structure_file, STRUCTURES), *images, "case.toml", *([HELD_OUT] if held_out else [])]
+    check_outputs([folder / name for name in names], {})
 
 
 def write_sample_case(

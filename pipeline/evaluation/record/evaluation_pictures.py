@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...images.mask_box import mask_box
+from ...images.pixel_values import mask_box
 
 TILE_WH = (320, 240)
 GAP_PX, LABEL_PX = 6, 26

@@ -10,14 +10,12 @@ import numpy as np
 
 from ...errors import InputError
 from ...files.content import read_content
-from ...files.kinds import Kind, json_object
 from ...files.tables import parsed_json
 from ..conditions import Conditions
 from ..scores.confidence import mean_interval
 from ..scores.view_scores import SCORES
 
 FORMAT = "oneframe evaluation 1"
-EVALUATION = Kind("an evaluation", json_object("format", "rows", "summary", "bound"))
 ALL = "all"
 """The name of all cases together."""
 

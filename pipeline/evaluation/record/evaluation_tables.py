@@ -3,16 +3,11 @@
 import math
 from collections.abc import Sequence
 
-from ...files.kinds import Kind, beginning
-from ..conditions import measured_table
 from ..scores.view_scores import SCORES, is_better
 from .evaluation_record import ALL, Evaluation
 
 FRAME_COLUMNS = ("case", "image", "method", *SCORES)
-FRAMES = measured_table("the scores of an evaluation", FRAME_COLUMNS)
 MARKDOWN_HEAD, LATEX_HEAD = "# Evaluation", "% Evaluation by OneFrame"
-MARKDOWN = Kind("the summary of an evaluation", beginning(MARKDOWN_HEAD.encode()))
-LATEX = Kind("the summary of an evaluation in LaTeX", beginning(LATEX_HEAD.encode()))
 
 TABLES: dict[str, dict[str, tuple[str, int]]] = {
     "As in the paper": {

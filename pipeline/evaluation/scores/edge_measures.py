@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...images.mask_box import mask_box
+from ...images.pixel_values import mask_box
 
 SCALE_PX = 1.0
 """Standard deviation of the Gaussian whose derivatives are the gradients: noise of single pixels is no edge."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ...images.mask_box import mask_box
+from ...images.pixel_values import mask_box
 
 SMOOTHING = 0.05
 """Standard deviation of the smoothing, relative to the longer side of the compared part."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from skimage.metrics import structural_similarity
 
-from ...images.mask_box import mask_box
+from ...images.pixel_values import mask_box
 
 WINDOW_PX = 7
 """Side of SSIM's window (Wang et al. 2004; scikit-image's default)."""

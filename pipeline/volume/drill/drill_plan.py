@@ -20,10 +20,9 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
-from ...files.content import LARGEST_TEXT, decoded, read_content, write_bytes_atomically
+from ...files.content import LARGEST_TEXT, read_content, write_bytes_atomically
 from ...files.keys import check_keys
-from ...files.kinds import Kind
-from ...files.outputs import Output, check_outputs, writing
+from ...files.outputs import check_outputs, writing
 from ...files.tables import parsed_toml
 from ..volume import VoxelGrid
 from .filled import index_points
@@ -90,11 +89,11 @@ def write_drill_plan(path: Path, plan: DrillPlan, inputs: Mapping[str, Path]) ->
     Raises
     ------
     InputError
-        The file is an input (by their names in messages), or no drill plan; or the plan could not be read back.
+        The file is an input (by their names in messages), or the plan could not be read back.
     RunError
         The file cannot be written.
     """
-    check_outputs([Output(path, KIND)], inputs)
+    check_outputs([path], inputs)
     text = plan_text(plan)
     _parsed(text, path.name)
     with writing(path):
@@ -168,16 +167,6 @@ def _parsed(content: str | bytes, name: str) -> DrillPlan:
             for structure, value in margins.items()
         },
     )
-
-
-def _is_plan(data: bytes) -> bool:
-    try:
-        return "strokes" in parsed_toml(decoded(data) or "", "")
-    except InputError:
-        return False
-
-
-KIND = Kind("a drill plan", _is_plan)
 
 
 def _stroke(entry: Any, where: str) -> Stroke:

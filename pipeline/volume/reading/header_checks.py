@@ -1,14 +1,12 @@
 """What the header of every volume must fulfil before memory is taken: axes, size, and that it fits."""
 
-import os
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...errors import InputError
+from ...files.machine import available_bytes
 from ...transforms import transform_points
 
 SMALLEST_SPACING_MM, LARGEST_SPACING_MM = 0.005, 20.0
@@ -16,10 +14,6 @@ SMALLEST_SPACING_MM, LARGEST_SPACING_MM = 0.005, 20.0
 
 _SAME_PLACE_VOXELS, _SAME_TURN = 0.1, 1e-3
 """Of two transforms of a header; near half turns, a quaternion in single precision is off by up to 8e-4 radians."""
-
-_CGROUP = Path("/sys/fs/cgroup")
-_UNKNOWN = 4 << 30
-"""Bytes of memory assumed where the system does not say."""
 
 
 def simple_itk() -> Any:
@@ -118,25 +112,3 @@ def check_memory(needed: int, size: Sequence[int], where: str) -> None:
             f"which takes {needed / 2**30:.1f} GB to read, and {free / 2**30:.1f} GB are free; crop or resample it, "
             "for example in 3D Slicer (Crop Volume)"
         )
-
-
-def available_bytes() -> int:
-    """Memory that a process can still take: what is free or can be freed (Linux), all there is (macOS), else a guess.
-
-    The limit of a container counts too (version 2 of Linux control groups).
-    """
-    if sys.platform == "linux":
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        free = next((int(line.split()[1]) << 10 for line in lines if line.startswith("MemAvailable:")), _UNKNOWN)
-        return min(free, _left_in_container(free))
-    if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    return _UNKNOWN
-
-
-def _left_in_container(otherwise: int) -> int:
-    try:
-        most, used = ((_CGROUP / name).read_text().strip() for name in ("memory.max", "memory.current"))
-        return max(int(most) - int(used), 0)
-    except (OSError, ValueError):  # none, or "max"
-        return otherwise

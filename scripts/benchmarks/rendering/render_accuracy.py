@@ -22,7 +22,7 @@ from oneframe.blender.render.surface_scene import SurfaceScene
 from oneframe.dataset.layout import ViewPaths
 from oneframe.errors import RunError
 from oneframe.evaluation.scores.similarity import Similarity, similarity
-from oneframe.files.processors import available_cores
+from oneframe.files.machine import available_cores
 from oneframe.images.pixel_values import to_uint8
 
 from .converged_view import converged_view

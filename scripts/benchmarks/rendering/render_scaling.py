@@ -10,7 +10,7 @@ from skimage.metrics import structural_similarity
 
 from oneframe.blender.dataset.job import render_views
 from oneframe.blender.dataset.view_renderer import ViewRenderer
-from oneframe.files.processors import available_cores
+from oneframe.files.machine import available_cores
 from oneframe.images.pixel_values import to_uint8
 
 from ..memory import memory_mb

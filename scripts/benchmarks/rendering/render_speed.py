@@ -17,7 +17,7 @@ from oneframe.dataset.folder import Shard
 from oneframe.dataset.layout import ViewPaths
 from oneframe.dataset.options import DatasetOptions
 from oneframe.evaluation.baseline import pyvista_renderer
-from oneframe.files.processors import available_cores
+from oneframe.files.machine import available_cores
 from oneframe.images.pixel_values import to_uint8
 from oneframe.surface.mesh import TriangleMesh
 

@@ -15,7 +15,7 @@ from oneframe.commands import evaluate
 from oneframe.errors import InputError
 from oneframe.evaluation.record.evaluation_record import read_evaluation
 from oneframe.evaluation.scores.view_scores import SCORES
-from oneframe.images.image_header import PNG_SIGNATURE
+from oneframe.images.image_check import PNG_SIGNATURE
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 
 ROOT = Path(__file__).resolve().parents[3]

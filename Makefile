@@ -31,7 +31,7 @@ $(VENV)/.ready-to-test: $(VENV)/.ready
 
 # the sample case and a small dataset of it, with a video
 demo: setup
-	@$(RUN) scripts/make_sample.py --out demo/case
+	@$(RUN) scripts/oneframe.py sample --out demo/case
 	@$(RUN) scripts/render_dataset.py demo/case/case.toml --out demo/dataset --count 24 --video --video-frames 48
 	@echo "look at demo/case/frame.png (the one frame), demo/dataset/contact_sheet.png and demo/dataset/video/trajectory.mp4"
 
@@ -80,7 +80,7 @@ chart: setup
 # accuracy of landmarks and of the refinement, in demo/bench
 bench-alignment: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
-	@test -f demo/case/case.toml || $(RUN) scripts/make_sample.py --out demo/case
+	@test -f demo/case/case.toml || $(RUN) scripts/oneframe.py sample --out demo/case
 	$(RUN) scripts/benchmark.py landmarks --trials 10000 --noise-px 2 --out demo/bench/landmark_accuracy.json
 	$(RUN) scripts/benchmark.py refinement demo/case/case.toml --out demo/bench/refinement.csv --trials 8 --degrees 1 2 5 10 --percent 1 2 5 8
 
@@ -98,7 +98,7 @@ stability: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[charts]"
 	$(RUN) scripts/benchmark.py stability --out demo/stability $(STABILITY_FLAGS)
 
-# the site in build/docs, from docs/ and the docstrings; every warning is an error
+# the site in build/docs, from docs/ and the docstrings of what is public; every warning is an error
 docs: setup
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[docs]"
 	$(RUN) -m sphinx --fail-on-warning --keep-going --quiet docs build/docs

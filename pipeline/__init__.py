@@ -28,4 +28,27 @@ Below them lie ``files`` and ``images``, :mod:`oneframe.transforms` (the convent
 :mod:`oneframe.blender` and the commands that call it.
 """
 
+from importlib import import_module
+
 __version__ = "0.1.0"
+
+_FROM = {
+    "errors": ("InputError", "RunError"),
+    "case.case_file": ("read_case",),
+    "case.case_writer": ("write_case",),
+    "blender.case.load_case": ("load_case",),
+    "script": ("surface_from_ct", "make_case", "align_case", "colour_surface", "render_dataset"),
+    "dataset.check.check_dataset": ("check_dataset",),
+    "packing.pack": ("pack_dataset",),
+    "reader": ("open_dataset",),
+}
+"""Modules -> what is public of them."""
+__all__ = [name for names in _FROM.values() for name in names]
+
+
+def __getattr__(name: str) -> object:
+    """Import what is public when it is first asked for: each room needs its own libraries."""
+    for module, names in _FROM.items():
+        if name in names:
+            return getattr(import_module(f".{module}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -11,7 +11,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from oneframe.commands import render
-from oneframe.process.command_line import run_script, script_command
+from oneframe.process.command_line import run_script
 
 if __name__ == "__main__":
-    run_script(lambda argv: render.main(argv, "render_dataset.py", own_command=script_command(__file__)))
+    run_script(lambda argv: render.main(argv, "render_dataset.py"))

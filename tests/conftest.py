@@ -276,6 +276,12 @@ def run_command() -> Callable[..., subprocess.CompletedProcess]:
     return run
 
 
+@pytest.fixture(scope="session")
+def run_oneframe(run_command: Callable[..., subprocess.CompletedProcess]) -> Callable[..., subprocess.CompletedProcess]:
+    """Runs the program ``oneframe`` to its end, with any arguments."""
+    return lambda *arguments: run_command([sys.executable, "-m", "oneframe.commands", *map(str, arguments)])
+
+
 @pytest.fixture
 def addon():
     """The add-on, registered in an empty file as it is used from the checkout."""

@@ -40,7 +40,7 @@ def copied_sample(folder: Path) -> Path:
     if not SHIPPED.is_dir():
         raise InputError(
             f"{SHIPPED}: expected the sample case of the built extension, found none; "
-            "make it with make_sample.py, and open its case.toml"
+            "make it with `oneframe sample`, and open its case.toml"
         )
     for source in sorted(SHIPPED.rglob("*")):
         target = folder / source.relative_to(SHIPPED)

@@ -57,17 +57,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument("--picture", metavar="FILE", type=Path, help="write the frame with overlay and residuals (PNG)")
 
 
-def main(argv: Sequence[str], prog: str = "oneframe align") -> int:
+def main(argv: Sequence[str]) -> int:
     """Parse the arguments and run."""
-    parser = command_parser(prog, ABOUT, EPILOG, add_arguments)
+    parser = command_parser("oneframe align", ABOUT, EPILOG, add_arguments)
     arguments = parser.parse(argv)
     if arguments.take_refused and not arguments.refine:
         parser.error("--take-refused: expected --refine with it")
-    return run(arguments, tool=f"OneFrame {__version__}, {prog.removeprefix('oneframe ')}")
+    return run(arguments)
 
 
-def run(arguments: argparse.Namespace, *, tool: str) -> int:
-    """Align the case, print the report and write the requested files; the case file records ``tool``."""
+def run(arguments: argparse.Namespace) -> int:
+    """Align the case, print the report and write the requested files."""
     with explained_imports():
         from ..alignment.landmarks.report import pose_lines, pose_table, report_lines, report_table
         from ..alignment.refinement.report import refinement_table
@@ -104,7 +104,7 @@ def run(arguments: argparse.Namespace, *, tool: str) -> int:
         click_sigma_px=arguments.click_sigma_px,
         refine=arguments.refine,
         take_refused=arguments.take_refused,
-        tool=tool,
+        tool=f"OneFrame {__version__}, align",
         date=datetime.date.today().isoformat(),
     )
     alignment, refinement, found = aligned.alignment, aligned.refinement, aligned.loaded.case

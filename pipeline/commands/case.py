@@ -73,9 +73,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def main(argv: Sequence[str], prog: str = "oneframe case", *, align: str = "oneframe align") -> int:
-    """Parse the arguments and run; the last message suggests the command ``align`` as the next step."""
-    parser = command_parser(prog, ABOUT, EPILOG, add_arguments)
+def main(argv: Sequence[str]) -> int:
+    """Parse the arguments and run."""
+    parser = command_parser("oneframe case", ABOUT, EPILOG, add_arguments)
     arguments = parser.parse(argv)
     for name in ("size", "distortion"):
         if getattr(arguments, name) is not None and arguments.K is None:
@@ -86,10 +86,10 @@ def main(argv: Sequence[str], prog: str = "oneframe case", *, align: str = "onef
         values = getattr(arguments, name) or ()
         if not all(map(math.isfinite, values)):
             parser.error(f"--{name}: expected finite numbers, found {' '.join(map(str, values))}")
-    return run(arguments, align)
+    return run(arguments)
 
 
-def run(arguments: argparse.Namespace, align: str) -> int:
+def run(arguments: argparse.Namespace) -> int:
     """Read and check everything, write the folder, and say what it holds."""
     with explained_imports():
         from ..blender.alignment.new_case import CaseInputs, make_case
@@ -128,5 +128,7 @@ def run(arguments: argparse.Namespace, align: str) -> int:
     for line in make_case(given, arguments.out, overwrite=arguments.overwrite):
         output.write(line + "\n")
     case, aligned = arguments.out / "case.toml", arguments.out / "aligned.toml"
-    output.write(f"next: open {case} in Blender and align it, or: {align} {case} --landmarks FILE --out {aligned}\n")
+    output.write(
+        f"next: open {case} in Blender and align it, or: oneframe align {case} --landmarks FILE --out {aligned}\n"
+    )
     return 0

@@ -51,9 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def main(argv: Sequence[str], prog: str = "oneframe check") -> int:
+def main(argv: Sequence[str]) -> int:
     """Parse the arguments and run."""
-    arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
+    arguments = command_parser("oneframe check", ABOUT, EPILOG, add_arguments).parse(argv)
     for name in ("views", "rerender"):
         number = getattr(arguments, name)
         if number is not None and number < 0:

@@ -36,9 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def main(argv: Sequence[str], prog: str = "oneframe compare") -> int:
+def main(argv: Sequence[str]) -> int:
     """Parse the arguments and run."""
-    return run(command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv))
+    return run(command_parser("oneframe compare", ABOUT, EPILOG, add_arguments).parse(argv))
 
 
 def run(arguments: argparse.Namespace) -> int:

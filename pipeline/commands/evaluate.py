@@ -60,9 +60,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument("--redraw", action="store_true", help="measure nothing; draw the charts again from --out")
 
 
-def main(argv: Sequence[str], prog: str = "oneframe evaluate") -> int:
+def main(argv: Sequence[str]) -> int:
     """Parse the arguments and run."""
-    return run(command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv))
+    return run(command_parser("oneframe evaluate", ABOUT, EPILOG, add_arguments).parse(argv))
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -44,9 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument("--out", metavar="DIR", type=Path, required=True, help="folder to write")
 
 
-def main(argv: Sequence[str], prog: str = "oneframe frames") -> int:
+def main(argv: Sequence[str]) -> int:
     """Parse the arguments and run."""
-    parser = command_parser(prog, ABOUT, EPILOG, add_arguments)
+    parser = command_parser("oneframe frames", ABOUT, EPILOG, add_arguments)
     arguments = parser.parse(argv)
     for name in ("count", "every"):
         if getattr(arguments, name) < 1:

@@ -45,9 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument("--plain", action="store_true", help="draw no legend and no scale bar")
 
 
-def main(argv: Sequence[str], prog: str = "oneframe overlay") -> int:
+def main(argv: Sequence[str]) -> int:
     """Parse the arguments and run."""
-    parser = command_parser(prog, ABOUT, EPILOG, add_arguments)
+    parser = command_parser("oneframe overlay", ABOUT, EPILOG, add_arguments)
     arguments = parser.parse(argv)
     if (arguments.video is None) != (arguments.poses is None):
         given, missing = ("--video", "--poses") if arguments.video else ("--poses", "--video")

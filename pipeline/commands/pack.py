@@ -83,9 +83,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     work.add_argument("--progress-seconds", type=float, default=LINE_SECONDS, help=argparse.SUPPRESS)
 
 
-def main(argv: Sequence[str], prog: str = "oneframe pack") -> int:
+def main(argv: Sequence[str]) -> int:
     """Parse the arguments and run."""
-    arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
+    arguments = command_parser("oneframe pack", ABOUT, EPILOG, add_arguments).parse(argv)
     if arguments.workers < 0:
         raise InputError(f"command line: --workers: expected 0 (one per core) or more, found {arguments.workers}")
     if arguments.cluster is not None and (arguments.verify or arguments.workers):

@@ -33,7 +33,7 @@ def command_parser(
     Parameters
     ----------
     prog
-        How the user calls it: ``oneframe render`` or ``render_dataset.py``.
+        How the user calls it.
     about
         The description: one sentence.
     epilog

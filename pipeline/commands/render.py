@@ -11,12 +11,13 @@ from typing import TextIO
 from ..dataset.missing_views import Elsewhere
 from ..dataset.options import GONE, add_option_arguments, option_names
 from ..errors import InputError
-from ..process.command_line import end_with_input
+from ..process.command_line import end_with_input, script_command
 from ..process.own_process import own_output
 from ..progress import LINE_SECONDS
 from .parser import INSECURE, command_parser, explained_imports
 
-OWN_COMMAND = (sys.executable, "-m", __package__, "render")
+SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "render_dataset.py"
+"""This command as a script, which a checkout and the extension have."""
 
 GROUPS = {
     "views": ("count", "scale", "engine", "samples", "colour", "unseen", "max_incidence_deg", "float_depth"),
@@ -91,14 +92,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     machines.add_argument("--end-with-input", action="store_true", help=argparse.SUPPRESS)
 
 
-def main(argv: Sequence[str], prog: str = "oneframe render", *, own_command: Sequence[str] = OWN_COMMAND) -> int:
-    """Parse the arguments and run; ``own_command`` starts this command again, for the worker processes."""
+def own_command() -> list[str]:
+    """Starts this command in another process."""
+    return script_command(str(SCRIPT)) if SCRIPT.is_file() else [sys.executable, "-m", __package__, "render"]
+
+
+def main(argv: Sequence[str], prog: str = "oneframe render", *, command: Sequence[str] = ()) -> int:
+    """Parse the arguments and run; ``command`` starts this command again, for the worker processes."""
     arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
     if arguments.workers < 0:
         raise InputError(f"command line: --workers: expected 0 (one per core) or more, found {arguments.workers}")
     _check_cluster(arguments)
     try:
-        return run(arguments, own_command=own_command, argv=argv)
+        return run(arguments, own_command=command or own_command(), argv=argv)
     except KeyboardInterrupt:
         raise KeyboardInterrupt("stopped; run the same command again to continue") from None
 

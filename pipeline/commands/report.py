@@ -42,9 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     output.add_argument("--out", metavar="FILE", type=Path, required=True, help="HTML page to write")
 
 
-def main(argv: Sequence[str], prog: str = "oneframe report") -> int:
+def main(argv: Sequence[str]) -> int:
     """Parse the arguments and run."""
-    arguments = command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv)
+    arguments = command_parser("oneframe report", ABOUT, EPILOG, add_arguments).parse(argv)
     if arguments.views < 0:
         raise InputError(f"command line: --views: expected a number of views or 0 for all, found {arguments.views}")
     return run(arguments)

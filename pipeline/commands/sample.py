@@ -25,12 +25,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def main(argv: Sequence[str], prog: str = "oneframe sample", *, render: str = "oneframe render") -> int:
-    """Parse the arguments and run; the last message suggests the command ``render`` as the next step."""
-    return run(command_parser(prog, ABOUT, EPILOG, add_arguments).parse(argv), render)
+def main(argv: Sequence[str]) -> int:
+    """Parse the arguments and run."""
+    return run(command_parser("oneframe sample", ABOUT, EPILOG, add_arguments).parse(argv))
 
 
-def run(arguments: argparse.Namespace, render: str) -> int:
+def run(arguments: argparse.Namespace) -> int:
     """Write the sample case and report each file."""
     with explained_imports():
         from ..blender.sample.sample_case import check_sample_case, write_sample_case
@@ -42,5 +42,5 @@ def run(arguments: argparse.Namespace, render: str) -> int:
     output.write(f"surface of {len(surface.bone.faces)} triangles\n")
     for path in write_sample_case(arguments.out, surface):
         output.write(f"{time.monotonic() - start:6.1f} s  {path}\n")
-    output.write(f"next: {render} {arguments.out / 'case.toml'} --out dataset\n")
+    output.write(f"next: oneframe render {arguments.out / 'case.toml'} --out dataset\n")
     return 0

@@ -77,9 +77,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def main(argv: Sequence[str], prog: str = "oneframe surface") -> int:
+def main(argv: Sequence[str]) -> int:
     """Parse the arguments and run."""
-    parser = command_parser(prog, ABOUT, EPILOG, add_arguments)
+    parser = command_parser("oneframe surface", ABOUT, EPILOG, add_arguments)
     arguments = parser.parse(argv)
     if arguments.out is None and not arguments.list:
         parser.error("--out: expected a folder to write")

@@ -1,6 +1,7 @@
 """This program and the paper's method on the sample and on published photographs, in one run.
 
-Writes cases and lists of photographs into a temporary folder and does what evaluate.py does; --out gets the evaluation.
+Writes cases and lists of photographs into a temporary folder and does what `oneframe evaluate` does; --out gets the
+evaluation.
 The poses of bloster agree to 2 px, those of LM-O to 2 to 6 px. Pictures of data without a licence to publish them stay
 out of the documentation.
 """
@@ -30,12 +31,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for name in LOADERS:
         parser.add_argument(f"--{name}", metavar="FOLDER", type=Path, help=f"the data set {name}")
     parser.add_argument("--no-sample", action="store_true", help="leave out the sample case")
-    parser.add_argument("--methods", nargs="+", metavar="METHOD", default=DEFAULT, help="as evaluate.py")
-    parser.add_argument("--inception", metavar="FILE.onnx", type=Path, help="as evaluate.py")
+    parser.add_argument("--methods", nargs="+", metavar="METHOD", default=DEFAULT, help="as oneframe evaluate")
+    parser.add_argument("--inception", metavar="FILE.onnx", type=Path, help="as oneframe evaluate")
     parser.add_argument("--photographs", metavar="N", type=int, help="of each case of a data set at most (default all)")
     parser.add_argument("--width", metavar="PX", type=int, default=MICROSCOPE.width, help="of the sample's images")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--pictures", type=int, default=2, help="as evaluate.py")
+    parser.add_argument("--pictures", type=int, default=2, help="as oneframe evaluate")
 
 
 def measure(arguments: argparse.Namespace, report: Callable[[str], None]) -> None:

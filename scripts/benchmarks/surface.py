@@ -14,7 +14,6 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
 
@@ -24,7 +23,6 @@ from oneframe.files.temporary import temporary_folder
 from .figures import write_figures
 from .surface_accuracy import ACCURACY_HEAD, measure_shapes, write_synthetic_bone
 
-SCRIPT = Path(__file__).resolve().parents[1] / "ct_to_surface.py"
 SPACING_MM = 0.4
 QUICK = {"size": 160, "rounds": 1, "whole": 96}
 
@@ -63,11 +61,19 @@ def whole_run(size: int, report: Callable[[str], None]) -> dict[str, float]:
     with temporary_folder() as folder:
         write_synthetic_bone(folder / "ct.mha", size, SPACING_MM, np.random.default_rng(0))
         begin = time.monotonic()
-        line = [sys.executable, str(SCRIPT), str(folder / "ct.mha"), "--out", str(folder / "out")]
+        line = [
+            sys.executable,
+            "-m",
+            "oneframe.commands",
+            "surface",
+            str(folder / "ct.mha"),
+            "--out",
+            str(folder / "out"),
+        ]
         ended = subprocess.run(line, capture_output=True, text=True, check=False)
         seconds = time.monotonic() - begin
         if ended.returncode:
-            raise RunError(f"ct_to_surface.py: expected a surface, it failed: {ended.stderr.strip()[-300:]}")
+            raise RunError(f"oneframe surface: expected a surface, it failed: {ended.stderr.strip()[-300:]}")
         record = json.loads((folder / "out" / "surface.json").read_text())["surface"]
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     found = {

@@ -63,7 +63,9 @@ def main(argv: Sequence[str]) -> int:
         case = arguments.case.resolve()
         if case == SAMPLE and not case.exists():
             print("making the sample case (half a minute, once)", flush=True)
-            subprocess.run([sys.executable, ROOT / "scripts" / "make_sample.py", "--out", case.parent], check=True)
+            subprocess.run(
+                [sys.executable, ROOT / "scripts" / "oneframe.py", "sample", "--out", case.parent], check=True
+            )
     except (InputError, RunError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2 if isinstance(error, InputError) else 3

@@ -49,7 +49,7 @@ for _ in write_sample_case(Path(sys.argv[2]), sample_surface(), held_out=False):
 WHEEL_CACHE = ROOT / "build" / "wheels"
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 """From Blender 4.5's to that of Linux distributions; wheels of the stable ABI (abi3) for the first one serve all."""
-SCRIPTS = ("oneframe.py", "render_dataset.py", "check_dataset.py")
+SCRIPTS = ("oneframe.py", "render_dataset.py")
 """Scripts for a Blender without a window, of which the add-on runs the second."""
 VERSION_LINE = 'version = "0.0.0"'
 """The line of the manifest that the build fills in."""

@@ -44,7 +44,7 @@ def parse_arguments(argv: Sequence[str]) -> argparse.Namespace:
 def sample_dataset(folder: Path) -> tuple[Path, Path]:
     """Make the sample case and a small dataset of it with the user's commands; returns case file and dataset folder."""
     case, dataset = folder / "case" / "case.toml", folder / "dataset"
-    script(ROOT / "scripts" / "make_sample.py", "--out", case.parent)
+    script(ROOT / "scripts" / "oneframe.py", "sample", "--out", case.parent)
     script(ROOT / "scripts" / "render_dataset.py", case, "--out", dataset, "--count", VIEWS)
     return case, dataset
 
@@ -114,7 +114,7 @@ def main(argv: Sequence[str]) -> int:
             pictures = window_pictures(blender, case, folder)
             pictures["first_page"] = first_page(case, dataset)
             pictures["contact_sheet"] = Image.open(dataset / "contact_sheet.png").convert("RGB")
-            script(ROOT / "scripts" / "overlay.py", case, "--out", folder / "overlay.png")
+            script(ROOT / "scripts" / "oneframe.py", "overlay", case, "--out", folder / "overlay.png")
             pictures["overlay"] = Image.open(folder / "overlay.png").convert("RGB")
             save(pictures, arguments.out)
     except (InputError, RunError) as error:

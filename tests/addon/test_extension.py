@@ -96,7 +96,7 @@ def test_renders_with_blenders_own_modules(installed, run_stock, run_command, wr
     assert (traced.returncode, traced.stderr.count("\n")) == (2, 1)
     assert "expected the package embreex in this Python, found none; install it" in traced.stderr
     # this one needs the wheel
-    checked = run_command([sys.executable, str(installed / "scripts" / "check_dataset.py"), str(out)])
+    checked = run_command([sys.executable, str(installed / "scripts" / "oneframe.py"), "check", str(out)])
     assert checked.returncode == 0, checked.stderr
     assert checked.stderr == ""
 
@@ -118,7 +118,7 @@ def test_the_build_adds_version_platforms_and_wheels_to_the_manifest(extension_z
         "LICENSE",
         "pipeline/blender/render/engines.py",
         "scripts/render_dataset.py",
-        "scripts/check_dataset.py",
+        "scripts/oneframe.py",
     ):
         assert name in files
 

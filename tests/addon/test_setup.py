@@ -150,10 +150,10 @@ def test_a_case_never_saved_is_lost_once_it_is_aligned(addon, case_path):
 
 
 def test_the_record_of_a_pose_holds_until_the_surface_moves(addon, case_path):
-    case_path.write_text(case_path.read_text() + '[alignment]\nmethod = "refined"\ntool = "align.py"\n')
+    case_path.write_text(case_path.read_text() + '[alignment]\nmethod = "refined"\ntool = "OneFrame, align"\n')
     bpy.ops.oneframe.open_case(filepath=str(case_path))
     bpy.ops.oneframe.save_case(filepath=str(case_path))
-    assert read_case(case_path).alignment == {"method": "refined", "tool": "align.py"}
+    assert read_case(case_path).alignment == {"method": "refined", "tool": "OneFrame, align"}
     bpy.ops.oneframe.nudge(axis="x")
     bpy.ops.oneframe.save_case(filepath=str(case_path))
     assert read_case(case_path).alignment["method"] == "manual"

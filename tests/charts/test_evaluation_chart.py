@@ -87,8 +87,8 @@ def test_charts_are_drawn_again_alike_and_their_text_is_within_and_apart(tmp_pat
 def test_a_missing_matplotlib_is_said_in_a_sentence(tmp_path):
     code = (
         "import sys, runpy; sys.modules['matplotlib'] = None\n"
-        f"sys.argv = ['evaluate.py', '--redraw', '--out', {str(tmp_path)!r}]\n"
-        "runpy.run_path('scripts/evaluate.py', run_name='__main__')"
+        f"sys.argv = ['oneframe', 'evaluate', '--redraw', '--out', {str(tmp_path)!r}]\n"
+        "runpy.run_module('oneframe.commands', run_name='__main__')"
     )
     ended = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
     assert ended.returncode == 3, ended.stderr

@@ -30,7 +30,7 @@ def dataset(tmp_path_factory) -> Path:
 def test_workers_pack_the_same_bytes(dataset, tmp_path, run_command):
     with (tmp_path / "log").open("w") as stream:
         pack_dataset(dataset, tmp_path / "here", views_per_shard=1, stream=stream)
-    command = [sys.executable, ROOT / "scripts/pack_dataset.py", dataset, "--out", tmp_path / "there"]
+    command = [sys.executable, "-m", "oneframe.commands", "pack", dataset, "--out", tmp_path / "there"]
     ended = run_command([*map(str, command), "--views-per-shard", "1", "--cluster", "local:2"])
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "4 shards packed by" in ended.stdout

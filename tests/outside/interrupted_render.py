@@ -46,7 +46,7 @@ if __name__ == "__main__":
     sys.argv[1:] = arguments
 
     def run(argv: list[str]) -> int:
-        code = main(argv, own_command=[sys.executable, __file__, name, who, place])
+        code = main(argv, command=[sys.executable, __file__, name, who, place])
         if name == "none":
             sys.stderr.write(f"{len(changes)}\n")
         return code

@@ -134,13 +134,12 @@ def by_view(scene: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 
 @pytest.fixture(scope="module")
-def exported(awkward_case, tmp_path_factory, run_command) -> list[Path]:
-    """What ``colour_mesh.py`` writes, in every format."""
+def exported(awkward_case, tmp_path_factory, run_oneframe) -> list[Path]:
+    """What ``oneframe colour`` writes, in every format."""
     pytest.importorskip("bpy")
-    script = Path(__file__).parents[2] / "scripts" / "colour_mesh.py"
     files = [tmp_path_factory.mktemp("exported") / f"Schädel #1 [a]{suffix}" for suffix in (".glb", ".obj", ".ply")]
     for file in files:
-        ended = run_command([sys.executable, str(script), str(awkward_case), "--out", str(file)])
+        ended = run_oneframe("colour", awkward_case, "--out", file)
         assert ended.returncode == 0, ended.stderr
     return files
 

@@ -128,7 +128,7 @@ def test_a_pack_grows_and_never_shrinks(dataset, packed, tmp_path):
 def test_jpeg_is_measured(dataset, tmp_path):
     out = tmp_path / "out"
     told = subprocess.run(
-        [sys.executable, ROOT / "scripts/pack_dataset.py", dataset, "--out", out, "--jpeg", "80", "--workers", "1"],
+        [sys.executable, "-m", "oneframe.commands", "pack", dataset, "--out", out, "--jpeg", "80", "--workers", "1"],
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     differences = []
@@ -263,7 +263,7 @@ def test_a_full_disk_is_a_sentence_and_more_space_lets_it_resume(workers, datase
     )
     if mounted.returncode:
         pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.strip()}")
-    command = [sys.executable, ROOT / "scripts/pack_dataset.py", dataset, "--out", disk / "out"]
+    command = [sys.executable, "-m", "oneframe.commands", "pack", dataset, "--out", disk / "out"]
     command += ["--views-per-shard", "1", "--workers", str(workers)]
     try:
         ended = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)

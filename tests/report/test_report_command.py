@@ -1,8 +1,6 @@
 """The command that writes a page, and the size of what it writes."""
 
 import re
-import sys
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -15,17 +13,12 @@ from oneframe.report.page import THEMES, embedded_json, theme_rules
 from oneframe.report.surface_model import MOST_VERTICES
 from oneframe.report.thumbnails import PAGE_BYTES, QUALITIES, fitting_quality
 
-SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "report.py"
 
-
-def test_pages_and_what_is_refused(run_command, evaluation, tmp_path):
-    def run(*arguments):
-        return run_command([sys.executable, str(SCRIPT), *map(str, arguments)])
-
+def test_pages_and_what_is_refused(run_oneframe, evaluation, tmp_path):
     out = tmp_path / "new" / "page.html"
     for _ in range(2):
         # the second time it replaces its own page
-        ended = run(evaluation, "--out", out)
+        ended = run_oneframe("report", evaluation, "--out", out)
         assert (ended.returncode, ended.stderr) == (0, "")
         assert ended.stdout.endswith(f"MB: {out}\n")
     refused = {
@@ -34,14 +27,14 @@ def test_pages_and_what_is_refused(run_command, evaluation, tmp_path):
         (evaluation, "--out", out, "--views", "-1"): "expected a number of views or 0 for all",
     }
     for arguments, message in refused.items():
-        ended = run(*arguments)
+        ended = run_oneframe("report", *arguments)
         assert ended.returncode == 2
         assert message in ended.stderr
         assert ended.stderr.count("\n") == 1
 
 
-def test_a_page_inside_its_dataset_is_refused(run_command, dataset):
-    ended = run_command([sys.executable, str(SCRIPT), str(dataset), "--out", str(dataset / "report.html")])
+def test_a_page_inside_its_dataset_is_refused(run_oneframe, dataset):
+    ended = run_oneframe("report", dataset, "--out", dataset / "report.html")
     assert ended.returncode == 2
     assert "expected a file outside the folder of the dataset" in ended.stderr
 

@@ -1,10 +1,9 @@
-"""The script as a user starts it: pairs in; pose, residuals, case and picture out; what cannot be is refused."""
+"""The command as a user starts it: pairs in; pose, residuals, case and picture out; what cannot be is refused."""
 
 import dataclasses
 import json
-import os
 import re
-import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,6 @@ from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import transform_points
 
-SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "align.py"
 ROUGH = "cam_from_mesh = [[1, 0, 0, 300], [0, -1, 0, -7], [0, 0, -1, 700], [0, 0, 0, 1]]"
 FINE = "--click-sigma-px=0.1"
 
@@ -36,8 +34,8 @@ def case_path(tmp_path, write_tiny_case) -> Path:
 
 
 @pytest.fixture
-def align(run_command):
-    return lambda *arguments: run_command([sys.executable, str(SCRIPT), *map(str, arguments)])
+def align(run_oneframe):
+    return partial(run_oneframe, "align")
 
 
 def true_case(case_path: Path) -> Case:
@@ -211,22 +209,6 @@ def test_what_cannot_be_used_ends_with_one_line(case_path, tmp_path, align, kind
     assert message in ended.stderr
     assert ended.stderr.startswith("error: ")
     assert ended.stderr.count("\n") == 1
-
-
-def test_a_blender_program_without_opencv_says_what_is_missing(case_path, tmp_path, run_command):
-    if not (program := os.environ.get("BLENDER")):
-        pytest.skip("the environment variable BLENDER names no Blender program")
-    pairs = tmp_path / "pairs.csv"
-    write_landmarks(pairs, clicked_landmarks(case_path))
-    ended = run_command(
-        [program, "-b", "--factory-startup", "-P", str(SCRIPT), "--", str(case_path), "--pairs", str(pairs)],
-        BLENDER_USER_RESOURCES=str(tmp_path / "resources"),
-    )
-    if ended.returncode == 0:  # a Blender that has OpenCV
-        assert "cam_from_mesh:" in ended.stdout
-    else:
-        assert ended.returncode == 3
-        assert "expected OpenCV" in ended.stderr
 
 
 def test_an_image_that_shows_nothing_of_the_shape_refines_no_pose(case_path, tmp_path, align):

@@ -21,31 +21,9 @@ from oneframe.commands.parser import command_parser
 from oneframe.commands.render import GROUPS
 from oneframe.dataset.options import option_names
 from oneframe.errors import InputError
+from oneframe.process.command_line import blender_command
 
 ROOT = Path(__file__).resolve().parents[2]
-SCRIPTS = {
-    "surface": "ct_to_surface.py",
-    "sample": "make_sample.py",
-    "frames": "select_frame.py",
-    "case": "new_case.py",
-    "align": "align.py",
-    "overlay": "overlay.py",
-    "render": "render_dataset.py",
-    "check": "check_dataset.py",
-    "pack": "pack_dataset.py",
-    "report": "report.py",
-    "compare": "compare_views.py",
-    "evaluate": "evaluate.py",
-    "colour": "colour_mesh.py",
-}
-
-
-@pytest.fixture
-def oneframe(run_command):
-    """Runs the program as its console script does, from this checkout."""
-    return lambda *arguments: run_command(
-        [sys.executable, "-m", "oneframe.commands", *map(str, arguments)], PYTHONPATH=str(ROOT)
-    )
 
 
 def parser_of(name: str) -> argparse.ArgumentParser:
@@ -79,16 +57,11 @@ def test_the_examples_of_the_program_are_command_lines():
         parser_of(command).parse(arguments)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_a_script_is_the_command_by_another_name(name, oneframe, run_command):
-    script = ROOT / "scripts" / SCRIPTS[name]
-    helped, spelled = oneframe(name, "--help"), run_command([sys.executable, str(script), "--help"])
-    assert (helped.returncode, spelled.returncode, helped.stderr, spelled.stderr) == (0, 0, "", "")
-    assert f"usage: oneframe {name} " in helped.stdout
-    assert f"  {script.name} " in spelled.stdout.partition("examples:")[2]
-    # usage lines are wrapped where the name ends
-    expected = helped.stdout.replace(f"oneframe {name}", script.name).split()
-    assert spelled.stdout.split() == expected
+@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["colour", "--help"]], ids=str)
+def test_the_script_is_the_program(arguments, run_oneframe, run_command):
+    script = run_command([sys.executable, str(ROOT / "scripts" / "oneframe.py"), *arguments])
+    assert (script.returncode, script.stderr) == (0, "")
+    assert script.stdout == run_oneframe(*arguments).stdout
 
 
 def test_every_option_of_a_dataset_has_a_heading():
@@ -110,10 +83,10 @@ def test_help_needs_neither_blender_nor_numpy(arguments, run_command):
     assert "oneframe" in ended.stdout
 
 
-def test_the_program_lists_its_commands_in_the_order_of_the_data(oneframe):
-    helped = oneframe("--help").stdout
+def test_the_program_lists_its_commands_in_the_order_of_the_data(run_oneframe):
+    helped = run_oneframe("--help").stdout
     assert tuple(re.findall(r"^ {4}(\w+)", helped.partition("commands:")[2], re.MULTILINE)) == COMMANDS
-    assert oneframe("--version").stdout == f"oneframe {__version__}\n"
+    assert run_oneframe("--version").stdout == f"oneframe {__version__}\n"
 
 
 @pytest.mark.parametrize(
@@ -140,8 +113,13 @@ def test_the_program_lists_its_commands_in_the_order_of_the_data(oneframe):
     ],
     ids=str,
 )
-def test_mistyped_commands_and_options_are_one_line(arguments, message, oneframe):
-    assert_one_line(oneframe(*arguments), 2, message)
+def test_mistyped_commands_and_options_are_named(arguments, message):
+    with pytest.raises(InputError, match=re.escape(message)):
+        dispatch(arguments)
+
+
+def test_a_mistyped_command_is_one_line(run_oneframe):
+    assert_one_line(run_oneframe("rendr"), 2, "unknown command 'rendr'")
 
 
 def test_a_missing_package_is_named(run_command, tmp_path):
@@ -164,8 +142,8 @@ def test_values_that_look_like_options_are_values():
 
 
 @pytest.mark.parametrize("shell", SHELLS)
-def test_completion_scripts_know_every_command_and_hide_what_is_hidden(shell, oneframe):
-    ended = oneframe("--print-completion", shell)
+def test_completion_scripts_know_every_command_and_hide_what_is_hidden(shell, run_oneframe):
+    ended = run_oneframe("--print-completion", shell)
     assert (ended.returncode, ended.stderr) == (0, "")
     shown = {option for name in COMMANDS for option in visible_options(parser_of(name))}
     assert "--min-clearance-mm" in shown
@@ -196,11 +174,11 @@ def visible_options(parser: argparse.ArgumentParser) -> set[str]:
     ],
     ids=str,
 )
-def test_bash_completes(words, expected, oneframe, tmp_path):
+def test_bash_completes(words, expected, run_oneframe, tmp_path):
     (tmp_path / "poses.npy").touch()
     (tmp_path / "dataset").mkdir()
     (tmp_path / "data.txt").touch()
-    script = oneframe("--print-completion", "bash").stdout
+    script = run_oneframe("--print-completion", "bash").stdout
     typed = " ".join(map(shlex.quote, ["oneframe", *words]))
     script += f'\nCOMP_WORDS=({typed}); COMP_CWORD={len(words)}; _shtab_oneframe; echo "${{COMPREPLY[*]}}"'
     ended = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
@@ -212,29 +190,31 @@ def files_of(root: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.render
-def test_the_program_renders_what_the_script_renders(write_tiny_case, tmp_path, oneframe, render_command, run_command):
+def test_the_program_renders_what_the_script_renders(
+    write_tiny_case, tmp_path, run_oneframe, render_command, run_command
+):
     """With workers, which are started through the package and through the script."""
     case = write_tiny_case(tmp_path / "case")
     arguments = ["--count", "8", "--workers", "2"]
-    ended = oneframe("render", case, "--out", tmp_path / "program", *arguments)
+    ended = run_oneframe("render", case, "--out", tmp_path / "program", *arguments)
     # a worker that does not start would be told here
     assert (ended.returncode, ended.stderr) == (0, "")
     ended = run_command(render_command(case, "--out", tmp_path / "script", *arguments))
     assert (ended.returncode, ended.stderr) == (0, "")
     assert files_of(tmp_path / "program") == files_of(tmp_path / "script")
-    checked = oneframe("check", tmp_path / "program")
+    checked = run_oneframe("check", tmp_path / "program")
     assert (checked.returncode, checked.stderr) == (0, "")
     assert "dataset of 8 views: complete and consistent" in checked.stdout
 
 
 @pytest.mark.render
-def test_the_frame_compared_with_itself_is_the_same(write_tiny_case, tmp_path, oneframe):
+def test_the_frame_compared_with_itself_is_the_same(write_tiny_case, tmp_path, run_oneframe):
     case = write_tiny_case(tmp_path / "case")
     pose = [[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]]
     listed = tmp_path / "case" / "held_out.json"
     listed.write_text(f'[{{"image": "frame.png", "cam_from_mesh": {pose}}}]')
     out = tmp_path / "deep" / "comparison"
-    ended = oneframe("compare", case, listed, "--out", out)
+    ended = run_oneframe("compare", case, listed, "--out", out)
     assert (ended.returncode, ended.stderr) == (0, "")
     assert ended.stdout.splitlines()[-1] == f"photograph, view, difference: {out / 'sheet.png'}"
     (row,) = csv.DictReader((out / "likeness.csv").read_text().splitlines())
@@ -244,7 +224,7 @@ def test_the_frame_compared_with_itself_is_the_same(write_tiny_case, tmp_path, o
 
 
 @pytest.mark.render
-def test_a_photograph_without_overlap_is_reported_and_the_others_compared(write_tiny_case, tmp_path, oneframe):
+def test_a_photograph_without_overlap_is_reported_and_the_others_compared(write_tiny_case, tmp_path, run_oneframe):
     case = write_tiny_case(tmp_path / "case")
     pose = np.array([[1, 0, 0, -12], [0, -1, 0, -7], [0, 0, -1, 340], [0, 0, 0, 1]], float)
     away = pose + np.eye(4, k=3) * 500
@@ -254,35 +234,35 @@ def test_a_photograph_without_overlap_is_reported_and_the_others_compared(write_
         listed.write_text(json.dumps([{"image": "frame.png", "cam_from_mesh": each.tolist()} for each in poses]))
 
     listing(away, pose)
-    ended = oneframe("compare", case, listed, "--out", tmp_path / "out")
+    ended = run_oneframe("compare", case, listed, "--out", tmp_path / "out")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert ended.stdout.splitlines()[0] == "frame.png: shows nothing that the frame saw; not compared"
     first, second = csv.DictReader((tmp_path / "out" / "likeness.csv").read_text().splitlines())
     assert (first["ssim"], first["mean_error_of_255"], first["correlation"], first["pixels"]) == ("", "", "", "0")
     assert second["ssim"] == "1.0000"
     listing(away, away)
-    ended = oneframe("compare", case, listed, "--out", tmp_path / "nothing")
+    ended = run_oneframe("compare", case, listed, "--out", tmp_path / "nothing")
     assert (ended.returncode, ended.stderr.count("\n")) == (2, 1)
     assert "neither it nor another photograph of the list shows any" in ended.stderr
 
 
 @pytest.fixture
 def in_blender(run_command, tmp_path):
-    """Runs a script in a real Blender program, as shipped."""
+    """Runs the program in a real Blender, as shipped."""
     if not (program := os.environ.get("BLENDER")):
         pytest.skip("the environment variable BLENDER names no Blender program")
-    return lambda name, *arguments: run_command(
-        [program, "-b", "--factory-startup", "-P", str(ROOT / "scripts" / SCRIPTS[name]), "--", *map(str, arguments)],
-        BLENDER_USER_RESOURCES=str(tmp_path / "resources"),
+    command = [*blender_command(program, str(ROOT / "scripts" / "oneframe.py"))]
+    return lambda *arguments: run_command(
+        [*command, *map(str, arguments)], BLENDER_USER_RESOURCES=str(tmp_path / "resources")
     )
 
 
 @pytest.mark.render
-def test_scripts_run_in_a_blender_program(write_tiny_case, tmp_path, in_blender, oneframe):
+def test_scripts_run_in_a_blender_program(write_tiny_case, tmp_path, in_blender, run_oneframe):
     case, out = write_tiny_case(tmp_path / "case"), tmp_path / "out"
     ended = in_blender("render", case, "--out", out, "--count", "6", "--workers", "2")
     assert (ended.returncode, ended.stderr) == (0, "")
-    assert oneframe("check", out).returncode == 0
+    assert run_oneframe("check", out).returncode == 0
     ended = in_blender("colour", case, "--out", tmp_path / "surface.ply")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert (tmp_path / "surface.ply").read_bytes().startswith(b"ply\n")

@@ -1,7 +1,7 @@
-"""The script as a user starts it: a CT and labels in; surface, structures, picture and report out."""
+"""The command as a user starts it: a CT and labels in; surface, structures, picture and report out."""
 
 import json
-import sys
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -12,15 +12,14 @@ from oneframe.surface.mesh_reader import read_mesh
 
 sitk = pytest.importorskip("SimpleITK")
 
-SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "ct_to_surface.py"
 SPACING, ORIGIN = (0.5, 0.4, 0.6), (-7.0, 30.0, 900.0)
 CENTRE = np.array([3.0, 39.0, 912.0])
 SECRET = "ZQXDOE"
 
 
 @pytest.fixture
-def surface(run_command):
-    return lambda *arguments: run_command([sys.executable, str(SCRIPT), *map(str, arguments)])
+def surface(run_oneframe):
+    return partial(run_oneframe, "surface")
 
 
 def distances(centre: np.ndarray) -> np.ndarray:

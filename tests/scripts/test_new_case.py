@@ -3,7 +3,6 @@
 import hashlib
 import json
 import shutil
-import sys
 from pathlib import Path
 
 import cv2
@@ -20,7 +19,6 @@ from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_obj, write_ply
 from tests.volume.ball_ct import write_ball_ct
 
-ROOT = Path(__file__).resolve().parents[2]
 SECRET = "ZQXDOE"
 WIDTH, HEIGHT = 96, 72
 K = {"fx": 900.0, "fy": 905.0, "cx": 47.0, "cy": 36.5, "width": WIDTH, "height": HEIGHT}
@@ -89,15 +87,14 @@ def hashes(folder: Path) -> dict[str, str]:
 
 
 @pytest.mark.render
-def test_the_folder_is_a_case_that_every_command_takes(given, tmp_path, run_command):
+def test_the_folder_is_a_case_that_every_command_takes(given, tmp_path, run_oneframe):
     before = hashes(given)
-    script = [sys.executable, str(ROOT / "scripts" / "new_case.py")]
-    ended = run_command([*script, *line(given, mask=given / "mask.png")[1:]])
+    ended = run_oneframe(*line(given, mask=given / "mask.png"))
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "initial guess" in ended.stdout
     assert f"{10 / HEIGHT:.1%} masked" in ended.stdout
     out = tmp_path / "case"
-    assert "align.py " + str(out / "case.toml") in ended.stdout
+    assert "oneframe align " + str(out / "case.toml") in ended.stdout
     assert hashes(given) == before
 
     names = {path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()}
@@ -123,13 +120,10 @@ def test_the_folder_is_a_case_that_every_command_takes(given, tmp_path, run_comm
     assert loaded.cam_from_model[2, 0] < -0.95
     assert loaded.cam_from_model[1, 2] < -0.95
 
-    program = [sys.executable, "-m", "oneframe.commands"]
-    rendered = run_command(
-        [*program, "render", str(out / "case.toml"), "--out", str(tmp_path / "dataset"), "--count", "2"],
-    )
+    rendered = run_oneframe("render", out / "case.toml", "--out", tmp_path / "dataset", "--count", 2)
     assert rendered.returncode == 0, rendered.stderr
     assert rendered.stdout.startswith("note: the pose of case.toml is an initial guess that nobody has aligned")
-    checked = run_command([*program, "check", str(tmp_path / "dataset")])
+    checked = run_oneframe("check", tmp_path / "dataset")
     assert checked.returncode == 0, checked.stdout + checked.stderr
 
 

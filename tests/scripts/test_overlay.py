@@ -2,7 +2,7 @@
 
 import json
 import re
-import sys
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -19,7 +19,6 @@ from oneframe.transforms import transform_points
 
 pytestmark = pytest.mark.render
 
-SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "overlay.py"
 WIDTH, HEIGHT = 320, 240
 STRUCTURES = """
 [[structures]]
@@ -32,8 +31,8 @@ mesh = "chorda.ply"
 
 
 @pytest.fixture
-def overlay(run_command):
-    return lambda *arguments: run_command([sys.executable, str(SCRIPT), *map(str, arguments)])
+def overlay(run_oneframe):
+    return partial(run_oneframe, "overlay")
 
 
 @pytest.fixture

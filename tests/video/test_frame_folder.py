@@ -1,7 +1,6 @@
 """What the selection writes: exact frames, masks that cover what lies in front of the tissue, a table of all frames."""
 
 import csv
-import sys
 from pathlib import Path
 
 import cv2
@@ -17,7 +16,6 @@ from tests.video.surgical_film import Event, surgical_film
 
 pytestmark = pytest.mark.render
 
-ROOT = Path(__file__).resolve().parents[2]
 KINDS = ("clear", "tool", "clear", "glove", "blur", "clear")
 
 
@@ -84,11 +82,10 @@ def test_the_black_around_the_view_is_masked(film, write_film, tmp_path):
     assert (alpha[Circle(circle.u, circle.v, circle.radius - 4).mask((320, 240))] > 0).mean() > 0.85
 
 
-def test_the_command_reports_what_it_found(film, tmp_path, run_command):
+def test_the_command_reports_what_it_found(film, tmp_path, run_oneframe):
     path, _, _ = film
     out = tmp_path / "out"
-    script = [sys.executable, str(ROOT / "scripts" / "select_frame.py"), str(path), "--out", str(out)]
-    ended = run_command([*script, "--count", "2", "--to", "0.6"])
+    ended = run_oneframe("frames", path, "--out", out, "--count", 2, "--to", 0.6)
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "film.mkv: 320x240 px, 15 frames from 0.00 s to 0.56 s, 1 scene" in ended.stdout
     assert "1. film_frame_0000" in ended.stdout

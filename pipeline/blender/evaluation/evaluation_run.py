@@ -1,4 +1,4 @@
-"""A whole evaluation from the files that the user names, for ``evaluate.py``."""
+"""A whole evaluation from the files that the user names, for ``oneframe evaluate``."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

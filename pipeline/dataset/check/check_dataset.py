@@ -49,7 +49,7 @@ from .rerendered import Rerendering, check_rerendered
 from .scene_tables import check_scene_tables
 
 DEFAULT_VIEWS = 200
-AGAIN = "run the same command of render_dataset.py again"
+AGAIN = "run the same `oneframe render` again"
 
 
 @dataclass(frozen=True)

@@ -809,7 +809,7 @@ def test_a_growth_that_was_stopped_is_finished_or_taken_back(case, tmp_path, mon
     findings = check_dataset(out).findings.shown()
     assert findings == [
         ".work: a run is still going on or was stopped: the dataset is unfinished (3 of 5 views exist): run the same "
-        "command of render_dataset.py again"
+        "`oneframe render` again"
     ]
     run_here(case, out, few)
     assert_same_dataset(out, whole)

@@ -44,7 +44,7 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_command):
         "--pictures", "3", "--out", out,
     ]  # fmt: skip
 
-    ended = run_command([sys.executable, str(ROOT / "scripts" / "evaluate.py"), *map(str, arguments)])
+    ended = run_command([sys.executable, "-m", "oneframe.commands", "evaluate", *map(str, arguments)])
     assert ended.returncode == 0, ended.stderr
     assert "paper (PyTorch3D): skipped, PyTorch3D is not installed" in ended.stdout
     assert "photograph_2 shows nothing of the surface" in ended.stdout

@@ -1,0 +1,57 @@
+"""What is public: the script of the documentation runs, and an import alone takes nothing along."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import oneframe
+from oneframe.case.landmark_file import write_landmarks
+from oneframe.case.landmarks import Landmark
+from oneframe.surface.mesh_reader import read_mesh
+from oneframe.transforms import transform_points
+from tests.volume.ball_ct import write_ball_ct
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "python.md"
+
+
+@pytest.mark.render
+def test_the_script_of_the_documentation_runs(write_tiny_case, tmp_path):
+    case = oneframe.read_case(write_tiny_case(tmp_path / "case"))
+    points = read_mesh(case.mesh)[0].vertices[::37]
+    pixels = case.camera.project(transform_points(case.cam_from_mesh, points))
+    pairs = enumerate(zip(points.tolist(), pixels.tolist(), strict=True))
+    landmarks = [Landmark(f"feature {number}", tuple(point), tuple(pixel)) for number, (point, pixel) in pairs]
+    write_landmarks(tmp_path / "landmarks.csv", landmarks)
+    (script,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    ended = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr
+    assert "dataset of 3 views: complete and consistent" in ended.stdout
+    assert ended.stdout.count("(24, 32, 3)") == 3
+    assert (tmp_path / "surface.glb").is_file()
+
+
+def test_a_case_from_a_ct(tmp_path):
+    write_ball_ct(tmp_path)
+    mesh = oneframe.surface_from_ct(tmp_path / "ct.nii.gz")
+    assert len(mesh.faces) > 100
+    cv2.imwrite(str(tmp_path / "frame.png"), np.full((72, 96, 3), 99, np.uint8))
+    (tmp_path / "k.json").write_text('{"fx": 900, "fy": 900, "cx": 47, "cy": 36, "width": 96, "height": 72}')
+    with pytest.raises(oneframe.InputError, match=r"no such file|does not exist"):
+        oneframe.make_case(
+            tmp_path / "case", surface="no.ply", frame=tmp_path / "frame.png", camera=tmp_path / "k.json"
+        )
+
+
+def test_everything_public_is_documented_and_found_late():
+    page = PAGE.read_text()
+    assert set(re.findall(r"auto(?:function|exception):: (\w+)", page)) == set(oneframe.__all__)
+    assert all(getattr(oneframe, name).__doc__ for name in oneframe.__all__)
+    with pytest.raises(AttributeError):
+        oneframe.no_such_name  # noqa: B018
+    code = "import oneframe, sys; sys.exit(bool({'numpy', 'bpy', 'cv2'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

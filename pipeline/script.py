@@ -17,8 +17,8 @@ from .camera.intrinsics_file import read_camera
 from .case.case_file import Case, Structure, read_case
 from .case.landmark_file import read_landmarks
 from .commands.render import own_command
-from .dataset.folder import Shard
 from .dataset.options import checked_options, option_arguments
+from .dataset.run.run_folder import Shard
 from .files.outputs import check_folder
 from .surface.mesh import TriangleMesh
 from .surface.structure_colour import structure_colour

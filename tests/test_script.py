@@ -13,6 +13,7 @@ import oneframe
 from oneframe.case.landmark_file import write_landmarks
 from oneframe.case.landmarks import Landmark
 from oneframe.surface.mesh_reader import read_mesh
+from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import transform_points
 from tests.volume.ball_ct import write_ball_ct
 
@@ -35,16 +36,20 @@ def test_the_script_of_the_documentation_runs(write_tiny_case, tmp_path):
     assert (tmp_path / "surface.glb").is_file()
 
 
+@pytest.mark.render
 def test_a_case_from_a_ct(tmp_path):
     write_ball_ct(tmp_path)
     mesh = oneframe.surface_from_ct(tmp_path / "ct.nii.gz")
     assert len(mesh.faces) > 100
     cv2.imwrite(str(tmp_path / "frame.png"), np.full((72, 96, 3), 99, np.uint8))
     (tmp_path / "k.json").write_text('{"fx": 900, "fy": 900, "cx": 47, "cy": 36, "width": 96, "height": 72}')
-    with pytest.raises(oneframe.InputError, match=r"no such file|does not exist"):
-        oneframe.make_case(
-            tmp_path / "case", surface="no.ply", frame=tmp_path / "frame.png", camera=tmp_path / "k.json"
-        )
+    write_ply(tmp_path / "bone.ply", mesh)
+    given = {"frame": tmp_path / "frame.png", "camera": tmp_path / "k.json"}
+    case = oneframe.make_case(tmp_path / "case", surface=tmp_path / "bone.ply", **given)
+    assert case.alignment == {"method": "initial guess"}
+    assert len(oneframe.load_case(case).mesh.faces) == len(mesh.faces)
+    with pytest.raises(oneframe.InputError, match="does not exist"):
+        oneframe.make_case(tmp_path / "other", surface=tmp_path / "no.ply", **given)
 
 
 def test_everything_public_is_documented_and_found_late():

@@ -56,15 +56,14 @@ def source_of(scene: bpy.types.Scene) -> Source:
     return Source(loaded, None if can_rasterise(loaded) else reference_view_of(loaded))
 
 
-def coloured(source: Source, mode: Mode, progress: Callable[[float], None] | None = None) -> Colouring:
-    """Compute the colours; in any thread. ``progress`` gets a fraction 0..1, and may raise to end the work.
+def coloured(source: Source, mode: Mode, report: Callable[[float], None]) -> Colouring:
+    """Compute the colours; in any thread. ``report`` gets a fraction 0..1, and may raise to end the work.
 
     Raises
     ------
     InputError
         No pixel of the frame shows the surface.
     """
-    report = progress or (lambda _fraction: None)
     report(0.0)
     view = source.rendered or rasterised_view_of(source.loaded)
     colour, messages = baked_colour_of(view, mode, lambda fraction: report(SEEN + (BAKED - SEEN) * fraction))

@@ -2,21 +2,21 @@
 
 from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 from bpy.props import EnumProperty, StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import class_registration, listening, prop
 from ..pipeline.blender.colour.export import export_coloured_surface
 from ..pipeline.blender.colour.surface_colour import colour_record, mark_unseen, remove_colour
-from ..pipeline.errors import InputError, RunError
+from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..state.camera_view import spaces_of
-from ..ui.background_work import NAVIGATION, POLL_SECONDS, BackgroundWork, check_inputs, inputs_of, show_status
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, SavesFile, redraw
+from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, SavesFile, available
 from . import colouring
 
 MODES = [
@@ -35,87 +35,27 @@ UNSEEN = [
 ]
 
 
-class ONEFRAME_OT_project_colour(NeedsAlignment, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_project_colour(NeedsAlignment, InBackground):
     """Project the frame on the surface at the current pose; replaces existing colours. Esc stops it"""
 
-    bl_idname = "oneframe.project_colour"
     bl_label = "Project Colour"
-    bl_options = {"REGISTER", "UNDO"}
 
     mode: Literal["texture", "vertex"] = prop(
-        EnumProperty(name="As", description="How the surface holds the colours", items=MODES, default="vertex")
+        EnumProperty, "As", "How the surface holds the colours", items=MODES, default="vertex"
     )
 
-    def run(self, context: bpy.types.Context) -> Messages:
-        """Colour without a break, as scripts do."""
-        scene = context.scene
-        _check_object_mode(from_scene.surface_of(scene))
-        source = colouring.source_of(scene)
-        messages = colouring.put(scene, source, colouring.coloured(source, self.mode))
-        show_colour(from_scene.surface_of(scene))
+    doing = "Projecting the frame on the surface"
+
+    def work(self, context: bpy.types.Context) -> Work:
+        _check_object_mode(from_scene.surface_of(context.scene))
+        self._inputs, self._source = inputs_of(context.scene), colouring.source_of(context.scene)
+        return partial(colouring.coloured, self._source, self.mode)
+
+    def finish(self, context: bpy.types.Context, result: Any) -> Messages:
+        check_inputs(context.scene, self._inputs)
+        messages = colouring.put(context.scene, self._source, result)
+        show_colour(from_scene.surface_of(context.scene))
         return messages
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if context.window is None or bpy.app.background:
-            return self.execute(context)
-        try:
-            _check_object_mode(from_scene.surface_of(context.scene))
-        except InputError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self._source: colouring.Source | None = None
-        self._work: BackgroundWork | None = None
-        self._timer = context.window_manager.event_timer_add(POLL_SECONDS, window=context.window)
-        context.window_manager.modal_handler_add(self)
-        show_status(context, "Looking at the surface from the frame's pose      Esc: Stop")
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        try:
-            return self._handle(context, event)
-        except (InputError, RunError) as error:
-            self._end(context)
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        except Exception:
-            self._end(context)
-            raise
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when it ends the operator: a file was opened, or the window closed."""
-        self._end(context)
-
-    def _handle(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if event.type == "ESC" and event.value == "PRESS":
-            self._end(context)
-            self.report({"INFO"}, "colouring stopped, the surface is unchanged")
-            return {"CANCELLED"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
-        if self._source is None or self._work is None:
-            self._source = colouring.source_of(context.scene)
-            self._inputs = inputs_of(context.scene)
-            self._work = BackgroundWork(partial(colouring.coloured, self._source, self.mode))
-        work = self._work
-        if work.running:
-            show_status(context, f"Projecting the frame on the surface: {work.fraction:.0%}      Esc: Stop")
-            return {"RUNNING_MODAL"}
-        if work.error is not None:
-            raise work.error
-        if work.result is not None:
-            check_inputs(context.scene, self._inputs)
-            for message in colouring.put(context.scene, self._source, work.result):
-                self.report({"INFO"}, message)
-            show_colour(from_scene.surface_of(context.scene))
-        self._end(context)
-        return {"FINISHED"}
-
-    def _end(self, context: bpy.types.Context) -> None:
-        if self._work is not None:
-            self._work.stop()
-        context.window_manager.event_timer_remove(self._timer)
-        show_status(context, None)
-        redraw(context)
 
 
 class _NeedsColour(bpy.types.Operator):
@@ -124,18 +64,14 @@ class _NeedsColour(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         surface = context.scene.oneframe.surface
-        if surface is not None and colour_record(surface) is not None:
-            return True
-        cls.poll_message_set("Project colour on the surface first")
-        return False
+        has_colour = surface is not None and colour_record(surface) is not None
+        return available(cls, has_colour, "Project colour on the surface first")
 
 
-class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting):
     """Show the surface that the frame did not see in blue, or in neutral grey"""
 
-    bl_idname = "oneframe.mark_unseen"
     bl_label = "Mark Unseen Surface"
-    bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> None:
         surface = from_scene.surface_of(context.scene)
@@ -144,12 +80,10 @@ class ONEFRAME_OT_mark_unseen(_NeedsColour, Reporting, bpy.types.Operator):
         mark_unseen(surface, record is not None and not record["unseen_marked"])
 
 
-class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting):
     """Remove the colours from the surface"""
 
-    bl_idname = "oneframe.plain_surface"
     bl_label = "Plain Surface"
-    bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> None:
         surface = from_scene.surface_of(context.scene)
@@ -158,22 +92,19 @@ class ONEFRAME_OT_plain_surface(_NeedsColour, Reporting, bpy.types.Operator):
         show_colour(surface)
 
 
-class ONEFRAME_OT_export_surface(NeedsAlignment, SavesFile, bpy.types.Operator):
+class ONEFRAME_OT_export_surface(NeedsAlignment, SavesFile):
     """Export the surface with the frame's colours, projected at the current pose, as GLB, OBJ or PLY"""
 
-    bl_idname = "oneframe.export_surface"
     bl_label = "Export Coloured Surface"
     bl_options = {"REGISTER"}
 
     usual_name = "surface.glb"
-    filter_glob: str = prop(StringProperty(default="*.glb;*.obj;*.ply", options={"HIDDEN"}))
-    file_format: str = prop(EnumProperty(name="Format", description="Kind of file", items=FORMATS, default="glb"))
+    filter_glob: str = prop(StringProperty, default="*.glb;*.obj;*.ply", options={"HIDDEN"})
+    file_format: str = prop(EnumProperty, "Format", "Kind of file", items=FORMATS, default="glb")
     mode: Literal["texture", "vertex"] = prop(
-        EnumProperty(name="Colours", description="How the file holds the colours", items=MODES, default="texture")
+        EnumProperty, "Colours", "How the file holds the colours", items=MODES, default="texture"
     )
-    unseen: str = prop(
-        EnumProperty(name="Unseen", description="Surface that the frame did not see", items=UNSEEN, default="neutral")
-    )
+    unseen: str = prop(EnumProperty, "Unseen", "Surface that the frame did not see", items=UNSEEN, default="neutral")
 
     @property
     def filename_ext(self) -> str:
@@ -259,25 +190,6 @@ def _after_undo(scene: bpy.types.Scene, *_: object) -> None:
         show_colour(surface)
 
 
-_CLASSES = (
-    ONEFRAME_OT_project_colour,
-    ONEFRAME_OT_mark_unseen,
-    ONEFRAME_OT_plain_surface,
-    ONEFRAME_OT_export_surface,
+register, unregister = class_registration(
+    __name__, listening(bpy.app.handlers.undo_post, _after_undo), listening(bpy.app.handlers.redo_post, _after_undo)
 )
-_HANDLERS = (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post)
-_register_classes, _unregister_classes = class_registration(_CLASSES)
-
-
-def register() -> None:
-    """Register operators and the handlers that follow undo."""
-    _register_classes()
-    for handlers in _HANDLERS:
-        handlers.append(_after_undo)
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    for handlers in _HANDLERS:
-        handlers.remove(_after_undo)
-    _unregister_classes()

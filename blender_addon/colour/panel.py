@@ -5,25 +5,16 @@ import bpy
 from ..class_registration import class_registration
 from ..pipeline.blender.colour.surface_colour import colour_record
 from ..pipeline.errors import InputError
-from ..state import from_scene
-from ..ui.wrapped_text import draw_text
+from ..ui.panel import AlignmentPanel, draw_text
 from . import operators
 
 
-class ONEFRAME_PT_colour(bpy.types.Panel):
+class ONEFRAME_PT_colour(AlignmentPanel):
     """Project the frame's colours on the surface"""
 
-    bl_idname = "ONEFRAME_PT_colour"
     bl_label = "6  Colour"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
     bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return from_scene.is_set_up(context.scene)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
@@ -66,5 +57,4 @@ def _draw_record(layout: bpy.types.UILayout, scene: bpy.types.Scene, record: dic
         draw_text(layout, message, icon="INFO")
 
 
-_CLASSES = (ONEFRAME_PT_colour,)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

@@ -15,6 +15,7 @@ from typing import Any
 
 import bpy
 
+from ..class_registration import at_end, class_registration, timers
 from ..pipeline.errors import InputError, RunError
 from ..pipeline.process.command_line import EXIT_STOPPED, script_command
 from ..pipeline.progress import ProgressLine, read_progress
@@ -165,7 +166,8 @@ def script_path(name: str) -> Path:
 
 
 _current: BackgroundJob | None = None
-_listeners: list[Callable[[BackgroundJob], None]] = []
+listeners: list[Callable[[BackgroundJob], None]] = []
+"""Called regularly while a job runs, and once after it has ended."""
 
 
 def current() -> BackgroundJob | None:
@@ -201,18 +203,13 @@ def forget() -> None:
         _current = None
 
 
-def on_change(listener: Callable[[BackgroundJob], None]) -> None:
-    """Call ``listener(job)`` regularly while a job runs and once after it has ended, until :func:`unregister`."""
-    _listeners.append(listener)
-
-
 def _follow() -> float | None:
     """Timer: notify listeners; ends with the job."""
     job = _current
     if job is None:
         return None
     running = job.check()
-    for listener in _listeners:
+    for listener in listeners:
         listener(job)
     if running:
         _ask_before_quitting()
@@ -231,17 +228,13 @@ def _ask_before_quitting() -> None:
         bpy.ops.ed.undo_push(message="Render Dataset")
 
 
-def register() -> None:
-    """Nothing to register; the timer starts with a job."""
-
-
-def unregister() -> None:
+def _end() -> None:
     """Stop a running job, which nobody could stop without the add-on."""
     global _current
-    if bpy.app.timers.is_registered(_follow):
-        bpy.app.timers.unregister(_follow)
-    _listeners.clear()
     if _current is not None and _current.check():
         sys.stderr.write("OneFrame: stopping the running job; finished views stay\n")
         _current.stop()
     _current = None
+
+
+register, unregister = class_registration(__name__, at_end(_end), timers(_follow))

@@ -9,9 +9,9 @@ import numpy as np
 from ..pipeline.case.loaded_case import LoadedCase
 from ..pipeline.dataset.description import describe, input_files, inputs_sha256
 from ..pipeline.dataset.differences import COUNT
-from ..pipeline.dataset.identity import fewest_views, holds_views_of, run_differences
 from ..pipeline.dataset.layout import FORMAT, RECORD, WORK
 from ..pipeline.dataset.options import DatasetOptions
+from ..pipeline.dataset.run.same_run import fewest_views, holds_views_of, run_differences
 from ..pipeline.errors import InputError
 from ..pipeline.files.content import LARGEST_TEXT, read_file
 from .wording import in_words

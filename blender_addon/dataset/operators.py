@@ -8,14 +8,15 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import at_end, class_registration, listening, prop
 from ..pipeline.blender.colour.reference_view import reference_view_of
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.errors import InputError
 from ..state import from_scene
-from ..state.file_watch import Stamp, known_stamp
+from ..state.events import areas
+from ..state.scene_files import Stamp, known_stamp
 from ..ui.frame_view import shows_frame
-from ..ui.operator import Messages, NeedsAlignment, Reporting
+from ..ui.operator import Messages, NeedsAlignment, Reporting, available
 from . import background_job, pose_preview
 from .existing_dataset import check_folder, existing_views
 from .snapshot import write_snapshot
@@ -39,10 +40,9 @@ class _AboutOptions(NeedsAlignment, Reporting):
         return in_window_words(message)
 
 
-class ONEFRAME_OT_preview_poses(_AboutOptions, bpy.types.Operator):
+class ONEFRAME_OT_preview_poses(_AboutOptions):
     """Show the first poses of the dataset as cameras around the surface; orange: little observed by the frame"""
 
-    bl_idname = "oneframe.preview_poses"
     bl_label = "Preview Poses"
     bl_options = {"REGISTER"}
 
@@ -57,10 +57,9 @@ class ONEFRAME_OT_preview_poses(_AboutOptions, bpy.types.Operator):
         return message, "press Home in the view to see all of them"
 
 
-class ONEFRAME_OT_hide_poses(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_hide_poses(Reporting):
     """Hide the previewed poses"""
 
-    bl_idname = "oneframe.hide_poses"
     bl_label = "Hide Poses"
     bl_options = {"REGISTER"}
 
@@ -72,10 +71,9 @@ class ONEFRAME_OT_hide_poses(Reporting, bpy.types.Operator):
         pose_preview.hide()
 
 
-class ONEFRAME_OT_preview_view(_AboutOptions, bpy.types.Operator):
+class ONEFRAME_OT_preview_view(_AboutOptions):
     """Render one view of the dataset exactly as the run will, and show it in the panel and in an Image Editor"""
 
-    bl_idname = "oneframe.preview_view"
     bl_label = "Preview View"
     bl_options = {"REGISTER"}
 
@@ -96,14 +94,13 @@ class ONEFRAME_OT_preview_view(_AboutOptions, bpy.types.Operator):
             f"{view.rendered.observed.sum() / max(int(view.rendered.mask.sum()), 1):.0%} of it"
         )
         image = _put_preview(view.rendered.rgb, key, summary)
-        _show_in_image_editors(context, image)
+        _show_in_image_editors(image)
         return *messages, summary
 
 
-class ONEFRAME_OT_enlarge_preview(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_enlarge_preview(Reporting):
     """Show the previewed view at full size in an Image Editor"""
 
-    bl_idname = "oneframe.enlarge_preview"
     bl_label = "Enlarge Preview"
     bl_options = {"REGISTER"}
 
@@ -113,7 +110,7 @@ class ONEFRAME_OT_enlarge_preview(Reporting, bpy.types.Operator):
 
     def run(self, context: bpy.types.Context) -> None:
         image = bpy.data.images[PREVIEW_IMAGE]
-        if _show_in_image_editors(context, image):
+        if _show_in_image_editors(image):
             return
         bpy.ops.wm.window_new()
         area = max(context.window_manager.windows[-1].screen.areas, key=lambda area: area.width * area.height)
@@ -121,20 +118,17 @@ class ONEFRAME_OT_enlarge_preview(Reporting, bpy.types.Operator):
         area.spaces.active.image = image
 
 
-class ONEFRAME_OT_render_dataset(_AboutOptions, bpy.types.Operator):
+class ONEFRAME_OT_render_dataset(_AboutOptions):
     """Render the dataset in the background; continues a stopped run, and extends a dataset if Views has grown"""
 
-    bl_idname = "oneframe.render_dataset"
     bl_label = "Render Dataset"
     bl_options = {"REGISTER"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         job = background_job.current()
-        if job is not None and job.running:
-            cls.poll_message_set("A run is in progress: wait for it, or cancel it")
-            return False
-        return super().poll(context)
+        is_free = job is None or not job.running
+        return available(cls, is_free, "A run is in progress: wait for it, or cancel it") and super().poll(context)
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
@@ -156,10 +150,9 @@ class ONEFRAME_OT_render_dataset(_AboutOptions, bpy.types.Operator):
         return (f"rendering to {out} in the background; you can continue to work",)
 
 
-class ONEFRAME_OT_cancel_dataset(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_cancel_dataset(Reporting):
     """Stop the run; finished views stay, and Render Dataset continues after them"""
 
-    bl_idname = "oneframe.cancel_dataset"
     bl_label = "Cancel Run"
     bl_options = {"REGISTER"}
 
@@ -174,16 +167,13 @@ class ONEFRAME_OT_cancel_dataset(Reporting, bpy.types.Operator):
             job.cancel()
 
 
-class ONEFRAME_OT_open_result(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_open_result(Reporting):
     """Open the dataset's folder, or its contact sheet, outside Blender"""
 
-    bl_idname = "oneframe.open_result"
     bl_label = "Open Dataset"
     bl_options = {"REGISTER"}
 
-    contact_sheet: bool = prop(
-        BoolProperty(name="Contact Sheet", description="Open the contact sheet instead of the folder", default=False)
-    )
+    contact_sheet: bool = prop(BoolProperty, "Contact Sheet", "Open the contact sheet instead of the folder")
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -237,8 +227,7 @@ def _put_preview(rgb: np.ndarray, key: str, summary: str) -> bpy.types.Image:
     height, width = rgb.shape[:2]
     image = bpy.data.images.get(PREVIEW_IMAGE)
     if image is None or tuple(image.size) != (width, height):
-        if image is not None:
-            bpy.data.images.remove(image)
+        _remove_preview()
         image = bpy.data.images.new(PREVIEW_IMAGE, width, height)
     rgba = np.ones((height, width, 4), np.float32)
     rgba[..., :3] = rgb[::-1]
@@ -255,28 +244,24 @@ def _put_preview(rgb: np.ndarray, key: str, summary: str) -> bpy.types.Image:
     return image
 
 
-def _show_in_image_editors(context: bpy.types.Context, image: bpy.types.Image) -> bool:
+def _show_in_image_editors(image: bpy.types.Image) -> bool:
     """Show an image in the Image Editors that show no other image; return whether there is one."""
     found = False
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "IMAGE_EDITOR" and area.ui_type == "IMAGE_EDITOR":
-                space = area.spaces.active
-                if space.image is None or space.image == image:
-                    space.image, found = image, True
-                    area.tag_redraw()
+    for _window, area in areas("IMAGE_EDITOR"):
+        space = area.spaces.active
+        if area.ui_type == "IMAGE_EDITOR" and space.image in (None, image):
+            space.image, found = image, True
+            area.tag_redraw()
     return found
 
 
 def _job_changed(job: background_job.BackgroundJob) -> None:
     """Redraw the panel; show a popup if the run has failed."""
     manager = bpy.context.window_manager
-    for window in manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                for region in area.regions:
-                    if region.type == "UI":
-                        region.tag_redraw()
+    for _window, area in areas("VIEW_3D"):
+        for region in area.regions:
+            if region.type == "UI":
+                region.tag_redraw()
     # without a window Blender cannot open a menu, and reports no error
     if job.running or not job.error or bpy.app.background or not manager.windows:
         return
@@ -289,27 +274,12 @@ def _job_changed(job: background_job.BackgroundJob) -> None:
         manager.popup_menu(draw, title="The Dataset Run Has Failed", icon="ERROR")
 
 
-_CLASSES = (
-    ONEFRAME_OT_preview_poses,
-    ONEFRAME_OT_hide_poses,
-    ONEFRAME_OT_preview_view,
-    ONEFRAME_OT_enlarge_preview,
-    ONEFRAME_OT_render_dataset,
-    ONEFRAME_OT_cancel_dataset,
-    ONEFRAME_OT_open_result,
-)
-_register_classes, _unregister_classes = class_registration(_CLASSES)
-
-
-def register() -> None:
-    """Register the operators, and follow the background run."""
-    _register_classes()
-    background_job.on_change(_job_changed)
-
-
-def unregister() -> None:
-    """Undo :func:`register`, and remove the preview's image."""
+def _remove_preview() -> None:
     image = bpy.data.images.get(PREVIEW_IMAGE)
     if image is not None:
         bpy.data.images.remove(image)
-    _unregister_classes()
+
+
+register, unregister = class_registration(
+    __name__, at_end(_remove_preview), listening(background_job.listeners, _job_changed)
+)

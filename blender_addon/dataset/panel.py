@@ -7,8 +7,8 @@ import bpy
 from ..class_registration import class_registration
 from ..pipeline.errors import InputError
 from ..state import from_scene
-from ..state.file_watch import known_stamp
-from ..ui.wrapped_text import draw_text
+from ..state.scene_files import known_stamp
+from ..ui.panel import SidebarPanel, draw_text
 from . import background_job, operators, pose_preview
 from .wording import in_window_words
 
@@ -25,17 +25,13 @@ RENDERING = ("colour", "unseen", "max_incidence_deg", "engine", "samples", "scal
 PanelOptions = set[Literal["DEFAULT_CLOSED", "HIDE_HEADER", "INSTANCED", "HEADER_LAYOUT_EXPAND"]]
 
 
-class _DatasetPanel(bpy.types.Panel):
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
+class _DatasetPanel(SidebarPanel):
     bl_options: PanelOptions = {"DEFAULT_CLOSED"}
 
 
-class ONEFRAME_PT_dataset(_DatasetPanel, bpy.types.Panel):
+class ONEFRAME_PT_dataset(_DatasetPanel):
     """Render a dataset of posed views"""
 
-    bl_idname = "ONEFRAME_PT_dataset"
     bl_label = "7  Dataset"
     bl_order = 6
 
@@ -61,28 +57,9 @@ class ONEFRAME_PT_dataset(_DatasetPanel, bpy.types.Panel):
             draw_text(layout, in_window_words(str(error)), icon="ERROR")
 
 
-class ONEFRAME_PT_dataset_options(_DatasetPanel, bpy.types.Panel):
-    """Constraints on the views, and how they are rendered"""
-
-    bl_idname = "ONEFRAME_PT_dataset_options"
-    bl_parent_id = "ONEFRAME_PT_dataset"
-    bl_label = "More Options"
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, options = self.layout, context.scene.oneframe.dataset
-        layout.use_property_split, layout.use_property_decorate = True, False
-        for names in (CONSTRAINTS, RENDERING):
-            column = layout.column(align=True)
-            for name in names:
-                column.prop(options, name)
-        if options.video:  # type: ignore[attr-defined]  # from DatasetOptions
-            column.prop(options, "video_frames")
-
-
-class ONEFRAME_PT_dataset_preview(_DatasetPanel, bpy.types.Panel):
+class ONEFRAME_PT_dataset_preview(_DatasetPanel):
     """Preview poses as cameras around the surface, and one view"""
 
-    bl_idname = "ONEFRAME_PT_dataset_preview"
     bl_parent_id = "ONEFRAME_PT_dataset"
     bl_label = "Preview"
     bl_options: PanelOptions = set()
@@ -114,10 +91,26 @@ class ONEFRAME_PT_dataset_preview(_DatasetPanel, bpy.types.Panel):
                 draw_text(layout, summary)
 
 
-class ONEFRAME_PT_dataset_run(_DatasetPanel, bpy.types.Panel):
+class ONEFRAME_PT_dataset_options(_DatasetPanel):
+    """Constraints on the views, and how they are rendered"""
+
+    bl_parent_id = "ONEFRAME_PT_dataset"
+    bl_label = "More Options"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, options = self.layout, context.scene.oneframe.dataset
+        layout.use_property_split, layout.use_property_decorate = True, False
+        for names in (CONSTRAINTS, RENDERING):
+            column = layout.column(align=True)
+            for name in names:
+                column.prop(options, name)
+        if options.video:  # type: ignore[attr-defined]  # from DatasetOptions
+            column.prop(options, "video_frames")
+
+
+class ONEFRAME_PT_dataset_run(_DatasetPanel):
     """Render the dataset in the background"""
 
-    bl_idname = "ONEFRAME_PT_dataset_run"
     bl_parent_id = "ONEFRAME_PT_dataset"
     bl_label = "Run"
     bl_options: PanelOptions = set()
@@ -158,10 +151,4 @@ def _draw_job(layout: bpy.types.UILayout, job: background_job.BackgroundJob) -> 
         draw_text(layout, job.lines[-1] if job.lines else str(job.out), icon="CHECKMARK")
 
 
-_CLASSES = (
-    ONEFRAME_PT_dataset,
-    ONEFRAME_PT_dataset_preview,
-    ONEFRAME_PT_dataset_options,
-    ONEFRAME_PT_dataset_run,
-)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

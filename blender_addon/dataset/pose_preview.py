@@ -15,6 +15,7 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
+from ..class_registration import at_end, class_registration, drawing
 from ..pipeline.blender.colour.reference_view import ReferenceView, reference_view_of
 from ..pipeline.blender.dataset.view_renderer import ViewRenderer
 from ..pipeline.camera.pinhole import PinholeCamera
@@ -26,7 +27,7 @@ from ..pipeline.poses.constraints import PlannedPose
 from ..pipeline.poses.pose_file import read_poses
 from ..pipeline.transforms import inverse_rigid, transform_points
 from ..state import from_scene
-from ..state.file_watch import Stamp, known_stamp
+from ..state.scene_files import Stamp, known_stamp
 from ..ui.frame_view import shows_frame
 
 LENGTH = 0.10
@@ -70,7 +71,6 @@ class PlannedPoses:
 
 _planned: PlannedPoses | None = None
 _batch: tuple[PlannedPoses, gpu.types.GPUBatch] | None = None
-_handle: object = None
 
 
 def dataset_options(scene: bpy.types.Scene) -> DatasetOptions:
@@ -212,15 +212,4 @@ def _draw() -> None:
     gpu.state.depth_test_set("NONE")
 
 
-def register() -> None:
-    """Start drawing in all 3D views."""
-    global _handle
-    _handle = bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW")
-
-
-def unregister() -> None:
-    """Stop drawing, and discard the poses."""
-    global _handle
-    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-    _handle = None
-    hide()
+register, unregister = class_registration(__name__, at_end(hide), drawing(bpy.types.SpaceView3D, _draw, "POST_VIEW"))

@@ -11,8 +11,7 @@ from ..pipeline.errors import InputError
 from ..pipeline.files.content import write_bytes_atomically
 from ..pipeline.files.outputs import check_outputs, made_folder, writing
 from ..state import from_scene
-from ..state.inputs import input_files
-from ..state.session_files import check_lasting
+from ..state.scene_files import check_lasting, input_files
 
 SUFFIX = ".case.toml"
 COMMENT = (

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..pipeline.dataset.differences import DEPTH_SCALE, LISTED, Difference
 from ..pipeline.dataset.options import COLOURS, ENGINES
-from ..state.option_labels import LABELS, label
+from ..state.properties import LABELS, label
 
 _INPUTS = {"frame": "the frame's image", "surface": "the surface's file"}
 _FRAME = {"cam_from_model": "the pose", "distortion": "the distortion"}

@@ -3,15 +3,15 @@
 import bpy
 import numpy as np
 
+from ..class_registration import class_registration, cursor, drawing
 from ..pipeline.alignment.manual.picking import is_unfinished
 from ..pipeline.errors import InputError
 from ..state import from_scene, workbench
-from ..state.next_step import next_step
 from ..state.properties import ONEFRAME_PG_landmark
 from ..ui import frame_view
 from ..ui.strokes import Colour, Strokes
 from ..view.fit import free_rectangle
-from . import drag_loupe, gestures, solve, tool, uncertainty_drawing
+from . import gestures, solve, tool, uncertainty_drawing
 from .marks import LandmarkView, Mark, marks_of
 from .solve import Solution
 
@@ -122,9 +122,6 @@ def _draw_view() -> None:
         return
     try:
         landmark_strokes(context).draw()
-        gesture = gestures.running()
-        if gesture is not None and gesture.moves != "point" and frame_view.shows_frame(context):
-            drag_loupe.draw(context, gesture)
     except InputError:
         # the panel reports it
         return
@@ -132,7 +129,7 @@ def _draw_view() -> None:
 
 def _draw_next_step(context: bpy.types.Context) -> None:
     """Say in the middle of an empty view what comes next."""
-    strokes, text = Strokes(), next_step(context.scene)
+    strokes, text = Strokes(), workbench.next_step(context.scene)
     low, high = free_rectangle(context.area)
     strokes.text((low + high) / 2 - np.array([strokes.width_of(text) / 2, 0.0]), text, INCOMPLETE)
     strokes.draw()
@@ -159,16 +156,6 @@ def _draw_pointer(xy: tuple[int, int]) -> None:
     strokes.draw()
 
 
-_handles: list = []
-
-
-def register() -> None:
-    """Start drawing."""
-    _handles.append(bpy.types.SpaceView3D.draw_handler_add(_draw_view, (), "WINDOW", "POST_PIXEL"))
-    _handles.append(bpy.types.WindowManager.draw_cursor_add(_draw_pointer, (), "VIEW_3D", "WINDOW"))
-
-
-def unregister() -> None:
-    """Stop drawing."""
-    bpy.types.WindowManager.draw_cursor_remove(_handles.pop())
-    bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
+register, unregister = class_registration(
+    __name__, drawing(bpy.types.SpaceView3D, _draw_view, "POST_PIXEL"), cursor(_draw_pointer)
+)

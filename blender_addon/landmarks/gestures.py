@@ -15,8 +15,9 @@ from ..class_registration import class_registration, prop
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
 from ..state import events, from_scene
-from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, Keys
-from ..ui.operator import OperatorResult, redraw
+from ..state.events import redraw
+from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
+from ..ui.operator import OperatorResult
 from . import edit, solve
 from .marks import LandmarkView, landmark_at, marks_of, nearest
 
@@ -98,20 +99,18 @@ def pointer_of(event: bpy.types.Event) -> np.ndarray:
 class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
     """Pick or drag a landmark: its point in the frame, its point on the surface, or a pin that pulls the surface"""
 
-    bl_idname = "oneframe.landmark_gesture"
     bl_label = "Pick Landmark"
     bl_options = {"UNDO", "BLOCKING"}
 
     kind: str = prop(
-        EnumProperty(
-            name="Kind",
-            items=[
-                ("IMAGE", "Image point", "Place or move a point in the frame"),
-                ("SURFACE", "Surface point", "Place or move a point on the surface"),
-                ("PIN", "Pin", "Pull the surface by the point under the pointer"),
-            ],
-            options={"SKIP_SAVE"},
-        )
+        EnumProperty,
+        "Kind",
+        items=[
+            ("IMAGE", "Image point", "Place or move a point in the frame"),
+            ("SURFACE", "Surface point", "Place or move a point on the surface"),
+            ("PIN", "Pin", "Pull the surface by the point under the pointer"),
+        ],
+        options={"SKIP_SAVE"},
     )
 
     @classmethod
@@ -133,7 +132,7 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
             return {"CANCELLED"}
         context.workspace.status_text_set("Shift: 10 Times Finer      Esc or Right Click: Cancel")
         context.window_manager.modal_handler_add(self)
-        redraw(context)
+        redraw()
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
@@ -151,7 +150,7 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
             except InputError as error:
                 self.report({"ERROR"}, str(error))
                 return self._end(context, restore=True)
-            redraw(context)
+            redraw()
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
@@ -190,7 +189,7 @@ class ONEFRAME_OT_landmark_gesture(bpy.types.Operator):
         elif ended is not None and ended.moves != "pixel":
             # surface points and pins do not solve while they move
             events.landmarks_changed(scene)
-        redraw(context)
+        redraw()
         return {"CANCELLED"} if restore else {"FINISHED"}
 
 
@@ -274,8 +273,9 @@ def _gesture(kind: str, tool: str, *, shift: bool = False, ctrl: bool = False, a
     return Key("oneframe.landmark_gesture", "LEFTMOUSE", "PRESS", shift, ctrl, alt, properties=settings, tools=(tool,))
 
 
-KEYS = Keys(
-    [
+register, unregister = class_registration(
+    __name__,
+    keys(
         _gesture("IMAGE", LANDMARK_TOOL),
         _gesture("SURFACE", LANDMARK_TOOL, shift=True),
         _gesture("PIN", LANDMARK_TOOL, ctrl=True),
@@ -283,6 +283,5 @@ KEYS = Keys(
         # the same gesture, so that neither a habit nor a held key selects Blender's objects
         _gesture("PIN", PIN_TOOL, ctrl=True),
         _gesture("PIN", PIN_TOOL, shift=True),
-    ]
+    ),
 )
-register, unregister = class_registration((ONEFRAME_OT_landmark_gesture,), KEYS)

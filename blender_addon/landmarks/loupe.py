@@ -1,5 +1,5 @@
 """A loupe next to the pointer while landmarks are picked: it shows the frame or the surface, whichever the next click
-is for."""
+is for; while an image point is dragged, the frame under it, at any zoom and even under the surface."""
 
 from collections.abc import Sequence
 
@@ -7,12 +7,13 @@ import bpy
 import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
-from mathutils import Matrix
 
+from ..class_registration import class_registration, cursor
 from ..pipeline.alignment.manual.picking import asked_half
 from ..pipeline.errors import InputError
 from ..state import from_scene
 from ..ui.frame_view import FrameView, shows_frame
+from ..ui.strokes import Strokes, in_window_pixels
 from ..view.fit import free_rectangle
 from ..view.overlay import Composite, frame_image_of, picture_of, projection_of
 from . import gestures, tool
@@ -27,6 +28,9 @@ MAGNIFICATION = 6.0
 SURFACE_MAGNIFICATION = 3.0
 """Of the surface in the camera view: without the frame's detail, its shape is recognised by more of it."""
 
+DRAG_MAGNIFICATION = 3.0
+"""While an image point is dragged: relative to the view, and at least this many screen pixels per frame pixel."""
+
 MIN_MAGNIFICATION = 1.5
 """Least magnification relative to the camera view; a view that is zoomed in further shows no loupe."""
 
@@ -38,12 +42,12 @@ TARGET_PX = 24
 """The loupe keeps this distance from places where the next click is expected, at interface scale 1."""
 
 _PICTURE_KEY = -1
-_handle: object | None = None
 
 
 def is_wanted(context: bpy.types.Context) -> bool:
-    """Whether to show the loupe: it is switched on, and a click of the active tool picks or pulls."""
-    return from_scene.is_set_up(context.scene) and context.scene.oneframe_view.loupe and tool.is_waiting(context)
+    """Whether to show the loupe: it is switched on or a mark is dragged, and a click of the tool picks or pulls."""
+    is_on = context.scene.oneframe_view.loupe or gestures.running() is not None
+    return from_scene.is_set_up(context.scene) and is_on and tool.is_waiting(context)
 
 
 def draw_loupe(pointer: tuple[int, int]) -> None:
@@ -57,10 +61,7 @@ def draw_loupe(pointer: tuple[int, int]) -> None:
     shows_surface = not in_frame or _asks_for_surface(context.scene)
     gesture = gestures.running()
     if gesture is not None:
-        if gesture.moves != "point" and in_frame:
-            # drag_loupe shows a dragged image point
-            return
-        shows_surface, at = True, gesture.at
+        shows_surface, at = gesture.moves == "point" or not in_frame, gesture.at
     low, high = free_rectangle(context.area)
     if not ((at >= low).all() and (at < high).all()):
         return
@@ -93,12 +94,16 @@ def _draw(
     scene = context.scene
     size = round(SIZE_PX * context.preferences.system.ui_scale)
     # Blender draws cursors in pixels of the window
-    left, below, *target = gpu.state.viewport_get()
-    low = corner(context.area, at, size, targets(context)) + np.array([region.x - left, region.y - below])
+    left, below, *_ = gpu.state.viewport_get()
+    dragged = gestures.running() is not None
+    low = corner(context.area, at, size, [] if dragged else targets(context))
+    low = low + np.array([region.x - left, region.y - below])
     loupe_view, magnification = None, MAGNIFICATION
     if in_frame:
         frame_view = FrameView.of(scene, region, context.region_data)
         magnification = (SURFACE_MAGNIFICATION if shows_surface else MAGNIFICATION) / frame_view.magnification
+        if dragged and not shows_surface:
+            magnification = max(DRAG_MAGNIFICATION, DRAG_MAGNIFICATION / frame_view.magnification)
         if magnification < MIN_MAGNIFICATION:
             # the view itself is a loupe
             return
@@ -107,7 +112,7 @@ def _draw(
     projection = projection_of(scene, region, context.region_data, frame=in_frame)
     projection = projection.magnified(at[0], at[1], magnification, size, size)
     view = scene.oneframe_view
-    contour = in_frame and view.contour and not shows_surface
+    contour = in_frame and view.contour and not shows_surface and not dragged
     picture = picture_of(_PICTURE_KEY, size, size)
     if contour or shows_surface:
         picture.draw(projection, from_scene.surface_of(scene), view.crease_deg if contour else None)
@@ -115,12 +120,13 @@ def _draw(
     image = frame_image_of(scene) if in_frame else None
     composite = Composite(mode, loupe_view, image, picture, contour, tuple(low), target_encodes=False)
     composite.draw(view, tuple(low), tuple(low + size))
-    with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
-        width, height = target
-        gpu.matrix.load_identity()
-        clip_from_px = ((2 / width, 0, 0, -1), (0, 2 / height, 0, -1), (0, 0, -1, 0), (0, 0, 0, 1))
-        gpu.matrix.load_projection_matrix(Matrix(clip_from_px))
+    with in_window_pixels():
         _draw_cross(low[0], low[1], size)
+        if dragged and loupe_view is not None:
+            u, v = frame_view.px_from_region(at)
+            strokes = Strokes()
+            strokes.text(low + 6 * strokes.unit, f"{u:.1f}, {v:.1f} px", (1.0, 1.0, 1.0, 1.0))
+            strokes.draw()
 
 
 def corner(area: bpy.types.Area, at: np.ndarray, size: int, avoided: Sequence[np.ndarray]) -> np.ndarray:
@@ -161,14 +167,4 @@ def _draw_cross(low_x: float, low_y: float, size: int) -> None:
     gpu.state.blend_set("NONE")
 
 
-def register() -> None:
-    """Draw the loupe with the cursor of 3D views."""
-    global _handle
-    _handle = bpy.types.WindowManager.draw_cursor_add(draw_loupe, (), "VIEW_3D", "WINDOW")
-
-
-def unregister() -> None:
-    """Stop drawing."""
-    global _handle
-    bpy.types.WindowManager.draw_cursor_remove(_handle)
-    _handle = None
+register, unregister = class_registration(__name__, cursor(draw_loupe))

@@ -13,9 +13,18 @@ from ..pipeline.case.landmark_file import read_landmarks, write_landmarks
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
 from ..state import events, from_scene, pose_evidence, to_scene
-from ..state.inputs import input_files
-from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, Keys
-from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, SavesFile
+from ..state.scene_files import input_files
+from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, Key, keys
+from ..ui.operator import (
+    Asking,
+    Messages,
+    NeedsAlignment,
+    OperatorResult,
+    Reporting,
+    ReportingFile,
+    SavesFile,
+    available,
+)
 from . import edit, solve
 from .gestures import is_alignment_view, landmark_under
 
@@ -28,34 +37,27 @@ class _HasLandmarks(NeedsAlignment):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not super().poll(context):
-            return False
-        if not context.scene.oneframe.landmarks:
-            cls.poll_message_set("Pick a landmark first")
-            return False
-        return True
+        return super().poll(context) and available(cls, bool(context.scene.oneframe.landmarks), "Pick a landmark first")
 
 
 class _PointAndPixel(bpy.types.Operator):
     """Mixin: a surface point and an image point as optional properties."""
 
     point: Sequence[float] = prop(
-        FloatVectorProperty(
-            name="Surface Point",
-            description="Point on the surface in the frame model, mm",
-            size=3,
-            precision=4,
-            options={"SKIP_SAVE"},
-        )
+        FloatVectorProperty,
+        "Surface Point",
+        "Point on the surface in the frame model, mm",
+        size=3,
+        precision=4,
+        options={"SKIP_SAVE"},
     )
     pixel: Sequence[float] = prop(
-        FloatVectorProperty(
-            name="Image Point",
-            description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
-            size=2,
-            precision=3,
-            options={"SKIP_SAVE"},
-        )
+        FloatVectorProperty,
+        "Image Point",
+        "Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
+        size=2,
+        precision=3,
+        options={"SKIP_SAVE"},
     )
 
     def given_point(self) -> np.ndarray | None:
@@ -67,23 +69,20 @@ class _PointAndPixel(bpy.types.Operator):
         return edit.check_pixel(scene, np.array(self.pixel, float))
 
 
-class ONEFRAME_OT_landmark_set(NeedsAlignment, _PointAndPixel, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_landmark_set(NeedsAlignment, _PointAndPixel, Reporting):
     """Add a landmark, or set its surface point, image point or name"""
 
-    bl_idname = "oneframe.landmark_set"
     bl_label = "Set Landmark"
-    bl_options = {"REGISTER", "UNDO"}
 
     index: int = prop(
-        IntProperty(
-            name="Index",
-            description="Index in the list, counted from 0; -1 for the landmark that lacks this point, or a new one",
-            default=-1,
-            min=-1,
-            options={"SKIP_SAVE"},
-        )
+        IntProperty,
+        "Index",
+        "Index in the list, counted from 0; -1 for the landmark that lacks this point, or a new one",
+        default=-1,
+        min=-1,
+        options={"SKIP_SAVE"},
     )
-    name: str = prop(StringProperty(name="Name", description="New name; empty to keep the name", options={"SKIP_SAVE"}))
+    name: str = prop(StringProperty, "Name", "New name; empty to keep the name", options={"SKIP_SAVE"})
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
@@ -99,21 +98,18 @@ class ONEFRAME_OT_landmark_set(NeedsAlignment, _PointAndPixel, Reporting, bpy.ty
         edit.set_halves(scene, index, point_model=point, pixel=pixel)
 
 
-class ONEFRAME_OT_landmark_pin(NeedsAlignment, _PointAndPixel, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_landmark_pin(NeedsAlignment, _PointAndPixel, Reporting):
     """Pull a point of the surface to a pixel while the other landmarks hold the surface"""
 
-    bl_idname = "oneframe.landmark_pin"
     bl_label = "Pull Pin"
-    bl_options = {"REGISTER", "UNDO"}
 
     index: int = prop(
-        IntProperty(
-            name="Index",
-            description="Index in the list, counted from 0; -1 for a new landmark",
-            default=-1,
-            min=-1,
-            options={"SKIP_SAVE"},
-        )
+        IntProperty,
+        "Index",
+        "Index in the list, counted from 0; -1 for a new landmark",
+        default=-1,
+        min=-1,
+        options={"SKIP_SAVE"},
     )
 
     def run(self, context: bpy.types.Context) -> None:
@@ -140,10 +136,12 @@ class ONEFRAME_OT_landmark_pin(NeedsAlignment, _PointAndPixel, Reporting, bpy.ty
 class _OnOneLandmark(bpy.types.Operator):
     """Mixin: acts on the landmark with an index, or on the one under the pointer if called by a key or click."""
 
+    index: int = prop(IntProperty, "Index", INDEX, default=-1, min=-1, options={"SKIP_SAVE"})
+    at_pointer: bool = prop(BoolProperty, options={"HIDDEN", "SKIP_SAVE"})
     result_without_landmark: OperatorResult = {"PASS_THROUGH"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if not self.properties.at_pointer:
+        if not self.at_pointer:
             return self.execute(context)
         if not is_alignment_view(context):
             return {"PASS_THROUGH"}
@@ -160,15 +158,10 @@ class _OnOneLandmark(bpy.types.Operator):
         return self.execute(context)
 
 
-class ONEFRAME_OT_landmark_remove(_OnOneLandmark, _HasLandmarks, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_landmark_remove(_OnOneLandmark, _HasLandmarks, Reporting):
     """Delete a landmark"""
 
-    bl_idname = "oneframe.landmark_remove"
     bl_label = "Delete Landmark"
-    bl_options = {"REGISTER", "UNDO"}
-
-    index: int = prop(IntProperty(name="Index", description=INDEX, default=-1, min=-1, options={"SKIP_SAVE"}))
-    at_pointer: bool = prop(BoolProperty(options={"HIDDEN", "SKIP_SAVE"}))
     # a click that misses a mark by a pixel must not let the key delete the surface
     result_without_landmark = {"CANCELLED"}
 
@@ -176,15 +169,10 @@ class ONEFRAME_OT_landmark_remove(_OnOneLandmark, _HasLandmarks, Reporting, bpy.
         edit.remove(context.scene, edit.checked_index(context.scene, self.index))
 
 
-class ONEFRAME_OT_landmark_toggle(_OnOneLandmark, _HasLandmarks, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_landmark_toggle(_OnOneLandmark, _HasLandmarks, Reporting):
     """Enable or disable a landmark for the pose"""
 
-    bl_idname = "oneframe.landmark_toggle"
     bl_label = "Toggle Landmark"
-    bl_options = {"REGISTER", "UNDO"}
-
-    index: int = prop(IntProperty(name="Index", description=INDEX, default=-1, min=-1, options={"SKIP_SAVE"}))
-    at_pointer: bool = prop(BoolProperty(options={"HIDDEN", "SKIP_SAVE"}))
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
@@ -195,23 +183,19 @@ class ONEFRAME_OT_landmark_toggle(_OnOneLandmark, _HasLandmarks, Reporting, bpy.
         entry.enabled = not entry.enabled
 
 
-class ONEFRAME_OT_landmarks_clear(_HasLandmarks, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_landmarks_clear(_HasLandmarks, Reporting):
     """Delete all landmarks; the pose stays"""
 
-    bl_idname = "oneframe.landmarks_clear"
     bl_label = "Delete All Landmarks"
-    bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> None:
         to_scene.replace_landmarks(context.scene, ())
 
 
-class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Asking, bpy.types.Operator):
+class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Asking):
     """Move the surface to the pose that fits the landmarks"""
 
-    bl_idname = "oneframe.solve_landmarks"
     bl_label = "Solve"
-    bl_options = {"REGISTER", "UNDO"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         """Ask before a refined pose is replaced."""
@@ -243,17 +227,13 @@ class ONEFRAME_OT_solve_landmarks(_HasLandmarks, Asking, bpy.types.Operator):
         return *estimate.messages, f"pose from {used}, RMS reprojection error {estimate.rms_px:.2f} px"
 
 
-class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, ImportHelper):
     """Import landmarks from a CSV or JSON file: surface points in the frame and units of the mesh file, and pixels"""
 
-    bl_idname = "oneframe.import_landmarks"
     bl_label = "Import Landmarks"
-    bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: str = prop(StringProperty(default="*.csv;*.json", options={"HIDDEN"}))
-    keep: bool = prop(
-        BoolProperty(name="Keep Existing", description="Add to the existing landmarks instead of replacing them")
-    )
+    filter_glob: str = prop(StringProperty, default="*.csv;*.json", options={"HIDDEN"})
+    keep: bool = prop(BoolProperty, "Keep Existing", "Add to the existing landmarks instead of replacing them")
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
@@ -268,17 +248,16 @@ class ONEFRAME_OT_import_landmarks(NeedsAlignment, ReportingFile, bpy.types.Oper
         return messages
 
 
-class ONEFRAME_OT_export_landmarks(_HasLandmarks, SavesFile, bpy.types.Operator):
+class ONEFRAME_OT_export_landmarks(_HasLandmarks, SavesFile):
     """Export the landmarks to a CSV or JSON file: surface points in the frame and units of the mesh file, and pixels"""
 
-    bl_idname = "oneframe.export_landmarks"
     bl_label = "Export Landmarks"
     bl_options = {"REGISTER"}
 
     filename_ext = ".csv"
     usual_name = "landmarks.csv"
     check_extension = None
-    filter_glob: str = prop(StringProperty(default="*.csv;*.json", options={"HIDDEN"}))
+    filter_glob: str = prop(StringProperty, default="*.csv;*.json", options={"HIDDEN"})
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene = context.scene
@@ -295,27 +274,15 @@ class ONEFRAME_OT_export_landmarks(_HasLandmarks, SavesFile, bpy.types.Operator)
         return (f"saved {path}: {len(scene.oneframe.landmarks)} landmarks",)
 
 
-_CLASSES = (
-    ONEFRAME_OT_landmark_set,
-    ONEFRAME_OT_landmark_pin,
-    ONEFRAME_OT_landmark_remove,
-    ONEFRAME_OT_landmark_toggle,
-    ONEFRAME_OT_landmarks_clear,
-    ONEFRAME_OT_solve_landmarks,
-    ONEFRAME_OT_import_landmarks,
-    ONEFRAME_OT_export_landmarks,
-)
-
-
 def _on_mark(operator: str, key: str, *, alt: bool = False) -> Key:
     return Key(operator, key, alt=alt, properties=(("at_pointer", True),), tools=(PIN_TOOL, LANDMARK_TOOL))
 
 
-KEYS = Keys(
-    [
+register, unregister = class_registration(
+    __name__,
+    keys(
         _on_mark("oneframe.landmark_toggle", "LEFTMOUSE", alt=True),
         _on_mark("oneframe.landmark_remove", "X"),
         _on_mark("oneframe.landmark_remove", "DEL"),
-    ]
+    ),
 )
-register, unregister = class_registration(_CLASSES, KEYS)

@@ -7,18 +7,16 @@ from ..class_registration import class_registration
 from ..pipeline.alignment.pose_uncertainty import PoseUncertainty
 from ..pipeline.errors import InputError
 from ..pipeline.files.numbers import format_two_digits
-from ..state import from_scene, pose_evidence
+from ..state import pose_evidence
 from ..state.properties import ONEFRAME_PG_landmark, ONEFRAME_PG_scene
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool
-from ..ui.wrapped_text import draw_text
+from ..ui.panel import AlignmentPanel, SidebarPanel, draw_text
 from . import solve, tool
 from .solve import Solution
 
 
 class ONEFRAME_UL_landmarks(bpy.types.UIList):
     """One landmark per row: use, name, residual"""
-
-    bl_idname = "ONEFRAME_UL_landmarks"
 
     def draw_item(
         self,
@@ -42,19 +40,11 @@ class ONEFRAME_UL_landmarks(bpy.types.UIList):
         value.label(text=text, icon=symbol)
 
 
-class ONEFRAME_PT_landmarks(bpy.types.Panel):
+class ONEFRAME_PT_landmarks(AlignmentPanel):
     """Correspondences that determine the pose"""
 
-    bl_idname = "ONEFRAME_PT_landmarks"
     bl_label = "4  Landmarks"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
     bl_order = 3
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return from_scene.is_set_up(context.scene)
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         settings = context.scene.oneframe
@@ -72,9 +62,7 @@ class ONEFRAME_PT_landmarks(bpy.types.Panel):
         if tool.is_active(context):
             draw_text(layout, tool.instruction(context), icon="INFO")
         row = layout.row()
-        row.template_list(
-            ONEFRAME_UL_landmarks.bl_idname, "", settings, "landmarks", settings, "landmark_index", rows=5
-        )
+        row.template_list(ONEFRAME_UL_landmarks.__name__, "", settings, "landmarks", settings, "landmark_index", rows=5)
         column = row.column(align=True)
         column.operator("oneframe.landmark_set", text="", icon="ADD")
         column.operator("oneframe.landmark_remove", text="", icon="REMOVE")
@@ -93,15 +81,11 @@ class ONEFRAME_PT_landmarks(bpy.types.Panel):
             draw_text(layout, str(error), icon="ERROR")
 
 
-class ONEFRAME_PT_landmark_keys(bpy.types.Panel):
+class ONEFRAME_PT_landmark_keys(SidebarPanel):
     """Mouse and keys of the landmark tool"""
 
-    bl_idname = "ONEFRAME_PT_landmark_keys"
     bl_parent_id = "ONEFRAME_PT_landmarks"
     bl_label = "Mouse and Keys"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -171,5 +155,4 @@ def _row_text(scene: bpy.types.Scene, item: ONEFRAME_PG_landmark, index: int) ->
     return f"{np.linalg.norm(residual):.1f} px", "ERROR" if outlier else "NONE"
 
 
-_CLASSES = (ONEFRAME_UL_landmarks, ONEFRAME_PT_landmarks, ONEFRAME_PT_landmark_keys)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

@@ -6,6 +6,7 @@ from functools import lru_cache
 import bpy
 import numpy as np
 
+from ..class_registration import at_end, class_registration, listening
 from ..pipeline.alignment.landmarks import surface_distance
 from ..pipeline.alignment.landmarks.align_landmarks import (
     Alignment,
@@ -203,12 +204,6 @@ def follow(scene: bpy.types.Scene) -> None:
         apply(scene, solved)
 
 
-def register() -> None:
-    """Solve after every change of the landmarks."""
-    events.on_landmarks_changed(follow)
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    events.remove_listener(follow)
-    _solved.cache_clear()
+register, unregister = class_registration(
+    __name__, at_end(_solved.cache_clear), listening(events.landmark_listeners, follow)
+)

@@ -2,11 +2,12 @@
 
 import bpy
 
+from ..class_registration import at_end, class_registration, tool
 from ..pipeline.alignment.manual.picking import next_step
 from ..state import from_scene
-from ..state.next_step import next_step as missing_step
+from ..state.workbench import next_step as missing_step
 from ..ui.frame_view import shows_frame
-from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, active_tool
+from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, TOOLS, ViewTool, active_tool
 
 TOOL = LANDMARK_TOOL
 GESTURE = "ONEFRAME_OT_landmark_gesture"
@@ -24,11 +25,15 @@ KEYS = (
 """What mouse and keys of the landmark tool do in the camera view; in other 3D views a click picks a surface point."""
 
 
-class PinTool(bpy.types.WorkSpaceTool):
+class _AsksForPoints(ViewTool):
+    @staticmethod
+    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
+        layout.label(text=instruction(context))
+
+
+class PinTool(_AsksForPoints):
     """Drag points of the surface to where the frame shows them; the surface follows"""
 
-    bl_space_type = "VIEW_3D"
-    bl_context_mode = "OBJECT"
     bl_idname = PIN_TOOL
     bl_label = TOOLS[PIN_TOOL]
     bl_description = (
@@ -36,19 +41,11 @@ class PinTool(bpy.types.WorkSpaceTool):
         "Drag a pin again to correct it. Alt + Click: enable or disable. X: delete"
     )
     bl_icon = "ops.curve.pen"
-    bl_cursor = "CROSSHAIR"
-    bl_keymap = ()
-
-    @staticmethod
-    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
-        layout.label(text=instruction(context))
 
 
-class LandmarkTool(bpy.types.WorkSpaceTool):
+class LandmarkTool(_AsksForPoints):
     """Pick the same features in the frame and on the surface; the pose follows"""
 
-    bl_space_type = "VIEW_3D"
-    bl_context_mode = "OBJECT"
     bl_idname = TOOL
     bl_label = TOOLS[TOOL]
     bl_description = (
@@ -56,12 +53,6 @@ class LandmarkTool(bpy.types.WorkSpaceTool):
         "Click: pick an image point. Shift + Click: pick a surface point. Ctrl + Drag: pull the surface with a pin"
     )
     bl_icon = "ops.paint.eyedropper_add"
-    bl_cursor = "CROSSHAIR"
-    bl_keymap = ()
-
-    @staticmethod
-    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
-        layout.label(text=instruction(context))
 
 
 def instruction(context: bpy.types.Context) -> str:
@@ -90,24 +81,11 @@ def is_waiting(context: bpy.types.Context) -> bool:
     )
 
 
-def register() -> None:
-    """Add the tools to the toolbar."""
-    bpy.utils.register_tool(PinTool, after={"builtin.measure"}, separator=True)
-    bpy.utils.register_tool(LandmarkTool, after={PIN_TOOL})
-
-
-def unregister() -> None:
-    """Remove the tools and their keys from the toolbar."""
-    leave_tools()
-    bpy.utils.unregister_tool(LandmarkTool)
-    bpy.utils.unregister_tool(PinTool)
-
-
 def leave_tools() -> None:
     """Activate another tool wherever one of the add-on's is active."""
     for window in bpy.context.window_manager.windows:
-        tool = window.workspace.tools.from_space_view3d_mode("OBJECT", create=False)
-        if tool is None or tool.idname not in TOOLS:
+        active = window.workspace.tools.from_space_view3d_mode("OBJECT", create=False)
+        if active is None or active.idname not in TOOLS:
             continue
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
@@ -115,3 +93,8 @@ def leave_tools() -> None:
                 with bpy.context.temp_override(window=window, area=area):
                     bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
                 break
+
+
+register, unregister = class_registration(
+    __name__, tool(PinTool, "builtin.measure", separator=True), tool(LandmarkTool, PIN_TOOL), at_end(leave_tools)
+)

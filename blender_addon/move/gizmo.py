@@ -7,7 +7,7 @@ from mathutils import Matrix
 from ..class_registration import class_registration
 from ..pipeline.errors import InputError
 from ..state import from_scene
-from ..state.pivot import pivot_of
+from ..state.pose import pivot_of
 from ..ui.frame_view import FrameView, shows_frame
 from ..ui.keymap import LANDMARK_TOOL, PIN_TOOL, active_tool
 
@@ -26,7 +26,6 @@ SIZE, GAP = 28.0, 34.0
 class ONEFRAME_GGT_pose(bpy.types.GizmoGroup):
     """Handles to move the surface"""
 
-    bl_idname = "ONEFRAME_GGT_pose"
     bl_label = "Move Surface"
     bl_space_type = "VIEW_3D"
     bl_region_type = "WINDOW"
@@ -77,4 +76,4 @@ class ONEFRAME_GGT_pose(bpy.types.GizmoGroup):
             handle.matrix_basis = Matrix.Translation((x, y, 0.0))
 
 
-register, unregister = class_registration((ONEFRAME_GGT_pose,))
+register, unregister = class_registration(__name__)

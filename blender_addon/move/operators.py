@@ -1,19 +1,19 @@
-"""Operators that move the surface in steps of image pixels: by keys, buttons and drags of the gizmo."""
+"""Operators that move the surface in steps of image pixels: by keys, buttons, drags of the gizmo and of the tool."""
 
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import class_registration, prop, tool
 from ..pipeline.alignment.manual.nudge import Axis, nudged
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
 from ..state import from_scene
-from ..state.pivot import keep_pivot, pivot_of
-from ..state.pose_text import pose_from_text, pose_rows, set_cam_from_mesh
+from ..state.events import redraw
+from ..state.pose import keep_pivot, pivot_of, pose_from_text, pose_rows, set_cam_from_mesh
 from ..ui.frame_view import FrameView, shows_frame, window_region
-from ..ui.keymap import MOVE_TOOL, Key, Keys
-from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting, redraw
+from ..ui.keymap import MOVE_TOOL, TOOLS, Key, ViewTool, keys
+from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
 
 AXES = [
     ("x", "Right", "Shift to the right in the image"),
@@ -36,24 +36,6 @@ _KEY_PAIRS = {
     "roll": ("COMMA", "PERIOD"),
 }
 _KEYBOARD = {key for pair in _KEY_PAIRS.values() for key in pair}
-KEYS = Keys(
-    [
-        *(
-            Key(
-                "oneframe.nudge",
-                key,
-                shift=step == "fine",
-                ctrl=step == "coarse",
-                properties=(("axis", axis), ("step_px", sign * size)),
-            )
-            for axis, pair in _KEY_PAIRS.items()
-            for key, sign in zip(pair, (-1, 1), strict=True)
-            for step, size in STEPS.items()
-        ),
-        Key("oneframe.drag_pose", "LEFTMOUSE", properties=(("mode", "shift"),), tools=(MOVE_TOOL,)),
-        Key("oneframe.drag_pose", "LEFTMOUSE", ctrl=True, properties=(("mode", "tilt"),), tools=(MOVE_TOOL,)),
-    ]
-)
 
 
 class _Mover(NeedsAlignment):
@@ -70,24 +52,21 @@ class _Mover(NeedsAlignment):
     def _set_pose(self, context: bpy.types.Context, pose: np.ndarray) -> None:
         scene = context.scene
         surface_object.set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), pose)
-        redraw(context)
+        redraw()
 
 
-class ONEFRAME_OT_nudge(_Mover, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_nudge(_Mover, Reporting):
     """Move the surface by a step in pixels of the frame; hold the key to repeat"""
 
-    bl_idname = "oneframe.nudge"
     bl_label = "Nudge Surface"
-    bl_options = {"REGISTER", "UNDO"}
 
-    axis: Axis = prop(EnumProperty(name="Axis", items=AXES, description="Axis of the camera to move along or about"))
+    axis: Axis = prop(EnumProperty, "Axis", "Axis of the camera to move along or about", items=AXES)
     step_px: float = prop(
-        FloatProperty(
-            name="Step",
-            description="Step in pixels of the frame; negative for the opposite direction",
-            default=1.0,
-            precision=2,
-        )
+        FloatProperty,
+        "Step",
+        "Step in pixels of the frame; negative for the opposite direction",
+        default=1.0,
+        precision=2,
     )
 
     def run(self, context: bpy.types.Context) -> None:
@@ -118,23 +97,21 @@ class ONEFRAME_OT_nudge(_Mover, Reporting, bpy.types.Operator):
         return {"FINISHED", "PASS_THROUGH"}
 
 
-class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_drag_pose(_Mover, Reporting):
     """Drag the surface with the mouse; Shift: 10 times finer, Esc or right click: cancel"""
 
-    bl_idname = "oneframe.drag_pose"
     bl_label = "Drag Surface"
     bl_options = {"REGISTER", "UNDO", "BLOCKING", "GRAB_CURSOR"}
 
     mode: str = prop(
-        EnumProperty(
-            name="Mode",
-            items=[
-                ("shift", "Shift", "Shift in the image plane"),
-                ("tilt", "Tilt", "Rotate about the image's axes"),
-                ("roll", "Roll", "Roll about the view ray"),
-                ("depth", "Depth", "Up: farther, down: nearer"),
-            ],
-        )
+        EnumProperty,
+        "Mode",
+        items=[
+            ("shift", "Shift", "Shift in the image plane"),
+            ("tilt", "Tilt", "Rotate about the image's axes"),
+            ("roll", "Roll", "Roll about the view ray"),
+            ("depth", "Depth", "Up: farther, down: nearer"),
+        ],
     )
 
     @classmethod
@@ -194,27 +171,23 @@ class ONEFRAME_OT_drag_pose(_Mover, Reporting, bpy.types.Operator):
         return view.px_from_region(np.array([event.mouse_x - region.x, event.mouse_y - region.y], float))
 
 
-class ONEFRAME_OT_copy_pose(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_copy_pose(Reporting):
     """Copy the pose to the clipboard: four rows of numbers at full precision, in the frame of the mesh file"""
 
-    bl_idname = "oneframe.copy_pose"
     bl_label = "Copy Pose"
+    bl_options = set()
 
-    inverse: bool = prop(
-        BoolProperty(name="Inverse", description="Copy mesh_from_cam instead of cam_from_mesh", default=False)
-    )
+    inverse: bool = prop(BoolProperty, "Inverse", "Copy mesh_from_cam instead of cam_from_mesh")
 
     def run(self, context: bpy.types.Context) -> Messages:
         context.window_manager.clipboard = "\n".join(pose_rows(context.scene, inverse=self.inverse))
         return ("pose copied to the clipboard",)
 
 
-class ONEFRAME_OT_paste_pose(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_paste_pose(Reporting):
     """Paste cam_from_mesh from the clipboard: 16 or 12 numbers, row by row"""
 
-    bl_idname = "oneframe.paste_pose"
     bl_label = "Paste Pose"
-    bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> Messages:
         pose, message = pose_from_text(context.window_manager.clipboard)
@@ -222,5 +195,40 @@ class ONEFRAME_OT_paste_pose(Reporting, bpy.types.Operator):
         return (message,) if message else ()
 
 
-_CLASSES = (ONEFRAME_OT_nudge, ONEFRAME_OT_drag_pose, ONEFRAME_OT_copy_pose, ONEFRAME_OT_paste_pose)
-register, unregister = class_registration(_CLASSES, KEYS)
+class MoveTool(ViewTool):
+    """Move the surface in the frame by hand"""
+
+    bl_idname = MOVE_TOOL
+    bl_label = TOOLS[MOVE_TOOL]
+    bl_description = (
+        "Move the surface in the frame by hand.\n"
+        "Drag: shift. Ctrl + Drag: tilt and turn. Arrow keys: one pixel of the frame"
+    )
+    bl_icon = "ops.transform.translate"
+    bl_cursor = "DEFAULT"
+
+    @staticmethod
+    def draw_settings(_context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
+        layout.label(text="Drag: Shift    Ctrl + Drag: Tilt    Arrow Keys: 1 px of the Frame")
+
+
+register, unregister = class_registration(
+    __name__,
+    tool(MoveTool, "oneframe.landmark_tool"),
+    keys(
+        *(
+            Key(
+                "oneframe.nudge",
+                key,
+                shift=step == "fine",
+                ctrl=step == "coarse",
+                properties=(("axis", axis), ("step_px", sign * size)),
+            )
+            for axis, pair in _KEY_PAIRS.items()
+            for key, sign in zip(pair, (-1, 1), strict=True)
+            for step, size in STEPS.items()
+        ),
+        Key("oneframe.drag_pose", "LEFTMOUSE", properties=(("mode", "shift"),), tools=(MOVE_TOOL,)),
+        Key("oneframe.drag_pose", "LEFTMOUSE", ctrl=True, properties=(("mode", "tilt"),), tools=(MOVE_TOOL,)),
+    ),
+)

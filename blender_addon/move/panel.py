@@ -5,10 +5,9 @@ import bpy
 from ..class_registration import class_registration
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import inverse_rigid
-from ..state import from_scene
-from ..state.pose_text import cam_from_mesh_of
+from ..state.pose import cam_from_mesh_of
 from ..ui.keymap import binding
-from ..ui.wrapped_text import draw_text
+from ..ui.panel import AlignmentPanel, SidebarPanel, draw_text
 from .operators import STEPS
 
 _PAIRS = (
@@ -31,19 +30,11 @@ _SHORT_NAMES = {
 }
 
 
-class ONEFRAME_PT_pose(bpy.types.Panel):
+class ONEFRAME_PT_pose(AlignmentPanel):
     """Move the surface in steps of image pixels; show the pose at full precision"""
 
-    bl_idname = "ONEFRAME_PT_pose"
     bl_label = "3  Move"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
     bl_order = 2
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return from_scene.is_set_up(context.scene)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -66,13 +57,10 @@ class ONEFRAME_PT_pose(bpy.types.Panel):
         layout.prop(settings, "show_gizmo")
 
 
-class _Matrix(bpy.types.Panel):
+class _Matrix(SidebarPanel):
     """Base of the two matrices, in the frame of the mesh file, read from the objects at every redraw."""
 
     bl_parent_id = "ONEFRAME_PT_pose"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
     inverse = False
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -96,21 +84,18 @@ class _Matrix(bpy.types.Panel):
             row.operator("oneframe.load_pose", text="", icon="FILE_FOLDER")
 
 
-class ONEFRAME_PT_cam_from_mesh(_Matrix, bpy.types.Panel):
+class ONEFRAME_PT_cam_from_mesh(_Matrix):
     """Pose of the surface in the camera's frame"""
 
-    bl_idname = "ONEFRAME_PT_cam_from_mesh"
     bl_label = "cam_from_mesh"
 
 
-class ONEFRAME_PT_mesh_from_cam(_Matrix, bpy.types.Panel):
+class ONEFRAME_PT_mesh_from_cam(_Matrix):
     """Pose of the camera in the surface's frame"""
 
-    bl_idname = "ONEFRAME_PT_mesh_from_cam"
     bl_label = "mesh_from_cam (Inverse)"
     bl_options = {"DEFAULT_CLOSED"}
     inverse = True
 
 
-_CLASSES = (ONEFRAME_PT_pose, ONEFRAME_PT_cam_from_mesh, ONEFRAME_PT_mesh_from_cam)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

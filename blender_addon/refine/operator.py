@@ -4,40 +4,41 @@ A refinement that does not improve the pose is refused. Its result can be looked
 record of the pose says so. Esc stops a refinement that runs.
 """
 
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import at_end, class_registration, prop
+from ..pipeline.alignment.refinement.refine import refine_pose
 from ..pipeline.alignment.refinement.verdict import Refinement
-from ..pipeline.errors import InputError, RunError
+from ..pipeline.blender.colour.surface_colour import colour_record, vertex_codes
+from ..pipeline.case.loaded_case import LoadedCase
+from ..pipeline.errors import InputError
 from ..setup.alignment_record import pose_record
 from ..state import from_scene, pose_evidence
-from ..ui.background_work import POLL_SECONDS, BackgroundWork, check_inputs, inputs_of, show_status
-from ..ui.keymap import Key, Keys
+from ..ui.background_operator import InBackground, Work, check_inputs, inputs_of
+from ..ui.keymap import Key, keys
 from ..ui.operator import Messages, NeedsAlignment, OperatorResult, Reporting
 from .preview import Preview, take
-from .refined_pose import known_colours, refined
-
-KEYS = Keys([Key("oneframe.refine", "F")])
 
 
-class ONEFRAME_OT_refine(NeedsAlignment, Reporting, Preview, bpy.types.Operator):
+class ONEFRAME_OT_refine(NeedsAlignment, InBackground, Preview):
     """Refine the rough pose against the image, with a preview: Enter accepts it, Esc discards it"""
 
-    bl_idname = "oneframe.refine"
     bl_label = "Refine Pose"
-    bl_options = {"REGISTER", "UNDO"}
 
     take_refused: bool = prop(
-        BoolProperty(
-            name="Take Refused",
-            description="Without a preview: take the pose that was found even if it is refused",
-            options={"SKIP_SAVE"},
-        )
+        BoolProperty,
+        "Take Refused",
+        "Without a preview: take the pose that was found even if it is refused",
+        options={"SKIP_SAVE"},
     )
+
+    doing = "Refining the pose"
 
     def run(self, context: bpy.types.Context) -> Messages:
         """Refine without a preview, as scripts do."""
@@ -51,69 +52,31 @@ class ONEFRAME_OT_refine(NeedsAlignment, Reporting, Preview, bpy.types.Operator)
         take(scene, result, pose_record(scene))
         return (f"taken although refused: {result.objection}" if taken else result.message,)
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if context.window is None or bpy.app.background:
-            return self.execute(context)
-        try:
-            loaded = from_scene.loaded_case(context.scene, aligned=False)
-            colours = known_colours(context.scene)
-        except (InputError, RunError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        self._start = loaded.cam_from_model
-        self._inputs = inputs_of(context.scene)
-        self._refining = BackgroundWork(partial(refined, loaded, colours))
-        self._timer: bpy.types.Timer | None = context.window_manager.event_timer_add(
-            POLL_SECONDS, window=context.window
-        )
-        context.window_manager.modal_handler_add(self)
-        show_status(context, "Refining the pose      Esc: Stop")
-        return {"RUNNING_MODAL"}
+    def work(self, context: bpy.types.Context) -> Work:
+        loaded = from_scene.loaded_case(context.scene, aligned=False)
+        self._start, self._inputs = loaded.cam_from_model, inputs_of(context.scene)
+        return partial(refined, loaded, known_colours(context.scene))
 
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Called by Blender when it ends the operator: a file was opened, or the window closed."""
-        self._refining.stop()
-        self._stop_timer(context)
-        super().cancel(context)
+    def finish(self, context: bpy.types.Context, result: Any) -> None:
+        check_inputs(context.scene, self._inputs)
+        _remember(result)
+        if not result.accepted and not result.can_be_taken:
+            raise InputError(result.message)
+        if not result.accepted:
+            self.report({"WARNING"}, result.message)
+        self.show_result(context, result, self._start)
 
-    def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        refining = self._refining
-        if refining.running:
-            if event.type == "ESC" and event.value == "PRESS":
-                refining.stop()
-                self._stop_timer(context)
-                return self.end(context, "CANCELLED", message="refinement stopped, the pose is unchanged")
-            show_status(context, f"Refining the pose: {refining.fraction:.0%}      Esc: Stop")
-            return self.pass_navigation(event)
-        began = self._timer is not None
-        self._stop_timer(context)
-        if refining.error is not None:
-            raise refining.error
-        result = refining.result
-        if result is None:
-            return self.end(context, "CANCELLED")
-        if began:
-            check_inputs(context.scene, self._inputs)
-            _remember(result)
-            if not result.accepted and not result.can_be_taken:
-                return self.end(context, "CANCELLED", error=result.message)
-            if not result.accepted:
-                self.report({"WARNING"}, result.message)
-            self.show_result(context, result, self._start)
-        return self.preview(context, event)
-
-    def _stop_timer(self, context: bpy.types.Context) -> None:
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            self._timer = None
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        if self.is_shown:
+            return Preview.modal(self, context, event)
+        outcome = super().modal(context, event)
+        return {"RUNNING_MODAL"} if self.is_shown else outcome
 
 
-class ONEFRAME_OT_take_refused(NeedsAlignment, Reporting, Preview, bpy.types.Operator):
+class ONEFRAME_OT_take_refused(NeedsAlignment, Reporting, Preview):
     """Look at the pose that the refinement found and refused, before and after, and take it if it is right"""
 
-    bl_idname = "oneframe.take_refused"
     bl_label = "Look at Refused Pose"
-    bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> Messages:
         """Take it without a preview, as scripts do."""
@@ -140,11 +103,42 @@ def _refused(scene: bpy.types.Scene) -> Refinement:
     return result
 
 
+def refined(
+    loaded: LoadedCase, colours: np.ndarray | None, progress: Callable[[float], None] | None = None
+) -> Refinement:
+    """Refine the case's pose against its frame, on arrays alone; arguments as for :func:`refine_pose`."""
+    return refine_pose(
+        loaded.image,
+        loaded.valid,
+        loaded.case.camera,
+        loaded.mesh,
+        loaded.cam_from_model,
+        colours=colours,
+        progress=progress,
+    )
+
+
+def known_colours(scene: bpy.types.Scene) -> np.ndarray | None:
+    """``(V, 3)`` colours of the vertices that are evidence for the pose, or ``None``.
+
+    Colours projected from the current frame are not: they would only confirm the pose of that projection.
+    """
+    surface = from_scene.surface_of(scene)
+    record = colour_record(surface)
+    if record is None or record["frame"] == str(from_scene.absolute_path(scene.oneframe.frame_path)):
+        return None
+    codes = vertex_codes(surface)
+    if codes is None or np.isnan(codes).all():
+        return None
+    # the mean colour for vertices without one: it carries no evidence
+    return np.where(np.isnan(codes), np.nanmean(codes, axis=0), codes)
+
+
 _last: Refinement | None = None
 """The latest refinement; valid for its two poses only."""
 
 
-def _remember(result: Refinement) -> None:
+def _remember(result: Refinement | None) -> None:
     global _last
     _last = result
 
@@ -176,12 +170,4 @@ def is_taken(scene: bpy.types.Scene) -> bool:
     return "refused" in (pose_evidence.remembered(scene) or {})
 
 
-_CLASSES = (ONEFRAME_OT_refine, ONEFRAME_OT_take_refused)
-register, _unregister = class_registration(_CLASSES, KEYS)
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    global _last
-    _unregister()
-    _last = None
+register, unregister = class_registration(__name__, keys(Key("oneframe.refine", "F")), at_end(lambda: _remember(None)))

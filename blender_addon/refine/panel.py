@@ -1,29 +1,35 @@
-"""The panel Refine: one button, its key, and the result."""
+"""The panel Refine, and the one that says what the pose rests on: landmarks, pins, the image or the hand."""
+
+from collections.abc import Mapping
 
 import bpy
 
 from ..class_registration import class_registration
+from ..pipeline.case.alignment_record import INITIAL_GUESS
 from ..pipeline.errors import InputError
-from ..state import from_scene
+from ..pipeline.files.numbers import format_two_digits
+from ..setup.alignment_record import pose_record
+from ..state import pose_evidence
 from ..ui.keymap import draw_key
-from ..ui.wrapped_text import draw_text
+from ..ui.panel import AlignmentPanel, draw_text
 from . import operator
 from .preview import error_text
 
+KINDS = {
+    "landmarks": ("From landmarks", "EYEDROPPER"),
+    "pins": ("Pulled by pins", "PINNED"),
+    "refined": ("Refined against the image", "SNAP_ON"),
+    "manual": ("By hand", "VIEW_PAN"),
+    INITIAL_GUESS: ("Initial guess, not aligned", "QUESTION"),
+}
+"""Method of a record -> its description and icon."""
 
-class ONEFRAME_PT_refine(bpy.types.Panel):
+
+class ONEFRAME_PT_refine(AlignmentPanel):
     """Refine the rough pose against the image"""
 
-    bl_idname = "ONEFRAME_PT_refine"
     bl_label = "5  Refine"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
     bl_order = 4
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return from_scene.is_set_up(context.scene)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
@@ -57,5 +63,64 @@ class ONEFRAME_PT_refine(bpy.types.Panel):
             layout.operator("oneframe.take_refused", icon="HIDE_OFF")
 
 
-_CLASSES = (ONEFRAME_PT_refine,)
-register, unregister = class_registration(_CLASSES)
+class ONEFRAME_PT_evidence(AlignmentPanel):
+    """What the current pose rests on, as the case file records it"""
+
+    bl_label = "Pose Rests On"
+    bl_order = 4
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, scene = self.layout, context.scene
+        try:
+            if operator.is_previewed(scene):
+                layout.label(text="Preview of the refinement", icon="SNAP_ON")
+                return
+            record = pose_record(scene)
+            given = pose_evidence.remembered(scene) == {} and record["method"] == "manual"
+        except InputError:
+            return  # the panel Set up says what is wrong with the pose
+        method = str(record.get("method", ""))
+        title, icon = KINDS.get(method, (method or "Unknown", "QUESTION"))
+        layout.label(text="Given by the case, origin unknown" if given else title, icon=icon)
+        if "refused" in record:
+            draw_text(layout, f"Taken although the refinement was refused: {record['refused']}", icon="ERROR")
+        lines = layout.column(align=True)
+        lines.scale_y = 0.8
+        for line in record_lines(record):
+            lines.label(text=line)
+        if "weakest" in record:
+            draw_text(layout, f"Least certain: {record['weakest']}")
+        origin = ", ".join(str(record[key]) for key in ("tool", "date") if key in record)
+        if pose_evidence.remembered(scene) and origin:
+            draw_text(layout, origin)
+
+
+def record_lines(record: Mapping[str, object]) -> list[str]:
+    """The figures of a record, one a line; what it does not know is left out."""
+    number = {key: value for key, value in record.items() if isinstance(value, int | float)}
+    lines = []
+    if "error_px" in number:
+        bound = "at least" if "refused" in record else "about"
+        lines.append(f"Off by {bound} {format_two_digits(number['error_px'])} px")
+    if "pairs" in number:
+        rms = f", RMS {number['rms_px']:.2f} px" if "rms_px" in number else ""
+        lines.append(f"{_counted(number['pairs'], 'correspondence')}{rms}")
+    if "explained" in number:
+        lines.append(f"{number['explained']:.0%} of the image explained")
+    if "start_method" in record:
+        start = KINDS.get(str(record["start_method"]), (str(record["start_method"]), ""))[0]
+        figures = [_counted(number["start_pairs"], "pair")] if "start_pairs" in number else []
+        figures += [f"off by {format_two_digits(number['start_error_px'])} px"] if "start_error_px" in number else []
+        lines.append(f"Started: {start[0].lower()}{start[1:]}" + "".join(f", {figure}" for figure in figures))
+    for key, unit in (("standard_deviation_deg", "°"), ("standard_deviation_mm", " mm")):
+        values = record.get(key)
+        if isinstance(values, list | tuple):
+            lines.append("± " + ", ".join(format_two_digits(value) for value in values) + f"{unit} (x, y, z)")
+    return lines
+
+
+def _counted(count: float, noun: str) -> str:
+    return f"{count} {noun}" + ("" if count == 1 else "s")
+
+
+register, unregister = class_registration(__name__)

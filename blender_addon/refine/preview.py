@@ -11,8 +11,9 @@ from ..pipeline.errors import InputError, RunError
 from ..pipeline.files.numbers import format_two_digits
 from ..setup.alignment_record import pose_record, remember_refined
 from ..state import from_scene
-from ..ui.background_work import NAVIGATION, show_status
-from ..ui.operator import OperatorResult, redraw
+from ..state.events import redraw
+from ..ui.background_operator import NAVIGATION, show_status
+from ..ui.operator import OperatorResult
 
 KEEP, DISCARD = {"RET", "NUMPAD_ENTER", "LEFTMOUSE"}, {"ESC", "RIGHTMOUSE"}
 TAKE = {"RET", "NUMPAD_ENTER"}
@@ -28,53 +29,45 @@ def take(scene: bpy.types.Scene, result: Refinement, start: dict[str, object]) -
 class Preview(bpy.types.Operator):
     """Mixin: a modal operator that shows a refined pose and lets the user keep or discard it."""
 
+    is_shown = False
+
     def show_result(self, context: bpy.types.Context, result: Refinement, start: np.ndarray) -> None:
         """Begin with the refined pose; ``start`` is the ``(4, 4)`` initial one, to which the preview can go back."""
-        self._result, self._start = result, start
+        self._result, self._start, self.is_shown = result, start, True
         self._start_record = pose_record(context.scene)
-        self._show(context, is_result=True)
+        self._show_pose(context, is_result=True)
         self._show_figures(context)
 
-    def preview(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Handle an event during the preview."""
+    def _preview(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         result = self._result
         if event.value == "PRESS":
             if event.type in DISCARD:
-                self._show(context, is_result=False)
-                return self.end(context, "CANCELLED", message="the refined pose is discarded, the pose is unchanged")
+                self._show_pose(context, is_result=False)
+                return self._close(context, "CANCELLED", message="the refined pose is discarded, the pose is unchanged")
             if (event.type in TAKE and event.ctrl) if result.can_be_taken else event.type in KEEP:
                 take(context.scene, result, self._start_record)
                 message = f"taken although refused: {result.objection}" if result.can_be_taken else result.message
-                return self.end(context, "FINISHED", message=message)
+                return self._close(context, "FINISHED", message=message)
             if event.type == "SPACE":
-                self._show(context, is_result=not self._shows_result)
+                self._show_pose(context, is_result=not self._shows_result)
         self._show_figures(context)
-        return self.pass_navigation(event)
+        return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
         try:
-            return self.handle(context, event)
+            return self._preview(context, event)
         except (InputError, RunError) as error:
             # the surface or the camera has been deleted
-            return self.end(context, "CANCELLED", error=str(error))
+            return self._close(context, "CANCELLED", error=str(error))
         except Exception:
-            self.end(context, "CANCELLED")
+            self._close(context, "CANCELLED")
             raise
-
-    def handle(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Handle an event."""
-        return self.preview(context, event)
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Called by Blender when it ends the operator: a file was opened, or the window closed."""
-        self.end(context, "CANCELLED")
+        self._close(context, "CANCELLED")
 
-    def pass_navigation(self, event: bpy.types.Event) -> OperatorResult:
-        """Let the user navigate in the view meanwhile, but nothing else."""
-        return {"PASS_THROUGH"} if event.type in NAVIGATION else {"RUNNING_MODAL"}
-
-    def end(
+    def _close(
         self,
         context: bpy.types.Context,
         outcome: Literal["FINISHED", "CANCELLED"],
@@ -88,7 +81,7 @@ class Preview(bpy.types.Operator):
             self.report({"INFO"}, message)
         if error:
             self.report({"ERROR"}, error)
-        redraw(context)
+        redraw()
         return {outcome}
 
     def _show_figures(self, context: bpy.types.Context) -> None:
@@ -96,12 +89,12 @@ class Preview(bpy.types.Operator):
         figures = _figures(self._result, refined=self._shows_result)
         show_status(context, f"{shown}: {figures}      {_keys(self._result)}")
 
-    def _show(self, context: bpy.types.Context, *, is_result: bool) -> None:
+    def _show_pose(self, context: bpy.types.Context, *, is_result: bool) -> None:
         scene = context.scene
         pose = self._result.found if is_result else self._start
         set_pose(from_scene.camera_object_of(scene), from_scene.surface_of(scene), pose)
         self._shows_result = is_result
-        redraw(context)
+        redraw()
 
 
 def error_text(result: Refinement, *, refined: bool) -> str:

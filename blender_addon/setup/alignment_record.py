@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import bpy
-import numpy as np
 
 from ..landmarks import solve
 from ..pipeline import __version__
@@ -36,11 +35,6 @@ def pose_record(scene: bpy.types.Scene) -> dict[str, object]:
             return {"method": INITIAL_GUESS}
         return {"method": "manual", "tool": tool, "date": date}
     return alignment_record(solved.alignment, tool, date)
-
-
-def remember_opened(scene: bpy.types.Scene, record: dict[str, object], cam_from_model: np.ndarray) -> None:
-    """Store the opened case's record and pose ``(4, 4)``, mm: the record holds while the surface keeps that pose."""
-    pose_evidence.remember(scene, record, cam_from_model)
 
 
 def remember_refined(scene: bpy.types.Scene, refinement: Refinement, start: dict[str, object]) -> None:

@@ -3,16 +3,18 @@
 from pathlib import Path
 
 import bpy
-from bpy.props import CollectionProperty, StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import class_registration
 from ..pipeline.case.surface_folder import RECORD
 from ..pipeline.errors import InputError
 from ..pipeline.surface.structure_colour import OTHER, structure_colour
 from ..state import from_scene, workbench
-from ..ui.operator import Asking, OperatorResult, call
-from .operators import CAMERAS, IMAGES, MESHES
-from .unsaved import ANSWER, QUESTION, unsaved_text
+from ..ui.operator import Asking, ChosenFiles, OperatorResult, call
+from ..video.operators import VIDEOS
+from ..volume.slice_areas import plane_of
+from .frame import IMAGES
+from .open_case import ANSWER, QUESTION, unsaved_text
+from .operators import CAMERAS, MESHES
 
 LANDMARKS = "*.csv"
 TOML = ".toml"
@@ -23,28 +25,18 @@ def extensions(glob: str) -> tuple[str, ...]:
     return tuple(glob.replace("*", "").split(";"))
 
 
-class ONEFRAME_OT_drop_files(Asking, bpy.types.Operator):
+class ONEFRAME_OT_drop_files(Asking, ChosenFiles):
     """Open the dropped files: a case, the frame, K, the surface and structures, landmarks"""
 
-    bl_idname = "oneframe.drop_files"
     bl_label = "Open in OneFrame"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
-    directory: str = prop(StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"}))
-    files: "bpy.types.bpy_prop_collection_idprop[bpy.types.OperatorFileListElement]" = prop(
-        CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
-    )
-
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        question = unsaved_text(context.scene) if any(map(_is_case, self._paths())) else ""
+        question = unsaved_text(context.scene) if any(map(_is_case, self.chosen_files())) else ""
         return self.ask(context, QUESTION, question, ANSWER) if question else self.execute(context)
 
-    def _paths(self) -> list[Path]:
-        folder = Path(bpy.path.abspath(self.directory))
-        return [folder / entry.name for entry in self.files if entry.name]
-
     def run(self, context: bpy.types.Context) -> None:
-        paths = self._paths()
+        paths = self.chosen_files()
         if not paths:
             raise InputError("expected files, found none; drop them from a file manager")
         for operator, path in _steps(context.scene, paths):
@@ -98,7 +90,6 @@ def _is_case(path: Path) -> bool:
 class ONEFRAME_FH_case(bpy.types.FileHandler):
     """Cases, in any scene"""
 
-    bl_idname = "ONEFRAME_FH_case"
     bl_label = "OneFrame Case"
     bl_import_operator = "oneframe.drop_files"
     bl_file_extensions = TOML
@@ -111,7 +102,6 @@ class ONEFRAME_FH_case(bpy.types.FileHandler):
 class ONEFRAME_FH_files(bpy.types.FileHandler):
     """Everything else, in the workbench only: the user's scenes keep Blender's own handling of these files"""
 
-    bl_idname = "ONEFRAME_FH_files"
     bl_label = "OneFrame"
     bl_import_operator = "oneframe.drop_files"
     bl_file_extensions = ";".join(
@@ -120,11 +110,40 @@ class ONEFRAME_FH_files(bpy.types.FileHandler):
 
     @classmethod
     def poll_drop(cls, context: bpy.types.Context | None) -> bool:
-        return context is not None and _is_3d_view(context) and workbench.is_workbench(context.scene)
+        return _is_workbench(context)
+
+
+class ONEFRAME_FH_video(bpy.types.FileHandler):
+    """Videos, in the workbench only: elsewhere they are Blender's"""
+
+    bl_label = "OneFrame Video"
+    bl_import_operator = "oneframe.open_video"
+    bl_file_extensions = VIDEOS.replace("*", "")
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context | None) -> bool:
+        return _is_workbench(context)
+
+
+class ONEFRAME_FH_ct(bpy.types.FileHandler):
+    """Volumes, in any scene: nothing else in Blender opens them"""
+
+    bl_label = "OneFrame CT"
+    bl_import_operator = "oneframe.open_ct"
+    # of .nii.gz Blender looks at the last part
+    bl_file_extensions = ".nii;.gz;.nrrd;.nhdr;.mha;.mhd"
+
+    @classmethod
+    def poll_drop(cls, context: bpy.types.Context | None) -> bool:
+        return _is_3d_view(context) or (context is not None and plane_of(context.space_data) is not None)
 
 
 def _is_3d_view(context: bpy.types.Context | None) -> bool:
     return context is not None and context.area is not None and context.area.type == "VIEW_3D"
 
 
-register, unregister = class_registration((ONEFRAME_OT_drop_files, ONEFRAME_FH_case, ONEFRAME_FH_files))
+def _is_workbench(context: bpy.types.Context | None) -> bool:
+    return context is not None and _is_3d_view(context) and workbench.is_workbench(context.scene)
+
+
+register, unregister = class_registration(__name__)

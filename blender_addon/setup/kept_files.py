@@ -12,8 +12,7 @@ from ..pipeline.case.surface_folder import SURFACE, structure_file
 from ..pipeline.files.outputs import check_outputs
 from ..pipeline.volume.drill.drill_plan import plan_text, write_drill_plan
 from ..state import from_scene, to_scene
-from ..state.inputs import input_files
-from ..state.session_files import is_temporary
+from ..state.scene_files import input_files, is_temporary
 from ..volume import drill_strokes
 from ..volume.surface import is_from_ct
 

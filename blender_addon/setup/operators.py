@@ -1,19 +1,15 @@
-"""Operators that load frame, camera, surface, structures and pose, and open and save the case."""
-
-from pathlib import Path
+"""Operators that load camera, surface, structures and pose."""
 
 import bpy
 import numpy as np
-from bpy.props import BoolProperty, CollectionProperty, EnumProperty, IntProperty, StringProperty
+from bpy.props import EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from ..class_registration import class_registration, prop
 from ..pipeline.blender.alignment import alignment_scene, surface_object
-from ..pipeline.blender.bridge.image import read_image
-from ..pipeline.blender.case.load_case import load_case
 from ..pipeline.camera.intrinsics_file import read_camera
 from ..pipeline.camera.plausibility import camera_doubts, fit_of
-from ..pipeline.case.case_file import MM_PER_UNIT, read_case
+from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.structure_place import place_doubt
 from ..pipeline.case.surface_folder import RECORD, SurfaceFolder, read_surface_folder
 from ..pipeline.case.surface_size import SizeDoubt, extents_of, size_doubt, size_text
@@ -24,129 +20,35 @@ from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.mesh_writer import write_ply
 from ..pipeline.surface.structure_colour import structure_colour
 from ..pipeline.volume.bone.structures import name_of_file
-from ..state import from_scene, to_scene, workbench
-from ..state.camera_view import look_through_camera, show_shape
+from ..state import from_scene, to_scene
 from ..state.from_scene import surface_bounds, surface_extents
-from ..state.inputs import input_files
-from ..state.pose_text import set_cam_from_mesh
+from ..state.pose import set_cam_from_mesh
 from ..state.properties import UNITS
+from ..state.scene_files import input_files
 from ..state.structures import put_structures
-from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, Reporting, ReportingFile, SavesFile, call
-from ..video.operators import VIDEOS
-from .alignment_record import remember_opened
-from .unsaved import ANSWER, QUESTION, unsaved_text
+from ..ui.operator import (
+    ChosenFiles,
+    Messages,
+    NeedsAlignment,
+    OperatorResult,
+    Reporting,
+    ReportingFile,
+    SavesFile,
+    available,
+)
 
-IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
 CAMERAS = "*.json;*.toml;*.yaml;*.yml;*.xml;*.npy;*.txt;*.pkl;*.pickle"
 POSES = "*.npy;*.txt;*.json;*.toml"
 MESHES = "*.ply;*.obj;*.stl"
 SURFACES = f"{MESHES};{RECORD}"
 
 
-class ONEFRAME_OT_open_case(ReportingFile, bpy.types.Operator, ImportHelper):
-    """Open a case file: frame, K, surface, structures, pose and landmarks"""
-
-    bl_idname = "oneframe.open_case"
-    bl_label = "Open Case"
-    bl_options = {"REGISTER", "UNDO"}
-
-    filter_glob: str = prop(StringProperty(default="*.toml", options={"HIDDEN"}))
-    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
-    discard: bool = prop(
-        BoolProperty(
-            name="Discard Changes",
-            description="Open the case even if the present one has changes that its file lacks",
-            default=False,
-            options={"SKIP_SAVE", "HIDDEN"},
-        )
-    )
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        if not self.discard and unsaved_text(context.scene):
-            # an operator of its own: the file dialog would show what this one draws
-            bpy.ops.oneframe.discard_case("INVOKE_DEFAULT", filepath=self.filepath)  # type: ignore[attr-defined]
-            return {"CANCELLED"}
-        return self.execute(context) if self.filepath else super().invoke(context, event)
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        loaded = load_case(read_case(self.chosen_file()), aligned=False)
-        scene = workbench.enter(context)
-        to_scene.remember_case(scene, loaded, alignment_scene.set_up(scene, loaded))
-        remember_opened(scene, loaded.case.alignment, loaded.cam_from_model)
-        show_shape(context)
-        look_through_camera(context)
-        width, height = loaded.case.camera.size_wh
-        return *loaded.messages, f"{self.filepath}: frame {width} x {height} px, {len(loaded.mesh.faces)} triangles"
-
-
-class ONEFRAME_OT_discard_case(Asking, bpy.types.Operator):
-    """Ask whether to open another case, although the present one has changes that its file lacks"""
-
-    bl_idname = "oneframe.discard_case"
-    bl_label = "Open Another Case"
-    bl_options = {"INTERNAL"}
-
-    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return not bpy.app.background
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        return self.ask(context, QUESTION, unsaved_text(context.scene), ANSWER)
-
-    def run(self, context: bpy.types.Context) -> None:
-        call("open_case", "INVOKE_DEFAULT", discard=True, filepath=self.filepath)
-
-
-class ONEFRAME_OT_load_frame(ReportingFile, bpy.types.Operator, ImportHelper):
-    """Load the frame: one image of the microscope"""
-
-    bl_idname = "oneframe.load_frame"
-    bl_label = "Load Frame"
-    bl_options = {"REGISTER", "UNDO"}
-
-    filter_glob: str = prop(StringProperty(default=IMAGES, options={"HIDDEN"}))
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        path = self.chosen_file()
-        image, _ = read_image(path, path.name)
-        return to_scene.set_frame(context, path, image.shape[1], image.shape[0])
-
-
-class ONEFRAME_OT_load_video_frame(ReportingFile, bpy.types.Operator, ImportHelper):
-    """Load one frame of a video; it is saved as a PNG next to the video"""
-
-    bl_idname = "oneframe.load_video_frame"
-    bl_label = "Load Video Frame"
-    bl_options = {"REGISTER", "UNDO"}
-
-    filter_glob: str = prop(StringProperty(default=VIDEOS, options={"HIDDEN"}))
-    frame_index: int = prop(
-        IntProperty(name="Frame", description="Number of the frame, counted from 0", min=0, default=0)
-    )
-
-    def run(self, context: bpy.types.Context) -> Messages:
-        from ..pipeline.video.frame_reader import write_video_frame
-
-        video = self.chosen_file()
-        # the decoder would take a single JPEG for a video
-        if "*" + video.suffix.lower() in IMAGES.split(";"):
-            raise InputError(f"{video.name}: expected a video, found an image; open it with Load Frame")
-        path = write_video_frame(video, self.frame_index)
-        image, _ = read_image(path, path.name)
-        messages = to_scene.set_frame(context, path, image.shape[1], image.shape[0])
-        return (f"frame {self.frame_index} saved as {path}", *messages)
-
-
-class ONEFRAME_OT_load_camera(ReportingFile, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_load_camera(ReportingFile, ImportHelper):
     """Load K: a case file, JSON, OpenCV YAML or XML, BOP camera.json, COLMAP cameras.txt, NumPy, Vision6D pickle"""
 
-    bl_idname = "oneframe.load_camera"
     bl_label = "Load K"
-    bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: str = prop(StringProperty(default=CAMERAS, options={"HIDDEN"}))
+    filter_glob: str = prop(StringProperty, default=CAMERAS, options={"HIDDEN"})
 
     def run(self, context: bpy.types.Context) -> Messages:
         found = read_camera(self.chosen_file())
@@ -160,12 +62,10 @@ class ONEFRAME_OT_load_camera(ReportingFile, bpy.types.Operator, ImportHelper):
         return *found.messages, *fit.messages
 
 
-class ONEFRAME_OT_set_camera(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_set_camera(Reporting):
     """Use K as typed in the fields"""
 
-    bl_idname = "oneframe.set_camera"
     bl_label = "Set Camera"
-    bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> Messages:
         camera, distortion = to_scene.typed_camera(context.scene)
@@ -173,12 +73,10 @@ class ONEFRAME_OT_set_camera(Reporting, bpy.types.Operator):
         return *to_scene.frame_warnings(context.scene), *camera_doubts(camera)
 
 
-class ONEFRAME_OT_rescale_camera(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_rescale_camera(Reporting):
     """Rescale K from the same picture at another resolution to the size of the frame"""
 
-    bl_idname = "oneframe.rescale_camera"
     bl_label = "Rescale K to Frame"
-    bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> None:
         scene = context.scene
@@ -188,17 +86,13 @@ class ONEFRAME_OT_rescale_camera(Reporting, bpy.types.Operator):
         to_scene.set_camera(context, camera.resized(*size), from_scene.distortion(scene))
 
 
-class ONEFRAME_OT_load_surface(ReportingFile, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_load_surface(ReportingFile, ImportHelper):
     """Load the surface to align: PLY, OBJ, STL, or surface.json of oneframe surface with its structures"""
 
-    bl_idname = "oneframe.load_surface"
     bl_label = "Load Surface"
-    bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: str = prop(StringProperty(default=SURFACES, options={"HIDDEN"}))
-    units: str = prop(
-        EnumProperty(name="Units", description="Unit of the numbers in the file", items=UNITS, default="mm")
-    )
+    filter_glob: str = prop(StringProperty, default=SURFACES, options={"HIDDEN"})
+    units: str = prop(EnumProperty, "Units", "Unit of the numbers in the file", items=UNITS, default="mm")
 
     def run(self, context: bpy.types.Context) -> Messages:
         path = self.chosen_file()
@@ -226,14 +120,12 @@ def _size_doubt(scene: bpy.types.Scene, extents_mm: np.ndarray) -> SizeDoubt | N
     return size_doubt(extents_mm, scene.oneframe.units, camera, name)
 
 
-class ONEFRAME_OT_change_units(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_change_units(Reporting):
     """Read the numbers of the meshes in another unit; landmarks and pose follow, so the picture stays the same"""
 
-    bl_idname = "oneframe.change_units"
     bl_label = "Change Units"
-    bl_options = {"REGISTER", "UNDO"}
 
-    units: str = prop(EnumProperty(name="Units", description="Unit of the numbers in the file", items=UNITS))
+    units: str = prop(EnumProperty, "Units", "Unit of the numbers in the file", items=UNITS)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -267,30 +159,21 @@ class ONEFRAME_OT_change_units(Reporting, bpy.types.Operator):
         return () if doubt is None else (doubt.message,)
 
 
-class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_add_structure(ReportingFile, ChosenFiles, ImportHelper):
     """Load structures (facial nerve, ossicles, ...) given in the frame and units of the surface's file"""
 
-    bl_idname = "oneframe.add_structure"
     bl_label = "Add Structures"
-    bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: str = prop(StringProperty(default=MESHES, options={"HIDDEN"}))
-    directory: str = prop(StringProperty(subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"}))
-    files: "bpy.types.bpy_prop_collection_idprop[bpy.types.OperatorFileListElement]" = prop(
-        CollectionProperty(type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"})
-    )
+    filter_glob: str = prop(StringProperty, default=MESHES, options={"HIDDEN"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if from_scene.present_surface(context.scene) is not None:
-            return True
-        cls.poll_message_set("Load the surface first: structures are given in the frame and units of its file")
-        return False
+        missing = "Load the surface first: structures are given in the frame and units of its file"
+        return available(cls, from_scene.present_surface(context.scene) is not None, missing)
 
     def run(self, context: bpy.types.Context) -> Messages:
         surface = from_scene.surface_of(context.scene)
-        folder = Path(bpy.path.abspath(self.directory))
-        paths = [folder / entry.name for entry in self.files if entry.name] or [self.chosen_file()]
+        paths = self.chosen_files() or [self.chosen_file()]
         read = [(path, *read_mesh(path)) for path in paths]
         offset = surface_object.mesh_from_model_of(surface)[:3, 3]
         doubts = []
@@ -303,14 +186,12 @@ class ONEFRAME_OT_add_structure(ReportingFile, bpy.types.Operator, ImportHelper)
         return [message for *_, messages in read for message in messages] + [doubt for doubt in doubts if doubt]
 
 
-class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_load_pose(ReportingFile, ImportHelper):
     """Load cam_from_mesh for the frame of the mesh file (NumPy as written by Vision6D, text, JSON, a case file)"""
 
-    bl_idname = "oneframe.load_pose"
     bl_label = "Load Pose"
-    bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: str = prop(StringProperty(default=POSES, options={"HIDDEN"}))
+    filter_glob: str = prop(StringProperty, default=POSES, options={"HIDDEN"})
 
     def run(self, context: bpy.types.Context) -> Messages:
         cam_from_mesh, message = read_pose(self.chosen_file())
@@ -318,27 +199,23 @@ class ONEFRAME_OT_load_pose(ReportingFile, bpy.types.Operator, ImportHelper):
         return (message,) if message else ()
 
 
-class ONEFRAME_OT_remove_scale(NeedsAlignment, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_remove_scale(NeedsAlignment, Reporting):
     """Remove scale, shear and mirroring from the surface: a pose is a rotation and a translation only"""
 
-    bl_idname = "oneframe.remove_scale"
     bl_label = "Remove Scale"
-    bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> None:
         surface_object.make_rigid(from_scene.camera_object_of(context.scene), from_scene.surface_of(context.scene))
 
 
-class ONEFRAME_OT_save_edited_surface(SavesFile, bpy.types.Operator):
+class ONEFRAME_OT_save_edited_surface(SavesFile):
     """Write the surface as edited in Blender to a PLY file, and use that file from now on"""
 
-    bl_idname = "oneframe.save_edited_surface"
     bl_label = "Save Edited Surface"
-    bl_options = {"REGISTER", "UNDO"}
 
     filename_ext = ".ply"
     usual_name = "edited.ply"
-    filter_glob: str = prop(StringProperty(default="*.ply", options={"HIDDEN"}))
+    filter_glob: str = prop(StringProperty, default="*.ply", options={"HIDDEN"})
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene, path = context.scene, self.chosen_file()
@@ -353,19 +230,4 @@ class ONEFRAME_OT_save_edited_surface(SavesFile, bpy.types.Operator):
         return (f"saved {path}: {len(mesh.faces)} triangles",)
 
 
-_CLASSES = (
-    ONEFRAME_OT_open_case,
-    ONEFRAME_OT_discard_case,
-    ONEFRAME_OT_load_frame,
-    ONEFRAME_OT_load_video_frame,
-    ONEFRAME_OT_load_camera,
-    ONEFRAME_OT_set_camera,
-    ONEFRAME_OT_rescale_camera,
-    ONEFRAME_OT_load_surface,
-    ONEFRAME_OT_change_units,
-    ONEFRAME_OT_add_structure,
-    ONEFRAME_OT_load_pose,
-    ONEFRAME_OT_remove_scale,
-    ONEFRAME_OT_save_edited_surface,
-)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

@@ -7,19 +7,15 @@ from ..pipeline.camera.plausibility import camera_doubts
 from ..pipeline.case.surface_size import size_text
 from ..pipeline.errors import InputError
 from ..state import from_scene, workbench
-from ..state.next_step import OPEN, next_step
 from ..state.to_scene import frame_warnings
-from ..ui.wrapped_text import draw_text
+from ..state.workbench import OPEN, next_step
+from ..ui.panel import SidebarPanel, draw_text
 
 
-class ONEFRAME_PT_setup(bpy.types.Panel):
+class ONEFRAME_PT_setup(SidebarPanel):
     """Case, frame, camera and surface"""
 
-    bl_idname = "ONEFRAME_PT_setup"
     bl_label = "1  Set up"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
     bl_order = 0
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -51,15 +47,11 @@ class ONEFRAME_PT_setup(bpy.types.Panel):
         _draw_missing(layout, context.scene)
 
 
-class ONEFRAME_PT_camera(bpy.types.Panel):
+class ONEFRAME_PT_camera(SidebarPanel):
     """K as loaded or typed"""
 
-    bl_idname = "ONEFRAME_PT_camera"
     bl_parent_id = "ONEFRAME_PT_setup"
     bl_label = "Camera K (px)"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -77,15 +69,11 @@ class ONEFRAME_PT_camera(bpy.types.Panel):
         layout.operator("oneframe.set_camera", icon="CHECKMARK")
 
 
-class ONEFRAME_PT_structures(bpy.types.Panel):
+class ONEFRAME_PT_structures(SidebarPanel):
     """Structures in the bone, and their colours"""
 
-    bl_idname = "ONEFRAME_PT_structures"
     bl_parent_id = "ONEFRAME_PT_setup"
     bl_label = "Structures"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
@@ -127,5 +115,4 @@ def _draw_missing(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
             layout.operator("oneframe.remove_scale", icon="CON_SIZELIMIT")
 
 
-_CLASSES = (ONEFRAME_PT_setup, ONEFRAME_PT_camera, ONEFRAME_PT_structures)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

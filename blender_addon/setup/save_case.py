@@ -15,46 +15,33 @@ from ..pipeline.case.case_update import other_inputs, update_case
 from ..pipeline.case.case_writer import case_output
 from ..pipeline.errors import InputError
 from ..state import from_scene, to_scene
-from ..state.inputs import input_files, usual_folder
+from ..state.scene_files import input_files, usual_folder
 from ..ui.operator import Asking, Messages, NeedsAlignment, OperatorResult, SavesFile, call
 from .alignment_record import recorded_case
 from .kept_files import keep_beside
 
 
-class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile, bpy.types.Operator):
+class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile):
     """Save frame, K, surface, pose and landmarks as a case file, the input of render_dataset.py"""
 
-    bl_idname = "oneframe.save_case"
     bl_label = "Save Case"
     bl_options = {"REGISTER"}
 
     filename_ext = ".toml"
-    filter_glob: str = prop(StringProperty(default="*.toml", options={"HIDDEN"}))
+    filter_glob: str = prop(StringProperty, default="*.toml", options={"HIDDEN"})
 
     save_as: bool = prop(
-        BoolProperty(
-            name="Save As",
-            description="Ask for the file even if the case already has one",
-            default=False,
-            options={"SKIP_SAVE", "HIDDEN"},
-        )
+        BoolProperty, "Save As", "Ask for the file even if the case already has one", options={"SKIP_SAVE", "HIDDEN"}
     )
     collect: bool = prop(
-        BoolProperty(
-            name="Copy Files",
-            description="Copy frame, surface and structures into the case's folder, as far as they lie elsewhere",
-            default=False,
-            options={"SKIP_SAVE"},
-        )
+        BoolProperty,
+        "Copy Files",
+        "Copy frame, surface and structures into the case's folder, as far as they lie elsewhere",
+        options={"SKIP_SAVE"},
     )
 
     replace: bool = prop(
-        BoolProperty(
-            name="Replace",
-            description="Replace a case of another frame or surface",
-            default=False,
-            options={"SKIP_SAVE", "HIDDEN"},
-        )
+        BoolProperty, "Replace", "Replace a case of another frame or surface", options={"SKIP_SAVE", "HIDDEN"}
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
@@ -94,16 +81,15 @@ class ONEFRAME_OT_save_case(NeedsAlignment, SavesFile, bpy.types.Operator):
         return (f"saved {', '.join(map(str, (path, *kept)))}",)
 
 
-class ONEFRAME_OT_replace_case(Asking, bpy.types.Operator):
+class ONEFRAME_OT_replace_case(Asking):
     """Ask whether to save over a case of another frame or surface"""
 
-    bl_idname = "oneframe.replace_case"
     bl_label = "Replace Case"
     bl_options = {"INTERNAL"}
 
-    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
-    collect: bool = prop(BoolProperty(options={"SKIP_SAVE", "HIDDEN"}))
-    other: str = prop(StringProperty(description="Its frame and surface", options={"SKIP_SAVE", "HIDDEN"}))
+    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
+    collect: bool = prop(BoolProperty, options={"SKIP_SAVE", "HIDDEN"})
+    other: str = prop(StringProperty, description="Its frame and surface", options={"SKIP_SAVE", "HIDDEN"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -146,4 +132,4 @@ def _with_kept_record(case: Case) -> Case:
     return replace(case, alignment=saved.alignment) if is_same else case
 
 
-register, unregister = class_registration((ONEFRAME_OT_save_case, ONEFRAME_OT_replace_case))
+register, unregister = class_registration(__name__)

@@ -9,7 +9,8 @@ from mathutils import Matrix, Vector
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.errors import InputError
 from . import from_scene
-from .pivot import pivot_of
+from .events import areas
+from .pose import pivot_of
 
 WORKSPACE = "oneframe_workspace"
 """Custom property of the add-on's workspace."""
@@ -17,17 +18,8 @@ WORKSPACE = "oneframe_workspace"
 VIEW_SENSOR_MM = 36.0
 """Blender's 3D views outside the camera have a lens for a sensor of this width."""
 
-_listeners: list[Callable[[bpy.types.Area], None]] = []
-
-
-def on_look(listener: Callable[[bpy.types.Area], None]) -> None:
-    """Call ``listener(area)`` when a 3D view begins to look through the camera, until :func:`remove_listener`."""
-    _listeners.append(listener)
-
-
-def remove_listener(listener: Callable[[bpy.types.Area], None]) -> None:
-    """Stop calling a listener."""
-    _listeners.remove(listener)
+listeners: list[Callable[[bpy.types.Area], None]] = []
+"""Called with a 3D view that begins to look through the camera."""
 
 
 def views(context: bpy.types.Context) -> list[bpy.types.Area]:
@@ -72,7 +64,7 @@ def through_camera(scene: bpy.types.Scene, area: bpy.types.Area) -> None:
     space.lock_camera = False
     space.region_3d.view_perspective = "CAMERA"
     aim(scene, space)
-    for listener in _listeners:
+    for listener in listeners:
         listener(area)
 
 
@@ -117,11 +109,6 @@ def show_shape(context: bpy.types.Context) -> None:
 
 def spaces_of(surface: bpy.types.Object) -> Iterator[bpy.types.SpaceView3D]:
     """The 3D views of all windows whose scene aligns this surface."""
-    for window in bpy.context.window_manager.windows:
-        if window.scene.oneframe.surface != surface:
-            continue
-        if not (bpy.app.background or WORKSPACE in window.workspace):
-            continue
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                yield area.spaces.active
+    for window, area in areas("VIEW_3D"):
+        if window.scene.oneframe.surface == surface and (bpy.app.background or WORKSPACE in window.workspace):
+            yield area.spaces.active

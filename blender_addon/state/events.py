@@ -1,23 +1,15 @@
-"""Notifies listeners that the landmarks have changed, so that properties need not know who solves for the pose."""
+"""Says that something has changed: to Blender's windows, and to those who solve for the pose from the landmarks."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import bpy
 
-_listeners: list[Callable[[bpy.types.Scene], None]] = []
+landmark_listeners: list[Callable[[bpy.types.Scene], None]] = []
+"""Called with the scene after every change of a landmark: properties need not know who solves for the pose."""
+
 _muted: list[None] = []
 """One entry for each :func:`muted` block that is being executed."""
-
-
-def on_landmarks_changed(listener: Callable[[bpy.types.Scene], None]) -> None:
-    """Call ``listener(scene)`` after every change of a landmark, until :func:`remove_listener`."""
-    _listeners.append(listener)
-
-
-def remove_listener(listener: Callable[[bpy.types.Scene], None]) -> None:
-    """Stop calling a listener."""
-    _listeners.remove(listener)
 
 
 def landmarks_changed(
@@ -27,7 +19,7 @@ def landmarks_changed(
     if _muted:
         return
     scene = owner if isinstance(owner, bpy.types.Scene) else owner.id_data
-    for listener in _listeners:
+    for listener in landmark_listeners:
         listener(scene)
 
 
@@ -42,3 +34,17 @@ def muted() -> Iterator[None]:
         yield
     finally:
         _muted.pop()
+
+
+def areas(*kinds: str) -> Iterator[tuple[bpy.types.Window, bpy.types.Area]]:
+    """The areas of these kinds in all windows."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in kinds:
+                yield window, area
+
+
+def redraw(_owner: object = None, _context: bpy.types.Context | None = None) -> None:
+    """Draw 3D views and slices again; usable as the ``update`` of a property."""
+    for _window, area in areas("VIEW_3D", "IMAGE_EDITOR"):
+        area.tag_redraw()

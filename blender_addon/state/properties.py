@@ -17,17 +17,45 @@ from bpy.props import (
     StringProperty,
 )
 
-from ..class_registration import class_registration, prop
+from ..class_registration import attached, class_registration, prop
 from ..pipeline.camera.pinhole import PixelOrigin
 from ..pipeline.dataset.options import DatasetOptions
 from . import events
-from .option_labels import label
 
 UNITS = [("mm", "Millimetres", "The mesh's numbers are millimetres"), ("m", "Metres", "The mesh's numbers are metres")]
 ORIGINS = [
     ("center", "Centre", "Pixel (0, 0) is the centre of the top-left pixel (OpenCV)"),
     ("corner", "Corner", "Pixel (0, 0) is the corner of the top-left pixel (COLMAP, OpenGL)"),
 ]
+
+LABELS = {
+    "count": "Views",
+    "cone_deg": "Max Tilt (°)",
+    "roll_deg": "Max Roll (°)",
+    "distance_min": "Nearest (×)",
+    "distance_max": "Farthest (×)",
+    "shift_mm": "Max Shift (mm)",
+    "sigma_deg": "Rotation σ (°)",
+    "sigma_mm": "Translation σ (mm)",
+    "polar_deg": "Max Angle (°)",
+    "min_observed": "Min Observed",
+    "min_surface": "Min Surface",
+    "min_clearance_mm": "Clearance (mm)",
+    "sampler": "Poses",
+    "samples": "Rays at Edges",
+    "unseen": "Unseen Surface",
+    "max_incidence_deg": "Incidence (°)",
+    "scale": "Image Size (×)",
+    "float_depth": "Float Depth",
+    "video": "Video",
+    "video_frames": "Video Frames",
+}
+"""What the window calls the options of a dataset, where that is not the option's own name."""
+
+
+def label(option: str) -> str:
+    """The label of an option in the window."""
+    return LABELS.get(option) or option.replace("_", " ").title()
 
 
 def _keep_name_unique(landmark: "ONEFRAME_PG_landmark", _context: bpy.types.Context) -> None:
@@ -45,69 +73,49 @@ def _keep_name_unique(landmark: "ONEFRAME_PG_landmark", _context: bpy.types.Cont
 class ONEFRAME_PG_landmark(bpy.types.PropertyGroup):
     """A 2D-3D correspondence: a surface point and an image point, either of which may still be missing."""
 
-    name: str = prop(StringProperty(name="Name", description="Name of the landmark", update=_keep_name_unique))
+    name: str = prop(StringProperty, "Name", "Name of the landmark", update=_keep_name_unique)
     enabled: bool = prop(
-        BoolProperty(
-            name="Use",
-            description="Use this correspondence for the pose",
-            default=True,
-            update=events.landmarks_changed,
-        )
+        BoolProperty, "Use", "Use this correspondence for the pose", default=True, update=events.landmarks_changed
     )
-    has_point: bool = prop(BoolProperty(description="The point on the surface has been picked"))
+    has_point: bool = prop(BoolProperty, description="The point on the surface has been picked")
     point: Sequence[float] = prop(
-        FloatVectorProperty(
-            name="Surface Point", description="Point on the surface in the frame model, mm", size=3, precision=4
-        )
+        FloatVectorProperty, "Surface Point", "Point on the surface in the frame model, mm", size=3, precision=4
     )
-    has_pixel: bool = prop(BoolProperty(description="The point in the frame has been picked"))
+    has_pixel: bool = prop(BoolProperty, description="The point in the frame has been picked")
     pixel: Sequence[float] = prop(
-        FloatVectorProperty(
-            name="Image Point",
-            description="Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
-            size=2,
-            precision=3,
-        )
+        FloatVectorProperty,
+        "Image Point",
+        "Pixel of the undistorted frame; (0, 0) is the centre of the top-left pixel",
+        size=2,
+        precision=3,
     )
     exact_text: str = prop(
-        StringProperty(
-            description="Surface point (frame of the mesh file, mm) and image point as read (JSON); they hold while "
-            "the values above are their rounded ones",
-            options={"HIDDEN"},
-        )
+        StringProperty,
+        description="Surface point (frame of the mesh file, mm) and image point as read (JSON); they hold while "
+        "the values above are their rounded ones",
+        options={"HIDDEN"},
     )
 
 
 def _typed_number(name: str, description: str, default: str) -> Any:
     """A number as text: Blender's own have seven digits, a calibration has more."""
-    return prop(StringProperty(name=name, description=description, default=default))
+    return prop(StringProperty, name, description, default=default)
 
 
 class ONEFRAME_PG_camera(bpy.types.PropertyGroup):
     """K as typed in the panel, in every digit; Set Camera applies it."""
 
-    width: int = prop(
-        IntProperty(name="Width", description="Width of the frame in pixels", min=1, max=65536, default=1920)
-    )
-    height: int = prop(
-        IntProperty(name="Height", description="Height of the frame in pixels", min=1, max=65536, default=1080)
-    )
+    width: int = prop(IntProperty, "Width", "Width of the frame in pixels", min=1, max=65536, default=1920)
+    height: int = prop(IntProperty, "Height", "Height of the frame in pixels", min=1, max=65536, default=1080)
     fx: str = _typed_number("fx", "Focal length in pixels, along x", "12800")
     fy: str = _typed_number("fy", "Focal length in pixels, along y", "12800")
     cx: str = _typed_number("cx", "Principal point in pixels, x", "959.5")
     cy: str = _typed_number("cy", "Principal point in pixels, y", "539.5")
     pixel_origin: PixelOrigin = prop(
-        EnumProperty(
-            name="Pixel Origin",
-            description="Where pixel (0, 0) of the principal point is",
-            items=ORIGINS,
-            default="center",
-        )
+        EnumProperty, "Pixel Origin", "Where pixel (0, 0) of the principal point is", items=ORIGINS, default="center"
     )
     distortion: str = prop(
-        StringProperty(
-            name="Distortion", description="OpenCV's k1, k2, p1, p2, k3, separated by commas; empty for none"
-        )
+        StringProperty, "Distortion", "OpenCV's k1, k2, p1, p2, k3, separated by commas; empty for none"
     )
 
 
@@ -119,16 +127,16 @@ def _dataset_annotations() -> dict:
             continue
         default: Any = field.default
         limits, text = field.metadata, field.metadata["help"]
-        settings = {"name": label(field.name), "description": text[:1].upper() + text[1:]}
+        given = {"name": label(field.name), "description": text[:1].upper() + text[1:]}
         if "choices" in limits:
             items = [(choice, choice.capitalize(), "") for choice in limits["choices"]]
-            annotations[field.name] = EnumProperty(items=items, default=default, **settings)
+            annotations[field.name] = EnumProperty(items=items, default=default, **given)
         elif field.type is bool:
-            annotations[field.name] = BoolProperty(default=default, **settings)
+            annotations[field.name] = BoolProperty(default=default, **given)
         else:
             kind = IntProperty if field.type is int else FloatProperty
             ends = {end: limits[key] for end, key in (("min", "least"), ("max", "most")) if key in limits}
-            annotations[field.name] = kind(default=default, **ends, **settings)
+            annotations[field.name] = kind(default=default, **ends, **given)
     return annotations
 
 
@@ -141,118 +149,82 @@ class ONEFRAME_PG_dataset(bpy.types.PropertyGroup):
 class ONEFRAME_PG_scene(bpy.types.PropertyGroup):
     """Everything that the add-on stores in a scene."""
 
-    case_path: str = prop(
-        StringProperty(name="Case", description="The case file that was opened or saved", subtype="FILE_PATH")
-    )
+    case_path: str = prop(StringProperty, "Case", "The case file that was opened or saved", subtype="FILE_PATH")
     case_files_text: str = prop(
-        StringProperty(description="Frame and surface that the case file names (JSON)", options={"HIDDEN"})
+        StringProperty, description="Frame and surface that the case file names (JSON)", options={"HIDDEN"}
     )
-    frame_path: str = prop(StringProperty(name="Frame", description="The frame's image file", subtype="FILE_PATH"))
-    frame_size: Sequence[int] = prop(
-        IntVectorProperty(name="Frame Size", description="Width and height of the frame in pixels", size=2)
-    )
-    units: str = prop(EnumProperty(name="Units", description="Unit of the mesh files", items=UNITS, default="mm"))
-    camera: ONEFRAME_PG_camera = prop(PointerProperty(type=ONEFRAME_PG_camera))
-    distortion_text: str = prop(StringProperty(description="Distortion in use (JSON), exact", options={"HIDDEN"}))
+    frame_path: str = prop(StringProperty, "Frame", "The frame's image file", subtype="FILE_PATH")
+    frame_size: Sequence[int] = prop(IntVectorProperty, "Frame Size", "Width and height of the frame in pixels", size=2)
+    units: str = prop(EnumProperty, "Units", "Unit of the mesh files", items=UNITS, default="mm")
+    camera: ONEFRAME_PG_camera = prop(PointerProperty, type=ONEFRAME_PG_camera)
+    distortion_text: str = prop(StringProperty, description="Distortion in use (JSON), exact", options={"HIDDEN"})
     case_dataset_text: str = prop(
-        StringProperty(description="The case's [dataset] table as read (JSON)", options={"HIDDEN"})
+        StringProperty, description="The case's [dataset] table as read (JSON)", options={"HIDDEN"}
     )
     case_kept_text: str = prop(
-        StringProperty(description="What the add-on keeps of the case without showing it (JSON)", options={"HIDDEN"})
+        StringProperty, description="What the add-on keeps of the case without showing it (JSON)", options={"HIDDEN"}
     )
     camera_object: bpy.types.Object | None = prop(
-        PointerProperty(type=bpy.types.Object, name="Camera", description="The frame's camera")
+        PointerProperty, "Camera", "The frame's camera", type=bpy.types.Object
     )
     surface: bpy.types.Object | None = prop(
-        PointerProperty(type=bpy.types.Object, name="Surface", description="The surface that is aligned")
+        PointerProperty, "Surface", "The surface that is aligned", type=bpy.types.Object
     )
     landmarks: "bpy.types.bpy_prop_collection_idprop[ONEFRAME_PG_landmark]" = prop(
-        CollectionProperty(type=ONEFRAME_PG_landmark)
+        CollectionProperty, type=ONEFRAME_PG_landmark
     )
-    landmark_index: int = prop(IntProperty(name="Active Landmark", description="Landmark being edited"))
+    landmark_index: int = prop(IntProperty, "Active Landmark", "Landmark being edited")
     click_sigma_px: float = prop(
-        FloatProperty(
-            name="Click Noise",
-            description="Standard deviation of a picked image point in pixels: how exactly you can click",
-            default=2.0,
-            min=0.05,
-            max=50.0,
-        )
+        FloatProperty,
+        "Click Noise",
+        "Standard deviation of a picked image point in pixels: how exactly you can click",
+        default=2.0,
+        min=0.05,
+        max=50.0,
     )
     live_solve: bool = prop(
-        BoolProperty(
-            name="Live",
-            description="Solve for the pose after every change of the landmarks",
-            default=True,
-            update=events.landmarks_changed,
-        )
+        BoolProperty,
+        "Live",
+        "Solve for the pose after every change of the landmarks",
+        default=True,
+        update=events.landmarks_changed,
     )
     show_landmarks: bool = prop(
-        BoolProperty(
-            name="Show Landmarks", description="Draw landmarks, residuals and the pose's uncertainty", default=True
-        )
+        BoolProperty, "Show Landmarks", "Draw landmarks, residuals and the pose's uncertainty", default=True
     )
     step: str = prop(
-        EnumProperty(
-            name="Step",
-            description="Step of the buttons in pixels of the frame",
-            items=[
-                ("coarse", "10 px", "Ten pixels (keys: hold Ctrl)"),
-                ("normal", "1 px", "One pixel"),
-                ("fine", "0.1 px", "A tenth of a pixel (keys: hold Shift)"),
-            ],
-            default="normal",
-        )
+        EnumProperty,
+        "Step",
+        "Step of the buttons in pixels of the frame",
+        items=[
+            ("coarse", "10 px", "Ten pixels (keys: hold Ctrl)"),
+            ("normal", "1 px", "One pixel"),
+            ("fine", "0.1 px", "A tenth of a pixel (keys: hold Shift)"),
+        ],
+        default="normal",
     )
-    show_gizmo: bool = prop(
-        BoolProperty(name="Gizmo", description="Show handles at the pivot of the visible surface", default=True)
-    )
-    dataset: ONEFRAME_PG_dataset = prop(PointerProperty(type=ONEFRAME_PG_dataset))
+    show_gizmo: bool = prop(BoolProperty, "Gizmo", "Show handles at the pivot of the visible surface", default=True)
+    dataset: ONEFRAME_PG_dataset = prop(PointerProperty, type=ONEFRAME_PG_dataset)
     dataset_out: str = prop(
-        StringProperty(
-            name="Folder", description="Folder of the dataset; a stopped run continues there", subtype="DIR_PATH"
-        )
+        StringProperty, "Folder", "Folder of the dataset; a stopped run continues there", subtype="DIR_PATH"
     )
     preview_poses: int = prop(
-        IntProperty(name="Poses", description="Number of poses to preview, from the first", default=50, min=1, max=2000)
+        IntProperty, "Poses", "Number of poses to preview, from the first", default=50, min=1, max=2000
     )
-    preview_view: int = prop(
-        IntProperty(name="View", description="Number of the view to preview, counted from 0", default=0, min=0)
-    )
+    preview_view: int = prop(IntProperty, "View", "Number of the view to preview, counted from 0", min=0)
 
 
 class ONEFRAME_PG_object(bpy.types.PropertyGroup):
     """The role of an object in the alignment, and the file it was loaded from."""
 
     role: str = prop(
-        EnumProperty(
-            name="Role", items=[("NONE", "None", ""), ("SURFACE", "Surface", ""), ("STRUCTURE", "Structure", "")]
-        )
+        EnumProperty, "Role", items=[("NONE", "None", ""), ("SURFACE", "Surface", ""), ("STRUCTURE", "Structure", "")]
     )
-    mesh_path: str = prop(
-        StringProperty(name="Mesh", description="File that the mesh was loaded from", subtype="FILE_PATH")
-    )
+    mesh_path: str = prop(StringProperty, "Mesh", "File that the mesh was loaded from", subtype="FILE_PATH")
 
 
-_CLASSES = (
-    ONEFRAME_PG_landmark,
-    ONEFRAME_PG_camera,
-    ONEFRAME_PG_dataset,
-    ONEFRAME_PG_scene,
-    ONEFRAME_PG_object,
+register, unregister = class_registration(
+    __name__,
+    attached(bpy.types.Scene, "oneframe", ONEFRAME_PG_scene),
+    attached(bpy.types.Object, "oneframe", ONEFRAME_PG_object),
 )
-_register_classes, _unregister_classes = class_registration(_CLASSES)
-
-
-def register() -> None:
-    """Register the property groups and add them to scenes and objects."""
-    _register_classes()
-    bpy.types.Scene.oneframe = PointerProperty(type=ONEFRAME_PG_scene)
-    bpy.types.Object.oneframe = PointerProperty(type=ONEFRAME_PG_object)
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    del bpy.types.Object.oneframe
-    del bpy.types.Scene.oneframe
-    _unregister_classes()

@@ -25,7 +25,7 @@ from ..pipeline.transforms import inverse_rigid, rigid, transform_points
 from . import events, from_scene, pose_evidence, workbench
 from .camera_view import look_through_camera, show_shape
 from .initial_pose import FOCUS, INITIAL_POSE, is_initial, set_focus, set_initial_pose
-from .pivot import PIVOT
+from .pose import PIVOT
 
 HEAD_BYTES = 1 << 16
 """Of an image, to tell whether it may have alpha."""

@@ -1,31 +1,26 @@
 """The scene in which the add-on works: its own, so that nothing in the user's scenes changes.
 
 Opening a case, or loading the first frame, K or surface, makes the scene and shows it in the window. The window's
-interface follows: ``view.workspace`` listens with :func:`on_entered`.
+interface follows: ``view.workspace`` is one of the :data:`listeners`.
 """
 
 from collections.abc import Callable
 
 import bpy
 
+from . import from_scene
+
 NAME = "OneFrame"
 MARK = "oneframe_workbench"
 """Custom property of the add-on's scene."""
 
-_listeners: list[Callable[[bpy.types.Window, bpy.types.Scene], None]] = []
+listeners: list[Callable[[bpy.types.Window, bpy.types.Scene], None]] = []
+"""Called with the window, and the scene that it showed before, when the add-on sets something up; that scene is the
+workbench's own if the window showed it already."""
 
+OPEN = "Open a case, which can also be dropped onto the view, or load frame, K and surface in any order."
 
-def on_entered(listener: Callable[[bpy.types.Window, bpy.types.Scene], None]) -> None:
-    """Call ``listener(window, left)`` when the add-on sets something up, until :func:`remove_listener`.
-
-    ``left`` is the scene that the window showed before; the workbench's own if it showed that already.
-    """
-    _listeners.append(listener)
-
-
-def remove_listener(listener: Callable[[bpy.types.Window, bpy.types.Scene], None]) -> None:
-    """Stop calling a listener."""
-    _listeners.remove(listener)
+MAKE_SURFACE = "Next: set the threshold in the panel CT, and press Make Surface."
 
 
 def is_workbench(scene: bpy.types.Scene) -> bool:
@@ -52,7 +47,7 @@ def enter(context: bpy.types.Context) -> bpy.types.Scene:
         _copy_typed(left.oneframe, scene.oneframe)
     if scene != left:
         window.scene = scene
-    for listener in _listeners:
+    for listener in listeners:
         listener(window, left)
     return scene
 
@@ -68,3 +63,19 @@ def _copy_typed(source: bpy.types.PropertyGroup, target: bpy.types.PropertyGroup
             _copy_typed(value, getattr(target, name))
         elif declared.type not in ("POINTER", "COLLECTION") and source.is_property_set(name):
             setattr(target, name, value)
+
+
+def next_step(scene: bpy.types.Scene) -> str:
+    """What the user does next, in one sentence; empty once frame, camera and surface are there."""
+    settings = scene.oneframe
+    has_camera = from_scene.present_camera(scene) is not None
+    has_surface = from_scene.present_surface(scene) is not None
+    if not (settings.frame_path or has_camera or has_surface):
+        return MAKE_SURFACE if scene.oneframe_ct.path else OPEN
+    if not settings.frame_path:
+        return "Next: load the frame, one image of the microscope."
+    if not has_camera:
+        return "Next: load K from a file, or type it under Camera K and press Set Camera."
+    if not has_surface:
+        return "Next: load the surface, or make it from the CT."
+    return ""

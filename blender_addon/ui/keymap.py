@@ -9,11 +9,22 @@ from typing import Any
 
 import bpy
 
+from ..class_registration import Part
+
 PIN_TOOL, LANDMARK_TOOL, MOVE_TOOL = "oneframe.pin_tool", "oneframe.landmark_tool", "oneframe.move_tool"
 DRILL_TOOL = "oneframe.drill_tool"
 ALIGNMENT_TOOLS = (PIN_TOOL, LANDMARK_TOOL, MOVE_TOOL)
 TOOLS = {PIN_TOOL: "Pins", LANDMARK_TOOL: "Landmarks", MOVE_TOOL: "Move Surface", DRILL_TOOL: "Drill"}
 """Tools of the toolbar and their labels."""
+
+
+class ViewTool(bpy.types.WorkSpaceTool):
+    """Base of the tools in the toolbar of 3D views."""
+
+    bl_space_type = "VIEW_3D"
+    bl_context_mode = "OBJECT"
+    bl_cursor = "CROSSHAIR"
+    bl_keymap = ()
 
 
 def _keymap_of(tool: str) -> str:
@@ -87,19 +98,15 @@ class Key:
     places: tuple[Place, ...] = ()
 
 
-class Keys:
-    """The keys of a module: :meth:`register` adds them, :meth:`unregister` removes them."""
+def keys(*given: Key) -> Part:
+    """The keys of a module, in the add-on key configuration, where there is one."""
+    added: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
 
-    def __init__(self, keys: Iterable[Key]) -> None:
-        self.keys = tuple(keys)
-        self._added: list[tuple[bpy.types.KeyMap, bpy.types.KeyMapItem]] = []
-
-    def register(self) -> None:
-        """Add the keys to the add-on key configuration, where there is one."""
+    def add() -> None:
         configuration = bpy.context.window_manager.keyconfigs.addon
         if configuration is None:
             return
-        for key in self.keys:
+        for key in given:
             for place in (*map(place_of, key.tools), *key.places):
                 keymap = place.keymap(configuration)
                 item = keymap.keymap_items.new(
@@ -107,13 +114,14 @@ class Keys:
                 )
                 for setting, value in key.properties:
                     setattr(item.properties, setting, value)
-                self._added.append((keymap, item))
+                added.append((keymap, item))
 
-    def unregister(self) -> None:
-        """Remove the keys."""
-        for keymap, item in self._added:
+    def remove() -> None:
+        for keymap, item in added:
             keymap.keymap_items.remove(item)
-        self._added.clear()
+        added.clear()
+
+    return Part(add, remove)
 
 
 def binding(operator: str, **properties: object) -> str:

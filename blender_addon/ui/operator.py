@@ -6,14 +6,15 @@ from pathlib import Path
 from typing import Any, Literal
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import CollectionProperty, StringProperty
 from bpy_extras.io_utils import ExportHelper
 
 from ..class_registration import prop
 from ..pipeline.errors import InputError, RunError
 from ..state import from_scene
-from ..state.inputs import usual_folder
-from .wrapped_text import CHARACTER_PX
+from ..state.events import redraw
+from ..state.scene_files import usual_folder
+from .panel import CHARACTER_PX
 
 DIALOG_PX = 400
 """Width of a question, at scale 1."""
@@ -25,8 +26,17 @@ OperatorResult = set[Literal["RUNNING_MODAL", "CANCELLED", "FINISHED", "PASS_THR
 """What Blender expects an operator's callbacks to return: one of these, in a set."""
 
 
+def available(operator: type[bpy.types.Operator], condition: bool, missing: str) -> bool:
+    """The result of a ``poll``: the condition. The tooltip of the disabled button says what is missing."""
+    if not condition:
+        operator.poll_message_set(missing)
+    return condition
+
+
 class Reporting(bpy.types.Operator):
     """Mixin: ``execute`` calls ``run`` and reports the messages it returns, or the error that the user can fix."""
+
+    bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> Messages:
         """Do the work and return messages to report. Implementations raise InputError before they change anything."""
@@ -37,7 +47,6 @@ class Reporting(bpy.types.Operator):
         return message
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
-        """Called by Blender."""
         return self.reported(context, lambda: self.run(context))
 
     def reported(self, context: bpy.types.Context, call: Callable[[], Messages]) -> OperatorResult:
@@ -53,7 +62,7 @@ class Reporting(bpy.types.Operator):
             return {"CANCELLED"}
         for message in messages or ():
             self.report({"INFO"}, message)
-        redraw(context)
+        redraw()
         return {"FINISHED"}
 
 
@@ -71,13 +80,11 @@ class Asking(Reporting):
         )
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Called by Blender."""
         column = self.layout.column(align=True)
         for number, line in enumerate(textwrap.wrap(self._question, int(DIALOG_PX / CHARACTER_PX) - 8)):
             column.label(text=line, icon="BLANK1" if number else "ERROR")
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
-        """Called by Blender."""
         self._question = ""  # it is answered: Adjust Last Operation would show it again
         return super().execute(context)
 
@@ -100,15 +107,28 @@ class ReportingFile(Reporting):
         return path
 
 
+class ChosenFiles(bpy.types.Operator):
+    """Mixin for operators that take several files at once: chosen in a dialog, or dropped."""
+
+    directory: str = prop(StringProperty, subtype="DIR_PATH", options={"HIDDEN", "SKIP_SAVE"})
+    files: "bpy.types.bpy_prop_collection_idprop[bpy.types.OperatorFileListElement]" = prop(
+        CollectionProperty, type=bpy.types.OperatorFileListElement, options={"HIDDEN", "SKIP_SAVE"}
+    )
+
+    def chosen_files(self) -> list[Path]:
+        """All of them; none if the operator was called without."""
+        folder = Path(bpy.path.abspath(self.directory))
+        return [folder / entry.name for entry in self.files if entry.name]
+
+
 class SavesFile(ReportingFile, ExportHelper):
     """Mixin for operators that write a file: their dialog begins beside the case, and not where another one's went."""
 
     usual_name = ""
 
-    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
+    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
         self.filepath = self.filepath or str(usual_folder(context.scene) / self.usual_name)
         return ExportHelper.invoke(self, context, event)
 
@@ -118,11 +138,7 @@ class NeedsAlignment(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Called by Blender."""
-        if from_scene.is_set_up(context.scene):
-            return True
-        cls.poll_message_set("Set up a frame, a camera and a surface first")
-        return False
+        return available(cls, from_scene.is_set_up(context.scene), "Set up a frame, a camera and a surface first")
 
 
 def call(name: str, context: str = "EXEC_DEFAULT", **settings: object) -> None:
@@ -147,9 +163,14 @@ def call(name: str, context: str = "EXEC_DEFAULT", **settings: object) -> None:
         raise InputError(str(error).removeprefix("Error: ").strip()) from None
 
 
-def redraw(context: bpy.types.Context) -> None:
-    """Redraw all 3D views."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+class WholeView(bpy.types.GizmoGroup):
+    """Mixin: one gizmo in 3D views that draws itself and says where it is, whatever tool is active."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "WINDOW"
+    bl_options = {"PERSISTENT", "SHOW_MODAL_ALL"}
+    gizmo = ""
+
+    def setup(self, _context: bpy.types.Context) -> None:
+        """Called by Blender."""
+        self.gizmos.new(self.gizmo).use_draw_modal = True

@@ -1,4 +1,4 @@
-"""Rectangles with a texture, drawn by a shader of one's own into the region that Blender is drawing."""
+"""Rectangles with textures, drawn by shaders of one's own."""
 
 from collections.abc import Iterable
 
@@ -20,46 +20,43 @@ _VERTEX = """
 void main()
 {
   at = corner_at;
-  gl_Position = ModelViewProjectionMatrix * vec4(position, 0.0, 1.0);
+  gl_Position = vec4(position, 0.0, 1.0);
 }
 """
 
 
 def rectangle_shader(
-    name: str, fragment: str, *, samplers: Iterable[str], constants: Iterable[tuple[str, str]] = ()
+    name: str, fragment: str, samplers: Iterable[str], constants: Iterable[tuple[str, str]] = (), *, out: str = "colour"
 ) -> gpu.types.GPUShader:
-    """A shader whose ``fragment`` sets ``colour`` (vec4) from ``at`` (vec2), samplers and constants (type, name)."""
+    """A shader whose ``fragment`` sets ``out`` (vec4) from ``at`` (vec2), samplers and constants (type, name)."""
     between = gpu.types.GPUStageInterfaceInfo(f"oneframe_{name}")
     between.smooth("VEC2", "at")
     info = gpu.types.GPUShaderCreateInfo()
     info.vertex_in(0, "VEC2", "position")
     info.vertex_in(1, "VEC2", "corner_at")
     info.vertex_out(between)
-    info.push_constant("MAT4", "ModelViewProjectionMatrix")
     for kind, constant in constants:
         info.push_constant(kind, constant)  # type: ignore[arg-type]  # one of Blender's names
     for number, sampler in enumerate(samplers):
         info.sampler(number, "FLOAT_2D", sampler)
-    info.fragment_out(0, "VEC4", "colour")
+    info.fragment_out(0, "VEC4", out)
     info.vertex_source(_VERTEX)
     info.fragment_source(fragment)
     return gpu.shader.create_from_info(info)
 
 
+def rectangle(shader: gpu.types.GPUShader, corners: np.ndarray, corners_at: np.ndarray) -> gpu.types.GPUBatch:
+    """A rectangle for :func:`rectangle_shader`: its corners ``(4, 2)`` in order, -1..1, and ``at`` there."""
+    fields = {"position": np.float32(corners), "corner_at": np.float32(corners_at)}
+    return batch_for_shader(shader, "TRIS", fields, indices=((0, 1, 2), (0, 2, 3)))
+
+
 def bound_rectangle(shader: gpu.types.GPUShader, corners_px: np.ndarray, corners_at: np.ndarray) -> gpu.types.GPUBatch:
-    """Bind the shader for a rectangle: its corners ``(4, 2)`` in order, px of the region, and ``at`` there.
+    """Bind the shader for a rectangle whose corners are px of the region that Blender is drawing.
 
     The caller sets samplers and constants, and draws the batch.
     """
-    batch = batch_for_shader(
-        shader,
-        "TRIS",
-        {"position": corners_px.astype(np.float32), "corner_at": corners_at.astype(np.float32)},
-        indices=((0, 1, 2), (2, 3, 0)),
-    )
+    clip_from_px = np.array(gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix())
     shader.bind()
-    shader.uniform_float(
-        "ModelViewProjectionMatrix", gpu.matrix.get_projection_matrix() @ gpu.matrix.get_model_view_matrix()
-    )
     gpu.state.blend_set("NONE")
-    return batch
+    return rectangle(shader, corners_px @ clip_from_px[:2, :2].T + clip_from_px[:2, 3], corners_at)

@@ -1,5 +1,7 @@
 """Lines and texts over a 3D view, readable on any picture: each has a dark background."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import blf
@@ -7,6 +9,7 @@ import bpy
 import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
+from mathutils import Matrix
 
 Colour = tuple[float, float, float, float]
 
@@ -120,3 +123,14 @@ class Strokes:
             blf.position(FONT, float(at[0]), float(at[1]), 0)
             blf.color(FONT, *colour)
             blf.draw(FONT, text)
+
+
+@contextmanager
+def in_window_pixels() -> Iterator[tuple[int, int]]:
+    """Draw a cursor in pixels of the window, as Blender does; yields the corner of the part that it draws now."""
+    left, below, width, height = gpu.state.viewport_get()
+    with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+        gpu.matrix.load_identity()
+        clip_from_px = ((2 / width, 0, 0, -1), (0, 2 / height, 0, -1), (0, 0, -1, 0), (0, 0, 0, 1))
+        gpu.matrix.load_projection_matrix(Matrix(clip_from_px))
+        yield left, below

@@ -7,8 +7,9 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty, IntProperty
 
 from ..class_registration import class_registration, prop
-from ..ui.keymap import TOOLS, Key, Keys, Place
-from ..ui.operator import OperatorResult, redraw
+from ..state.events import redraw
+from ..ui.keymap import TOOLS, Key, Place, keys
+from ..ui.operator import OperatorResult
 from . import session, shown_frame, strip_layout
 from .operators import NeedsFilm
 from .strip_layout import StripLayout
@@ -17,10 +18,9 @@ from .strip_layout import StripLayout
 class OverStrip(NeedsFilm):
     """Mixin: a key counts only where the pointer is over the strip."""
 
-    key: bool = prop(BoolProperty(description="Called by a key", options={"SKIP_SAVE", "HIDDEN"}))
+    key: bool = prop(BoolProperty, description="Called by a key", options={"SKIP_SAVE", "HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
         layout = None
         if context.region is not None and context.region.type == "WINDOW":
             layout = StripLayout.of(context)
@@ -40,32 +40,28 @@ def _show(context: bpy.types.Context, at: int) -> None:
     film.span_s = strip_layout.following(film)
 
 
-class ONEFRAME_OT_video_step(OverStrip, bpy.types.Operator):
+class ONEFRAME_OT_video_step(OverStrip):
     """Show the next or the previous frame of the video"""
 
-    bl_idname = "oneframe.video_step"
     bl_label = "Next Frame"
     bl_options = {"INTERNAL"}
 
-    step: int = prop(IntProperty(name="Step", default=1))
+    step: int = prop(IntProperty, "Step", default=1)
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
-        """Called by Blender."""
         _show(context, session.scored(context.scene).shown + self.step)
         return {"FINISHED"}
 
 
-class ONEFRAME_OT_video_best(OverStrip, bpy.types.Operator):
+class ONEFRAME_OT_video_best(OverStrip):
     """Show the next or the previous one of the best frames of the video, by rank"""
 
-    bl_idname = "oneframe.video_best"
     bl_label = "Next Best"
     bl_options = {"INTERNAL"}
 
-    step: int = prop(IntProperty(name="Step", default=1))
+    step: int = prop(IntProperty, "Step", default=1)
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
-        """Called by Blender."""
         film = session.scored(context.scene)
         if not film.best:
             self.report({"INFO"}, "No frame of this video shows anything sharply")
@@ -77,33 +73,29 @@ class ONEFRAME_OT_video_best(OverStrip, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class ONEFRAME_OT_video_zoom(OverStrip, bpy.types.Operator):
+class ONEFRAME_OT_video_zoom(OverStrip):
     """Zoom the time axis about the pointer"""
 
-    bl_idname = "oneframe.video_zoom"
     bl_label = "Zoom Time"
     bl_options = {"INTERNAL"}
 
-    factor: float = prop(FloatProperty(name="Factor", description="0 for the whole film", default=1.5, min=0, max=100))
+    factor: float = prop(FloatProperty, "Factor", "0 for the whole film", default=1.5, min=0, max=100)
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
-        """Called by Blender."""
         film = session.scored(context.scene)
         about = film.score.time_s if self.time_s is None else self.time_s
         film.span_s = strip_layout.zoomed(film, film.span_s, self.factor, about) if self.factor else film.whole_span_s
-        redraw(context)
+        redraw()
         return {"FINISHED"}
 
 
-class ONEFRAME_OT_video_take_key(OverStrip, bpy.types.Operator):
+class ONEFRAME_OT_video_take_key(OverStrip):
     """Take the frame in view"""
 
-    bl_idname = "oneframe.video_take_key"
     bl_label = "Take Frame"
     bl_options = {"INTERNAL"}
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
-        """Called by Blender."""
         # a key begins the thread, with its progress; scripts wait
         bpy.ops.oneframe.take_frame("INVOKE_DEFAULT")  # type: ignore[attr-defined]
         return {"FINISHED"}
@@ -118,8 +110,10 @@ def _key(operator: str, kind: str, *, ctrl: bool = False, repeat: bool = False, 
     return Key(operator, kind, ctrl=ctrl, repeat=repeat, properties=given, tools=tuple(TOOLS), places=(_VIEW,))
 
 
-_KEYS = Keys(
-    (
+# of the bindings of a key, Blender tries the one that was added last first: this module comes after the tools
+register, unregister = class_registration(
+    __name__,
+    keys(
         _key("oneframe.video_zoom", "WHEELINMOUSE", factor=1.5),
         _key("oneframe.video_zoom", "WHEELOUTMOUSE", factor=1 / 1.5),
         _key("oneframe.video_zoom", "HOME", factor=0.0),
@@ -129,9 +123,5 @@ _KEYS = Keys(
         _key("oneframe.video_best", "RIGHT_ARROW", ctrl=True, repeat=True, step=1),
         _key("oneframe.video_take_key", "RET"),
         _key("oneframe.video_take_key", "NUMPAD_ENTER"),
-    )
-)
-# of the bindings of a key, Blender tries the one that was added last first: this module comes after the tools
-register, unregister = class_registration(
-    (ONEFRAME_OT_video_step, ONEFRAME_OT_video_best, ONEFRAME_OT_video_zoom, ONEFRAME_OT_video_take_key), _KEYS
+    ),
 )

@@ -12,9 +12,9 @@ from ..pipeline.blender.bridge.image import read_image
 from ..pipeline.errors import InputError
 from ..pipeline.video.frame_folder import write_frame
 from ..state import camera_view, from_scene, to_scene, workbench
-from ..state.session_files import session_folder
+from ..state.scene_files import session_folder
 from ..ui.background_operator import InBackground, OpensInBackground, Work
-from ..ui.operator import Messages, Reporting
+from ..ui.operator import Messages, Reporting, available
 from ..view.fit import fit_soon
 from . import session, shown_frame
 from .session import FilmSession
@@ -27,30 +27,23 @@ class NeedsFilm(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Called by Blender."""
-        if session.of(context.scene) is not None:
-            return True
-        cls.poll_message_set("Open a video first")
-        return False
+        return available(cls, session.of(context.scene) is not None, "Open a video first")
 
 
-class ONEFRAME_OT_open_video(OpensInBackground, bpy.types.Operator):
+class ONEFRAME_OT_open_video(OpensInBackground):
     """Open a video of the microscope: its frames are scored, and shown as a strip to choose one from"""
 
-    bl_idname = "oneframe.open_video"
     bl_label = "Open Video"
     # without REGISTER: Adjust Last Operation would score again, and cover the strip
     bl_options = {"UNDO"}
     doing = "Scoring the video"
 
-    filter_glob: str = prop(StringProperty(default=VIDEOS, options={"HIDDEN"}))
+    filter_glob: str = prop(StringProperty, default=VIDEOS, options={"HIDDEN"})
     every: int = prop(
-        IntProperty(
-            name="Every", description="Only every so many frames: quicker for long films", default=1, min=1, max=1000
-        )
+        IntProperty, "Every", "Only every so many frames: quicker for long films", default=1, min=1, max=1000
     )
-    from_s: float = prop(FloatProperty(name="From (s)", description="Begin here", min=0, precision=2))
-    to_s: float = prop(FloatProperty(name="To (s)", description="End here; 0 for the end", min=0, precision=2))
+    from_s: float = prop(FloatProperty, "From (s)", "Begin here", min=0, precision=2)
+    to_s: float = prop(FloatProperty, "To (s)", "End here; 0 for the end", min=0, precision=2)
 
     def work(self, context: bpy.types.Context) -> Work:
         path = Path(bpy.path.abspath(self.filepath)) if self.filepath else Path()
@@ -71,10 +64,9 @@ class ONEFRAME_OT_open_video(OpensInBackground, bpy.types.Operator):
         return _begin(context, scene, result)
 
 
-class ONEFRAME_OT_score_video(InBackground, bpy.types.Operator):
+class ONEFRAME_OT_score_video(InBackground):
     """Score the video of this scene, whose file holds its path only"""
 
-    bl_idname = "oneframe.score_video"
     bl_label = "Score Again"
     bl_options = {"REGISTER"}
     doing = "Scoring the video"
@@ -110,10 +102,9 @@ def _begin(context: bpy.types.Context, scene: bpy.types.Scene, film: FilmSession
     return messages
 
 
-class ONEFRAME_OT_video_strip(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_video_strip(Reporting):
     """Show the strip of the video, or hide it and show the case's own frame"""
 
-    bl_idname = "oneframe.video_strip"
     bl_label = "Strip"
     bl_options = {"REGISTER"}
 
@@ -132,22 +123,19 @@ class ONEFRAME_OT_video_strip(Reporting, bpy.types.Operator):
             fit_soon(area)
 
 
-class ONEFRAME_OT_take_frame(InBackground, NeedsFilm, bpy.types.Operator):
+class ONEFRAME_OT_take_frame(InBackground, NeedsFilm):
     """Use the video's frame in view as the frame of the case, pixel by pixel as decoded; Save Case puts it beside"""
 
-    bl_idname = "oneframe.take_frame"
     bl_label = "Take Frame"
     bl_options = {"UNDO"}
     doing = "Taking the frame"
 
     masked: bool = prop(
-        BoolProperty(
-            name="Masked",
-            description="Leave out what is not tissue, with alpha 0: instruments, hands, glare, the black around a "
-            "circle. A first draft",
-            default=False,
-            options={"SKIP_SAVE"},
-        )
+        BoolProperty,
+        "Masked",
+        "Leave out what is not tissue, with alpha 0: instruments, hands, glare, the black around a "
+        "circle. A first draft",
+        options={"SKIP_SAVE"},
     )
 
     def work(self, context: bpy.types.Context) -> Work:
@@ -167,5 +155,4 @@ class ONEFRAME_OT_take_frame(InBackground, NeedsFilm, bpy.types.Operator):
         return f"the frame of the case is {path}", *messages
 
 
-_CLASSES = (ONEFRAME_OT_open_video, ONEFRAME_OT_score_video, ONEFRAME_OT_video_strip, ONEFRAME_OT_take_frame)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

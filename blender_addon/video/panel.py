@@ -4,30 +4,24 @@ import bpy
 
 from ..class_registration import class_registration
 from ..state import from_scene
-from ..ui.wrapped_text import draw_text
+from ..ui.panel import SidebarPanel, draw_text
 from . import session, shown_frame
 from .session import FilmSession
 from .strip_drawing import figures
 
 
-class ONEFRAME_PT_video(bpy.types.Panel):
+class ONEFRAME_PT_video(SidebarPanel):
     """Choose the frame from a video"""
 
-    bl_idname = "ONEFRAME_PT_video"
     bl_parent_id = "ONEFRAME_PT_setup"
     bl_label = "Video"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
     bl_order = -1
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Called by Blender."""
         return session.key_of(context.scene) is not None
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Called by Blender."""
         layout, scene = self.layout, context.scene
         layout.operator_context = "INVOKE_DEFAULT"
         layout.label(text=bpy.path.basename(scene.oneframe_video.path), icon="FILE_MOVIE")
@@ -68,4 +62,4 @@ def _draw_film(layout: bpy.types.UILayout, scene: bpy.types.Scene, film: FilmSes
         draw_text(layout, "The video covers the view until K is loaded. Strip hides it.", icon="INFO")
 
 
-register, unregister = class_registration((ONEFRAME_PT_video,))
+register, unregister = class_registration(__name__)

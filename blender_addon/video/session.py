@@ -7,11 +7,14 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from bpy.props import BoolProperty, FloatProperty, IntProperty, StringProperty
 
+from ..class_registration import at_end, attached, class_registration, prop
 from ..pipeline.errors import InputError
 from ..pipeline.video.film_reader import Thumbnails
 from ..pipeline.video.frame_scores import FilmScores, FrameScore, best_frames, score_frames
 from ..state import from_scene
+from ..state.events import redraw
 from .frame_fetcher import FrameFetcher
 
 BEST = 5
@@ -19,6 +22,34 @@ BEST = 5
 
 Key = tuple[str, int, float, float]
 """Path of the video, every so many frames, from ... to in s; 0 for the end."""
+
+
+look_listeners: list[Callable[[bpy.types.Scene], None]] = []
+"""Called with the scene when its film is to be shown in another way."""
+
+
+def _show_again(_owner: object, context: bpy.types.Context) -> None:
+    for listener in look_listeners:
+        listener(context.scene)
+
+
+class ONEFRAME_PG_video(bpy.types.PropertyGroup):
+    """The video of a scene."""
+
+    path: str = prop(StringProperty, "Video", "The film of the microscope", subtype="FILE_PATH")
+    every: int = prop(IntProperty, "Every", "Only every so many frames were scored", default=1, min=1)
+    from_s: float = prop(FloatProperty, "From (s)", "Where the scored part begins", min=0)
+    to_s: float = prop(FloatProperty, "To (s)", "Where it ends; 0 for the end of the film", min=0)
+    visible: bool = prop(BoolProperty, "Strip", "The strip is shown", default=True, update=redraw, options={"HIDDEN"})
+    show_mask: bool = prop(
+        BoolProperty,
+        "Show Mask",
+        "Show in magenta what a masked frame leaves out: instruments, hands, glare, the black around a circle",
+        update=_show_again,
+    )
+    taken_path: str = prop(
+        StringProperty, description="The frame that was taken from the video", subtype="FILE_PATH", options={"HIDDEN"}
+    )
 
 
 @dataclass
@@ -161,10 +192,6 @@ def _forget() -> None:
     _sessions.clear()
 
 
-def register() -> None:
-    """Nothing to do: films are scored when they are asked for."""
-
-
-def unregister() -> None:
-    """Free the memory."""
-    _forget()
+register, unregister = class_registration(
+    __name__, at_end(_forget), attached(bpy.types.Scene, "oneframe_video", ONEFRAME_PG_video)
+)

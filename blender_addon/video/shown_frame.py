@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..class_registration import Handlers
+from ..class_registration import at_end, class_registration, listening, start_timer, timers
 from ..pipeline.blender.alignment import alignment_scene
 from ..pipeline.camera.distortion import undistort
 from ..pipeline.errors import InputError
@@ -17,8 +17,8 @@ from ..pipeline.video.frame_folder import MASKED_COLOUR
 from ..pipeline.video.frame_mask import tissue_mask, without_combs
 from ..pipeline.video.frame_scores import COMBED
 from ..state import from_scene, to_scene
-from ..ui.operator import redraw
-from . import properties, session
+from ..state.events import redraw
+from . import session
 from .session import FilmSession
 
 IMAGE = "OneFrame film"
@@ -39,13 +39,13 @@ def show(scene: bpy.types.Scene, at: int) -> None:
         film.fetcher.wait(film.shown)
         film.show(film.shown)
     put(scene, film)
-    if not film.is_full and not bpy.app.timers.is_registered(_poll):
-        bpy.app.timers.register(_poll, first_interval=POLL_S)
+    if not film.is_full:
+        start_timer(_poll, POLL_S)
 
 
 def put(scene: bpy.types.Scene, film: FilmSession) -> None:
     """Put the film's picture behind the frame's camera; without a camera, the strip draws it."""
-    redraw(bpy.context)
+    redraw()
     camera_object = from_scene.present_camera(scene)
     if film.is_full and scene.oneframe_video.show_mask:
         film.picture = _with_mask(film)
@@ -55,7 +55,7 @@ def put(scene: bpy.types.Scene, film: FilmSession) -> None:
 
 def restore(scene: bpy.types.Scene) -> None:
     """Show the case's own frame again."""
-    redraw(bpy.context)
+    redraw()
     camera_object = from_scene.present_camera(scene)
     if camera_object is None or not is_shown(scene):
         return
@@ -128,7 +128,7 @@ def _poll() -> float | None:
             continue
         if film.fetcher.failure(film.shown):
             # the strip and the panel report it
-            redraw(bpy.context)
+            redraw()
             continue
         if film.fetcher.frame(film.shown) is not None:
             film.show(film.shown)
@@ -157,27 +157,20 @@ def _after_saving(*_: object) -> None:
     _restored.clear()
 
 
-_HANDLERS = Handlers(
-    (bpy.app.handlers.save_pre, _before_saving),
-    (bpy.app.handlers.save_post, _after_saving),
-    (bpy.app.handlers.save_post_fail, _after_saving),
-)
-
-
-def register() -> None:
-    """Keep the film's frames out of saved files."""
-    properties.on_look(_look_again)
-    _HANDLERS.register()
-
-
-def unregister() -> None:
-    """Undo :func:`register`, and show the cases' own frames."""
-    properties.remove_listener(_look_again)
-    _HANDLERS.unregister()
-    if bpy.app.timers.is_registered(_poll):
-        bpy.app.timers.unregister(_poll)
+def _remove() -> None:
     for scene in bpy.data.scenes:
         restore(scene)
     image = bpy.data.images.get(IMAGE)
     if image is not None:
         bpy.data.images.remove(image)
+
+
+register, unregister = class_registration(
+    __name__,
+    at_end(_remove),
+    timers(_poll),
+    listening(session.look_listeners, _look_again),
+    listening(bpy.app.handlers.save_pre, _before_saving),
+    listening(bpy.app.handlers.save_post, _after_saving),
+    listening(bpy.app.handlers.save_post_fail, _after_saving),
+)

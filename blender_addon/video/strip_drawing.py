@@ -5,9 +5,10 @@ import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
 
+from ..class_registration import at_end, class_registration, drawing, listening
 from ..state import from_scene
 from ..ui.strokes import Colour, Strokes
-from ..view.fit import free_rectangle, release, reserve
+from ..view.fit import free_rectangle, reserved
 from . import shown_frame, strip_gizmo, strip_pictures
 from .session import FilmSession
 from .strip_layout import StripLayout, film_in, reserved_height
@@ -25,8 +26,6 @@ TICK_STEPS_S = (0.04, 0.1, 0.2, 0.5, 1, 2, 5, 10, 30, 60, 120, 300, 600, 1800, 3
 TICK_PX = 90
 """Least distance of two times that are written below the curve, at interface scale 1."""
 
-_handle: object | None = None
-
 
 def draw_strip() -> None:
     """Draw the strip of the 3D view that Blender is drawing now (a POST_PIXEL draw handler)."""
@@ -39,7 +38,9 @@ def draw_strip() -> None:
     if layout is None:
         return
     pointer = strip_gizmo.pointer_in(context.region)
-    _fill([(layout.low, layout.high)], BACKGROUND)
+    (left, below), (right, above) = layout.low, layout.high
+    corners = [(left, below), (right, below), (right, above), (left, below), (right, above), (left, above)]
+    _triangles(np.array(corners), BACKGROUND)
     _draw_thumbnails(film, layout)
     strokes = Strokes()
     _draw_curve(film, layout, strokes)
@@ -196,13 +197,6 @@ def _state(scene: bpy.types.Scene, film: FilmSession, *, over: bool) -> str:
     return "Enter: Take" if over else "not taken"
 
 
-def _fill(rectangles: list[tuple[tuple[float, float], tuple[float, float]]], colour: Colour) -> None:
-    corners = []
-    for (left, below), (right, above) in rectangles:
-        corners += [(left, below), (right, below), (right, above), (left, below), (right, above), (left, above)]
-    _triangles(np.array(corners), colour)
-
-
 def _triangles(points: np.ndarray, colour: Colour) -> None:
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     batch = batch_for_shader(shader, "TRIS", {"pos": np.float32(points)})
@@ -213,17 +207,9 @@ def _triangles(points: np.ndarray, colour: Colour) -> None:
     gpu.state.blend_set("NONE")
 
 
-def register() -> None:
-    """Draw in 3D views, whose frame makes room."""
-    global _handle
-    _handle = bpy.types.SpaceView3D.draw_handler_add(draw_strip, (), "WINDOW", "POST_PIXEL")
-    reserve(reserved_height)
-
-
-def unregister() -> None:
-    """Stop drawing, and free the GPU's memory."""
-    global _handle
-    release(reserved_height)
-    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-    _handle = None
-    strip_pictures.clear()
+register, unregister = class_registration(
+    __name__,
+    at_end(strip_pictures.clear),
+    drawing(bpy.types.SpaceView3D, draw_strip, "POST_PIXEL"),
+    listening(reserved, reserved_height),
+)

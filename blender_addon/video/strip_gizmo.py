@@ -5,8 +5,9 @@ from typing import Literal
 
 import bpy
 
-from ..class_registration import class_registration
-from ..ui.operator import OperatorResult, redraw
+from ..class_registration import at_end, class_registration
+from ..state.events import redraw
+from ..ui.operator import OperatorResult, WholeView
 from . import session, shown_frame
 from .strip_layout import StripLayout, film_in
 
@@ -21,8 +22,6 @@ def pointer_in(region: bpy.types.Region) -> tuple[float, float] | None:
 
 class ONEFRAME_GT_strip(bpy.types.Gizmo):
     """Drag to look through the video"""
-
-    bl_idname = "ONEFRAME_GT_strip"
 
     def draw(self, context: bpy.types.Context) -> None:
         """Called by Blender; the strip draws itself."""
@@ -39,19 +38,16 @@ class ONEFRAME_GT_strip(bpy.types.Gizmo):
         return 0 if pointer_in(context.region) else -1
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
         self._scrub(context, event)
         return {"RUNNING_MODAL"}
 
     def modal(
         self, context: bpy.types.Context, event: bpy.types.Event, tweak: set[Literal["PRECISE", "SNAP"]]
     ) -> OperatorResult:
-        """Called by Blender."""
         self._scrub(context, event)
         return {"RUNNING_MODAL"}
 
     def exit(self, context: bpy.types.Context, cancel: bool) -> None:
-        """Called by Blender."""
         film = session.of(context.scene)
         if film is not None:
             film.fetcher.want(film.shown)
@@ -65,33 +61,18 @@ class ONEFRAME_GT_strip(bpy.types.Gizmo):
         at = film.at_time(layout.time_at(x))
         if at != film.shown or not shown_frame.is_shown(context.scene):
             shown_frame.show(context.scene, at)
-        redraw(context)
+        redraw()
 
 
-class ONEFRAME_GGT_strip(bpy.types.GizmoGroup):
+class ONEFRAME_GGT_strip(WholeView):
     """The strip of a video"""
 
-    bl_idname = "ONEFRAME_GGT_strip"
     bl_label = "Video"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "WINDOW"
-    bl_options = {"PERSISTENT", "SHOW_MODAL_ALL"}
+    gizmo = "ONEFRAME_GT_strip"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Called by Blender."""
         return film_in(context) is not None
 
-    def setup(self, _context: bpy.types.Context) -> None:
-        """Called by Blender."""
-        gizmo = self.gizmos.new(ONEFRAME_GT_strip.bl_idname)
-        gizmo.use_draw_modal = True
 
-
-_register, unregister = class_registration((ONEFRAME_GT_strip, ONEFRAME_GGT_strip))
-
-
-def register() -> None:
-    """Register the gizmo."""
-    _pointer.clear()
-    _register()
+register, unregister = class_registration(__name__, at_end(_pointer.clear))

@@ -5,12 +5,12 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
-from ..class_registration import class_registration
+from ..class_registration import class_registration, start_timer
 from ..state import from_scene
+from ..state.events import areas
 from ..ui.frame_view import FrameView, shows_frame, window_region
 from ..ui.operator import OperatorResult
-from .frame_tool import FrameTool
-from .zoom import zoom_view
+from .zoom import FrameTool, zoom_view
 
 MARGIN_PX = 8
 """Between the frame and what surrounds it, at interface scale 1."""
@@ -19,23 +19,14 @@ DRAWN_S = 0.05
 """Time after which a view has been drawn once; before that its regions have no sizes."""
 
 _waiting: set[int] = set()
-_reserved: list[Callable[[bpy.types.Area], float]] = []
-
-
-def reserve(height_of: Callable[[bpy.types.Area], float]) -> None:
-    """Leave ``height_of(area)`` px at the bottom of 3D views to what draws there, until :func:`release`."""
-    _reserved.append(height_of)
-
-
-def release(height_of: Callable[[bpy.types.Area], float]) -> None:
-    """Undo :func:`reserve`."""
-    _reserved.remove(height_of)
+reserved: list[Callable[[bpy.types.Area], float]] = []
+"""Functions of a 3D view: the height, px, at its bottom that is left to what draws there."""
 
 
 def free_rectangle(area: bpy.types.Area) -> tuple[np.ndarray, np.ndarray]:
     """Lower left and upper right corner (px of the view's region) of what is left of a 3D view for frame and loupe."""
     low, high = uncovered_rectangle(area)
-    below = max((height_of(area) for height_of in _reserved), default=0.0)
+    below = max((height_of(area) for height_of in reserved), default=0.0)
     low = np.maximum(low, [0.0, below])
     return (low, high) if (high > low).all() else uncovered_rectangle(area)
 
@@ -81,26 +72,23 @@ def fit_soon(area: bpy.types.Area) -> None:
     if bpy.app.background:
         return
     _waiting.add(area.as_pointer())
-    if not bpy.app.timers.is_registered(fit_waiting):
-        bpy.app.timers.register(fit_waiting, first_interval=DRAWN_S)
+    start_timer(fit_waiting, DRAWN_S)
 
 
 def fit_waiting() -> None:
     """Timer: fit the frame in the views that wait for it."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type != "VIEW_3D" or area.as_pointer() not in _waiting or window_region(area).width <= 1:
-                continue
-            with bpy.context.temp_override(window=window, area=area, region=window_region(area)):
-                if from_scene.present_camera(window.scene) is not None and shows_frame(bpy.context):
-                    fit_frame(window.scene, area)
+    for window, area in areas("VIEW_3D"):
+        if area.as_pointer() not in _waiting or window_region(area).width <= 1:
+            continue
+        with bpy.context.temp_override(window=window, area=area, region=window_region(area)):
+            if from_scene.present_camera(window.scene) is not None and shows_frame(bpy.context):
+                fit_frame(window.scene, area)
     _waiting.clear()
 
 
-class ONEFRAME_OT_fit_frame(FrameTool, bpy.types.Operator):
+class ONEFRAME_OT_fit_frame(FrameTool):
     """Show the whole frame, beside toolbar and sidebar"""
 
-    bl_idname = "oneframe.fit_frame"
     bl_label = "Fit Frame"
     bl_options = {"REGISTER"}
 
@@ -109,4 +97,4 @@ class ONEFRAME_OT_fit_frame(FrameTool, bpy.types.Operator):
         return {"FINISHED"}
 
 
-register, unregister = class_registration((ONEFRAME_OT_fit_frame,))
+register, unregister = class_registration(__name__)

@@ -10,12 +10,13 @@ from collections.abc import Sequence
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import attached, class_registration, prop
 from ..state import camera_view, from_scene
+from ..state.events import redraw
 from ..ui.frame_view import FrameView
-from ..ui.keymap import Key, Keys
-from ..ui.operator import OperatorResult, redraw
-from .frame_tool import FrameTool
+from ..ui.keymap import Key, keys
+from ..ui.operator import OperatorResult
+from .zoom import FrameTool
 
 OPACITIES = (1.0, 0.6, 0.3, 0.0)
 COMPARISONS = [
@@ -49,46 +50,55 @@ def _set_wireframe(self: bpy.types.PropertyGroup, value: bool) -> None:
 class ONEFRAME_PG_view(bpy.types.PropertyGroup):
     """Settings of the camera view."""
 
-    opacity: float = prop(FloatProperty(
-        name="Opacity", description="Opacity of the surface over the frame", min=0, max=1, default=0, subtype="FACTOR",
-    ))  # fmt: skip
+    opacity: float = prop(
+        FloatProperty, "Opacity", "Opacity of the surface over the frame", min=0, max=1, subtype="FACTOR"
+    )
     wireframe: bool = prop(
-        BoolProperty(
-            name="Wireframe", description="Show the surface as a wireframe", get=_wireframe, set=_set_wireframe
-        )
+        BoolProperty, "Wireframe", "Show the surface as a wireframe", get=_wireframe, set=_set_wireframe
     )
     contour: bool = prop(
-        BoolProperty(
-            name="Contour", description="Draw outlines and creases of the surface over the frame", default=True
-        )
+        BoolProperty, "Contour", "Draw outlines and creases of the surface over the frame", default=True
     )
-    crease_deg: float = prop(FloatProperty(
-        name="Crease",
-        description="Least change of the surface's normal within 6 px of the frame that counts as a crease, in degrees",
-        min=5, max=120, default=60, precision=0, step=500,
-    ))  # fmt: skip
-    contour_color: Sequence[float] = prop(FloatVectorProperty(
-        name="Contour Colour", description="Colour of the contour", subtype="COLOR_GAMMA", size=3, min=0, max=1,
+    crease_deg: float = prop(
+        FloatProperty,
+        "Crease",
+        "Least change of the surface's normal within 6 px of the frame that counts as a crease, in degrees",
+        min=5,
+        max=120,
+        default=60,
+        precision=0,
+        step=500,
+    )
+    contour_color: Sequence[float] = prop(
+        FloatVectorProperty,
+        "Contour Colour",
+        "Colour of the contour",
+        subtype="COLOR_GAMMA",
+        size=3,
+        min=0,
+        max=1,
         default=(1.0, 0.9, 0.15),
-    ))  # fmt: skip
-    comparison: str = prop(EnumProperty(name="Compare", description="Compare surface and frame", items=COMPARISONS))
-    split: float = prop(FloatProperty(
-        name="Line", description="Position of the line between frame and surface, as a fraction of the frame's width",
-        min=0, max=1, default=0.5, subtype="FACTOR",
-    ))  # fmt: skip
+    )
+    comparison: str = prop(EnumProperty, "Compare", "Compare surface and frame", items=COMPARISONS)
+    split: float = prop(
+        FloatProperty,
+        "Line",
+        "Position of the line between frame and surface, as a fraction of the frame's width",
+        min=0,
+        max=1,
+        default=0.5,
+        subtype="FACTOR",
+    )
     gain: float = prop(
-        FloatProperty(
-            name="Gain",
-            description="Factor by which the difference of a coloured surface is brightened",
-            min=0.5,
-            max=20,
-            default=3.0,
-        )
+        FloatProperty,
+        "Gain",
+        "Factor by which the difference of a coloured surface is brightened",
+        min=0.5,
+        max=20,
+        default=3.0,
     )
     loupe: bool = prop(
-        BoolProperty(
-            name="Loupe", description="Magnify the surroundings of the pointer while you pick landmarks", default=True
-        )
+        BoolProperty, "Loupe", "Magnify the surroundings of the pointer while you pick landmarks", default=True
     )
 
 
@@ -97,7 +107,7 @@ class _Toggle(FrameTool):
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
         self.toggle(context, context.scene.oneframe_view)
-        redraw(context)
+        redraw()
         return {"FINISHED"}
 
     def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
@@ -105,10 +115,9 @@ class _Toggle(FrameTool):
         raise NotImplementedError
 
 
-class ONEFRAME_OT_cycle_opacity(_Toggle, bpy.types.Operator):
+class ONEFRAME_OT_cycle_opacity(_Toggle):
     """Cycle the opacity of the surface: 100, 60, 30, 0 %"""
 
-    bl_idname = "oneframe.cycle_opacity"
     bl_label = "Cycle Opacity"
 
     def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
@@ -116,41 +125,43 @@ class ONEFRAME_OT_cycle_opacity(_Toggle, bpy.types.Operator):
         view.opacity = lower[0] if lower else OPACITIES[0]
 
 
-class ONEFRAME_OT_toggle_wireframe(_Toggle, bpy.types.Operator):
+class ONEFRAME_OT_toggle_wireframe(_Toggle):
     """Show the surface as a wireframe or solid"""
 
-    bl_idname = "oneframe.toggle_wireframe"
     bl_label = "Wireframe"
 
     def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
         view.wireframe = not view.wireframe
 
 
-class ONEFRAME_OT_toggle_contour(_Toggle, bpy.types.Operator):
+class ONEFRAME_OT_toggle_contour(_Toggle):
     """Draw outlines and creases of the surface over the frame"""
 
-    bl_idname = "oneframe.toggle_contour"
     bl_label = "Contour"
 
     def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
         view.contour = not view.contour
 
 
-class ONEFRAME_OT_toggle_blink(_Toggle, bpy.types.Operator):
-    """Alternate between frame and surface twice a second: what jumps is not aligned"""
-
-    bl_idname = "oneframe.toggle_blink"
-    bl_label = "Blink"
+class _Compare(_Toggle):
+    comparison = ""
 
     def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
-        view.comparison = "NONE" if view.comparison == "BLINK" else "BLINK"
+        view.comparison = "NONE" if view.comparison == self.comparison else self.comparison
 
 
-class ONEFRAME_OT_toggle_swipe(_Toggle, bpy.types.Operator):
+class ONEFRAME_OT_toggle_blink(_Compare):
+    """Alternate between frame and surface twice a second: what jumps is not aligned"""
+
+    bl_label = "Blink"
+    comparison = "BLINK"
+
+
+class ONEFRAME_OT_toggle_swipe(_Compare):
     """Show the frame to the left and the surface to the right of a line; the key puts the line under the pointer"""
 
-    bl_idname = "oneframe.toggle_swipe"
     bl_label = "Swipe"
+    comparison = "SWIPE"
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         if context.region.type == "WINDOW":
@@ -161,24 +172,17 @@ class ONEFRAME_OT_toggle_swipe(_Toggle, bpy.types.Operator):
                 context.scene.oneframe_view.split = fraction
         return self.execute(context)
 
-    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
-        view.comparison = "NONE" if view.comparison == "SWIPE" else "SWIPE"
 
-
-class ONEFRAME_OT_toggle_difference(_Toggle, bpy.types.Operator):
+class ONEFRAME_OT_toggle_difference(_Compare):
     """Show where frame and surface differ"""
 
-    bl_idname = "oneframe.toggle_difference"
     bl_label = "Difference"
-
-    def toggle(self, context: bpy.types.Context, view: ONEFRAME_PG_view) -> None:
-        view.comparison = "NONE" if view.comparison == "DIFFERENCE" else "DIFFERENCE"
+    comparison = "DIFFERENCE"
 
 
 class ONEFRAME_OT_show_frame(bpy.types.Operator):
     """Look through the frame's camera"""
 
-    bl_idname = "oneframe.show_frame"
     bl_label = "Look Through Frame"
     bl_options = {"REGISTER"}
 
@@ -191,38 +195,19 @@ class ONEFRAME_OT_show_frame(bpy.types.Operator):
         return {"FINISHED"}
 
 
-VIEW_OPERATORS = (
-    ONEFRAME_OT_cycle_opacity,
-    ONEFRAME_OT_toggle_wireframe,
-    ONEFRAME_OT_toggle_contour,
-    ONEFRAME_OT_toggle_blink,
-    ONEFRAME_OT_toggle_swipe,
-    ONEFRAME_OT_toggle_difference,
-)
-"""In the order of their keys."""
-_CLASSES = (ONEFRAME_PG_view, *VIEW_OPERATORS, ONEFRAME_OT_show_frame)
-_KEYS = Keys(
-    (
-        *(
-            Key(operator.bl_idname, digit)
-            for operator, digit in zip(VIEW_OPERATORS, ("ONE", "TWO", "THREE", "FOUR", "FIVE", "SIX"), strict=True)
-        ),
+register, unregister = class_registration(
+    __name__,
+    attached(bpy.types.Scene, "oneframe_view", ONEFRAME_PG_view),
+    keys(
+        Key("oneframe.cycle_opacity", "ONE"),
+        Key("oneframe.toggle_wireframe", "TWO"),
+        Key("oneframe.toggle_contour", "THREE"),
+        Key("oneframe.toggle_blink", "FOUR"),
+        Key("oneframe.toggle_swipe", "FIVE"),
+        Key("oneframe.toggle_difference", "SIX"),
         Key("oneframe.zoom_frame", "WHEELINMOUSE", properties=(("factor", 1.25),)),
         Key("oneframe.zoom_frame", "WHEELOUTMOUSE", properties=(("factor", 0.8),)),
         Key("oneframe.zoom_frame", "SEVEN", properties=(("magnification", 1.0),)),
         Key("oneframe.fit_frame", "HOME"),
-    )
+    ),
 )
-_register, _unregister = class_registration(_CLASSES, _KEYS)
-
-
-def register() -> None:
-    """Register operators, settings and keys."""
-    _register()
-    bpy.types.Scene.oneframe_view = bpy.props.PointerProperty(type=ONEFRAME_PG_view)
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    del bpy.types.Scene.oneframe_view
-    _unregister()

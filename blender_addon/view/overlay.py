@@ -9,19 +9,19 @@ import bpy
 import gpu
 import numpy as np
 
+from ..class_registration import at_end, class_registration, drawing, start_timer, timers
 from ..pipeline.errors import InputError
 from ..state import from_scene
+from ..state.events import areas
 from ..ui.frame_view import FrameView, shows_frame
-from . import overlay_mesh
 from .operators import ONEFRAME_PG_view
-from .overlay_passes import Projection, SurfacePicture, rectangle, shown_structures
+from .overlay_passes import Projection, SurfacePicture, placed_rectangle, shown_structures
 from .overlay_shaders import MODES, composite_shader
 
 BLINK_S = 0.25
 """Half the period of 2 Hz."""
 
 _pictures: dict[tuple[int, int], SurfacePicture] = {}
-_handle: object | None = None
 _blink_shows_frame = True
 
 
@@ -82,7 +82,7 @@ class Composite:
         shader.uniform_bool("coloured", (self.picture.coloured,))
         gpu.state.depth_test_set("NONE")
         gpu.state.blend_set("ALPHA")
-        rectangle(shader, low, high, gpu.state.viewport_get()[2:]).draw(shader)
+        placed_rectangle(shader, low, high, gpu.state.viewport_get()[2:]).draw(shader)
         gpu.state.blend_set("NONE")
 
 
@@ -140,7 +140,7 @@ def _draw_over_frame(context: bpy.types.Context, scene: bpy.types.Scene) -> None
     if image is None:
         mode = "NONE"
     if mode == "BLINK":
-        _keep_blinking()
+        start_timer(_blink, BLINK_S)
         mode = "FRAME" if _blink_shows_frame else "SURFACE"
     picture = picture_of(region.as_pointer(), region.width, region.height)
     picture.draw(projection, from_scene.surface_of(scene), view.crease_deg if view.contour else None)
@@ -170,40 +170,20 @@ def frame_rectangle(frame_view: FrameView, region: bpy.types.Region) -> tuple[np
     return low, high
 
 
-def _keep_blinking() -> None:
-    if not bpy.app.timers.is_registered(_blink):
-        bpy.app.timers.register(_blink, first_interval=BLINK_S)
-
-
 def _blink() -> float | None:
     """Timer: switch between frame and surface in all blinking views; stops when there are none."""
     global _blink_shows_frame
     # toggled rather than read off a clock: slow redraws would sample a clock at random
     _blink_shows_frame = not _blink_shows_frame
     blinking = False
-    for window in bpy.context.window_manager.windows:
-        if window.scene.oneframe_view.comparison != "BLINK":
-            continue
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D" and area.spaces.active.region_3d.view_perspective == "CAMERA":
-                area.tag_redraw()
-                blinking = True
+    for window, area in areas("VIEW_3D"):
+        in_camera = area.spaces.active.region_3d.view_perspective == "CAMERA"
+        if window.scene.oneframe_view.comparison == "BLINK" and in_camera:
+            area.tag_redraw()
+            blinking = True
     return BLINK_S if blinking else None
 
 
-def register() -> None:
-    """Start drawing."""
-    global _handle
-    overlay_mesh.register()
-    _handle = bpy.types.SpaceView3D.draw_handler_add(draw_view, (), "WINDOW", "POST_VIEW")
-
-
-def unregister() -> None:
-    """Stop drawing, and free the GPU's memory."""
-    global _handle
-    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-    _handle = None
-    if bpy.app.timers.is_registered(_blink):
-        bpy.app.timers.unregister(_blink)
-    _pictures.clear()
-    overlay_mesh.unregister()
+register, unregister = class_registration(
+    __name__, at_end(_pictures.clear), timers(_blink), drawing(bpy.types.SpaceView3D, draw_view, "POST_VIEW")
+)

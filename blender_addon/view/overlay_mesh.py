@@ -13,7 +13,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 from mathutils import Matrix
 
-from ..class_registration import Handlers
+from ..class_registration import at_end, class_registration, listening
 from .overlay_shaders import surface_shader
 
 SHARP = np.cos(np.radians(40.0))
@@ -42,41 +42,30 @@ class DrawnMesh:
     edge_mm: float
     checksum: int
 
-    def draw(self, view_from_model: Matrix, clip_from_view: Matrix, plain: tuple[float, float, float, float]) -> None:
-        """Draw into the active framebuffer; ``plain`` is the RGBA of a mesh without colours."""
-        shader = surface_shader(self.kind)
-        shader.bind()
-        if self.kind == "TEXTURE":
-            shader.uniform_sampler("surface_texture", gpu.texture.from_image(bpy.data.images[self.image]))
-        plain_and_alpha = (*plain, 0.0, 0.0, 0.0, 0.0) if self.kind == "PLAIN" else None
-        self._draw(shader, view_from_model, clip_from_view, plain_and_alpha)
-
-    def draw_structure(
+    def draw(
         self,
         view_from_model: Matrix,
         clip_from_view: Matrix,
         plain: tuple[float, float, float, float],
-        hidden_alpha: float,
-        bone: gpu.types.GPUTexture,
+        hidden_alpha: float = 0.0,
+        bone: gpu.types.GPUTexture | None = None,
     ) -> None:
-        """Draw as a structure; its alpha is ``hidden_alpha`` where the ``bone``'s geometry lies before it."""
-        shader = surface_shader("STRUCTURE")
-        shader.bind()
-        shader.uniform_sampler("bone", bone)
-        self._draw(shader, view_from_model, clip_from_view, (*plain, hidden_alpha, 0.0, 0.0, 0.0))
+        """Draw into the active framebuffer; ``plain`` is the RGBA of a mesh without colours.
 
-    def _draw(
-        self,
-        shader: gpu.types.GPUShader,
-        view_from_model: Matrix,
-        clip_from_view: Matrix,
-        plain: tuple[float, ...] | None,
-    ) -> None:
+        With the ``bone``'s geometry, as a structure: its alpha is ``hidden_alpha`` where that lies before it.
+        """
+        kind = self.kind if bone is None else "STRUCTURE"
+        shader = surface_shader(kind)
+        shader.bind()
+        if bone is not None:
+            shader.uniform_sampler("bone", bone)
+        elif kind == "TEXTURE":
+            shader.uniform_sampler("surface_texture", gpu.texture.from_image(bpy.data.images[self.image]))
         shader.uniform_float("view_from_model", view_from_model)
         shader.uniform_float("clip_from_view", clip_from_view)
-        if plain is not None:
+        if kind in ("PLAIN", "STRUCTURE"):
             # kept in a variable: the buffer must live until the mesh is drawn
-            buffer = gpu.types.GPUUniformBuf(gpu.types.Buffer("FLOAT", 8, plain))
+            buffer = gpu.types.GPUUniformBuf(gpu.types.Buffer("FLOAT", 8, (*plain, hidden_alpha, 0.0, 0.0, 0.0)))
             shader.uniform_block("plain", buffer)
         self.batch.draw(shader)
 
@@ -255,21 +244,11 @@ def _after_undo(*_: object) -> None:
         del _drawn[key]
 
 
-_HANDLERS = Handlers(
-    (bpy.app.handlers.depsgraph_update_post, _after_update),
-    (bpy.app.handlers.undo_post, _after_undo),
-    (bpy.app.handlers.redo_post, _after_undo),
-    (bpy.app.handlers.load_post, _after_undo),
+register, unregister = class_registration(
+    __name__,
+    at_end(_drawn.clear, _maybe_changed.clear),
+    listening(bpy.app.handlers.depsgraph_update_post, _after_update),
+    listening(bpy.app.handlers.undo_post, _after_undo),
+    listening(bpy.app.handlers.redo_post, _after_undo),
+    listening(bpy.app.handlers.load_post, _after_undo),
 )
-
-
-def register() -> None:
-    """Start watching for changes of meshes."""
-    _HANDLERS.register()
-
-
-def unregister() -> None:
-    """Stop watching, and free the GPU's memory."""
-    _HANDLERS.unregister()
-    _drawn.clear()
-    _maybe_changed.clear()

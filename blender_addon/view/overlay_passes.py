@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import bpy
 import gpu
 import numpy as np
-from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix
 
+from ..ui.rectangle import rectangle
 from .overlay_mesh import DrawnMesh, drawn_mesh
 from .overlay_shaders import edges_shader, lines_shader
 
@@ -149,7 +149,7 @@ class SurfacePicture:
             gpu.state.depth_mask_set(True)
             for child, mesh in structures:
                 if mesh is not None:
-                    mesh.draw_structure(
+                    mesh.draw(
                         projection.view_from_world @ world_from_structure(child),
                         projection.clip_from_view,
                         (*child.color[:3], STRUCTURE_ALPHA),
@@ -170,14 +170,14 @@ class SurfacePicture:
             shader.uniform_float("radius_px", radius_px)
             shader.uniform_float("magnification", max(projection.magnification, 1.0))
             shader.uniform_sampler("geometry", self._geometry)
-            rectangle(shader, (0, 0), self.size, self.size).draw(shader)
+            placed_rectangle(shader, (0, 0), self.size, self.size).draw(shader)
         with self._lines_target.bind():
             shader = lines_shader()
             shader.bind()
             shader.uniform_float("crease_rad", np.radians(crease_deg))
             shader.uniform_int("ridge_px", min(max(round(0.5 * radius_px), 1), 32))
             shader.uniform_sampler("edges", self._edges)
-            rectangle(shader, (0, 0), self.size, self.size).draw(shader)
+            placed_rectangle(shader, (0, 0), self.size, self.size).draw(shader)
 
 
 def shown_structures(surface: bpy.types.Object) -> list[bpy.types.Object]:
@@ -193,14 +193,12 @@ def world_from_structure(structure: bpy.types.Object) -> Matrix:
     return parent.matrix_world @ structure.matrix_parent_inverse @ structure.matrix_basis
 
 
-def rectangle(
+def placed_rectangle(
     shader: gpu.types.GPUShader, low: Sequence[float], high: Sequence[float], target: Sequence[float]
 ) -> gpu.types.GPUBatch:
-    """A filled rectangle between two corners, in pixels of a target of size ``target``."""
+    """A filled rectangle between two corners, in pixels of a target of size ``target``; ``at`` is the pixel."""
     corners = np.array([(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])], float)
-    positions = 2 * corners / np.array(target) - 1
-    fields = {"position": np.float32(positions), "px": np.float32(corners)}
-    return batch_for_shader(shader, "TRIS", fields, indices=((0, 1, 2), (0, 2, 3)))
+    return rectangle(shader, 2 * corners / np.array(target) - 1, corners)
 
 
 def _drawing_key(found: bpy.types.Object, mesh: DrawnMesh | None) -> tuple:

@@ -8,7 +8,7 @@ from functools import cache
 
 import gpu
 
-from ..ui.rectangle import DECODE
+from ..ui.rectangle import DECODE, rectangle_shader
 
 SURFACE_KINDS = ("PLAIN", "COLOURS", "TEXTURE", "STRUCTURE")
 MODES = ("NONE", "FRAME", "SURFACE", "SWIPE", "DIFFERENCE", "PICTURE", "FADE")
@@ -70,14 +70,6 @@ void main()
 }
 """
 )
-
-_RECTANGLE_VERTEX = """
-void main()
-{
-  at = px;
-  gl_Position = vec4(position, 0.0, 1.0);
-}
-"""
 
 _DIRECTIONS = """
 const ivec2 directions[4] = ivec2[4](ivec2(1, 0), ivec2(1, 1), ivec2(0, 1), ivec2(-1, 1));
@@ -301,62 +293,28 @@ def surface_shader(kind: str) -> gpu.types.GPUShader:
 @cache
 def edges_shader() -> gpu.types.GPUShader:
     """``geometry`` -> ``edges``: discontinuities of depth, and the change of the normal around each pixel."""
-    info = _rectangle_info("edges")
-    info.sampler(0, "FLOAT_2D", "geometry")
-    info.push_constant("VEC2", "mm_per_px")
-    info.push_constant("FLOAT", "max_slope")
-    info.push_constant("FLOAT", "min_step_mm")
-    info.push_constant("FLOAT", "radius_px")
-    info.push_constant("FLOAT", "magnification")
-    info.fragment_source(_EDGES_FRAGMENT)
-    return gpu.shader.create_from_info(info)
+    numbers = ("max_slope", "min_step_mm", "radius_px", "magnification")
+    constants = (("VEC2", "mm_per_px"), *(("FLOAT", name) for name in numbers))
+    return rectangle_shader("edges", _EDGES_FRAGMENT, ("geometry",), constants, out="edges")
 
 
 @cache
 def lines_shader() -> gpu.types.GPUShader:
     """``edges`` -> ``lines``: one pixel wide; x: occluding contour, y: crease, both 0..1."""
-    info = _rectangle_info("lines")
-    info.sampler(0, "FLOAT_2D", "edges")
-    info.push_constant("FLOAT", "crease_rad")
-    info.push_constant("INT", "ridge_px")
-    info.fragment_source(_LINES_FRAGMENT)
-    return gpu.shader.create_from_info(info)
+    constants = (("FLOAT", "crease_rad"), ("INT", "ridge_px"))
+    return rectangle_shader("lines", _LINES_FRAGMENT, ("edges",), constants, out="lines")
 
 
 @cache
 def composite_shader() -> gpu.types.GPUShader:
     """Frame, picture, structures and lines -> the composite drawn over the view."""
-    info = _rectangle_info("composite")
-    for slot, name in enumerate(("frame", "picture", "structures", "lines")):
-        info.sampler(slot, "FLOAT_2D", name)
-    for kind, name in (
-        ("VEC2", "frame_scale"),
-        ("VEC2", "frame_offset"),
-        ("VEC2", "frame_size"),
-        ("VEC2", "picture_origin"),
-        ("VEC4", "line_colour"),
-        ("FLOAT", "split_px"),
-        ("FLOAT", "gain"),
-        ("FLOAT", "opacity"),
-        ("FLOAT", "white"),
-        ("FLOAT", "line_px"),
-        ("INT", "mode"),
-        ("BOOL", "contour"),
-        ("BOOL", "coloured"),
-        ("BOOL", "target_encodes"),
-    ):
-        info.push_constant(kind, name)  # type: ignore[arg-type]  # from the table above
-    info.fragment_source(_COMPOSITE_FRAGMENT)
-    return gpu.shader.create_from_info(info)
-
-
-def _rectangle_info(out: str) -> gpu.types.GPUShaderCreateInfo:
-    between = gpu.types.GPUStageInterfaceInfo(f"oneframe_{out}")
-    between.smooth("VEC2", "at")
-    info = gpu.types.GPUShaderCreateInfo()
-    info.vertex_in(0, "VEC2", "position")
-    info.vertex_in(1, "VEC2", "px")
-    info.vertex_out(between)
-    info.fragment_out(0, "VEC4", out)
-    info.vertex_source(_RECTANGLE_VERTEX)
-    return info
+    kinds = {
+        "VEC2": ("frame_scale", "frame_offset", "frame_size", "picture_origin"),
+        "VEC4": ("line_colour",),
+        "FLOAT": ("split_px", "gain", "opacity", "white", "line_px"),
+        "INT": ("mode",),
+        "BOOL": ("contour", "coloured", "target_encodes"),
+    }
+    constants = [(kind, name) for kind, names in kinds.items() for name in names]
+    samplers = ("frame", "picture", "structures", "lines")
+    return rectangle_shader("composite", _COMPOSITE_FRAGMENT, samplers, constants, out="composite")

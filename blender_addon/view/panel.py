@@ -4,28 +4,19 @@ import bpy
 
 from ..class_registration import class_registration
 from ..pipeline.errors import InputError
-from ..state import from_scene
 from ..ui.frame_view import shows_frame
 from ..ui.keymap import draw_key
-from ..ui.wrapped_text import draw_text
+from ..ui.panel import AlignmentPanel, draw_text
 from .operators import ONEFRAME_PG_view
 from .overlay import frame_image_of
 from .second_view import second_view
 
 
-class ONEFRAME_PT_view(bpy.types.Panel):
+class ONEFRAME_PT_view(AlignmentPanel):
     """Compare surface and frame"""
 
-    bl_idname = "ONEFRAME_PT_view"
     bl_label = "2  View"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
     bl_order = 1
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return from_scene.is_set_up(context.scene)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
@@ -45,7 +36,8 @@ class ONEFRAME_PT_view(bpy.types.Panel):
     def _draw(self, context: bpy.types.Context, layout: bpy.types.UILayout, view: ONEFRAME_PG_view) -> None:
         row = layout.row(align=True)
         row.prop(view, "opacity", slider=True)
-        _draw_operator(row, "oneframe.cycle_opacity", icon="FILE_REFRESH")
+        row.operator("oneframe.cycle_opacity", text="", icon="FILE_REFRESH")
+        draw_key(row, "oneframe.cycle_opacity")
         _draw_toggle(layout, "oneframe.toggle_wireframe", view.wireframe, "MOD_WIREFRAME")
         _draw_toggle(layout, "oneframe.toggle_contour", view.contour, "MOD_EDGESPLIT")
         if view.contour:
@@ -82,9 +74,4 @@ def _draw_toggle(layout: bpy.types.UILayout, operator: str, is_on: bool, icon: s
     draw_key(row, operator)
 
 
-def _draw_operator(row: bpy.types.UILayout, operator: str, icon: str) -> None:
-    row.operator(operator, text="", icon=icon)
-    draw_key(row, operator)
-
-
-register, unregister = class_registration((ONEFRAME_PT_view,))
+register, unregister = class_registration(__name__)

@@ -4,19 +4,17 @@ import bpy
 
 from ..class_registration import class_registration
 from ..state import camera_view, from_scene
-from ..state.pivot import pivot_of
+from ..state.pose import pivot_of
 from ..ui.frame_view import window_region
-from ..ui.operator import NeedsAlignment, Reporting
+from ..ui.operator import NeedsAlignment, Reporting, available
 from .workspace import show_tab
 
 
 class _In3DView(NeedsAlignment):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if context.space_data is None or context.space_data.type != "VIEW_3D":
-            cls.poll_message_set("Needs a 3D view")
-            return False
-        return super().poll(context)
+        in_view = context.space_data is not None and context.space_data.type == "VIEW_3D"
+        return available(cls, in_view, "Needs a 3D view") and super().poll(context)
 
 
 def second_view(screen: bpy.types.Screen) -> bpy.types.Area | None:
@@ -25,10 +23,9 @@ def second_view(screen: bpy.types.Screen) -> bpy.types.Area | None:
     return views[-1] if len(views) > 1 else None
 
 
-class ONEFRAME_OT_side_by_side(_In3DView, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_side_by_side(_In3DView, Reporting):
     """Show the frame on the left, and the surface in a view that you can orbit freely on the right; again: one view"""
 
-    bl_idname = "oneframe.side_by_side"
     bl_label = "Side by Side"
     bl_options = {"REGISTER"}
 
@@ -73,10 +70,9 @@ def covered_px(area: bpy.types.Area) -> int:
     return sidebar.width if area.spaces.active.show_region_ui and sidebar.width > 1 else 0
 
 
-class ONEFRAME_OT_orbit_surface(_In3DView, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_orbit_surface(_In3DView, Reporting):
     """Leave the camera view and orbit about the surface; the pose stays"""
 
-    bl_idname = "oneframe.orbit_surface"
     bl_label = "Orbit Surface"
     bl_options = {"REGISTER"}
 
@@ -101,4 +97,4 @@ def orbit_surface(scene: bpy.types.Scene, space: bpy.types.SpaceView3D) -> None:
     view.view_rotation = camera_object.matrix_world.to_quaternion()
 
 
-register, unregister = class_registration((ONEFRAME_OT_side_by_side, ONEFRAME_OT_orbit_surface))
+register, unregister = class_registration(__name__)

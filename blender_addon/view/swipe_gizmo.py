@@ -9,8 +9,9 @@ from gpu_extras.presets import draw_circle_2d
 
 from ..class_registration import class_registration
 from ..state import from_scene
+from ..state.events import redraw
 from ..ui.frame_view import FrameView, shows_frame
-from ..ui.operator import OperatorResult, redraw
+from ..ui.operator import OperatorResult, WholeView
 
 GRIP_PX = 9.0
 """Radius of the grip at interface scale 1; the mouse catches it within 1.5 times this."""
@@ -18,8 +19,6 @@ GRIP_PX = 9.0
 
 class ONEFRAME_GT_split(bpy.types.Gizmo):
     """Drag the line between frame and surface"""
-
-    bl_idname = "ONEFRAME_GT_split"
 
     def draw(self, context: bpy.types.Context) -> None:
         grip = _grip(context)
@@ -49,7 +48,7 @@ class ONEFRAME_GT_split(bpy.types.Gizmo):
         frame_view = FrameView.of(context.scene, context.region, context.region_data)
         px = frame_view.px_from_region([event.mouse_region_x, event.mouse_region_y])[0]
         context.scene.oneframe_view.split = (px + 0.5) / frame_view.camera.width
-        redraw(context)
+        redraw()
         return {"RUNNING_MODAL"}
 
     def exit(self, context: bpy.types.Context, cancel: bool) -> None:
@@ -57,14 +56,11 @@ class ONEFRAME_GT_split(bpy.types.Gizmo):
             context.scene.oneframe_view.split = self._before
 
 
-class ONEFRAME_GGT_split(bpy.types.GizmoGroup):
+class ONEFRAME_GGT_split(WholeView):
     """The grip of the swipe"""
 
-    bl_idname = "ONEFRAME_GGT_split"
     bl_label = "Swipe"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "WINDOW"
-    bl_options = {"PERSISTENT", "SHOW_MODAL_ALL"}
+    gizmo = "ONEFRAME_GT_split"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -73,10 +69,6 @@ class ONEFRAME_GGT_split(bpy.types.GizmoGroup):
             and context.scene.oneframe_view.comparison == "SWIPE"
             and shows_frame(context)
         )
-
-    def setup(self, _context: bpy.types.Context) -> None:
-        gizmo = self.gizmos.new(ONEFRAME_GT_split.bl_idname)
-        gizmo.use_draw_modal = True
 
 
 def _grip(context: bpy.types.Context) -> tuple[float, float]:
@@ -91,4 +83,4 @@ def _radius(context: bpy.types.Context) -> float:
     return GRIP_PX * context.preferences.system.ui_scale
 
 
-register, unregister = class_registration((ONEFRAME_GT_split, ONEFRAME_GGT_split))
+register, unregister = class_registration(__name__)

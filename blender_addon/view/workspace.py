@@ -9,9 +9,10 @@ Blender switches workspaces between two events, so this happens in steps of a ti
 import bpy
 from bpy.app.handlers import persistent
 
-from ..class_registration import Handlers, class_registration
+from ..class_registration import at_end, class_registration, listening, start_timer, timers
 from ..state import camera_view, workbench
 from ..state.camera_view import WORKSPACE
+from ..state.events import areas
 from ..ui.frame_view import window_region
 from ..ui.keymap import PIN_TOOL
 from ..ui.operator import OperatorResult
@@ -41,16 +42,11 @@ def _entered(window: bpy.types.Window, left: bpy.types.Scene) -> None:
     if bpy.app.background or is_own(window.workspace):
         return
     window.workspace[_LEFT] = left.name
-    _settle_soon()
+    start_timer(_settle, 0.0)
 
 
 _LEFT = "oneframe_left_scene"
 """Custom property of the user's workspace, while the window leaves it: the scene to come back to."""
-
-
-def _settle_soon() -> None:
-    if not bpy.app.timers.is_registered(_settle):
-        bpy.app.timers.register(_settle, first_interval=0.0)
 
 
 def _settle() -> float | None:
@@ -156,17 +152,15 @@ def show_tab(area: bpy.types.Area) -> None:
     key = area.as_pointer()
 
     def show() -> float | None:
-        for window in bpy.context.window_manager.windows:
-            for found in window.screen.areas:
-                if found.as_pointer() != key or found.type != "VIEW_3D":
-                    continue
-                sidebar = next(region for region in found.regions if region.type == "UI")
-                try:
-                    sidebar.active_panel_category = TAB  # type: ignore[assignment]  # any tab's name
-                except (AttributeError, TypeError):  # read-only before the sidebar is drawn; no such tab yet
-                    found.tag_redraw()
-                    return DRAWN_S
-                found.tag_redraw()
+        for _window, found in areas("VIEW_3D"):
+            if found.as_pointer() != key:
+                continue
+            found.tag_redraw()
+            sidebar = next(region for region in found.regions if region.type == "UI")
+            try:
+                sidebar.active_panel_category = TAB  # type: ignore[assignment]  # any tab's name
+            except (AttributeError, TypeError):  # read-only before the sidebar is drawn; no such tab yet
+                return DRAWN_S
         return None
 
     bpy.app.timers.register(show, first_interval=DRAWN_S)
@@ -177,7 +171,7 @@ def _after_change(*_: object) -> None:
     """After undo, redo or opening a file, scenes and workspaces may no longer belong together."""
     _entering.clear()
     if not bpy.app.background:
-        _settle_soon()
+        start_timer(_settle, 0.0)
 
 
 @persistent
@@ -203,7 +197,6 @@ def remove() -> None:
 class ONEFRAME_OT_enter_workbench(bpy.types.Operator):
     """Return to the alignment in this file, in its own workspace"""
 
-    bl_idname = "oneframe.enter_workbench"
     bl_label = "Back to OneFrame"
     bl_options = {"REGISTER"}
 
@@ -216,31 +209,13 @@ class ONEFRAME_OT_enter_workbench(bpy.types.Operator):
         return {"FINISHED"}
 
 
-_register_classes, _unregister_classes = class_registration((ONEFRAME_OT_enter_workbench,))
-_HANDLERS = Handlers(
-    (bpy.app.handlers.undo_post, _after_change),
-    (bpy.app.handlers.redo_post, _after_change),
-    (bpy.app.handlers.load_post, _after_load),
+register, unregister = class_registration(
+    __name__,
+    at_end(_entering.clear, _opened.clear, remove),
+    timers(_settle, fit.fit_waiting),
+    listening(workbench.listeners, _entered),
+    listening(camera_view.listeners, fit.fit_soon),
+    listening(bpy.app.handlers.undo_post, _after_change),
+    listening(bpy.app.handlers.redo_post, _after_change),
+    listening(bpy.app.handlers.load_post, _after_load),
 )
-
-
-def register() -> None:
-    """Follow the workbench's scene with the window's workspace."""
-    _register_classes()
-    workbench.on_entered(_entered)
-    camera_view.on_look(fit.fit_soon)
-    _HANDLERS.register()
-
-
-def unregister() -> None:
-    """Undo :func:`register`, and leave the windows as they were found."""
-    _HANDLERS.unregister()
-    camera_view.remove_listener(fit.fit_soon)
-    workbench.remove_listener(_entered)
-    for timer in (_settle, fit.fit_waiting):
-        if bpy.app.timers.is_registered(timer):
-            bpy.app.timers.unregister(timer)
-    _entering.clear()
-    _opened.clear()
-    remove()
-    _unregister_classes()

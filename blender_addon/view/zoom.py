@@ -6,29 +6,35 @@ from bpy.props import FloatProperty
 from numpy.typing import ArrayLike
 
 from ..class_registration import class_registration, prop
-from ..ui.frame_view import FrameView, window_region
-from ..ui.operator import OperatorResult
-from .frame_tool import FrameTool
+from ..ui.frame_view import FrameView, shows_frame, window_region
+from ..ui.operator import NeedsAlignment, OperatorResult, available
 
 MAGNIFICATIONS = (1 / 16, 64.0)
 """Smallest and largest zoom in region pixels per frame pixel."""
 
 
-class ONEFRAME_OT_zoom_frame(FrameTool, bpy.types.Operator):
+class FrameTool(NeedsAlignment):
+    """Mixin: available in 3D views that look through the frame's camera."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and available(cls, shows_frame(context), "Look through the frame's camera first")
+
+
+class ONEFRAME_OT_zoom_frame(FrameTool):
     """Zoom the camera view about the pointer; the pose stays"""
 
-    bl_idname = "oneframe.zoom_frame"
     bl_label = "Zoom Frame"
     bl_options = {"REGISTER"}
 
-    factor: float = prop(
-        FloatProperty(name="Factor", description="Change of the zoom", default=1.25, min=0.01, max=100)
+    factor: float = prop(FloatProperty, "Factor", "Change of the zoom", default=1.25, min=0.01, max=100)
+    magnification: float = prop(
+        FloatProperty,
+        "Magnification",
+        "Screen pixels per pixel of the frame; 0 to use the factor",
+        min=0,
+        max=MAGNIFICATIONS[1],
     )
-    magnification: float = prop(FloatProperty(
-        name="Magnification",
-        description="Screen pixels per pixel of the frame; 0 to use the factor",
-        default=0, min=0, max=MAGNIFICATIONS[1],
-    ))  # fmt: skip
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         region = window_region(context.area)
@@ -82,4 +88,4 @@ def _zoom_factor(view_camera_zoom: float) -> float:
     return (np.sqrt(2) + view_camera_zoom / 50) ** 2 / 4
 
 
-register, unregister = class_registration((ONEFRAME_OT_zoom_frame,))
+register, unregister = class_registration(__name__)

@@ -1,25 +1,35 @@
-"""Draws the drilled bone in blocks, and the structures in it; only blocks that have changed go to the GPU again."""
+"""Draws the drilled bone in blocks, of which only those that have changed go to the GPU again, and the burr."""
 
 from functools import cache
 
 import bpy
 import gpu
 import numpy as np
-from mathutils import Matrix
+from bpy_extras import view3d_utils
+from mathutils import Matrix, Vector
 
-from ..pipeline.blender.alignment import surface_object
+from ..class_registration import at_end, class_registration, cursor, drawing
 from ..pipeline.blender.alignment.alignment_scene import BONE_RGBA
 from ..pipeline.images.pixel_values import linear_from_codes
 from ..pipeline.surface.structure_colour import OTHER, structure_colour
 from ..state import from_scene
+from ..ui.strokes import Colour, Strokes, in_window_pixels
+from ..view.fit import free_rectangle
 from . import drill_session
-from .drill_session import BlockKey, DrillSession
+from .drill_gesture import is_ready
+from .drill_session import BlockKey, Burr, DrillSession, burr_at, world_from_mesh
 
 FRESH_RGB = (0.95, 0.80, 0.66)
 """Bone that the drill has opened."""
 
 HIDDEN_ALPHA = 0.22
 """Of structures behind bone that have a colour of their own."""
+
+FREE: Colour = (0.45, 0.95, 0.5, 1.0)
+NEAR: Colour = (1.0, 0.8, 0.2, 1.0)
+STOPPED: Colour = (1.0, 0.3, 0.25, 1.0)
+NEAR_MM = 2.0
+"""Up to this distance of the burr from a structure it is drawn as near."""
 
 _VERTEX = """
 void main()
@@ -45,14 +55,6 @@ void main()
 
 _uploaded: dict[BlockKey | str, gpu.types.GPUBatch] = {}
 _of: DrillSession | None = None
-_handle: object | None = None
-
-
-def world_from_mesh(scene: bpy.types.Scene) -> np.ndarray:
-    """``(4, 4)``: LPS mm -> the world of Blender, as the surface lies."""
-    surface = from_scene.surface_of(scene)
-    world_from_model = np.array(surface.matrix_world, np.float64)
-    return world_from_model @ np.linalg.inv(surface_object.mesh_from_model_of(surface))
 
 
 @cache
@@ -150,15 +152,59 @@ def _draw(
         _uploaded[key].draw(shader)
 
 
-def register() -> None:
-    """Draw in 3D views."""
-    global _handle
-    _handle = bpy.types.SpaceView3D.draw_handler_add(draw_bone, (), "WINDOW", "POST_VIEW")
+def draw_burr(pointer: tuple[int, int]) -> None:
+    """Draw at the pointer (window px); called by Blender for the region under it, whenever it moves."""
+    context = bpy.context
+    region, region_3d = context.region, context.region_data
+    if region is None or region_3d is None or not is_ready(context):
+        return
+    session = drill_session.of(context.scene)
+    at = np.array([pointer[0] - region.x + 0.5, pointer[1] - region.y + 0.5])
+    low, high = free_rectangle(context.area)
+    if session is None or not ((at >= low).all() and (at < high).all()):
+        return
+    burr = burr_at(context, session, session.removed, (float(at[0]), float(at[1])))
+    if burr is None:
+        return
+    world = world_from_mesh(context.scene)
+    centre = Vector(world[:3, :3] @ burr.centre + world[:3, 3])
+    across = region_3d.view_rotation @ Vector((burr.radius_mm, 0.0, 0.0))
+    ends = [view3d_utils.location_3d_to_region_2d(region, region_3d, place) for place in (centre, centre + across)]
+    if None in ends:
+        return
+    middle, side = (np.array(end, float) for end in ends)
+    strokes, colour = Strokes(), colour_of(burr)
+    radius = float(np.linalg.norm(side - middle))
+    strokes.circle(middle, radius / strokes.unit, colour)
+    strokes.cross(middle, 0.0, 3.0, colour, width=1.0)
+    text, aside = text_of(burr), 0.8 * radius + 8 * strokes.unit
+    shift = aside if middle[0] + aside + strokes.width_of(text) < high[0] else -aside - strokes.width_of(text)
+    strokes.text(middle + np.array([shift, 0.7 * radius]), text, colour)
+    with in_window_pixels() as (left, below):
+        gpu.matrix.load_matrix(Matrix.Translation((region.x - left, region.y - below, 0.0)))
+        strokes.draw()
 
 
-def unregister() -> None:
-    """Stop drawing, and free the GPU's memory."""
-    global _handle, _of
-    bpy.types.SpaceView3D.draw_handler_remove(_handle, "WINDOW")
-    _handle, _of = None, None
+def colour_of(burr: Burr) -> Colour:
+    """Green far from structures, amber near one, red where a margin stops the burr."""
+    return STOPPED if burr.stopped else NEAR if burr.distance_mm < NEAR_MM else FREE
+
+
+def text_of(burr: Burr) -> str:
+    """Diameter of the burr, and the nearest structure with its distance."""
+    size = f"{2 * burr.radius_mm:.1f} mm"
+    if not burr.structure:
+        return size
+    near = f"{burr.structure.replace('_', ' ')} {max(burr.distance_mm, 0.0):.1f} mm"
+    return f"{size}   {near}{'   margin' if burr.stopped else ''}"
+
+
+def _forget() -> None:
+    global _of
+    _of = None
     _uploaded.clear()
+
+
+register, unregister = class_registration(
+    __name__, at_end(_forget), drawing(bpy.types.SpaceView3D, draw_bone, "POST_VIEW"), cursor(draw_burr)
+)

@@ -1,93 +1,33 @@
-"""A drag of the burr: one operator and one undo step, as long as the mouse button is held; Esc takes it back."""
+"""The tool with which the mouse drills. A drag is one operator and one undo step; Esc takes it back."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import bpy
 import numpy as np
 from bpy.props import FloatProperty
-from bpy_extras import view3d_utils
 
-from ..class_registration import class_registration, prop
-from ..pipeline.volume.bone.isosurface import RemovedField
-from ..ui.keymap import DRILL_TOOL, Key, Keys, active_tool
+from ..class_registration import class_registration, prop, tool
+from ..state.events import redraw
+from ..ui.keymap import DRILL_TOOL, TOOLS, Key, ViewTool, active_tool, keys
 from ..ui.operator import OperatorResult
 from . import drill_session, drill_strokes
-from .drill_drawing import world_from_mesh
-from .drill_session import DrillSession
-from .properties import redraw
-
-DEPTH = 0.5
-"""How deep a stroke goes, in radii of the burr."""
+from .drill_session import burr_at
 
 LEAST_STEP = 0.12
 """Between points of a stroke, in radii."""
-
-APPROACH = 3.0
-"""From so many radii outside, the burr comes towards the bone."""
-
-
-@dataclass(frozen=True)
-class Burr:
-    """The burr under the pointer.
-
-    Attributes
-    ----------
-    centre
-        ``(3,)`` LPS, mm.
-    radius_mm
-        Its radius.
-    stopped
-        Whether a margin holds it back.
-    structure, distance_mm
-        The nearest structure, and its distance from the burr's surface; no name if there is none.
-    """
-
-    centre: np.ndarray
-    radius_mm: float
-    stopped: bool
-    structure: str
-    distance_mm: float
-
-
-def burr_at(
-    context: bpy.types.Context, session: DrillSession, removed: RemovedField | None, at: tuple[float, float]
-) -> Burr | None:
-    """The burr on the bone that a field has left, under a place of the region (px); ``None`` beside the bone."""
-    region, region_3d = context.region, context.region_data
-    origin = np.array(view3d_utils.region_2d_to_origin_3d(region, region_3d, at))
-    toward = np.array(view3d_utils.region_2d_to_vector_3d(region, region_3d, at))
-    mesh_from_world = np.linalg.inv(world_from_mesh(context.scene))
-    origin = mesh_from_world[:3, :3] @ origin + mesh_from_world[:3, 3]
-    toward = mesh_from_world[:3, :3] @ toward
-    toward /= np.linalg.norm(toward)
-    hit = session.hit(removed, origin, toward)
-    if hit is None:
-        return None
-    radius = float(context.scene.oneframe_ct.burr_mm) / 2
-    radius = float(drill_strokes.rounded(np.array(radius)))
-    centre = hit - (1 - DEPTH) * radius * toward
-    reached = session.reached(centre - APPROACH * radius * toward, centre, radius)
-    stopped = bool(np.linalg.norm(reached - centre) > 1e-6)
-    centre = drill_strokes.rounded(reached)
-    near = session.nearest(centre)
-    name, distance = ("", np.inf) if near is None else near
-    return Burr(centre, radius, stopped, name, distance - radius)
 
 
 class ONEFRAME_OT_drill_stroke(bpy.types.Operator):
     """Drag: remove bone with the burr"""
 
-    bl_idname = "oneframe.drill_stroke"
     bl_label = "Drill"
     bl_options = {"UNDO", "BLOCKING"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Called by Blender."""
         return is_ready(context)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
         session = drill_session.of(context.scene)
         if session is None:
             return {"PASS_THROUGH"}
@@ -102,7 +42,6 @@ class ONEFRAME_OT_drill_stroke(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
         if drill_session.of(context.scene) is not self._session:
             return self._end(context, undo=False)
         if event.type in ("ESC", "RIGHTMOUSE") and event.value == "PRESS":
@@ -145,19 +84,16 @@ class ONEFRAME_OT_drill_stroke(bpy.types.Operator):
 class ONEFRAME_OT_burr_size(bpy.types.Operator):
     """Change the diameter of the burr"""
 
-    bl_idname = "oneframe.burr_size"
     bl_label = "Size of the Burr"
     bl_options = {"INTERNAL"}
 
-    factor: float = prop(FloatProperty(name="Factor", default=1.25))
+    factor: float = prop(FloatProperty, "Factor", default=1.25)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Called by Blender."""
         return is_ready(context)
 
     def execute(self, context: bpy.types.Context) -> OperatorResult:
-        """Called by Blender."""
         settings = context.scene.oneframe_ct
         settings.burr_mm = round(settings.burr_mm * self.factor, 1)
         return {"FINISHED"}
@@ -169,14 +105,32 @@ def is_ready(context: bpy.types.Context) -> bool:
     return in_view and active_tool(context) == DRILL_TOOL and drill_session.of(context.scene) is not None
 
 
-_TOOLS = (DRILL_TOOL,)
-_KEYS = Keys(
-    (
-        Key("oneframe.drill_stroke", "LEFTMOUSE", tools=_TOOLS),
-        Key("oneframe.burr_size", "WHEELUPMOUSE", ctrl=True, properties=(("factor", 1.25),), tools=_TOOLS),
-        Key("oneframe.burr_size", "WHEELDOWNMOUSE", ctrl=True, properties=(("factor", 0.8),), tools=_TOOLS),
-        Key("oneframe.burr_size", "RIGHT_BRACKET", properties=(("factor", 1.25),), tools=_TOOLS),
-        Key("oneframe.burr_size", "LEFT_BRACKET", properties=(("factor", 0.8),), tools=_TOOLS),
+class DrillTool(ViewTool):
+    """Drill the bone of the CT with a spherical burr"""
+
+    bl_idname = DRILL_TOOL
+    bl_label = TOOLS[DRILL_TOOL]
+    bl_description = (
+        "Drill the bone of the CT with a spherical burr, which stops at the margins of structures.\n"
+        "Drag: remove bone. Ctrl + Wheel, [ and ]: diameter of the burr. Ctrl + Z: take back a stroke"
     )
+    bl_icon = "ops.sculpt.mask_by_color"
+
+    @staticmethod
+    def draw_settings(context: bpy.types.Context, layout: bpy.types.UILayout, _tool: bpy.types.WorkSpaceTool) -> None:
+        if drill_session.of(context.scene) is None:
+            layout.label(text="Press Drill in the panel CT first")
+            return
+        layout.prop(context.scene.oneframe_ct, "burr_mm")
+        layout.label(text="Drag: Remove Bone    [ ]: Burr    Ctrl + Z: Undo Stroke")
+
+
+_TOOLS = (DRILL_TOOL,)
+_KEYS = keys(
+    Key("oneframe.drill_stroke", "LEFTMOUSE", tools=_TOOLS),
+    Key("oneframe.burr_size", "WHEELUPMOUSE", ctrl=True, properties=(("factor", 1.25),), tools=_TOOLS),
+    Key("oneframe.burr_size", "WHEELDOWNMOUSE", ctrl=True, properties=(("factor", 0.8),), tools=_TOOLS),
+    Key("oneframe.burr_size", "RIGHT_BRACKET", properties=(("factor", 1.25),), tools=_TOOLS),
+    Key("oneframe.burr_size", "LEFT_BRACKET", properties=(("factor", 0.8),), tools=_TOOLS),
 )
-register, unregister = class_registration((ONEFRAME_OT_drill_stroke, ONEFRAME_OT_burr_size), _KEYS)
+register, unregister = class_registration(__name__, tool(DrillTool, "oneframe.move_tool"), _KEYS)

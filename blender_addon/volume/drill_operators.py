@@ -14,10 +14,11 @@ from ..pipeline.volume.drill.drill_guard import check_margins
 from ..pipeline.volume.drill.drill_plan import DrillPlan, check_strokes, read_drill_plan, unprotected, write_drill_plan
 from ..state import from_scene
 from ..state.camera_view import views
-from ..state.inputs import input_files
+from ..state.events import redraw
+from ..state.scene_files import input_files
 from ..ui.background_operator import InBackground, Work
 from ..ui.keymap import DRILL_TOOL
-from ..ui.operator import Messages, Reporting, ReportingFile, SavesFile, redraw
+from ..ui.operator import Messages, Reporting, ReportingFile, SavesFile, available
 from . import drill_session, drill_strokes
 from .loaded import key_of, loaded_ct
 from .margins import margins_of, structures_of
@@ -25,21 +26,15 @@ from .operators import NeedsCT
 from .surface import is_from_ct
 
 
-class ONEFRAME_OT_drill(InBackground, NeedsCT, bpy.types.Operator):
+class ONEFRAME_OT_drill(InBackground, NeedsCT):
     """Drill the bone: the burr removes it under the pointer, and stops at the margins of structures"""
 
-    bl_idname = "oneframe.drill"
     bl_label = "Drill"
-    bl_options = {"REGISTER", "UNDO"}
     doing = "Preparing the drill"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Called by Blender."""
-        if super().poll(context) and not is_from_ct(context.scene):
-            cls.poll_message_set("Make the surface of this CT first")
-            return False
-        return super().poll(context)
+        return super().poll(context) and available(cls, is_from_ct(context.scene), "Make the surface of this CT first")
 
     def work(self, context: bpy.types.Context) -> Work:
         scene = context.scene
@@ -78,32 +73,26 @@ def _activate_tool(context: bpy.types.Context) -> None:
             bpy.ops.wm.tool_set_by_id(name=DRILL_TOOL)
 
 
-class ONEFRAME_OT_stop_drill(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_stop_drill(Reporting):
     """Show the surface again; what was drilled stays, and Make Surface applies it"""
 
-    bl_idname = "oneframe.stop_drill"
     bl_label = "End Drilling"
-    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Called by Blender."""
         return context.scene.oneframe_ct.drilling
 
     def run(self, context: bpy.types.Context) -> None:
         drill_session.end(context.scene)
 
 
-class ONEFRAME_OT_undo_stroke(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_undo_stroke(Reporting):
     """Take the last stroke of the drill back"""
 
-    bl_idname = "oneframe.undo_stroke"
     bl_label = "Undo Stroke"
-    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Called by Blender."""
         return bool(context.scene.oneframe_ct.strokes_text)
 
     def run(self, context: bpy.types.Context) -> None:
@@ -117,15 +106,13 @@ def _set_strokes(scene: bpy.types.Scene, strokes: Any) -> None:
         session.follow(drill_strokes.strokes_of(scene))
 
 
-class ONEFRAME_OT_open_plan(NeedsCT, ReportingFile, bpy.types.Operator, ImportHelper):
+class ONEFRAME_OT_open_plan(NeedsCT, ReportingFile, ImportHelper):
     """Open a plan of the drill: its strokes and margins replace the present ones"""
 
-    bl_idname = "oneframe.open_plan"
     bl_label = "Open Plan"
-    bl_options = {"REGISTER", "UNDO"}
 
-    filter_glob: str = prop(StringProperty(default="*.toml", options={"HIDDEN"}))
-    filepath: str = prop(StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"}))
+    filter_glob: str = prop(StringProperty, default="*.toml", options={"HIDDEN"})
+    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
 
     def run(self, context: bpy.types.Context) -> Messages:
         scene, path = context.scene, self.chosen_file()
@@ -136,34 +123,25 @@ class ONEFRAME_OT_open_plan(NeedsCT, ReportingFile, bpy.types.Operator, ImportHe
         return *messages, f"{path.name}: {len(plan.strokes)} strokes"
 
 
-class ONEFRAME_OT_save_plan(SavesFile, bpy.types.Operator):
+class ONEFRAME_OT_save_plan(SavesFile):
     """Save strokes and margins as a plan, for oneframe surface --drill"""
 
-    bl_idname = "oneframe.save_plan"
     bl_label = "Save Plan"
     bl_options = {"REGISTER"}
 
     filename_ext = ".toml"
     usual_name = "drill.toml"
-    filter_glob: str = prop(StringProperty(default="*.toml", options={"HIDDEN"}))
+    filter_glob: str = prop(StringProperty, default="*.toml", options={"HIDDEN"})
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Called by Blender."""
         return bool(context.scene.oneframe_ct.strokes_text)
 
     def run(self, context: bpy.types.Context) -> Messages:
         path: Path = self.chosen_file()
         write_drill_plan(path, drill_strokes.plan_of(context.scene), input_files(context.scene))
-        redraw(context)
+        redraw()
         return (f"saved {path}",)
 
 
-_CLASSES = (
-    ONEFRAME_OT_drill,
-    ONEFRAME_OT_stop_drill,
-    ONEFRAME_OT_undo_stroke,
-    ONEFRAME_OT_open_plan,
-    ONEFRAME_OT_save_plan,
-)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

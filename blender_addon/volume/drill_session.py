@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
+from bpy_extras import view3d_utils
 
-from ..class_registration import Handlers
+from ..class_registration import at_end, class_registration, listening
+from ..pipeline.blender.alignment import surface_object
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.volume.bone.bone import bone_voxels
 from ..pipeline.volume.bone.isosurface import RemovedField, block_surface
@@ -21,12 +23,18 @@ from ..pipeline.volume.drill.burr_room import BurrRoom
 from ..pipeline.volume.drill.drill_plan import DrillPlan, Stroke
 from ..pipeline.volume.drill.virtual_drill import DrilledVolume, VoxelBox
 from ..state import from_scene
+from ..state.events import redraw
 from . import drill_strokes
 from .loaded import Key, LoadedCT, ct_of, key_of
-from .properties import redraw
 
 BLOCK = 32
 """Cells along an axis of the blocks: few enough to make again at once, and not too many to draw."""
+
+DEPTH = 0.5
+"""How deep a stroke goes, in radii of the burr."""
+
+APPROACH = 3.0
+"""From so many radii outside, the burr comes towards the bone."""
 
 BlockKey = tuple[int, int, int]
 
@@ -162,6 +170,61 @@ def prepared(
     return session
 
 
+def world_from_mesh(scene: bpy.types.Scene) -> np.ndarray:
+    """``(4, 4)``: LPS mm -> the world of Blender, as the surface lies."""
+    surface = from_scene.surface_of(scene)
+    world_from_model = np.array(surface.matrix_world, np.float64)
+    return world_from_model @ np.linalg.inv(surface_object.mesh_from_model_of(surface))
+
+
+@dataclass(frozen=True)
+class Burr:
+    """The burr under the pointer.
+
+    Attributes
+    ----------
+    centre
+        ``(3,)`` LPS, mm.
+    radius_mm
+        Its radius.
+    stopped
+        Whether a margin holds it back.
+    structure, distance_mm
+        The nearest structure, and its distance from the burr's surface; no name if there is none.
+    """
+
+    centre: np.ndarray
+    radius_mm: float
+    stopped: bool
+    structure: str
+    distance_mm: float
+
+
+def burr_at(
+    context: bpy.types.Context, session: DrillSession, removed: RemovedField | None, at: tuple[float, float]
+) -> Burr | None:
+    """The burr on the bone that a field has left, under a place of the region (px); ``None`` beside the bone."""
+    region, region_3d = context.region, context.region_data
+    origin = np.array(view3d_utils.region_2d_to_origin_3d(region, region_3d, at))
+    toward = np.array(view3d_utils.region_2d_to_vector_3d(region, region_3d, at))
+    mesh_from_world = np.linalg.inv(world_from_mesh(context.scene))
+    origin = mesh_from_world[:3, :3] @ origin + mesh_from_world[:3, 3]
+    toward = mesh_from_world[:3, :3] @ toward
+    toward /= np.linalg.norm(toward)
+    hit = session.hit(removed, origin, toward)
+    if hit is None:
+        return None
+    radius = float(context.scene.oneframe_ct.burr_mm) / 2
+    radius = float(drill_strokes.rounded(np.array(radius)))
+    centre = hit - (1 - DEPTH) * radius * toward
+    reached = session.reached(centre - APPROACH * radius * toward, centre, radius)
+    stopped = bool(np.linalg.norm(reached - centre) > 1e-6)
+    centre = drill_strokes.rounded(reached)
+    near = session.nearest(centre)
+    name, distance = ("", np.inf) if near is None else near
+    return Burr(centre, radius, stopped, name, distance - radius)
+
+
 _Kept = tuple[Key, float]
 _session: tuple[_Kept, DrillSession] | None = None
 
@@ -221,19 +284,11 @@ def _after_load(*_: object) -> None:
             end(scene)
 
 
-_HANDLERS = Handlers(
-    (bpy.app.handlers.undo_post, _after_undo),
-    (bpy.app.handlers.redo_post, _after_undo),
-    (bpy.app.handlers.load_post, _after_load),
+register, unregister = class_registration(
+    __name__,
+    # a file that is saved while drilling, and the scene without the add-on, show the surface
+    at_end(_after_load),
+    listening(bpy.app.handlers.undo_post, _after_undo),
+    listening(bpy.app.handlers.redo_post, _after_undo),
+    listening(bpy.app.handlers.load_post, _after_load),
 )
-
-
-def register() -> None:
-    """Follow undo and redo."""
-    _HANDLERS.register()
-
-
-def unregister() -> None:
-    """Show the surface, and free the memory."""
-    _HANDLERS.unregister()
-    _after_load()

@@ -9,47 +9,43 @@ from ..class_registration import class_registration, prop
 from ..pipeline.volume.bone.structures import structure_names, without_bone
 from ..pipeline.volume.drill.drill_plan import LARGEST_MARGIN_MM
 from ..state import from_scene
-from ..ui.operator import DIALOG_PX, Messages, OperatorResult, Reporting
+from ..state.events import redraw
+from ..ui.operator import DIALOG_PX, Messages, OperatorResult, Reporting, available
 from . import drill_strokes
 from .loaded import LoadedCT, ct_of
-from .properties import redraw
 
 
 class ONEFRAME_PG_margin(bpy.types.PropertyGroup):
     """The margin around a structure, whose name is the item's."""
 
-    spared: bool = prop(BoolProperty(name="Spared", description="The drill does not enter the structure"))
+    spared: bool = prop(BoolProperty, "Spared", "The drill does not enter the structure")
     margin_mm: float = prop(
-        FloatProperty(
-            name="Margin (mm)",
-            description="Bone that the drill leaves around the structure",
-            min=0, max=LARGEST_MARGIN_MM, soft_max=5, precision=2, step=10,
-        )
-    )  # fmt: skip
+        FloatProperty,
+        "Margin (mm)",
+        "Bone that the drill leaves around the structure",
+        min=0,
+        max=LARGEST_MARGIN_MM,
+        soft_max=5,
+        precision=2,
+        step=10,
+    )
 
 
-class ONEFRAME_OT_margins(Reporting, bpy.types.Operator):
+class ONEFRAME_OT_margins(Reporting):
     """Bone that the drill leaves around each structure of the labels, mm"""
 
-    bl_idname = "oneframe.margins"
     bl_label = "Margins"
-    bl_options = {"REGISTER", "UNDO"}
 
     margins: Sequence[ONEFRAME_PG_margin] = prop(
-        CollectionProperty(type=ONEFRAME_PG_margin, options={"SKIP_SAVE", "HIDDEN"})
+        CollectionProperty, type=ONEFRAME_PG_margin, options={"SKIP_SAVE", "HIDDEN"}
     )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Called by Blender."""
         ct = ct_of(context.scene)
-        if ct is not None and ct.labels is not None:
-            return True
-        cls.poll_message_set("Open the labels of the CT first")
-        return False
+        return available(cls, ct is not None and ct.labels is not None, "Open the labels of the CT first")
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
         ct = ct_of(context.scene)
         if ct is None:
             return {"CANCELLED"}
@@ -60,7 +56,6 @@ class ONEFRAME_OT_margins(Reporting, bpy.types.Operator):
         return context.window_manager.invoke_props_dialog(self, width=DIALOG_PX)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Called by Blender."""
         column = self.layout.column(align=True)
         for item in self.margins:
             row = column.split(factor=0.55)
@@ -88,4 +83,4 @@ def margins_of(scene: bpy.types.Scene, ct: LoadedCT) -> dict[str, float]:
     return drill_strokes.usual_margins(structures_of(ct))
 
 
-register, unregister = class_registration((ONEFRAME_PG_margin, ONEFRAME_OT_margins))
+register, unregister = class_registration(__name__)

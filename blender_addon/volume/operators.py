@@ -14,7 +14,7 @@ from ..pipeline.volume.reading.volume_header import volume_suffix
 from ..pipeline.volume.reading.volume_reader import is_dicom, list_series, read_volume
 from ..state import workbench
 from ..ui.background_operator import InBackground, OpensInBackground, Work
-from ..ui.operator import Messages, Reporting
+from ..ui.operator import Messages, Reporting, available
 from . import loaded
 from .loaded import LoadedCT, ct_of, key_of, loaded_ct
 from .slice_areas import show_slices_soon
@@ -27,29 +27,22 @@ class NeedsCT(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Called by Blender."""
-        if ct_of(context.scene) is not None:
-            return True
-        cls.poll_message_set("Open a CT first")
-        return False
+        return available(cls, ct_of(context.scene) is not None, "Open a CT first")
 
 
-class ONEFRAME_OT_open_ct(OpensInBackground, bpy.types.Operator):
+class ONEFRAME_OT_open_ct(OpensInBackground):
     """Open a CT in Hounsfield units: NIfTI, NRRD, MetaImage, or a folder of DICOM slices"""
 
-    bl_idname = "oneframe.open_ct"
     bl_label = "Open CT"
-    bl_options = {"REGISTER", "UNDO"}
     doing = "Reading the CT"
 
-    filter_glob: str = prop(StringProperty(default=VOLUMES, options={"HIDDEN"}))
+    filter_glob: str = prop(StringProperty, default=VOLUMES, options={"HIDDEN"})
     series: int = prop(
-        IntProperty(
-            name="Series",
-            description="Number of the series in a folder of DICOM slices; 0 asks if there are several",
-            min=0,
-            options={"SKIP_SAVE", "HIDDEN"},
-        )
+        IntProperty,
+        "Series",
+        "Number of the series in a folder of DICOM slices; 0 asks if there are several",
+        min=0,
+        options={"SKIP_SAVE", "HIDDEN"},
     )
 
     def work(self, context: bpy.types.Context) -> Work:
@@ -122,10 +115,9 @@ def _ask_for_series(context: bpy.types.Context, path: Path, found: tuple[SeriesI
     context.window_manager.popup_menu(draw, title="Choose a Series")
 
 
-class ONEFRAME_OT_read_ct(InBackground, bpy.types.Operator):
+class ONEFRAME_OT_read_ct(InBackground):
     """Read the voxels of this scene's CT from its file again"""
 
-    bl_idname = "oneframe.read_ct"
     bl_label = "Read CT Again"
     bl_options = {"REGISTER"}
     doing = "Reading the CT"
@@ -145,15 +137,13 @@ class ONEFRAME_OT_read_ct(InBackground, bpy.types.Operator):
         return (ct_text(result),)
 
 
-class ONEFRAME_OT_open_labels(OpensInBackground, NeedsCT, bpy.types.Operator):
+class ONEFRAME_OT_open_labels(OpensInBackground, NeedsCT):
     """Open a label map of this CT (nnU-Net, 3D Slicer, ITK-SNAP): its structures are shown, meshed and spared"""
 
-    bl_idname = "oneframe.open_labels"
     bl_label = "Open Labels"
-    bl_options = {"REGISTER", "UNDO"}
     doing = "Reading the labels"
 
-    filter_glob: str = prop(StringProperty(default="*.nii;*.nii.gz;*.nrrd;*.nhdr;*.mha;*.mhd", options={"HIDDEN"}))
+    filter_glob: str = prop(StringProperty, default="*.nii;*.nii.gz;*.nrrd;*.nhdr;*.mha;*.mhd", options={"HIDDEN"})
 
     def work(self, context: bpy.types.Context) -> Work:
         path, volume = Path(bpy.path.abspath(self.filepath)), loaded_ct(context.scene).volume
@@ -166,12 +156,10 @@ class ONEFRAME_OT_open_labels(OpensInBackground, NeedsCT, bpy.types.Operator):
         return (f"structures: {', '.join(result.labels.names.values())}",)
 
 
-class ONEFRAME_OT_otsu(NeedsCT, Reporting, bpy.types.Operator):
+class ONEFRAME_OT_otsu(NeedsCT, Reporting):
     """Find the threshold between soft tissue and bone from the grey values (Otsu)"""
 
-    bl_idname = "oneframe.otsu"
     bl_label = "Otsu"
-    bl_options = {"REGISTER", "UNDO"}
 
     def run(self, context: bpy.types.Context) -> Messages:
         level = otsu_threshold(loaded_ct(context.scene).volume)
@@ -179,10 +167,4 @@ class ONEFRAME_OT_otsu(NeedsCT, Reporting, bpy.types.Operator):
         return (f"threshold {level:g} HU",)
 
 
-_CLASSES = (
-    ONEFRAME_OT_open_ct,
-    ONEFRAME_OT_read_ct,
-    ONEFRAME_OT_open_labels,
-    ONEFRAME_OT_otsu,
-)
-register, unregister = class_registration(_CLASSES)
+register, unregister = class_registration(__name__)

@@ -3,26 +3,21 @@
 import bpy
 
 from ..class_registration import class_registration
-from ..ui.wrapped_text import draw_text
+from ..ui.panel import SidebarPanel, draw_text
 from . import drill_session
 from .drill_strokes import strokes_of
 from .loaded import LoadedCT, ct_of, key_of
 from .slice_areas import slice_areas
 
 
-class ONEFRAME_PT_ct(bpy.types.Panel):
+class ONEFRAME_PT_ct(SidebarPanel):
     """From a CT to the surface"""
 
-    bl_idname = "ONEFRAME_PT_ct"
     bl_label = "0  CT"
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "OneFrame"
     bl_order = -1
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Called by Blender."""
         layout, scene = self.layout, context.scene
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("oneframe.open_ct", icon="FILE_FOLDER")
@@ -78,4 +73,4 @@ class ONEFRAME_PT_ct(bpy.types.Panel):
             draw_text(layout, f"{count} drilled: Make Surface applies {them}, Save Case keeps {them} as drill.toml.")
 
 
-register, unregister = class_registration((ONEFRAME_PT_ct,))
+register, unregister = class_registration(__name__)

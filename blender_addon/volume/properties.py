@@ -3,89 +3,67 @@
 from collections.abc import Sequence
 
 import bpy
-from bpy.props import BoolProperty, FloatProperty, FloatVectorProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from ..class_registration import class_registration, prop
+from ..class_registration import attached, class_registration, prop
 from ..pipeline.volume.bone.threshold import DEFAULT_HU
+from ..state.events import redraw
 
 SLICE_SPACE = "IMAGE_EDITOR"
 """The kind of area that shows slices."""
 
 
-def redraw(_owner: object = None, _context: bpy.types.Context | None = None) -> None:
-    """Draw slices and 3D views again; usable as the ``update`` of a property."""
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type in (SLICE_SPACE, "VIEW_3D"):
-                area.tag_redraw()
-
-
 class ONEFRAME_PG_ct(bpy.types.PropertyGroup):
     """The CT of a scene."""
 
-    path: str = prop(StringProperty(name="CT", description="File, or folder of DICOM slices", subtype="FILE_PATH"))
-    series: int = prop(IntProperty(name="Series", description="Number of the series in the folder; 0 for its only one"))
-    labels_path: str = prop(
-        StringProperty(name="Labels", description="The label map of the structures", subtype="FILE_PATH")
-    )
+    path: str = prop(StringProperty, "CT", "File, or folder of DICOM slices", subtype="FILE_PATH")
+    series: int = prop(IntProperty, "Series", "Number of the series in the folder; 0 for its only one")
+    labels_path: str = prop(StringProperty, "Labels", "The label map of the structures", subtype="FILE_PATH")
     threshold_hu: float = prop(
-        FloatProperty(
-            name="Threshold (HU)",
-            description="Bone lies above it: the line in the slices",
-            default=DEFAULT_HU,
-            soft_min=-200,
-            soft_max=2000,
-            min=-32000,
-            max=32000,
-            step=500,
-            precision=0,
-            update=redraw,
-        )
+        FloatProperty,
+        "Threshold (HU)",
+        "Bone lies above it: the line in the slices",
+        default=DEFAULT_HU,
+        soft_min=-200,
+        soft_max=2000,
+        min=-32000,
+        max=32000,
+        step=500,
+        precision=0,
+        update=redraw,
     )
-    level_hu: float = prop(
-        FloatProperty(name="Level (HU)", description="HU shown as mid-grey", default=300, precision=0, update=redraw)
-    )
+    level_hu: float = prop(FloatProperty, "Level (HU)", "HU shown as mid-grey", default=300, precision=0, update=redraw)
     width_hu: float = prop(
-        FloatProperty(
-            name="Window (HU)",
-            description="Range of HU between black and white",
-            default=2600,
-            min=1,
-            soft_max=5000,
-            precision=0,
-            update=redraw,
-        )
+        FloatProperty,
+        "Window (HU)",
+        "Range of HU between black and white",
+        default=2600,
+        min=1,
+        soft_max=5000,
+        precision=0,
+        update=redraw,
     )
     cursor_mm: Sequence[float] = prop(
-        FloatVectorProperty(
-            name="Point", description="Where the slices meet, LPS, mm", size=3, precision=2, update=redraw
-        )
+        FloatVectorProperty, "Point", "Where the slices meet, LPS, mm", size=3, precision=2, update=redraw
     )
     burr_mm: float = prop(
-        FloatProperty(
-            name="Burr (mm)", description="Diameter of the burr", default=4.0, min=0.4, max=20.0, precision=1, step=50,
-            update=redraw,
-        )
-    )  # fmt: skip
-    drilling: bool = prop(BoolProperty(description="The drill is in use", options={"HIDDEN"}))
+        FloatProperty,
+        "Burr (mm)",
+        "Diameter of the burr",
+        default=4.0,
+        min=0.4,
+        max=20.0,
+        precision=1,
+        step=50,
+        update=redraw,
+    )
+    drilling: bool = prop(BoolProperty, description="The drill is in use", options={"HIDDEN"})
     strokes_text: str = prop(
-        StringProperty(description="What was drilled (JSON): radius and points, LPS, mm, exact", options={"HIDDEN"})
+        StringProperty, description="What was drilled (JSON): radius and points, LPS, mm, exact", options={"HIDDEN"}
     )
     margins_text: str = prop(
-        StringProperty(description="Margins that were chosen (JSON), mm; empty: none yet", options={"HIDDEN"})
+        StringProperty, description="Margins that were chosen (JSON), mm; empty: none yet", options={"HIDDEN"}
     )
 
 
-_register, _unregister = class_registration((ONEFRAME_PG_ct,))
-
-
-def register() -> None:
-    """Add the settings to scenes."""
-    _register()
-    bpy.types.Scene.oneframe_ct = PointerProperty(type=ONEFRAME_PG_ct)
-
-
-def unregister() -> None:
-    """Undo :func:`register`."""
-    del bpy.types.Scene.oneframe_ct
-    _unregister()
+register, unregister = class_registration(__name__, attached(bpy.types.Scene, "oneframe_ct", ONEFRAME_PG_ct))

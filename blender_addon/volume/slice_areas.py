@@ -4,12 +4,16 @@ Each shows an empty image of the slice's size, which tells the area's plane. The
 never become part of the .blend file.
 """
 
-import bpy
+from dataclasses import dataclass
 
-from ..class_registration import class_registration
+import bpy
+import numpy as np
+
+from ..class_registration import at_end, class_registration, start_timer, timers
+from ..pipeline.volume.slices.slice_planes import SlicePlane
 from ..ui.frame_view import window_region
-from ..ui.operator import Reporting
-from .loaded import ct_of, loaded_ct
+from ..ui.operator import Reporting, available
+from .loaded import LoadedCT, ct_of, loaded_ct
 from .properties import SLICE_SPACE
 
 MARK = "oneframe_slice"
@@ -51,21 +55,77 @@ def empty_image(number: int, scene: bpy.types.Scene) -> bpy.types.Image:
     return image
 
 
-class ONEFRAME_OT_slices(Reporting, bpy.types.Operator):
+@dataclass(frozen=True)
+class SliceView:
+    """A slice in a region: ``region = pixel * scale + offset``, in region pixels (origin bottom-left).
+
+    Attributes
+    ----------
+    ct, plane
+        What is shown.
+    number
+        Number of the slice: the one nearest to the scene's point.
+    scale, offset
+        ``(2,)``; the second scale is negative, since a region's y axis points up.
+    """
+
+    ct: LoadedCT
+    plane: SlicePlane
+    number: int
+    scale: np.ndarray
+    offset: np.ndarray
+
+    @classmethod
+    def of(cls, context: bpy.types.Context) -> "SliceView | None":
+        """The slice in the context's region; ``None`` if it shows none, or the CT is not in memory."""
+        number, ct, region = plane_of(context.space_data), ct_of(context.scene), context.region
+        if number is None or ct is None or region is None or region.type != "WINDOW":
+            return None
+        plane = ct.planes[number]
+        corners = (0.0, 0.0), (float(region.width), float(region.height))
+        low, high = (np.array(region.view2d.region_to_view(*corner)) for corner in corners)
+        px_per_unit = np.array(corners[1]) / (high - low)
+        size = np.array(plane.size_wh)
+        scale = px_per_unit / size * [1, -1]
+        # the image's corners are those of the outermost pixels, half a pixel from their centres
+        offset = -low * px_per_unit + [0.0, px_per_unit[1]] + 0.5 * scale
+        return cls(ct, plane, shown_slice(context.scene, plane), scale, offset)
+
+    def region_from_px(self, place: np.ndarray) -> np.ndarray:
+        """``(2,)`` pixel of the slice -> region pixels."""
+        return np.asarray(place) * self.scale + self.offset
+
+    def px_from_region(self, place: np.ndarray) -> np.ndarray:
+        """``(2,)`` region pixels -> pixel of the slice."""
+        return (np.asarray(place) - self.offset) / self.scale
+
+
+def shown_slice(scene: bpy.types.Scene, plane: SlicePlane) -> int:
+    """Number of the slice through the scene's point."""
+    place, _, _ = plane.place_of(np.array(scene.oneframe_ct.cursor_mm))
+    return int(np.clip(np.rint(place), 0, plane.count - 1))
+
+
+def inside(ct: LoadedCT, point_mm: np.ndarray) -> np.ndarray:
+    """The nearest point ``(3,)`` between the centres of the outermost voxels, LPS, mm."""
+    plane = ct.planes[0]
+    number, u, v = plane.place_of(point_mm)
+    width, height = plane.size_wh
+    return plane.point_at(
+        *(float(np.clip(at, 0, n - 1)) for at, n in zip((number, u, v), (plane.count, width, height), strict=True))
+    )
+
+
+class ONEFRAME_OT_slices(Reporting):
     """Show axial, coronal and sagittal slices beside the 3D view; again: hide them"""
 
-    bl_idname = "oneframe.slices"
     bl_label = "Slices"
     bl_options = {"REGISTER"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if context.screen is not None and slice_areas(context.screen):
-            return True
-        if ct_of(context.scene) is not None:
-            return True
-        cls.poll_message_set("Open a CT first")
-        return False
+        is_open = context.screen is not None and bool(slice_areas(context.screen))
+        return available(cls, is_open or ct_of(context.scene) is not None, "Open a CT first")
 
     def run(self, context: bpy.types.Context) -> None:
         if context.window is not None and slice_areas(context.screen):
@@ -135,11 +195,6 @@ def _prepare(area: bpy.types.Area, image: bpy.types.Image) -> None:
     space.show_gizmo = False
 
 
-def _fit_soon() -> None:
-    if not bpy.app.background and not bpy.app.timers.is_registered(_fit):
-        bpy.app.timers.register(_fit, first_interval=DRAWN_S)
-
-
 def _fit() -> float | None:
     """Timer: show whole slices, once the areas have been drawn and know their sizes."""
     for window in bpy.context.window_manager.windows:
@@ -154,8 +209,8 @@ def _fit() -> float | None:
 
 def show_slices_soon() -> None:
     """Show the slices once the window has arrived in the add-on's workspace."""
-    if not bpy.app.background and not bpy.app.timers.is_registered(_show):
-        bpy.app.timers.register(_show, first_interval=DRAWN_S)
+    if not bpy.app.background:
+        start_timer(_show, DRAWN_S)
 
 
 def _show() -> float | None:
@@ -170,25 +225,15 @@ def _show() -> float | None:
         )
         waiting |= not (ready and _open_next(window))
     if not waiting:
-        _fit_soon()
+        start_timer(_fit, DRAWN_S)
     return DRAWN_S if waiting else None
 
 
-_register, _unregister = class_registration((ONEFRAME_OT_slices,))
-
-
-def register() -> None:
-    """Register the operator."""
-    _register()
-
-
-def unregister() -> None:
-    """Close the areas, and remove the empty images."""
-    for timer in (_fit, _show):
-        if bpy.app.timers.is_registered(timer):
-            bpy.app.timers.unregister(timer)
+def _close() -> None:
     if not bpy.app.background:
         for window in bpy.context.window_manager.windows:
             hide_slices(window)
     bpy.data.batch_remove([image for image in bpy.data.images if MARK in image])
-    _unregister()
+
+
+register, unregister = class_registration(__name__, at_end(_close), timers(_fit, _show))

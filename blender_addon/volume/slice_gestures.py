@@ -8,9 +8,9 @@ import numpy as np
 from bpy.props import EnumProperty, IntProperty
 
 from ..class_registration import class_registration, prop
-from ..ui.keymap import Key, Keys, Place
+from ..ui.keymap import Key, Place, keys
 from ..ui.operator import OperatorResult
-from .slice_view import SliceView, inside
+from .slice_areas import SliceView, inside
 
 HU_PER_PX = 6.0
 """Of a drag with the right button, at interface scale 1."""
@@ -19,19 +19,17 @@ HU_PER_PX = 6.0
 class _InSlice(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Called by Blender."""
         return SliceView.of(context) is not None
 
 
 class ONEFRAME_OT_slice_step(_InSlice):
     """Leaf through the slices; with Ctrl, zoom"""
 
-    bl_idname = "oneframe.slice_step"
     bl_label = "Next Slice"
     bl_options = {"INTERNAL"}
 
-    step: int = prop(IntProperty(name="Step", default=1))
-    zoom: str = prop(EnumProperty(name="Zoom", items=[("NONE", "No", ""), ("IN", "In", ""), ("OUT", "Out", "")]))
+    step: int = prop(IntProperty, "Step", default=1)
+    zoom: str = prop(EnumProperty, "Zoom", items=[("NONE", "No", ""), ("IN", "In", ""), ("OUT", "Out", "")])
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
         view = SliceView.of(context)
@@ -51,7 +49,6 @@ class ONEFRAME_OT_slice_step(_InSlice):
 class ONEFRAME_OT_slice_point(_InSlice):
     """Drag: the other slices follow to the point under the pointer"""
 
-    bl_idname = "oneframe.slice_point"
     bl_label = "Go to Point"
     bl_options = {"INTERNAL", "BLOCKING"}
 
@@ -82,7 +79,6 @@ class ONEFRAME_OT_slice_point(_InSlice):
 class ONEFRAME_OT_slice_window(_InSlice):
     """Drag: right for a wider window, up for a higher level of HU"""
 
-    bl_idname = "oneframe.slice_window"
     bl_label = "Window and Level"
     bl_options = {"INTERNAL", "BLOCKING"}
 
@@ -116,18 +112,14 @@ def _key(operator: str, kind: str, *, ctrl: bool = False, **settings: object) ->
     return Key(operator, kind, ctrl=ctrl, properties=tuple(settings.items()), tools=(), places=_PLACES)
 
 
-_KEYS = Keys(
-    (
-        _key("oneframe.slice_step", "WHEELUPMOUSE", step=1),
-        _key("oneframe.slice_step", "WHEELDOWNMOUSE", step=-1),
-        _key("oneframe.slice_step", "PAGE_UP", step=1),
-        _key("oneframe.slice_step", "PAGE_DOWN", step=-1),
-        _key("oneframe.slice_step", "WHEELUPMOUSE", ctrl=True, zoom="IN"),
-        _key("oneframe.slice_step", "WHEELDOWNMOUSE", ctrl=True, zoom="OUT"),
-        _key("oneframe.slice_point", "LEFTMOUSE"),
-        _key("oneframe.slice_window", "RIGHTMOUSE"),
-    )
+_KEYS = keys(
+    _key("oneframe.slice_step", "WHEELUPMOUSE", step=1),
+    _key("oneframe.slice_step", "WHEELDOWNMOUSE", step=-1),
+    _key("oneframe.slice_step", "PAGE_UP", step=1),
+    _key("oneframe.slice_step", "PAGE_DOWN", step=-1),
+    _key("oneframe.slice_step", "WHEELUPMOUSE", ctrl=True, zoom="IN"),
+    _key("oneframe.slice_step", "WHEELDOWNMOUSE", ctrl=True, zoom="OUT"),
+    _key("oneframe.slice_point", "LEFTMOUSE"),
+    _key("oneframe.slice_window", "RIGHTMOUSE"),
 )
-register, unregister = class_registration(
-    (ONEFRAME_OT_slice_step, ONEFRAME_OT_slice_point, ONEFRAME_OT_slice_window), _KEYS
-)
+register, unregister = class_registration(__name__, _KEYS)

@@ -24,7 +24,7 @@ from ..pipeline.volume.drill.drill_plan import unprotected
 from ..pipeline.volume.make_surface import STRUCTURES_STAGE, SurfaceSettings, make_surface
 from ..state import from_scene, to_scene
 from ..state.initial_pose import renew_initial_pose
-from ..state.session_files import session_folder
+from ..state.scene_files import session_folder
 from ..state.structures import put_structures
 from ..ui.background_operator import InBackground, Work
 from ..ui.operator import Asking, Messages, OperatorResult, call
@@ -50,25 +50,17 @@ def _mark(key: tuple[str, int, str]) -> str:
     return f"{key[0]}:{key[1]}"
 
 
-class ONEFRAME_OT_make_surface(InBackground, NeedsCT, bpy.types.Operator):
+class ONEFRAME_OT_make_surface(InBackground, NeedsCT):
     """Make the surface of the bone above the threshold, without what was drilled, and the structures of the labels"""
 
-    bl_idname = "oneframe.make_surface"
     bl_label = "Make Surface"
-    bl_options = {"REGISTER", "UNDO"}
     doing = "Making the surface"
 
     replace: bool = prop(
-        BoolProperty(
-            name="Replace",
-            description="Replace a surface that was not made from this CT",
-            default=False,
-            options={"SKIP_SAVE", "HIDDEN"},
-        )
+        BoolProperty, "Replace", "Replace a surface that was not made from this CT", options={"SKIP_SAVE", "HIDDEN"}
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
-        """Called by Blender."""
         scene = context.scene
         if not self.replace and from_scene.present_surface(scene) is not None and not is_from_ct(scene):
             bpy.ops.oneframe.replace_surface("INVOKE_DEFAULT")  # type: ignore[attr-defined]
@@ -129,10 +121,9 @@ def _inputs(scene: bpy.types.Scene) -> tuple[object, ...]:
     return key_of(scene), settings.threshold_hu, settings.strokes_text, settings.margins_text
 
 
-class ONEFRAME_OT_replace_surface(Asking, bpy.types.Operator):
+class ONEFRAME_OT_replace_surface(Asking):
     """Ask whether to replace a surface that was not made from this CT"""
 
-    bl_idname = "oneframe.replace_surface"
     bl_label = "Replace Surface"
     bl_options = {"INTERNAL"}
 
@@ -148,4 +139,4 @@ class ONEFRAME_OT_replace_surface(Asking, bpy.types.Operator):
         call("make_surface", "INVOKE_DEFAULT", replace=True)
 
 
-register, unregister = class_registration((ONEFRAME_OT_make_surface, ONEFRAME_OT_replace_surface))
+register, unregister = class_registration(__name__)

@@ -17,7 +17,7 @@ from typing import Any
 from distributed import Worker, WorkerPlugin, get_worker
 from distributed.utils import sync
 
-from ..dataset.folder import run_token
+from ..dataset.run.work_folder import run_token
 from ..errors import InputError, RunError
 
 LOOK_SECONDS = 10.0

@@ -20,7 +20,7 @@ from distributed import CancelledError, Future
 from distributed.scheduler import KilledWorker
 
 from .. import __version__
-from ..dataset.folder import run_token
+from ..dataset.run.work_folder import run_token
 from ..errors import InputError, RunError
 from ..progress import Progress
 from .on_worker import OnWorker, admit, do_order, leave

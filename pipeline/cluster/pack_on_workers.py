@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ..dataset.dataset_file import read_description
 from ..dataset.layout import RECORD
 from ..errors import InputError, RunError
-from ..packing.disk import PackWriteError
 from ..packing.manifest import shard_from_json, shard_to_json
 from ..packing.pack_folder import keep_shard, kept_shard
-from ..packing.shard import PackedShard, ShardOrder, pack_shard
-from ..packing.source import read_description
+from ..packing.shard import PackedShard, PackWriteError, ShardOrder, pack_shard
 from ..progress import Progress
 from .on_worker import OnWorker
 from .orders import Orders

@@ -20,13 +20,11 @@ from distributed import Worker
 
 from ..blender.dataset.render_process import AHEAD, RenderProcess
 from ..case.case_file import read_case
-from ..dataset.case_parcel import CASE, case_parcel
-from ..dataset.gathered_view import gather_view
 from ..dataset.identity import description_bytes
 from ..dataset.layout import RECORD, ViewPaths
-from ..dataset.missing_views import MissingViews
 from ..dataset.options import option_arguments
-from ..dataset.survey import is_finished
+from ..dataset.run.elsewhere import CASE, MissingViews, case_parcel, gather_view
+from ..dataset.run.survey import is_finished
 from ..errors import RunError
 from ..process.command_line import blender_command
 from ..progress import Progress

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
-from ..dataset.missing_views import Elsewhere
 from ..dataset.options import GONE, add_option_arguments, option_names
+from ..dataset.run.elsewhere import Elsewhere
 from ..errors import InputError
 from ..process.command_line import end_with_input, script_command
 from ..process.own_process import own_output
@@ -142,8 +142,8 @@ def run(arguments: argparse.Namespace, *, own_command: Sequence[str], argv: Sequ
         from ..blender.dataset.run import work
         from ..case.alignment_record import INITIAL_GUESS
         from ..case.case_file import read_case
-        from ..dataset.folder import parse_shard
         from ..dataset.options import merged_options
+        from ..dataset.run.run_folder import parse_shard
         from ..files.outputs import check_folder
     output = own_output()
     case = read_case(arguments.case)

@@ -1,8 +1,8 @@
 """A dataset's views on disk, in the BOP layout: the path of each file.
 
 A view is finished when its record ``frame/NNNNNN.json`` exists. The record is written last and holds the hashes of the
-view's other files. All tables of the dataset (:mod:`oneframe.dataset.bop`, :mod:`oneframe.dataset.coco`,
-:mod:`oneframe.dataset.pose_tables`) are made from the records alone.
+view's other files. All tables of the dataset (:mod:`oneframe.dataset.tables.bop`, :mod:`oneframe.dataset.tables.coco`,
+:mod:`oneframe.dataset.tables.pose_tables`) are made from the records alone.
 """
 
 import re
@@ -18,6 +18,8 @@ FORMAT = "oneframe dataset 2"
 SPLIT = "train_synt"
 """BOP's name for rendered images to train on. Its toolkit expects PNG files in it, and JPEG files in ``train_pbr``."""
 VIEWS_PER_SCENE = 1000
+MOST_VIEWS = 10_000_000
+"""Of a dataset."""
 OBJECT_ID = 1
 
 RECORD, CHECKSUMS, WORK = "dataset.json", "checksums.json", ".work"

@@ -14,11 +14,11 @@ from ..images.png import encode_png
 from ..poses.constraints import PlannedPose
 from ..projection.rendered_view import RenderedView
 from ..projection.silhouette import SilhouetteEdges, silhouette_statistics
-from .bop import bounding_box
 from .checksums import FileSum, sum_of
-from .coco import run_lengths
 from .layout import ViewPaths
-from .view_record import GroundTruthInfo, ViewRecord
+from .run.resume_record import GroundTruthInfo, ViewRecord
+from .tables.bop import bounding_box
+from .tables.coco import run_lengths
 
 
 @dataclass(frozen=True)

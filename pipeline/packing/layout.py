@@ -25,8 +25,6 @@ TABLES = (*COPIED, TARGETS, INFO, KEY_TO_SHARD)
 DESKTOP_FILES = ("Thumbs.db", "desktop.ini")
 
 MASKS = ("mask", "mask_visib", "mask_observed")
-MOST_VIEWS = 10_000_000
-"""Of a dataset, as of a run."""
 VIEWS_PER_SHARD = 1000
 """As in BOP's own packs."""
 

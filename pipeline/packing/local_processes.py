@@ -1,24 +1,18 @@
 """Shards packed by several processes of this machine."""
 
+import multiprocessing
 import os
-import pickle
-import subprocess
-import sys
+import signal
 import threading
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
-from pathlib import Path
-from queue import SimpleQueue
-from typing import BinaryIO, cast
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing.connection import wait
 
 from ..errors import RunError
 from ..files.machine import available_cores
 from .shard import PackedShard, ShardOrder, pack_shard
-
-_ROOT = Path(__file__).resolve().parents[2]
-_Message = PackedShard | Exception | None
-"""A finished shard, what stopped one, or ``None`` for a view."""
 
 
 def packed_locally(
@@ -31,7 +25,7 @@ def packed_locally(
     orders
         The shards.
     on_view
-        Called after each view that any process has packed.
+        Called for each view that is packed, by another process when its shard is finished.
     workers
         Number of processes; 0 for one a core.
 
@@ -45,74 +39,64 @@ def packed_locally(
         for order in orders:
             yield pack_shard(order, on_view)
         return
-    messages: SimpleQueue[_Message] = SimpleQueue()
-    waiting = deque(orders)
-    processes = [_started() for _ in range(workers)]
-    threads = [threading.Thread(target=_serve, args=(child, waiting, messages)) for child in processes]
-    for thread in threads:
-        thread.start()
-    failure: Exception | None = None
-    left = len(orders)
+    others = {*multiprocessing.active_children()}
+    failure: BaseException | None = None
+    executor = None
     try:
-        while left and failure is None:
-            message = messages.get()
-            if message is None:
+        with _without_interrupts() as hide:
+            executor = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _end_with_parent)
+            hide()
+            futures = [executor.submit(pack_shard, order) for order in orders]
+        for future in as_completed(futures):
+            if future.cancelled():
+                continue
+            if error := future.exception():
+                failure = failure or error
+                for other in futures:
+                    other.cancel()
+                continue
+            shard = future.result()
+            for _ in shard.views:
                 on_view()
-            elif isinstance(message, PackedShard):
-                left -= 1
-                yield message
-            else:
-                failure = message
+            yield shard
     finally:
-        waiting.clear()
-        for child in processes:
-            # what it has begun leaves nothing but a temporary file
+        # what they have begun leaves nothing but temporary files
+        for child in {*multiprocessing.active_children()} - others:
             child.kill()
-            child.wait()
-        for thread in threads:
-            thread.join()
+        if executor is not None:
+            executor.shutdown(cancel_futures=True)
+    if isinstance(failure, BrokenProcessPool):
+        raise RunError(
+            "a process that packs has been killed, perhaps for lack of memory; the shards packed so far are safe: run "
+            "the same command again, with fewer --workers if need be"
+        )
     if failure is not None:
-        while not messages.empty():
-            message = messages.get()
-            if isinstance(message, PackedShard):
-                yield message
         raise failure
 
 
-def _started() -> subprocess.Popen[bytes]:
-    paths = [str(_ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
-    return subprocess.Popen(
-        [sys.executable, "-m", f"{__package__}.packing_process"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        # threads of OpenBLAS take memory each
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"},
-        # Ctrl-C is for this process, which ends the others
-        start_new_session=True,
-    )
+@contextmanager
+def _without_interrupts() -> Iterator[Callable[[], object]]:
+    """Put off Ctrl-C while processes are started; those that are started after the call never get it.
+
+    It is for this process, which ends the others.
+    """
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "pthread_sigmask"):
+        yield lambda: None
+        return
+    interrupts: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    try:
+        # Python's own helper process unblocks it when it starts, with the pool
+        yield lambda: signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGINT, handler)
+    if interrupts:
+        raise KeyboardInterrupt
 
 
-def _serve(child: subprocess.Popen[bytes], waiting: "deque[ShardOrder]", messages: "SimpleQueue[_Message]") -> None:
-    """In a thread of its own: give orders to a process and pass on what it reports, until there are no more orders."""
-    given, reports = cast(BinaryIO, child.stdin), cast(BinaryIO, child.stdout)
-    # what a killed process has not read can no longer be written when the stream is closed
-    with suppress(BrokenPipeError), given, reports:
-        try:
-            while waiting:
-                pickle.dump(waiting.popleft(), given)
-                given.flush()
-                while (message := pickle.load(reports)) is None:
-                    messages.put(None)
-                messages.put(message)
-        except IndexError:
-            return  # another thread was quicker, or the run has ended
-        except (EOFError, OSError, pickle.UnpicklingError):
-            messages.put(
-                RunError(
-                    "a process that packs has been killed, perhaps for lack of memory; the shards packed so far are "
-                    "safe: run the same command again, with fewer --workers if need be"
-                )
-            )
-        except Exception as error:  # raised by the main thread, which waits for a message
-            messages.put(error)
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=lambda: (wait([parent.sentinel]), os._exit(1)), daemon=True).start()

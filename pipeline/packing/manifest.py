@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from ..dataset.checksums import FileSum, sums_to_json
+from ..dataset.layout import MOST_VIEWS
 from ..errors import InputError
 from ..files.content import read_content
 from ..files.tables import parsed_json
 from .colour_loss import ColourLoss, total_loss
-from .layout import FORMAT, MANIFEST, MOST_VIEWS, shard_name
+from .layout import FORMAT, MANIFEST, shard_name
 from .shard import PackedShard
 
 LARGEST_NUMBER = 1 << 50

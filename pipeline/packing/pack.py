@@ -7,20 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TextIO
 
-from ..dataset.bop import write_test_targets
 from ..dataset.checksums import sum_of_file
-from ..dataset.layout import ViewPaths
+from ..dataset.layout import MOST_VIEWS, ViewPaths
+from ..dataset.tables.bop import write_test_targets
 from ..errors import InputError
 from ..files.content import create_folder, write_bytes_atomically, written_file
 from ..files.tables import write_json
 from ..progress import LINE_SECONDS, Progress
-from .disk import writing_pack
 from .layout import (
     COPIED,
     INFO,
     KEY_TO_SHARD,
     MANIFEST,
-    MOST_VIEWS,
     TABLES,
     TARGETS,
     VIEWS_PER_SHARD,
@@ -31,7 +29,7 @@ from .local_processes import packed_locally
 from .manifest import Manifest
 from .pack_folder import PackFolder, Plan
 from .pack_info import pack_info
-from .shard import PackedShard, ShardOrder
+from .shard import PackedShard, ShardOrder, writing_pack
 from .source import Source, open_source
 
 Engine = Callable[[Sequence[ShardOrder], Progress], Iterable[PackedShard]]

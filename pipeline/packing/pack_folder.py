@@ -1,22 +1,18 @@
 """The folder of a pack while it is written: one writer, one plan that never changes, shards whole or not at all.
 
-The plan and the sums of finished shards are in ``.work``, which is removed when the pack is complete. Nothing is ever
-removed but files that packing writes itself, by their names.
+The plan and the sums of finished shards are in ``.work``: see :mod:`oneframe.dataset.run.work_folder`.
 """
 
 import json
-import os
-import re
 from collections.abc import Mapping
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 from ..dataset.layout import MODEL_FOLDERS
-from ..dataset.lock import Busy, FileLock
+from ..dataset.run.work_folder import WorkFolder
 from ..errors import InputError, RunError
-from ..files.content import create_folder, names_in, partial_name, read_content, read_file, write_bytes_atomically
+from ..files.content import names_in, partial_name, read_file, write_bytes_atomically
 from ..files.tables import parsed_json
 from .layout import MANIFEST, TABLES, WORK, is_note, is_shard, shard_name
 from .manifest import from_runs, read_manifest, shard_from_json, shard_to_json, to_runs
@@ -63,7 +59,7 @@ class Plan:
         }
 
 
-class PackFolder:
+class PackFolder(WorkFolder):
     """Exclusive access to the folder of a pack; use as a context manager."""
 
     def __init__(self, path: Path, plan: Plan) -> None:
@@ -75,38 +71,9 @@ class PackFolder:
             The folder cannot be written to, holds something else or another pack, or is in use. Nothing in it has been
             touched then.
         """
-        self.path, self._plan = path, plan
-        self._work = path / WORK
-        self._stack = ExitStack()
-        try:
-            self._check()
-            create_folder(self._work)
-            lock = FileLock(self._work / "lock", shared=False)
-            self._stack.callback(lock.release)
-            self._remove_partial()
-            self._begin()
-        except (Busy, FileNotFoundError):
-            self._stack.close()
-            raise RunError(
-                f"{path}: another process packs into this folder; wait for it, stop it, or choose another folder "
-                "(--out)"
-            ) from None
-        except OSError as error:
-            self._stack.close()
-            raise RunError(
-                f"{path}: cannot write to the folder ({error.strerror or error}); choose another folder (--out)"
-            ) from None
-        except BaseException:
-            self._stack.close()
-            raise
-
-    def __enter__(self) -> "PackFolder":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._stack.close()
+        super().__init__(path, doing="packs into", work_files=r"plan\.json|shard-[0-9]{6,}\.tar\.json|\.partial-.*")
+        self._plan = plan
+        self._enter(self._check, lambda: self._acquire("lock"), self._remove_leftovers, self._begin)
 
     def finished(self) -> list[PackedShard]:
         """The shards of the plan that are there, by their sums in ``.work`` or in the manifest, and their sizes."""
@@ -125,15 +92,9 @@ class PackFolder:
 
     def finish(self) -> None:
         """Remove what only an unfinished pack needs."""
-        if os.name == "nt":
-            self._stack.close()  # Windows removes no open files
         # killed processes on other machines may have left some
-        self._remove_partial()
-        for name in names_in(self._work):
-            if re.fullmatch(_WORK_FILES, name):
-                (self._work / name).unlink(missing_ok=True)
-        with suppress(OSError):  # it holds files of somebody else
-            self._work.rmdir()
+        self._remove_leftovers()
+        self._remove_work()
 
     def _begin(self) -> None:
         """Write the plan, unless the pack is complete; one that grows is complete no longer, and keeps its shards."""
@@ -144,18 +105,15 @@ class PackFolder:
                 return
             for shard in known.shards:
                 self.keep(shard)
-        write_bytes_atomically(self._work / PLAN, (json.dumps(self._plan.to_json()) + "\n").encode())
+        write_bytes_atomically(self.work / PLAN, (json.dumps(self._plan.to_json()) + "\n").encode())
         manifest.unlink(missing_ok=True)
 
-    def _remove_partial(self) -> None:
-        for folder in ("", *MODEL_FOLDERS, WORK):
-            for name in names_in(self.path / folder):
-                if partial_name(name) is not None:
-                    (self.path / folder / name).unlink(missing_ok=True)
+    def _remove_leftovers(self) -> None:
+        self._remove_partial([("", self.path / name) for name in ("", *MODEL_FOLDERS, WORK)], lambda _: True)
 
     def _known_plan(self) -> Mapping[str, object] | None:
         """The plan of the pack in the folder; ``None`` if there is none."""
-        path = self._work / PLAN
+        path = self.work / PLAN
         if path.is_file():
             try:
                 return dict(parsed_json(read_file(path), str(path)))
@@ -177,7 +135,7 @@ class PackFolder:
         known = self._known_plan()
         if known is None:
             others = {name for name in names if name != WORK}
-            if others or any(not re.fullmatch(_WORK_FILES, name) for name in names_in(self._work)):
+            if others or not self._holds_only_work():
                 raise RunError(
                     f"{self.path}: expected a new or empty folder or a pack to resume, found other files (such as "
                     f"{min(others or {WORK})}); choose another folder (--out)"
@@ -225,22 +183,6 @@ def kept_shard(
     return None
 
 
-def read_plan(folder: Path) -> Plan:
-    """The plan of an unfinished pack.
-
-    Raises
-    ------
-    InputError
-        Missing or damaged.
-    """
-    path = folder / WORK / PLAN
-    content = parsed_json(read_content(path, "the plan of a pack", str(path)), str(path))
-    try:
-        return Plan(**{**content, "views": from_runs(content["views"], str(path))})
-    except (TypeError, KeyError):
-        raise InputError(f"{path}: expected the plan of a pack, found something else; pack it again") from None
-
-
 def _sum_file(folder: Path, number: int) -> Path:
     return folder / WORK / f"{shard_name(number)}.json"
 
@@ -270,6 +212,3 @@ def _differences(known: Mapping[str, object], plan: Plan) -> list[str]:
     if views != plan.views[: len(views)]:
         changes.append("it holds other views, or in another order; a pack may only get more views at its end")
     return changes
-
-
-_WORK_FILES = r"run-[0-9a-f]{16}|plan\.json|shard-[0-9]{6,}\.tar\.json|lock(\.[0-9a-f]{16}\.(claim|new))?|\.partial-.*"

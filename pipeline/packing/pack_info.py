@@ -1,10 +1,10 @@
 """``dataset_info.md`` of a pack: what its readers need to know, with its own figures."""
 
+from ..dataset.dataset_file import Description
 from ..dataset.layout import OBJECT_ID
-from ..dataset.view_ranges import view_ranges
+from ..dataset.run.survey import view_ranges
 from .layout import member_suffixes
 from .manifest import Manifest
-from .source import Description
 
 _MEANING = {
     "camera.json": "`cam_K`, `depth_scale`, world-to-camera pose",

@@ -1,25 +1,26 @@
 """One shard: an order that says all about it, and the function that writes it, the same bytes wherever it runs."""
 
+import errno
 import hashlib
+import io
 import json
+import tarfile
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from ..camera.pinhole import PinholeCamera
-from ..dataset.bop import scene_entries
 from ..dataset.checksums import FileSum, sum_of
 from ..dataset.layout import ViewPaths, largest_view_file
-from ..dataset.view_record import ViewRecord, read_record
+from ..dataset.run.resume_record import ViewRecord, read_record
+from ..dataset.tables.bop import scene_entries
 from ..errors import InputError, RunError
 from ..files.content import read_file, written_file
 from .colour_loss import ColourLoss
-from .disk import writing_pack
 from .layout import MASKS, shard_name, view_key
-from .mask_image import decoded_mask
-from .mask_runs import mask_json
-from .tar import write_end, write_member
+from .masks import decoded_mask, mask_json
 
 
 @dataclass(frozen=True)
@@ -92,14 +93,17 @@ def pack_shard(order: ShardOrder, on_view: Callable[[], None] = lambda: None) ->
     loss = ColourLoss()
     with writing_pack(path), written_file(path) as stream:
         hashed = _Hashed(stream)
-        for index in order.views:
-            paths = ViewPaths(order.root, index)
-            members, lost = view_members(order, paths)
-            for suffix, data in members:
-                write_member(hashed, f"{view_key(paths)}.{suffix}", data)
-            loss += lost
-            on_view()
-        write_end(hashed)
+        with tarfile.TarFile(fileobj=hashed, mode="w", format=tarfile.USTAR_FORMAT) as archive:
+            for index in order.views:
+                paths = ViewPaths(order.root, index)
+                members, lost = view_members(order, paths)
+                for suffix, data in members:
+                    # without owner and time: the bytes depend on the members alone
+                    entry = tarfile.TarInfo(f"{view_key(paths)}.{suffix}")
+                    entry.size = len(data)
+                    archive.addfile(entry, io.BytesIO(data))
+                loss += lost
+                on_view()
     return PackedShard(order.number, order.views, FileSum(hashed.sha256(), hashed.tell()), loss)
 
 
@@ -182,13 +186,13 @@ def _json(content: object) -> bytes:
     return json.dumps(content).encode()
 
 
-class _Hashed:
+class _Hashed(io.BufferedIOBase):
     """A stream that is only written to, and its hash."""
 
     def __init__(self, stream: BinaryIO) -> None:
         self._stream, self._digest, self._size = stream, hashlib.sha256(), 0
 
-    def write(self, data: bytes) -> int:
+    def write(self, data: Any, /) -> int:
         self._digest.update(data)
         self._size += len(data)
         return self._stream.write(data)
@@ -198,3 +202,29 @@ class _Hashed:
 
     def sha256(self) -> str:
         return self._digest.hexdigest()
+
+
+class PackWriteError(RunError):
+    """A file of a pack cannot be written on this machine."""
+
+
+@contextmanager
+def writing_pack(path: Path) -> Iterator[None]:
+    """Turn an OSError inside the block, which writes a file of a pack and nothing else, into a sentence.
+
+    Raises
+    ------
+    PackWriteError
+        The file or its folder cannot be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        safe = "the shards packed so far are safe"
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise PackWriteError(
+                f"{path.parent}: the disk is full; {safe}: free space and run the same command again"
+            ) from None
+        raise PackWriteError(
+            f"{path}: cannot write the file ({error.strerror}); {safe}: correct this and run the same command again"
+        ) from None

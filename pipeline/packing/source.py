@@ -1,77 +1,18 @@
 """The folder of a complete dataset, from which views are packed."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
 
-from ..camera.pinhole import PinholeCamera
 from ..dataset.checksums import Checksums, damaged_file, read_checksums
+from ..dataset.dataset_file import Description, read_description
 from ..dataset.differences import COUNT, POSES_HASH
-from ..dataset.identity import identity_of
-from ..dataset.layout import CHECKSUMS, FORMAT, RECORD, scene_views
+from ..dataset.layout import CHECKSUMS, MOST_VIEWS, RECORD, scene_views
 from ..dataset.options import DatasetOptions
-from ..dataset.survey import unrecorded_views
-from ..dataset.view_ranges import view_ranges
+from ..dataset.run.survey import unrecorded_views, view_ranges
 from ..errors import InputError
-from ..files.content import LARGEST_TEXT, read_content
+from ..files.content import read_content
 from ..files.tables import parsed_json
-from .layout import COPIED, MOST_VIEWS, TARGETS
-
-
-@dataclass(frozen=True)
-class Description:
-    """What ``dataset.json`` says, as far as packing and reading need it.
-
-    Attributes
-    ----------
-    content
-        All of it.
-    identity
-        Of the dataset: see :func:`~oneframe.dataset.identity.identity_of`.
-    count
-        Number of views.
-    name
-        Name of the object.
-    camera
-        Intrinsics of the views.
-    float_depth
-        Whether they have float depth.
-    """
-
-    content: Mapping[str, Any]
-    identity: str
-    count: int
-    name: str
-    camera: PinholeCamera
-    float_depth: bool
-
-
-def read_description(path: Path) -> Description:
-    """Read a ``dataset.json``.
-
-    Raises
-    ------
-    InputError
-        Missing, damaged, or of another format.
-    """
-    content = parsed_json(read_content(path, "the description of a dataset", str(path), most=LARGEST_TEXT), str(path))
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        found = repr(content.get("format") if isinstance(content, dict) else content)[:60]
-        raise InputError(
-            f"{path}: expected the format {FORMAT!r}, found {found}; use the version of OneFrame that made it"
-        )
-    count, name, camera, options = (content.get(key) for key in (COUNT, "object", "camera", "options"))
-    if not isinstance(count, int) or isinstance(count, bool) or not 0 < count <= MOST_VIEWS:
-        raise InputError(f"{path}: expected {COUNT} to be a number of views, found {count!r}; copy the dataset again")
-    if not (isinstance(name, str) and isinstance(camera, dict) and isinstance(options, dict)):
-        raise InputError(f"{path}: expected object, camera and options, one is missing; copy the dataset again")
-    try:
-        size = (camera["width"], camera["height"])
-        intrinsics = PinholeCamera.from_matrix(camera["K"], size=size, where=f"{path}: camera")
-    except KeyError as missing:
-        raise InputError(f"{path}: camera: expected a key {missing}, it is missing; copy the dataset again") from None
-    return Description(content, identity_of(content), count, name, intrinsics, options.get("float_depth") is True)
+from .layout import COPIED, TARGETS
 
 
 @dataclass(frozen=True)

@@ -13,19 +13,16 @@ import numpy as np
 
 from ..dataset.check.findings import Findings
 from ..dataset.checksums import FileSum, damaged_file
-from ..dataset.layout import RECORD, ViewPaths, largest_view_file, scene_views
+from ..dataset.dataset_file import Description, read_description
+from ..dataset.layout import RECORD, ViewPaths, largest_view_file
 from ..errors import InputError, RunError
 from ..files.content import LARGEST_FILE, read_file
-from ..files.tables import parsed_json
 from ..progress import Progress
 from .colour_loss import ColourLoss
 from .layout import (
-    KEY_TO_SHARD,
     MANIFEST,
     MASKS,
-    MOST_VIEWS,
     TABLES,
-    TARGETS,
     WORK,
     is_note,
     member_suffixes,
@@ -33,12 +30,10 @@ from .layout import (
     view_key,
 )
 from .manifest import Manifest, read_manifest
-from .mask_image import decoded_mask
-from .mask_runs import mask_columns
+from .masks import decoded_mask, mask_columns
 from .pack_folder import is_own_name
 from .shard import PackedShard
-from .source import Description, Source, open_source, read_description
-from .tar import ordered_names
+from .source import Source, open_source
 
 SCENE_TABLES = {"camera.json": "scene_camera.json", "gt.json": "scene_gt.json", "gt_info.json": "scene_gt_info.json"}
 """Members that repeat an entry of a table of the dataset."""
@@ -142,17 +137,6 @@ def _check_tables(folder: Path, manifest: Manifest, findings: Findings) -> None:
         description = read_description(folder / RECORD)
         if description.identity != manifest.identity:
             findings.add(DAMAGED, f"{RECORD}: it describes another dataset than the one that {MANIFEST} names")
-    with suppress(InputError, OSError):
-        table = parsed_json(read_file(folder / KEY_TO_SHARD), KEY_TO_SHARD)
-        if table != {
-            view_key(ViewPaths(folder, view)): shard.number for shard in manifest.shards for view in shard.views
-        }:
-            findings.add(DAMAGED, f"{KEY_TO_SHARD}: it names other views or shards than {MANIFEST}")
-    with suppress(InputError, OSError, KeyError, TypeError):
-        per_scene = len(scene_views(0, MOST_VIEWS))
-        targets = parsed_json(read_file(folder / TARGETS), TARGETS)
-        if not {each["scene_id"] * per_scene + each["im_id"] for each in targets} <= set(manifest.views):
-            findings.add(DAMAGED, f"{TARGETS}: it names views that the pack does not hold")
 
 
 def _changed(folder: Path, name: str, known: FileSum) -> str | None:
@@ -203,7 +187,7 @@ class _ShardCheck:
             return
         suffixes = member_suffixes(jpeg=self._jpeg, float_depth=self._description.float_depth)
         keys = {view_key(ViewPaths(self._folder, index)): index for index in self._shard.views}
-        expected = ordered_names(keys, suffixes)
+        expected = [f"{key}.{suffix}" for key in keys for suffix in suffixes]
         try:
             with tarfile.open(self._folder / self._name, "r:") as archive:
                 names = [entry.name for entry in archive if entry.isreg() and entry.size <= self._most]

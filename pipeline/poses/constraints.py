@@ -84,20 +84,6 @@ class Constraints:
     reference_surface: float = 1.0
     max_attempts: int = MAX_ATTEMPTS
 
-    def __post_init__(self) -> None:
-        for name in ("min_surface", "min_observed", "reference_surface"):
-            value = getattr(self, name)
-            if not 0 <= value <= 1:
-                raise InputError(f"constraints: expected {name} to be a fraction from 0 to 1, found {value:g}")
-        if not (self.min_clearance_mm >= 0 and np.isfinite(self.min_clearance_mm)):
-            raise InputError(
-                f"constraints: expected min_clearance_mm to be a distance in mm, found {self.min_clearance_mm:g}"
-            )
-        if not (self.max_attempts >= 1 and self.max_attempts == int(self.max_attempts)):
-            raise InputError(
-                f"constraints: expected max_attempts to be a whole number from 1, found {self.max_attempts:g}"
-            )
-
     def broken_by(self, statistics: ViewStatistics) -> Rejections:
         """Count 1 for each constraint that a view breaks; a statistic that is NaN breaks its constraint."""
         return Rejections(

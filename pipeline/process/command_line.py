@@ -142,7 +142,7 @@ def exit_code(main: Callable[[Sequence[str]], int], argv: Sequence[str]) -> int:
 
     Returns
     -------
-    The value of ``main``; 2 for :class:`~oneframe.errors.InputError`, 3 for :class:`~pipeline.errors.RunError` and for
+    The value of ``main``; 2 for :class:`~oneframe.errors.InputError`, 3 for :class:`~oneframe.errors.RunError` and for
     lack of memory or files, 128 and the number of the signal for an interruption (130 for Ctrl-C), 1 for a defect.
     """
     try:

@@ -6,13 +6,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self, overload
 
+from ..dataset.dataset_file import Description, read_description
 from ..dataset.layout import RECORD, scene_count, scene_views
-from ..dataset.survey import unrecorded_views
-from ..dataset.view_ranges import view_ranges
+from ..dataset.run.survey import unrecorded_views, view_ranges
 from ..errors import InputError
 from ..packing.layout import MANIFEST, WORK, is_shard, shard_name
 from ..packing.manifest import read_manifest
-from ..packing.source import Description, read_description, render_command
+from ..packing.source import render_command
 from .folder_files import FolderFiles
 from .pack_files import PackFiles
 from .view import View, ViewFiles

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ..dataset.dataset_file import Description
+from ..dataset.decoding import decoded_array, decoded_depth, decoded_grey, decoded_rgb
 from ..dataset.layout import ViewPaths, largest_view_file
-from ..dataset.view_record import read_record
+from ..dataset.run.resume_record import read_record
 from ..errors import InputError, RunError
 from ..files.content import read_file
-from ..packing.source import Description
-from .decoding import decoded_array, decoded_depth, decoded_mask_image, decoded_rgb
 from .view import Boxes, Truth
 
 
@@ -59,7 +59,7 @@ class FolderFiles:
     def mask(self, index: int, kind: str) -> np.ndarray:
         """``(H, W)`` bool."""
         data, path = self._read(index, kind)
-        return decoded_mask_image(data, self.description.camera.shape_hw, str(path))
+        return decoded_grey(data, np.uint8, self.description.camera.shape_hw, str(path)) != 0
 
     def close(self) -> None:
         """Nothing is open."""

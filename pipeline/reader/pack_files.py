@@ -1,21 +1,24 @@
 """Views in the shards of a pack, at any place, without extracting anything."""
 
 import os
+import tarfile
 import threading
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
+from ..dataset.dataset_file import Description
+from ..dataset.decoding import decoded_array, decoded_depth, decoded_rgb
 from ..dataset.layout import ViewPaths, largest_view_file
 from ..errors import InputError
 from ..files.content import regular_file
+from ..files.tables import parsed_json
 from ..packing.layout import shard_name, view_key
 from ..packing.manifest import Manifest
-from ..packing.source import Description
-from ..packing.tar import member_places
+from ..packing.masks import mask_columns
 from ..transforms import rigid
-from .decoding import decoded_array, decoded_depth, decoded_rgb, decoded_run_lengths, parsed
 from .view import Boxes, Truth
 
 MOST_OPEN = 8
@@ -74,7 +77,8 @@ class PackFiles:
     def mask(self, index: int, kind: str) -> np.ndarray:
         """``(H, W)`` bool."""
         data, where = self._read(index, f"{kind}.json")
-        return decoded_run_lengths(data, self._shape, where)
+        # OpenCV transposes in blocks
+        return cv2.transpose(mask_columns(data, self._shape, where)).view(bool)
 
     def close(self) -> None:
         """Give back all handles of files."""
@@ -83,7 +87,7 @@ class PackFiles:
 
     def _table(self, index: int, suffix: str) -> tuple[Any, str]:
         data, where = self._read(index, suffix)
-        return parsed(data, where), where
+        return parsed_json(data, where), where
 
     def _read(self, index: int, suffix: str) -> tuple[bytes, str]:
         """Content of a member, and its name in messages."""
@@ -95,7 +99,7 @@ class PackFiles:
             places = self._places.get(number)
             if places is None:
                 # two threads may both read the headers: they find the same
-                places = self._places[number] = member_places(shard.read_at, str(path))
+                places = self._places[number] = _member_places(path)
             if name not in places:
                 raise InputError(
                     f"{path}: expected the member {name}, found none; check the pack (oneframe pack --verify)"
@@ -122,6 +126,17 @@ class PackFiles:
                 self._open.pop(next(iter(list(self._open)), -1), None)
             self._open[number] = shard
         return shard
+
+
+def _member_places(path: Path) -> dict[str, tuple[int, int]]:
+    """Offset and size of every member's content, by name, from the headers alone; InputError for no archive."""
+    try:
+        with tarfile.open(path, "r:") as archive:
+            return {entry.name: (entry.offset_data, entry.size) for entry in archive if entry.isreg()}
+    except tarfile.TarError as error:
+        raise InputError(
+            f"{path}: expected a whole shard, found a damaged one ({error}); copy or pack it again"
+        ) from None
 
 
 class _Shard:

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..dataset.view_record import Box
+from ..dataset.run.resume_record import Box
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ import numpy as np
 
 from ..camera.pinhole import PinholeCamera
 from ..dataset.check.findings import printable
-from ..dataset.layout import FORMAT, RECORD, SPLIT, ViewPaths, largest_view_file, occupied_views
-from ..dataset.view_record import ViewRecord, read_record
+from ..dataset.layout import FORMAT, MOST_VIEWS, RECORD, SPLIT, ViewPaths, largest_view_file, occupied_views
+from ..dataset.run.resume_record import ViewRecord, read_record
 from ..errors import InputError, RunError
 from ..files.content import LARGEST_TEXT, read_content
 from ..files.tables import parsed_json
@@ -22,7 +22,6 @@ from ..transforms import checked_rigid
 from .thumbnails import Quality, shrunk, webp
 from .view_layers import ViewLayers
 
-MOST_VIEWS = 10_000_000
 THREADS = 4
 """OpenCV decodes and encodes without Python's lock; each thread holds one view."""
 

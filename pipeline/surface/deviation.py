@@ -3,7 +3,9 @@
 The triangles are put in the order of a Z curve and their boxes joined by eights, level over level; points descend
 through the levels all together and leave out boxes that lie farther away than what they have found.
 
-Source: Z order for such a tree: Lauterbach et al., "Fast BVH construction on GPUs" (2009).
+Sources: Z order for such a tree: Lauterbach et al., "Fast BVH construction on GPUs" (2009); the curve: Morton, "A
+computer oriented geodetic data base and a new technique in file sequencing" (1966); distance from a triangle: Ericson,
+"Real-Time Collision Detection" (2005), section 5.1.5, with the cases as one branchless expression.
 """
 
 from dataclasses import dataclass
@@ -11,8 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from .mesh import TriangleMesh
-from .triangle_distance import squared_triangle_distances
-from .z_curve import ZCurve
 
 _LEAF = 4
 """Triangles in a box of the lowest level."""
@@ -26,6 +26,15 @@ _CELLS = 1 << 20
 """Of the Z curve along an axis."""
 _BESIDE = (0, -1, 1, -2, 2, -3)
 """Triangles beside a point on the curve that are tried first."""
+
+_SPREAD = (
+    (32, 0x1F00000000FFFF),
+    (16, 0x1F0000FF0000FF),
+    (8, 0x100F00F00F00F00F),
+    (4, 0x10C30C30C30C30C3),
+    (2, 0x1249249249249249),
+)
+"""Shifts and masks that put two bits of zero between the bits of a number."""
 
 
 def deviation(points: np.ndarray, mesh: TriangleMesh) -> np.ndarray:
@@ -49,7 +58,7 @@ class SurfaceTree:
         corners = [mesh.vertices[corner] for corner in mesh.faces.T]
         centres = (corners[0] + corners[1] + corners[2]) / 3
         origin = centres.min(axis=0)
-        self._curve = ZCurve(origin, float((centres.max(axis=0) - origin).max()), _CELLS)
+        self._curve = _ZCurve(origin, float((centres.max(axis=0) - origin).max()), _CELLS)
         places = self._curve.places(centres)
         order = np.argsort(places, kind="stable")
         self._order, self._sorted_places = order, places[order]
@@ -157,7 +166,7 @@ class SurfaceTree:
 
     def _from_triangles(self, columns: np.ndarray, point: np.ndarray, triangle: np.ndarray) -> np.ndarray:
         offset = columns[:, point] - self._corner[:, triangle]
-        return squared_triangle_distances(self._first[:, triangle], self._second[:, triangle], offset)
+        return _squared_triangle_distances(self._first[:, triangle], self._second[:, triangle], offset)
 
     @staticmethod
     def _from_boxes(
@@ -173,3 +182,67 @@ class SurfaceTree:
             span = np.maximum(below, above)
             farthest += span * span
         return squared, farthest
+
+
+@dataclass(frozen=True)
+class _ZCurve:
+    """A curve through a cube of cells.
+
+    Attributes
+    ----------
+    origin, size_mm
+        ``(3,)`` lower corner of the cube, mm, and its side.
+    cells
+        Along a side, a power of two up to ``2**20``.
+    """
+
+    origin: np.ndarray
+    size_mm: float
+    cells: int
+
+    def places(self, points: np.ndarray) -> np.ndarray:
+        """``(N,)`` int64 places of points ``(N, 3)``, mm: the bits of the three cell numbers interleaved."""
+        place = np.zeros(len(points), np.int64)
+        for axis in range(3):
+            cell = (points[:, axis] - self.origin[axis]) / (max(self.size_mm, 1e-150) / self.cells)
+            bits = np.clip(cell, 0, self.cells - 1).astype(np.int64)
+            for shift, mask in _SPREAD:
+                bits = (bits | (bits << shift)) & mask
+            place |= bits << axis
+        return place
+
+
+def _squared_triangle_distances(first_side: np.ndarray, second_side: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """``(N,)`` squared distances of N points from N triangles, one each.
+
+    Parameters
+    ----------
+    first_side, second_side
+        ``(3, N)`` from the triangle's first corner to its second and third. Needles and points are allowed.
+    offset
+        ``(3, N)`` from the triangle's first corner to the point.
+    """
+    aa, cc, ac = _dot(first_side, first_side), _dot(second_side, second_side), _dot(first_side, second_side)
+    pa, pc, pp = _dot(first_side, offset), _dot(second_side, offset), _dot(offset, offset)
+    # barycentric coordinates of the foot in the plane, times the determinant
+    determinant = aa * cc - ac * ac
+    s, t = cc * pa - ac * pc, aa * pc - ac * pa
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inside = (s >= 0) & (t >= 0) & (s + t <= determinant) & (determinant > 1e-12 * aa * cc)
+        from_plane = pp - (s * pa + t * pc) / determinant
+        third = aa + cc - 2 * ac
+        along_third = pc - pa - ac + aa
+        nearest = np.fmin(_from_side(aa, pa, pp), _from_side(cc, pc, pp))
+        # fmin: a side without length gives NaN, its ends are those of the others
+        nearest = np.fmin(nearest, _from_side(third, along_third, pp - 2 * pa + aa))
+    return np.maximum(np.where(inside, from_plane, np.fmin(nearest, pp)), 0)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _from_side(length: np.ndarray, along: np.ndarray, squared: np.ndarray) -> np.ndarray:
+    """Squared distances from segments of squared ``length``, ``along`` = side . offset, ``squared`` from its start."""
+    part = np.clip(along / length, 0, 1)
+    return squared - part * (2 * along - part * length)

@@ -174,6 +174,17 @@ def checked_mesh(vertices: np.ndarray, faces: np.ndarray, where: str) -> tuple[T
     return TriangleMesh(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.int32)), messages
 
 
+def distinct_points(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """``(N, 3)`` points -> ``(M, 3)`` distinct points in lexicographic order, and ``(N,)`` the index of each point."""
+    order = np.lexsort(points.T[::-1])
+    in_order = points[order]
+    first = np.ones(len(points), dtype=bool)
+    first[1:] = (in_order[1:] != in_order[:-1]).any(axis=1)
+    index = np.empty(len(points), dtype=np.int64)
+    index[order] = np.cumsum(first) - 1
+    return in_order[first], index
+
+
 def _lengths(vectors: np.ndarray) -> np.ndarray:
     """``(N,)`` lengths of ``(N, 3)`` vectors."""
     # column by column: numpy is slow at reductions along an axis of three

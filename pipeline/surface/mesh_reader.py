@@ -14,8 +14,8 @@ import numpy as np
 from ..errors import InputError
 from ..files.content import read_content
 from ..files.numbers import first_wrong_word, parsed_numbers
-from .mesh import MOST_FACES, TriangleMesh, checked_mesh
-from .obj_reader import LONGEST_LINE, read_obj
+from .mesh import MOST_FACES, TriangleMesh, checked_mesh, distinct_points
+from .obj_reader import read_obj
 from .ply_reader import read_ply
 
 LARGEST_MESH = 768 << 20
@@ -23,6 +23,9 @@ LARGEST_MESH = 768 << 20
 
 MOST_CORNERS = 10_000
 """Of a polygon."""
+
+LONGEST_LINE = 1 << 20
+"""Bytes of a line of text."""
 
 _BLOCK = 8 << 20
 """Bytes of text that are split into words at a time: words take many times their size."""
@@ -106,7 +109,7 @@ def _read_stl(data: bytes, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarr
         if len(data) > expected:
             messages.append(f"{where}: ignored {len(data) - expected:,} bytes after the last triangle")
     # in the precision of the file, for the memory
-    vertices, corners = _merged(points.reshape(-1, 3))
+    vertices, corners = distinct_points(points.reshape(-1, 3))
     return vertices.astype(np.float64), np.full(len(points), 3), corners, messages
 
 
@@ -166,17 +169,6 @@ def _stl_error(where: str, facet: int, expected: str, found: bytes) -> InputErro
         f"{where}: facet {facet}: expected {expected}, found {found[:30].decode('latin-1')!r}; "
         "the file is corrupt: copy or export it again"
     )
-
-
-def _merged(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """``(N, 3)`` points -> ``(M, 3)`` distinct points in lexicographic order, and ``(N,)`` the index of each point."""
-    order = np.lexsort(points.T[::-1])
-    in_order = points[order]
-    first = np.ones(len(points), dtype=bool)
-    first[1:] = (in_order[1:] != in_order[:-1]).any(axis=1)
-    index = np.empty(len(points), dtype=np.int64)
-    index[order] = np.cumsum(first) - 1
-    return in_order[first], index
 
 
 _READERS = {".ply": read_ply, ".obj": read_obj, ".stl": _read_stl}

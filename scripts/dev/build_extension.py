@@ -223,7 +223,7 @@ def sample_case() -> Path:
 
 
 def wheels_for(name: str) -> list[Path]:
-    """The wheels of the extension for a platform: OpenCV, the reader of volumes, the editor of case files, and Embree.
+    """The wheels of the extension for a platform: OpenCV, SimpleITK, tomlkit, Embree, and pyfqmr.
 
     Parameters
     ----------
@@ -237,10 +237,10 @@ def wheels_for(name: str) -> list[Path]:
     """
     needed = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
     stable = [text for text in needed if text.startswith(("opencv-", "SimpleITK", "tomlkit"))]
-    (embree,) = (text for text in needed if text.startswith("embreex"))
+    of_each_python = [text for text in needed if text.startswith(("embreex", "pyfqmr"))]
     return [
         *(wheel(requirement, name, PYTHONS[0]) for requirement in stable),
-        joined([wheel(embree, name, python) for python in PYTHONS]),
+        *(joined([wheel(requirement, name, python) for python in PYTHONS]) for requirement in of_each_python),
     ]
 
 

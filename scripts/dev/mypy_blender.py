@@ -112,7 +112,7 @@ ADDED = {
         "oneframe": "blender_addon.state.properties.ONEFRAME_PG_scene",
         "oneframe_view": "blender_addon.view.operators.ONEFRAME_PG_view",
         "oneframe_ct": "blender_addon.volume.properties.ONEFRAME_PG_ct",
-        "oneframe_video": "blender_addon.video.properties.ONEFRAME_PG_video",
+        "oneframe_video": "blender_addon.video.session.ONEFRAME_PG_video",
     },
 }
 """Blender's types -> the properties that the add-on gives them -> the types of these."""

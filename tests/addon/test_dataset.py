@@ -14,8 +14,8 @@ from mathutils import Matrix
 
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.case.case_file import read_case
-from oneframe.dataset.folder import Shard
 from oneframe.dataset.options import checked_options
+from oneframe.dataset.run.run_folder import Shard
 from oneframe.transforms import camera_centre, rigid
 from tests.waiting import wait_until
 
@@ -307,22 +307,9 @@ def test_a_run_never_writes_the_users_case(opened, job_module, case_path, tmp_pa
     assert snapshot.read_bytes() == before
     # refused: neither the case nor a file of the user's at the snapshot's place is written
     snapshot.write_text("# mine\n")
-    refused(bpy.ops.oneframe.render_dataset, "one that this program wrote")
+    refused(bpy.ops.oneframe.render_dataset, "that of an earlier run")
     assert snapshot.read_text() == "# mine\n"
     assert case_path.read_bytes() == text
-
-
-def test_a_snapshot_elsewhere_finds_the_listed_poses(addon, write_tiny_case, job_module, tmp_path):
-    path = write_tiny_case(tmp_path / "case")
-    np.save(tmp_path / "case" / "poses.npy", read_case(path).cam_from_mesh[None])
-    path.write_text(path.read_text() + '\n[dataset]\nposes = "poses.npy"\n')
-    bpy.ops.oneframe.open_case(filepath=str(path))
-    bpy.context.scene.oneframe.dataset_out = str(tmp_path / "far" / "out")
-    bpy.ops.oneframe.render_dataset()
-    assert followed(job_module, ended).error == ""
-    (tmp_path / "copy").mkdir()
-    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "copy" / "case.toml"))
-    assert read_case(tmp_path / "copy" / "case.toml").dataset["poses"] == "../case/poses.npy"
 
 
 def from_scene():
@@ -392,28 +379,6 @@ def test_a_larger_number_of_views_extends_the_dataset(opened, job_module, case_p
         (out / "dataset.json").unlink()
 
 
-@pytest.mark.parametrize(
-    ("key", "found", "asked", "words"),
-    [
-        ("inputs_sha256.surface", "a", "b", "the surface's file (bone.ply) has changed"),
-        ("inputs_sha256.nerve", "a", None, "nerve has changed"),
-        ("options.cone_deg", 20.0, 30.5, "Max Tilt (°) was 20, is 30.5"),
-        ("options.views", 5, 6, "a trajectory of 5 views cannot grow, Views is 6"),
-        ("frame.cam_from_model", [[1]], [[2]], "the pose has changed"),
-        ("frame.fx", 1.0, 2.0, "K of the camera has changed"),
-        ("versions.blender", "4.5", "5.2", "it was made with Blender 4.5, this is 5.2"),
-        ("poses.7", [[1]], [[2]], "pose 7 of the list (counted from 0) has changed"),
-        ("depth_scale", 0.01, None, "the poses were listed"),
-        ("camera.fx", 1.0, 2.0, None),
-        ("geometry_sha256", "a", "b", None),
-    ],
-)
-def test_differences_are_said_in_the_words_of_the_window(key, found, asked, words):
-    in_words = importlib.import_module("blender_addon.dataset.wording").in_words
-    differences = importlib.import_module("blender_addon.pipeline.dataset.differences")
-    assert in_words(differences.Difference(key, found, asked), {"surface": Path("/x/bone.ply")}) == words
-
-
 def test_messages_of_the_command_line_become_the_windows():
     words = importlib.import_module("blender_addon.dataset.wording").in_window_words
     assert words("found projective; add --colour vertex, or use --engine cycles") == (
@@ -422,14 +387,6 @@ def test_messages_of_the_command_line_become_the_windows():
     assert words("is in use; choose another folder (--out)") == "is in use; choose another folder"
     assert words("lower min_surface, which was broken") == "lower Min Surface, which was broken"
     assert words("use a smaller frame or --scale") == "use a smaller frame or Image Size (×)"
-
-
-def test_previews_are_no_unsaved_images(opened):
-    for number in range(2):
-        opened.oneframe.preview_view = number
-        bpy.ops.oneframe.preview_view()
-    bpy.ops.oneframe.project_colour(mode="texture")
-    assert [image.name for image in bpy.data.images if image.is_dirty] == []
 
 
 def test_settings_that_a_run_would_refuse_are_refused_at_once(opened, job_module, case_path):
@@ -445,20 +402,3 @@ def test_settings_that_a_run_would_refuse_are_refused_at_once(opened, job_module
     bpy.context.view_layer.update()
     assert job_module.current() is None
     assert case_path.read_bytes() == text
-
-
-def test_opening_a_missing_result_is_refused(opened, tmp_path):
-    refused(bpy.ops.oneframe.open_result, "failed")
-    opened.oneframe.dataset_out = str(tmp_path)
-    refused(bpy.ops.oneframe.open_result, "wait for the end of the run", contact_sheet=True)
-
-
-def test_the_script_is_found_in_an_installed_extension(tmp_path):
-    """Its folder also holds the add-on's modules: none may shadow a module of Python's standard library."""
-    build = importlib.import_module("scripts.dev.build_extension")
-    build.stage(tmp_path / "oneframe", ["linux-x64"], [])
-    script = tmp_path / "oneframe" / "scripts" / "render_dataset.py"
-    found = subprocess.run([sys.executable, str(script), "--help"], capture_output=True, text=True, check=False)
-    assert found.returncode == 0, found.stderr
-    assert "--out DIR" in found.stdout
-    assert "--end-with-input" not in found.stdout

@@ -18,7 +18,7 @@ def planned(addon, write_tiny_case, tmp_path):
 @pytest.mark.render
 def test_drawing_looks_at_no_file_and_the_timer_sees_the_change(planned, monkeypatch, tmp_path):
     from blender_addon.dataset import pose_preview
-    from blender_addon.state import file_watch
+    from blender_addon.state import scene_files as file_watch
 
     def is_current():
         return pose_preview.is_current(planned, stamp=file_watch.known_stamp)

@@ -66,7 +66,7 @@ def test_the_users_scenes_keep_blenders_own_handling_of_images_and_meshes(addon,
 
 
 def test_the_next_step_leads_to_a_complete_case(addon, folder):
-    from blender_addon.state.next_step import OPEN, next_step
+    from blender_addon.state.workbench import OPEN, next_step
 
     said = [next_step(bpy.context.scene)]
     for operator, file in (("load_frame", "frame.png"), ("load_camera", "case.toml"), ("load_surface", "surface.ply")):
@@ -90,9 +90,9 @@ def test_a_surface_that_is_loaded_first_is_in_view(addon, folder):
 
 
 def test_the_sample_is_a_copy_that_the_user_may_change(addon, folder, tmp_path, monkeypatch):
-    from blender_addon.setup import sample
+    from blender_addon.setup import open_case as sample
 
-    with pytest.raises(RuntimeError, match=r"make_sample\.py"):
+    with pytest.raises(RuntimeError, match="oneframe sample"):
         bpy.ops.oneframe.open_sample()
     monkeypatch.setattr(sample, "SHIPPED", folder)
     copy = sample.copied_sample(tmp_path / "mine")

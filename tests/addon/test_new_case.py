@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from blender_addon.setup.alignment_record import pose_record
-from blender_addon.state import from_scene, session_files
+from blender_addon.state import from_scene, scene_files
 from blender_addon.view.overlay import frame_image_of
 from blender_addon.volume import drill_strokes
 from oneframe.blender.case.load_case import load_case
@@ -78,7 +78,7 @@ def test_the_window_and_the_command_make_the_same_case(addon, files, tmp_path, f
     load(frame=files / frame, mask=files / "mask.png", camera=files / "camera.json")
     scene, folder = bpy.context.scene, tmp_path / "window"
     folder.mkdir()
-    assert session_files.is_temporary(from_scene.absolute_path(scene.oneframe.frame_path))
+    assert scene_files.is_temporary(from_scene.absolute_path(scene.oneframe.frame_path))
     bpy.ops.oneframe.save_case(filepath=str(folder / "case.toml"), collect=True)
     line = ["case", "--surface", files / "surface", "--frame", files / frame, "--mask", files / "mask.png"]
     assert dispatch([*map(str, line), "--camera", str(files / "camera.json"), "--out", str(tmp_path / "command")]) == 0

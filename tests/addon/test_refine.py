@@ -1,13 +1,11 @@
 """Refining in the add-on: the function's result, one undo step, refusals, and which colours count as evidence."""
 
 import importlib
-from functools import partial
 
 import bpy
 import cv2
 import numpy as np
 import pytest
-from mathutils import Matrix
 
 from oneframe.alignment.refinement.refine import refine_pose
 from oneframe.blender.alignment.align_case import align_case
@@ -19,7 +17,6 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
-from tests.waiting import wait_until
 
 CAMERA = PinholeCamera(320, 240, fx=1734.0, fy=1739.0, cx=163.0, cy=117.0)
 TRUE_POSE = rigid(rotation_from_vector(np.array([2.9, 0.3, 0.1])), np.array([0.5, -0.3, 300.0]))
@@ -173,7 +170,7 @@ def test_a_refused_pose_is_taken_later_and_undone(opened, gather, refine, case_f
 
 
 def evidence_of(scene) -> list[str]:
-    panel = importlib.import_module("blender_addon.refine.evidence_panel")
+    panel = importlib.import_module("blender_addon.refine.panel")
     record = importlib.import_module("blender_addon.setup.alignment_record")
     return panel.record_lines(record.pose_record(scene))
 
@@ -286,21 +283,6 @@ def test_pins_are_told_from_landmarks_and_from_the_hand(opened):
     assert record.pose_record(opened)["method"] == "manual"
 
 
-def test_what_cannot_be_refined_is_refused(opened, gather):
-    surface = opened.oneframe.surface
-    surface.matrix_world = Matrix.Translation((0, 0, 900)) @ surface.matrix_world
-    bpy.context.view_layer.update()
-    with pytest.raises(RuntimeError, match="shows almost no surface in the image"):
-        bpy.ops.oneframe.refine()
-    surface.scale = (2, 2, 2)
-    bpy.context.view_layer.update()
-    with pytest.raises(RuntimeError, match="Remove Scale"):
-        bpy.ops.oneframe.refine()
-    bpy.data.objects.remove(surface)
-    with pytest.raises(RuntimeError, match="Set up a frame"):
-        bpy.ops.oneframe.refine()
-
-
 @pytest.mark.render
 def test_colours_count_only_if_they_come_from_another_frame(addon, gather, refine, case_folder):
     bpy.ops.oneframe.open_case(filepath=str(case_folder / "true.toml"))
@@ -320,28 +302,3 @@ def test_colours_count_only_if_they_come_from_another_frame(addon, gather, refin
     surface_module.set_pose(scene.oneframe.camera_object, scene.oneframe.surface, start)
     bpy.ops.oneframe.refine()
     assert rotation_error_deg(gather, scene) < 0.5
-
-
-def test_the_thread_gives_the_same_and_can_be_stopped(opened, gather, refine):
-    from blender_addon.ui.background_work import BackgroundWork
-
-    loaded = gather.loaded_case(opened)
-    work = BackgroundWork(partial(refine.refined, loaded, None))
-    wait_until(lambda: not work.running)
-    assert work.fraction == 1
-    assert work.result.message == refine.refined(loaded, None).message
-    stopped = BackgroundWork(partial(refine.refined, loaded, None))
-    stopped.stop()
-    wait_until(lambda: not stopped.running)
-    assert (stopped.result, stopped.error) == (None, None)
-    wrong = BackgroundWork(partial(refine.refined, loaded, np.zeros((3, 3))))
-    wait_until(lambda: not wrong.running)
-    assert "expected one colour per vertex" in str(wrong.error)
-
-
-def test_disabling_the_addon_removes_its_keys(opened, addon):
-    configuration = bpy.context.window_manager.keyconfigs.addon
-    addon.unregister()
-    left = [item.idname for keymap in configuration.keymaps for item in keymap.keymap_items] if configuration else []
-    addon.register()
-    assert not [name for name in left if name.startswith("oneframe.")]

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from blender_addon.ui.background_work import BackgroundWork
-from blender_addon.video import session, shown_frame, strip_drawing, strip_layout
+from blender_addon.ui.background_operator import BackgroundWork
+from blender_addon.video import session, shown_frame, strip_layout
 from blender_addon.video.frame_fetcher import FrameFetcher
 from oneframe.case.case_file import read_case
 from oneframe.images.png import encode_png
@@ -123,7 +123,7 @@ def test_a_saved_file_holds_the_path_and_the_cases_own_frame(film, video, tmp_pa
     assert shown_frame.is_shown(scene)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "kept.blend"))
     assert shown_frame.is_shown(scene), "the view is as it was"
-    session.unregister()
+    session._forget()
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "kept.blend"))
     scene = bpy.context.scene
     assert background(scene).filepath.endswith("frame.png")
@@ -224,14 +224,6 @@ def test_the_time_axis_keeps_what_is_under_the_pointer_and_stays_in_the_film(fil
         film.show(int(at))
         film.span_s = strip_layout.following(film)
         assert film.span_s[0] <= film.times_s[at] <= film.span_s[1]
-
-
-@pytest.mark.parametrize(
-    ("time_s", "step_s", "text"),
-    [(0, 1, "0:00"), (62.4, 0.1, "1:02.4"), (59.999, 0.01, "1:00.00"), (3661, 60, "1:01:01"), (0.04, 0.04, "0:00.04")],
-)
-def test_times_are_written_as_on_a_clock(time_s, step_s, text):
-    assert strip_drawing.clock(time_s, step_s) == text
 
 
 def test_the_mask_is_shown_where_the_masked_frame_has_no_alpha(film, video, tmp_path):

@@ -258,17 +258,6 @@ def test_view_operators_are_cyclic_and_move_nothing(in_view, scene, operator):
     assert all((a == b).all() for a, b in zip(poses(scene), before, strict=True))
 
 
-def test_the_first_view_is_the_contour_over_the_full_frame(in_view, scene):
-    view, opacities = scene.oneframe_view, []
-    assert (view.opacity, view.contour, view.comparison) == (0.0, True, "NONE")
-    for _ in range(4):
-        bpy.ops.oneframe.cycle_opacity()
-        opacities.append(round(view.opacity, 3))
-    assert opacities == [1.0, 0.6, 0.3, 0.0]
-    # other views show the surface itself
-    assert scene.oneframe.surface.color[3] == 1.0
-
-
 @pytest.mark.gl
 def test_structures_are_fainter_where_the_bone_hides_them(gpu_context):
     """A ball that sticks out of a plate at half its height; its outline is that of K."""
@@ -310,12 +299,6 @@ def test_structures_are_fainter_where_the_bone_hides_them(gpu_context):
     assert (alpha()[well_inside & (u < edge - 1), 3] == 0).all()
 
 
-def test_one_comparison_at_a_time(in_view, scene):
-    for operator, expected in (("blink", "BLINK"), ("swipe", "SWIPE"), ("difference", "DIFFERENCE")):
-        getattr(bpy.ops.oneframe, f"toggle_{operator}")()
-        assert scene.oneframe_view.comparison == expected
-
-
 def test_view_operators_are_disabled_in_other_views(in_view, scene):
     in_view.region_3d.view_perspective = "PERSP"
     for operator in (*OPERATORS, "zoom_frame"):
@@ -352,29 +335,3 @@ def test_keys_of_other_tools_and_editors_stay_blenders(addon):
             room, _, name = item.idname.partition(".")
             if room == "oneframe" and keymap.name not in own:
                 assert not getattr(bpy.ops.oneframe, name).poll(), (keymap.name, item.idname)
-
-
-def test_unregister_leaves_nothing_behind(addon):
-    def ours():
-        configurations = bpy.context.window_manager.keyconfigs
-        keys = [
-            item.idname
-            for keymap in configurations.addon.keymaps
-            for item in keymap.keymap_items
-            if item.idname.startswith("oneframe.")
-        ]
-        handlers = [
-            handler
-            for name in dir(bpy.app.handlers)
-            if isinstance(found := getattr(bpy.app.handlers, name), list)
-            for handler in found
-            if handler.__module__.startswith("blender_addon")
-        ]
-        return keys, handlers, hasattr(bpy.types.Scene, "oneframe_view"), hasattr(bpy.types, "ONEFRAME_PT_view")
-
-    assert all(ours())
-    addon.unregister()
-    try:
-        assert ours() == ([], [], False, False)
-    finally:
-        addon.register()

@@ -1,7 +1,5 @@
 """A CT in the add-on: the script's surface to the last bit, the drill, undo, files beside the case, bad files."""
 
-import threading
-
 import bpy
 import numpy as np
 import pytest
@@ -9,16 +7,12 @@ import pytest
 sitk = pytest.importorskip("SimpleITK")
 
 from blender_addon.state import from_scene
-from blender_addon.ui.background_work import BackgroundWork
 from blender_addon.volume import drill_session, drill_strokes, loaded
-from oneframe.blender.alignment import alignment_scene
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.commands import surface as surface_command
 from oneframe.images.png import encode_png
-from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import transform_points
-from oneframe.volume.drill.drill_plan import Stroke, read_drill_plan
-from tests.waiting import wait_until
+from oneframe.volume.drill.drill_plan import read_drill_plan
 
 SIZE, SPACING = (44, 40, 36), (0.5, 0.5, 0.6)
 ORIGIN = np.array([-12.0, 30.0, 5.0])
@@ -131,18 +125,6 @@ def _mesh_from_model(surface):
     return mesh_from_model_of(surface)
 
 
-def test_another_surface_is_replaced_by_choice_only(scene, files, tmp_path):
-    bpy.ops.oneframe.make_surface()
-    other = tmp_path / "other.ply"
-    other.write_bytes(surface_bytes(scene))
-    bpy.ops.oneframe.load_surface(filepath=str(other))
-    with pytest.raises(RuntimeError, match="not made from this CT"):
-        bpy.ops.oneframe.make_surface()
-    assert scene.oneframe.surface.oneframe.mesh_path == str(other)
-    bpy.ops.oneframe.make_surface(replace=True)
-    assert scene.oneframe.surface.oneframe.mesh_path != str(other)
-
-
 def test_strokes_are_taken_back_in_any_number(scene, files):
     bpy.ops.oneframe.make_surface()
     bpy.ops.oneframe.drill()
@@ -199,25 +181,6 @@ def test_margins_can_be_chosen_and_hold(scene, files):
     assert stops[0] == pytest.approx(0.5)
     assert stops[1] == pytest.approx(1.0 + 1.0 + 0.5, abs=0.3)
     assert stops[2] == pytest.approx(1.0 + 1.0 + 2.0, abs=0.3)
-
-
-def test_a_drill_that_spares_nothing_says_so(scene, files, tmp_path, capfd):
-    bpy.ops.oneframe.make_surface()
-    assert "nothing is protected" not in capfd.readouterr().out
-    bpy.ops.oneframe.drill()
-    assert "nothing is protected from the drill: give labels" in capfd.readouterr().out
-    drilled(scene, STROKES[0])
-    bpy.ops.oneframe.make_surface()
-    assert "nothing is protected from the drill: give labels" in capfd.readouterr().out
-    drill_strokes.set_margins(scene, {"facial_nerve": 1.0})
-    for operator in (bpy.ops.oneframe.make_surface, bpy.ops.oneframe.drill):
-        with pytest.raises(RuntimeError, match=r"there are none\), found facial_nerve"):
-            operator()
-    with_labels(files)
-    capfd.readouterr()
-    bpy.ops.oneframe.drill()
-    bpy.ops.oneframe.make_surface()
-    assert "nothing is protected" not in capfd.readouterr().out
 
 
 def test_save_case_takes_surface_and_plan_beside_it(scene, files, tmp_path):
@@ -294,53 +257,3 @@ def test_a_threshold_without_bone_changes_nothing(scene):
     bpy.ops.oneframe.make_surface()
     corners = transform_points(_mesh_from_model(scene.oneframe.surface), np.array(scene.oneframe.surface.bound_box))
     np.testing.assert_allclose(corners.mean(axis=0), CENTRE, atol=0.3)
-
-
-def test_work_that_is_stopped_ends_at_its_next_step(scene):
-    from blender_addon.volume import surface
-
-    class Operator:
-        replace = False
-
-    entered, go_on = threading.Event(), threading.Event()
-    make = surface.ONEFRAME_OT_make_surface.work(Operator(), bpy.context)
-    steps = []
-
-    def slowly(progress):
-        def report(share):
-            steps.append(share)
-            entered.set()
-            go_on.wait()
-            progress(share)
-
-        return make(report)
-
-    work = BackgroundWork(slowly)
-    entered.wait()
-    work.stop()
-    go_on.set()
-    wait_until(lambda: not work.running)
-    assert (work.running, work.result, work.error, len(steps)) == (False, None, None, 1)
-    assert scene.oneframe.surface is None
-
-
-def test_strokes_in_the_scene_keep_every_digit(scene):
-    strokes = [Stroke(1.5, np.random.default_rng(1).normal(size=(50, 3)))]
-    drill_strokes.set_strokes(scene, strokes)
-    (found,) = drill_strokes.strokes_of(scene)
-    assert np.array_equal(found.points, strokes[0].points)
-
-
-def test_white_structures_are_context_that_is_hidden_beside_coloured_ones(scene, files):
-    with_labels(files)
-    bpy.ops.oneframe.make_surface()
-    surface = scene.oneframe.surface
-    (nerve,) = surface.children
-    canal = alignment_scene.put_structure(
-        surface, TriangleMesh(np.eye(3), np.array([[0, 1, 2]], np.int32)), "eac", (1.0, 1.0, 1.0)
-    )
-    alignment_scene.hide_context(surface)
-    assert (nerve.hide_viewport, canal.hide_viewport) == (False, True)
-    bpy.data.objects.remove(nerve)
-    alignment_scene.hide_context(surface)
-    assert not canal.hide_viewport

@@ -86,15 +86,6 @@ def test_the_workbench_is_found_again(users_scene, write_tiny_case, tmp_path):
     assert bpy.context.scene.oneframe.frame_path == str(folder / "frame.png")
 
 
-def test_what_cannot_be_loaded_leaves_the_user_in_their_scene(users_scene, tmp_path):
-    (tmp_path / "broken.toml").write_text("units = 3")
-    for operator in ("open_case", "load_frame", "load_surface", "load_camera"):
-        with pytest.raises(RuntimeError, match="broken"):
-            getattr(bpy.ops.oneframe, operator)(filepath=str(tmp_path / "broken.toml"))
-        assert bpy.context.scene == users_scene
-        assert len(bpy.data.scenes) == 1
-
-
 def test_a_new_surface_shows_its_shape(addon, write_tiny_case, tmp_path):
     """Also after another one was shown in flat colours."""
     window = bpy.context.window_manager.windows[0]

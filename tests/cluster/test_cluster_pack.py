@@ -10,7 +10,7 @@ pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[clu
 
 from oneframe.cluster import on_worker
 from oneframe.cluster.pack_on_workers import PackOnWorker
-from oneframe.dataset.folder import run_token
+from oneframe.dataset.run.work_folder import run_token
 from oneframe.errors import InputError, RunError
 from oneframe.packing.pack import on_this_machine, pack_dataset
 from tests.dataset.synthetic_dataset import make_dataset

@@ -12,7 +12,7 @@ pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[clu
 from oneframe.cluster import on_worker, render_on_workers
 from oneframe.cluster.on_worker import LostError
 from oneframe.cluster.render_on_workers import RenderOnWorker
-from oneframe.dataset.folder import run_token
+from oneframe.dataset.run.work_folder import run_token
 from oneframe.errors import InputError, RunError
 from tests.waiting import wait_until
 

@@ -9,12 +9,12 @@ import pytest
 
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.dataset import layout
-from oneframe.dataset.bop import bounding_box, is_test_target, write_camera, write_scene, write_test_targets
-from oneframe.dataset.coco import run_lengths
 from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.pose_tables import write_poses
+from oneframe.dataset.run.resume_record import GroundTruthInfo, ViewRecord, read_record
+from oneframe.dataset.tables.bop import bounding_box, is_test_target, write_camera, write_scene, write_test_targets
+from oneframe.dataset.tables.coco import run_lengths
+from oneframe.dataset.tables.pose_tables import write_poses
 from oneframe.dataset.view import file_sums, write_view
-from oneframe.dataset.view_record import GroundTruthInfo, ViewRecord, read_record
 from oneframe.poses.constraints import Rejections
 from oneframe.transforms import rigid, rotation_from_vector
 

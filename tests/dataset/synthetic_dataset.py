@@ -9,7 +9,12 @@ import cv2
 import numpy as np
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.dataset.bop import (
+from oneframe.dataset.checksums import write_checksums
+from oneframe.dataset.identity import geometry_hash, identity_of
+from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.options import DatasetOptions
+from oneframe.dataset.run.resume_record import GroundTruthInfo, ViewRecord, read_record
+from oneframe.dataset.tables.bop import (
     bounding_box,
     is_test_target,
     write_camera,
@@ -17,15 +22,10 @@ from oneframe.dataset.bop import (
     write_scene,
     write_test_targets,
 )
-from oneframe.dataset.checksums import write_checksums
-from oneframe.dataset.coco import run_lengths
-from oneframe.dataset.dataset_info import write_dataset_info
-from oneframe.dataset.identity import geometry_hash, identity_of
-from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.options import DatasetOptions
-from oneframe.dataset.pose_tables import POSE_COLUMNS, pose_cells, write_poses
+from oneframe.dataset.tables.coco import run_lengths
+from oneframe.dataset.tables.dataset_info import write_dataset_info
+from oneframe.dataset.tables.pose_tables import POSE_COLUMNS, pose_cells, write_poses
 from oneframe.dataset.view import file_sums, view_files, write_view
-from oneframe.dataset.view_record import GroundTruthInfo, ViewRecord, read_record
 from oneframe.files.tables import write_csv
 from oneframe.images.contact_sheet import contact_sheet
 from oneframe.images.pixel_values import to_uint8

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from oneframe.dataset.bop import EVAL_VERTICES, bounding_box, write_models
+from oneframe.dataset.tables.bop import EVAL_VERTICES, bounding_box, write_models
 from oneframe.surface.decimation import reduced_mesh
 from oneframe.surface.mesh_reader import read_mesh
 from tests.conftest import grid_mesh
@@ -93,8 +93,3 @@ def test_targets_are_the_views_that_show_enough(written):
     assert enough == [2, 4]
     assert [(target["scene_id"] * 3 + target["im_id"]) for target in targets] == enough
     assert all(target["obj_id"] == target["inst_count"] == 1 for target in targets)
-
-
-def test_camera_file(written):
-    camera = json.loads((written / "camera.json").read_text())
-    assert camera == {"fx": 31.7, "fy": 29.3, "cx": 8.2, "cy": 7.9, "width": 20, "height": 14, "depth_scale": 0.002}

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from oneframe.case.case_file import case_from_text, read_case
-from oneframe.dataset.case_parcel import CASE, case_parcel
 from oneframe.dataset.options import DatasetOptions
+from oneframe.dataset.run.elsewhere import CASE, case_parcel
 
 
 def unpack(parcel, root: Path) -> None:

@@ -3,9 +3,9 @@
 The dataset is rendered without Blender and without the code that is tested.
 """
 
+import io
 import json
 import re
-import shutil
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -15,12 +15,14 @@ import numpy as np
 import pytest
 
 from oneframe.commands import check
-from oneframe.dataset.bop import write_models
+from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.check.findings import Findings
-from oneframe.dataset.coco import compressed_counts, run_lengths
 from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.run.resume_record import read_record
+from oneframe.dataset.run.survey import ranges_text, runs
+from oneframe.dataset.tables.bop import write_models
+from oneframe.dataset.tables.coco import compressed_counts, run_lengths
 from oneframe.dataset.view import file_sums, write_view
-from oneframe.dataset.view_record import read_record
 from oneframe.images.contact_sheet import contact_sheet
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
@@ -32,11 +34,9 @@ from tests.dataset.masks import coco_mask
 from tests.dataset.sealing import sealed
 from tests.dataset.synthetic_dataset import (
     CAMERA,
-    CENTRE,
     COUNT,
     MESH,
     pose_of,
-    write_pose_tables,
     write_tables,
 )
 
@@ -151,12 +151,8 @@ def test_a_flipped_byte_is_named(copied, run, capsys, name):
     flip_byte(copied / name)
     assert run(copied) == 1
     messages = capsys.readouterr().out
-    assert f"{name}: its sha256" in messages
+    assert f"{name} has changed" in messages
     assert "1 finding\n" in messages
-
-
-def far_by(units: int, depth: np.ndarray) -> np.ndarray:
-    return np.where(depth > 0, depth + units, 0).astype(np.uint16)
 
 
 def rewrite_rotation(entry: dict) -> None:
@@ -167,55 +163,27 @@ def rewrite_rotation(entry: dict) -> None:
 MUTATIONS = {
     "scene_gt translation": (
         lambda root: edit(root / S0 / "scene_gt.json", lambda c: nudge(c["1"][0]["cam_t_m2c"])),
-        r"000000/scene_gt\.json: image 1: cam_t_m2c.*frame/000001\.json",
-    ),
-    "scene_gt object": (
-        lambda root: edit(root / S0 / "scene_gt.json", lambda c: c["1"][0].update(obj_id=2)),
-        r"scene_gt\.json: image 1: obj_id is 2, expected 1",
+        r"000000/scene_gt\.json .*: cam_t_m2c\[0\] is",
     ),
     "scene_gt entry too many": (
         lambda root: edit(root / S1 / "scene_gt.json", lambda c: c.update({"1": c["0"]})),
-        r"000001/scene_gt\.json: expected an entry for each of 1 images, 1 unexpected \(1\)",
-    ),
-    "scene_gt not lists": (
-        lambda root: edit(root / S0 / "scene_gt.json", lambda c: c.update({"1": 3})),
-        r"scene_gt\.json: image 1: the entry is 3",
+        r"000001/scene_gt\.json .*: expected 1 keys, 1 are unknown \(1\)",
     ),
     "scene_camera K": (
         lambda root: edit(root / S0 / "scene_camera.json", lambda c: nudge(c["2"]["cam_K"], 2)),
-        r"scene_camera\.json: image 2: cam_K",
-    ),
-    "scene_camera depth scale": (
-        lambda root: edit(root / S0 / "scene_camera.json", lambda c: c["2"].update(depth_scale=1.0)),
-        r"scene_camera\.json: image 2: depth_scale is 1\.0, expected 0\.01",
+        r"scene_camera\.json .*: cam_K",
     ),
     "scene_gt_info": (
         lambda root: edit(root / S0 / "scene_gt_info.json", lambda c: c["0"][0].update(px_count_all=3)),
-        r"scene_gt_info\.json: image 0: px_count_all is 3",
+        r"scene_gt_info\.json .*: px_count_all is 3",
     ),
     "COCO box": (
         lambda root: edit(root / S0 / "scene_gt_coco.json", lambda c: nudge(c["annotations"][1]["bbox"], 2, 1)),
-        r"scene_gt_coco\.json: annotation of image 1: bbox\[2\]",
+        r"scene_gt_coco\.json: bbox\[2\]",
     ),
     "COCO runs": (
         lambda root: edit(root / S0 / "scene_gt_coco.json", shift_mask),
-        r"scene_gt_coco\.json: annotation of image 0: counts\[0\]",
-    ),
-    "COCO category": (
-        lambda root: edit(root / S0 / "scene_gt_coco.json", lambda c: c["categories"][0].update(name="1")),
-        r'scene_gt_coco\.json: categories: name is "1", expected "lumpy sphere"',
-    ),
-    "COCO image": (
-        lambda root: edit(root / S0 / "scene_gt_coco.json", lambda c: c["images"][2].update(file_name="rgb/2.png")),
-        r"scene_gt_coco\.json: image 2: file_name",
-    ),
-    "COCO twice": (
-        lambda root: edit(root / S0 / "scene_gt_coco.json", lambda c: c["annotations"].append(c["annotations"][0])),
-        r"scene_gt_coco\.json: annotations: expected different numbers",
-    ),
-    "camera.json": (
-        lambda root: edit(root / "camera.json", lambda c: c.update(fy=c["fx"])),
-        r"^camera\.json: fy is 151\.3, expected 147\.9",
+        r"scene_gt_coco\.json: counts\[0\]",
     ),
     "camera.json depth scale": (
         lambda root: edit(root / "camera.json", lambda c: c.update(depth_scale=0.1)),
@@ -223,23 +191,11 @@ MUTATIONS = {
     ),
     "K in dataset.json": (
         lambda root: edit(root / "dataset.json", lambda c: nudge(c["camera"]["K"][0], 2)),
-        r"^dataset\.json: camera: cx",
-    ),
-    "count in dataset.json": (
-        lambda root: edit(root / "dataset.json", lambda c: c.update(count=COUNT - 1)),
-        r"train_synt/000001: expected no such folder in a dataset of 3 views",
+        r"^dataset\.json: camera: .*cx",
     ),
     "poses.csv number": (
         lambda root: substitute(root / "poses.csv", ",260.0,", ",260.001,"),
         r"^poses\.csv: row 0: the translation differs from that of train_synt/000000/frame/000000\.json by 0\.001",
-    ),
-    "poses.csv given frame": (
-        lambda root: write_pose_tables(root, centre=CENTRE * 1.000001),
-        r"^poses\.csv: row 0: mesh_t",
-    ),
-    "poses.csv order": (
-        lambda root: write_pose_tables(root, [1, 0, 2, 3]),
-        r"^poses\.csv: row 0: expected view 0 and its image",
     ),
     "transforms.json axes": (
         lambda root: edit(
@@ -248,79 +204,35 @@ MUTATIONS = {
                 transform_matrix=(np.array(c["frames"][3]["transform_matrix"]) * [1, -1, -1, 1]).tolist()
             ),
         ),
-        r"^transforms\.json: frame 3: the rotation differs",
+        r"^transforms\.json: frame 3: transform_matrix",
     ),
     "transforms.json pixel origin": (
         lambda root: edit(root / "transforms.json", lambda c: c.update(cx=c["cx"] - 0.5)),
-        r"^transforms\.json: cx is .* does not fit dataset\.json",
+        r"^transforms\.json: cx is .*, expected",
     ),
     "models_info": (
         lambda root: edit(root / "models/models_info.json", lambda c: c["1"].update(diameter=60.0)),
         r"^models/models_info\.json: diameter is 60\.0",
     ),
-    "another model": (
-        lambda root: write_models(root, MESH.scaled(1.01), np.zeros((len(MESH.vertices), 3), np.uint8)),
-        r"depth/000000\.png: the surface projected .* does not fit",
-    ),
     "model not demeaned": (
         lambda root: write_models(root, MESH.moved(np.array([0, 0, 0.01])), np.zeros((222, 3), np.uint8)),
-        r"models/obj_000001\.ply: expected the mean of the vertices at the origin",
+        r"models/obj_000001\.ply: its vertices and faces do not have the geometry_sha256",
     ),
     "swapped rgb": (
         lambda root: swap(root / S0 / "rgb/000000.png", root / S0 / "rgb/000002.png"),
-        r"000000/rgb/000002\.png: its sha256",
-    ),
-    "swapped records": (
-        lambda root: swap(root / S0 / "frame/000000.json", root / S0 / "frame/000002.json"),
-        r"frame/000002\.json: expected the record of view 2, found index 0",
-    ),
-    "stray view": (
-        lambda root: shutil.copy(root / S1 / "rgb/000000.png", root / S1 / "rgb/000001.png"),
-        r"train_synt/000001/rgb/000001\.png: expected no such file in a dataset of 4 views",
-    ),
-    "stray scene": (
-        lambda root: shutil.copytree(root / S1, root / "train_synt/000002"),
-        r"train_synt/000002: expected no such folder in a dataset of 4 views",
-    ),
-    "temporary file": (
-        lambda root: (root / S0 / ".partial-12ab").write_bytes(b""),
-        r"train_synt/000000/\.partial-12ab: left by a run that was stopped",
+        r"000000/rgb/000002\.png has (changed|\d+ bytes)",
     ),
     "record without a hash": (
         lambda root: change_record(root, 1, lambda c: c["files"].popitem()),
-        r"frame/000001\.json: expected sums of the view's 6 files, missing or unexpected: \S+/depth_mm/000001\.npy",
-    ),
-    "record without depth scale": (
-        lambda root: change_record(root, 1, lambda c: c.pop("depth_scale"), tables=False),
-        r"frame/000001\.json: expected other keys: missing \[\"depth_scale\"\]",
-    ),
-    "record with NaN": (
-        lambda root: change_record(root, 1, lambda c: c["cam_t_m2c"].__setitem__(0, float("nan")), tables=False),
-        r"frame/000001\.json: expected JSON, found a mistake: NaN is no number",
+        r"frame/000001\.json: expected sums of the view's 6 files",
     ),
     "reflection": (
         lambda root: change_record(root, 1, rewrite_rotation),
-        r"frame/000001\.json: cam_R_m2c: expected a rotation, found .* determinant -1",
-    ),
-    "scaled rotation": (
-        lambda root: change_record(root, 1, lambda c: c.update(cam_R_m2c=[1.0001 * r for r in c["cam_R_m2c"]])),
-        r"frame/000001\.json: cam_R_m2c: expected a rotation, found a matrix off by 0\.0002",
+        r"frame/000001\.json: expected a rotation, found .* determinant -1",
     ),
     "video pose": (
         lambda root: substitute(root / "video/poses.csv", ",0.7", ",0.71"),
         r"^video/poses\.csv: row \d: expected a rotation",
-    ),
-    "another size": (
-        lambda root: replace_file(root, 1, "rgb", np.zeros((48, 63, 3), np.uint8)),
-        r"rgb/000001\.png: expected 64x48 px with 3 channels of uint8, found 63x48 px",
-    ),
-    "grey rgb": (
-        lambda root: replace_file(root, 1, "rgb", np.zeros((48, 64), np.uint8)),
-        r"rgb/000001\.png: expected 64x48 px with 3 channels of uint8, found 64x48 px with 1 channel",
-    ),
-    "8-bit depth": (
-        lambda root: replace_file(root, 1, "depth", image_of(root, 1, "mask")),
-        r"depth/000001\.png: expected 64x48 px with 1 channel of uint16, found .* uint8",
     ),
     "mask of 0 and 1": (
         lambda root: replace_file(root, 1, "mask", image_of(root, 1, "mask") // 255),
@@ -330,10 +242,6 @@ MUTATIONS = {
         lambda root: replace_file(root, 1, "mask", np.roll(image_of(root, 1, "mask"), 1, axis=1)),
         r"mask/000001_000000\.png: \d+ px differ from where the depth image has surface",
     ),
-    "visible beyond mask": (
-        lambda root: replace_file(root, 1, "mask_visib", np.full(CAMERA.shape_hw, 255, np.uint8)),
-        r"mask_visib/000001_000000\.png: \d+ px lie outside the mask \(first: u = 0, v = 0\)",
-    ),
     "observed beyond mask": (
         lambda root: replace_file(root, 1, "mask_observed", np.full(CAMERA.shape_hw, 255, np.uint8)),
         r"mask_observed/000001_000000\.png: \d+ px lie outside the mask",
@@ -342,21 +250,9 @@ MUTATIONS = {
         lambda root: replace_file(root, 1, "mask_visib", np.zeros(CAMERA.shape_hw, np.uint8)),
         r"frame/000001\.json: px_count_visib is \d+, \S+mask_visib/000001_000000\.png has 0",
     ),
-    "fewer observed": (
-        lambda root: replace_file(root, 1, "mask_observed", np.zeros(CAMERA.shape_hw, np.uint8)),
-        r"frame/000001\.json: px_count_observed is \d+, \S+mask_observed/000001_000000\.png has 0",
-    ),
     "colour beyond the mask": (
         lambda root: replace_file(root, 1, "rgb", np.full((*CAMERA.shape_hw, 3), 9, np.uint8)),
         r"rgb/000001\.png: \d+ px outside the mask are not black",
-    ),
-    "float depth": (
-        lambda root: replace_file(root, 1, "depth", far_by(2, image_of(root, 1, "depth"))),
-        r"depth_mm/000001\.npy: \d+ px are not those of the depth image before rounding",
-    ),
-    "box": (
-        lambda root: change_record(root, 1, lambda c: nudge(c["gt_info"]["bbox_visib"], 2, 1)),
-        r"frame/000001\.json: bbox_visib is",
     ),
     "visible fraction": (
         lambda root: change_record(root, 1, lambda c: c["gt_info"].update(visib_fract=0.5)),
@@ -396,13 +292,6 @@ def swap_video_poses(root: Path) -> None:
     (root / "video/poses.csv").write_text("\n".join([header, *map(",".join, rows)]) + "\n")
 
 
-def swap_pictures(root: Path) -> None:
-    sheet = cv2.imread(str(root / "contact_sheet.png"))[..., ::-1]
-    across = CAMERA.width + 4
-    first, second, rest = sheet[:, 4 : 4 + across], sheet[:, 4 + across : 4 + 2 * across], sheet[:, 4 + 2 * across :]
-    (root / "contact_sheet.png").write_bytes(encode_png(np.concatenate([sheet[:, :4], second, first, rest], axis=1)))
-
-
 def write_model(root: Path, folder: str, mesh: TriangleMesh, normals: np.ndarray) -> None:
     colours = np.zeros((len(mesh.vertices), 3), np.uint8) if folder == "models" else None
     write_ply(root / folder / "obj_000001.ply", mesh, colours=colours, normals=normals)
@@ -416,39 +305,17 @@ def moved_vertex() -> TriangleMesh:
 
 SEALED = {
     "poses of the video": (swap_video_poses, r"^video/trajectory\.mp4: \d+ px of frame 0 lie beside the surface"),
-    "pictures of the sheet": (swap_pictures, r"^contact_sheet\.png: the picture in row 1, column 1 is not \S+0\.png"),
     "a vertex": (
         lambda root: write_model(root, "models", moved_vertex(), moved_vertex().vertex_normals),
         r"^models/obj_000001\.ply: its vertices and faces do not have the geometry_sha256",
-    ),
-    "normals": (
-        lambda root: write_model(root, "models", MESH, -MESH.vertex_normals),
-        r"^models/obj_000001\.ply: 222 of 222 normals are not those of the surface",
     ),
     "the model for errors": (
         lambda root: write_model(root, "models_eval", moved_vertex(), moved_vertex().vertex_normals),
         r"^models_eval/obj_000001\.ply: expected the surface of models/obj_000001\.ply",
     ),
-    "a key of transforms.json": (
-        lambda root: edit(root / "transforms.json", lambda c: c.update(k1=0.1)),
-        r"^transforms\.json: expected other keys: unknown \[\"k1\"\]",
-    ),
-    "a key of a frame": (
-        lambda root: edit(root / "transforms.json", lambda c: c["frames"][1].update(fl_x=0.1)),
-        r"^transforms\.json: frame 1: unexpected key \"fl_x\"",
-    ),
     "a column": (
         lambda root: (root / "poses.csv").write_text((root / "poses.csv").read_text().replace("\n", ",1\n")),
         r"^poses\.csv: expected the columns index, image, r00",
-    ),
-    "an option": (
-        lambda root: edit(root / "dataset.json", lambda c: c["options"].update(speed=1)),
-        r"^dataset\.json: options: expected other keys: unknown",
-    ),
-    "a pose twice": (
-        lambda root: change_record(root, 3, lambda c: c.update(cam_R_m2c=pose_of(1)[:3, :3].ravel().tolist(),
-                                                               cam_t_m2c=pose_of(1)[:3, 3].tolist())),
-        r"000001/frame/000000\.json: view 3 has the very pose of view 1",
     ),
 }  # fmt: skip
 
@@ -461,19 +328,13 @@ def test_what_hashes_do_not_tell_is_found(copied, run, capsys, name):
     assert run(sealed(copied)) == 1
     messages = capsys.readouterr().out
     assert re.search(expected, messages, re.MULTILINE), messages
-    assert "sha256 or size" not in messages
-
-
-def test_without_hashes_swapped_images_are_still_seen(copied, run, capsys):
-    swap(copied / S0 / "rgb/000000.png", copied / S0 / "rgb/000002.png")
-    assert run(copied, "--fast") == 1
-    assert re.search(r"rgb/00000[02]\.png: (its sha256 or size|\d+ px outside the mask)", capsys.readouterr().out)
+    assert "has changed" not in messages
 
 
 def test_without_hashes_a_flipped_byte_is_still_seen(copied, run, capsys):
     flip_byte(copied / S0 / "rgb/000001.png")
     assert run(copied, "--fast") == 1
-    assert re.search(r"rgb/000001\.png: expected an intact PNG image", capsys.readouterr().out)
+    assert re.search(r"rgb/000001\.png: expected an image, chunk .* is damaged", capsys.readouterr().out)
 
 
 @pytest.mark.parametrize(("margin_px", "code"), [(0, 0), (1, 1)])
@@ -508,12 +369,9 @@ def turned_about_centre(index: int, rotation: np.ndarray) -> np.ndarray:
 
 HALF_A_PIXEL = {
     "K by half a pixel in x": lambda root: shift_camera(root, cx=0.5),
-    "K by half a pixel in y": lambda root: shift_camera(root, cy=-0.5),
-    "K by a pixel": lambda root: shift_camera(root, cx=1.0),
     "the other pixel origin": lambda root: shift_camera(root, cx=0.5, cy=0.5),
     "half a pixel of focal length at the edge of the object": lambda root: shift_camera(root, fx=4.0, fy=4.0),
     "sideways": lambda root: move(root, 2, rigid(translation=[0.5 * 300 / CAMERA.fx, 0, 0])),
-    "pan": lambda root: move(root, 2, rigid(rotation_from_vector(np.array([0, 0.5 / CAMERA.fx, 0])))),
     "roll": lambda root: move(root, 2, turned_about_centre(2, rotation_from_vector(np.array([0, 0, 0.03])))),
     "tilt": lambda root: move(root, 2, turned_about_centre(2, rotation_from_vector(np.array([0.03, 0, 0])))),
     "nearer by 1 %": lambda root: move(root, 2, rigid(translation=[0, 0, -3.0])),
@@ -537,7 +395,7 @@ def test_a_stopped_run_is_unfinished_and_nothing_else(copied, run, capsys):
     (copied / S1 / "rgb" / ".partial-0123").touch()
     assert run(copied) == 1
     messages = capsys.readouterr().out
-    assert "unfinished (3 of 4 views exist): run the same command" in messages
+    assert "unfinished (3 of 4 views exist): run the same `oneframe render`" in messages
     assert "1 finding\n" in messages
 
 
@@ -546,7 +404,7 @@ def test_a_stopped_run_is_unfinished_and_nothing_else(copied, run, capsys):
     [
         (["nowhere"], "expected the folder of a dataset"),
         (["."], "expected the folder of a dataset"),
-        (["other"], "expected the format 'oneframe dataset 2', found \"something\""),
+        (["other"], "expected the format 'oneframe dataset 2', found 'something'"),
     ],
 )
 def test_what_is_no_dataset_is_not_judged(tmp_path, monkeypatch, run, capsys, arguments, expected):
@@ -555,13 +413,6 @@ def test_what_is_no_dataset_is_not_judged(tmp_path, monkeypatch, run, capsys, ar
     (tmp_path / "other" / "dataset.json").write_text('{"format": "something"}')
     assert run(*arguments) == 2
     assert expected in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    "arguments", [[], ["a", "--views", "-1"], ["a", "--views", "x"], ["a", "--what"], ["a", "--rerender", "2"]]
-)
-def test_wrong_arguments(run, arguments):
-    assert run(*arguments) == 2
 
 
 def test_many_findings_are_counted_and_some_of_every_kind_shown():
@@ -573,3 +424,47 @@ def test_many_findings_are_counted_and_some_of_every_kind_shown():
     assert len(findings) == 301
     assert len(shown) <= 20
     assert {"... and 195 more broken things", "... and 95 more lost things", "the odd one"} <= set(shown)
+
+
+# --- mistaken and damaged folders
+
+
+def filled(data: bytes) -> Callable[[Path], None]:
+    return lambda path: path.write_bytes(data)
+
+
+DAMAGED: dict[str, Callable[[Path], object]] = {
+    "deep JSON": filled(b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}"),
+    "another value": filled(b'{"depth_scale": 1e999, "identity": NaN, "frames": 3}'),
+    "no UTF-8": filled(b"\xff\xfe\0\x80" * 40),
+    "nothing": filled(b""),
+    "a folder": lambda path: (path.unlink(), path.mkdir()),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGED)
+def test_whatever_a_file_holds_is_a_finding(copied, damage):
+    names = ("camera.json", "transforms.json", "checksums.json", f"{S0}/scene_gt.json", f"{S0}/frame/000001.json")
+    for name in (*names, "poses.csv", "video/poses.csv", "video/trajectory.mp4", "models/obj_000001.ply", OF_A_VIEW[0]):
+        DAMAGED[damage](copied / name)
+    report = check_dataset(copied, stream=io.StringIO())
+    assert report.findings
+    assert all(line.isprintable() for line in report.findings.shown())
+
+
+@pytest.mark.parametrize("damage", [Path.unlink, *DAMAGED.values()])
+def test_without_its_description_the_advice_is_to_render_again(copied, damage):
+    damage(copied / "dataset.json")
+    assert "`oneframe render` again: this writes it, and keeps the views" in " ".join(
+        check_dataset(copied, stream=io.StringIO()).findings.shown()
+    )
+
+
+def test_missing_views_are_shown_as_ranges(copied):
+    edit(copied / "dataset.json", lambda content: content.update(count=30_000))
+    assert any(
+        "expected 30000 views, found 4 with a record: 4-29999 are missing" in line
+        for line in check_dataset(copied, stream=io.StringIO()).findings.shown()
+    )
+    assert runs([1, 2, 3, 7, 9, 10]) == [range(1, 4), range(7, 8), range(9, 11)]
+    assert ranges_text([range(3, 4), range(5, 7), range(7, 9), range(9, 9)]) == "3, 5-8"

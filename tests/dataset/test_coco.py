@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oneframe.dataset.coco import compressed_counts, run_lengths
+from oneframe.dataset.tables.coco import compressed_counts, run_lengths
 from tests.dataset.blank_dataset import CAMERA, OBJECT_NAME, record_of, scene_tables
 from tests.dataset.masks import coco_mask, masks
 

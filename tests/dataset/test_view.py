@@ -10,8 +10,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from oneframe.dataset.coco import run_lengths
 from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.run.resume_record import read_record
+from oneframe.dataset.tables.coco import run_lengths
 from oneframe.dataset.view import (
     RenderedSample,
     RenderedView,
@@ -22,7 +23,6 @@ from oneframe.dataset.view import (
     view_files,
     write_view,
 )
-from oneframe.dataset.view_record import read_record
 from oneframe.errors import InputError
 from oneframe.poses.constraints import PlannedPose, Rejections, ViewStatistics
 from oneframe.projection.silhouette import SilhouetteEdges

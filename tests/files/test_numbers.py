@@ -1,6 +1,7 @@
 """Numbers in files are read exactly or refused; numbers in messages are rounded, short and plain."""
 
 import io
+import re
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from oneframe.errors import InputError
-from oneframe.files.numbers import first_wrong_word, format_two_digits, npy_array
+from oneframe.files.numbers import first_wrong_word, format_two_digits, npy_array, parsed_numbers
 
 
 def saved(array: np.ndarray) -> bytes:
@@ -70,3 +71,24 @@ def test_numbers_are_close_and_plain(value):
     assert abs(float(text) - value) <= 0.0501 * value
     assert "e" not in text
     assert len(text.replace(".", "").lstrip("0")) <= max(2, len(f"{value:.0f}"))
+
+
+@settings(max_examples=200)
+@given(
+    st.lists(
+        st.sampled_from(list("0123456789+-.eEnaif/\0\v#") + [" "] * 9 + ["\n"] * 3 + ["12", "1.5", "-3", "7e-2"]),
+        max_size=9,
+    )
+)
+def test_numbers_are_those_of_the_words(letters):
+    text = "".join(letters)
+    floats = parsed_numbers(text.encode(), np.float64)
+    integers = parsed_numbers(text.encode(), np.int64)
+    if all(re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", word) for word in text.split()):
+        assert floats.tolist() == [float(word) for word in text.split()]
+    elif floats is not None:  # nan or inf
+        assert np.array_equal(floats, [float(word) for word in text.split()], equal_nan=True)
+    if all(re.fullmatch(r"[+-]?\d+", word) for word in text.split()):
+        assert integers.tolist() == [int(word) for word in text.split()]
+    else:
+        assert integers is None

@@ -13,7 +13,6 @@ from PIL import Image
 
 from oneframe.errors import InputError
 from oneframe.images.image_check import SIGNATURES, check_image, check_image_file
-from oneframe.images.pixel_values import to_uint8
 from oneframe.images.png import encode_png
 
 TURNED = {
@@ -80,14 +79,6 @@ def test_any_bytes_are_accepted_or_refused(tmp_path_factory, data, begin):
 def test_the_size_is_the_decoders(suffix, bits, shape, channels, deep):
     image = np.zeros((*shape, channels), np.uint16 if deep and bits == 16 else np.uint8)
     assert check_image(cv2.imencode(suffix, image)[1].tobytes(), "frame") == shape[::-1]
-
-
-def test_codes_are_the_nearest(rng):
-    values = rng.uniform(-0.5, 1.5, (50, 3))
-    codes = to_uint8(values)
-    assert codes.dtype == np.uint8
-    assert np.abs(codes - np.clip(values, 0, 1) * 255).max() <= 0.5
-    assert np.array_equal(to_uint8(np.arange(256, dtype=np.float32) / 255), np.arange(256))
 
 
 sides = st.integers(1, 40)

@@ -8,11 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from oneframe.dataset.decoding import decoded_grey
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
-from oneframe.packing.mask_image import decoded_mask
-from oneframe.packing.mask_runs import mask_columns, mask_json
-from oneframe.reader.decoding import decoded_mask_image, decoded_run_lengths
+from oneframe.packing.masks import decoded_mask, mask_columns, mask_json
 
 MASKS = arrays(bool, st.tuples(st.integers(1, 12), st.integers(1, 12)))
 
@@ -30,7 +29,6 @@ def test_run_lengths_are_the_mask(mask):
     assert entry["size"] == list(mask.shape)
     np.testing.assert_array_equal(by_rules_of_coco(entry["counts"], *mask.shape), mask)
     np.testing.assert_array_equal(mask_columns(data, mask.shape, "m").T, mask)
-    np.testing.assert_array_equal(decoded_run_lengths(data, mask.shape, "m"), mask)
 
 
 @given(mask=MASKS)
@@ -45,7 +43,7 @@ def test_pycocotools_reads_them(mask):
 def test_mask_images_are_decoded_without_a_library(mask):
     data = encode_png(np.where(mask, np.uint8(255), np.uint8(0)))
     np.testing.assert_array_equal(decoded_mask(data, "m"), mask)
-    np.testing.assert_array_equal(decoded_mask_image(data, mask.shape, "m"), mask)
+    np.testing.assert_array_equal(decoded_grey(data, np.uint8, mask.shape, "m") != 0, mask)
 
 
 @settings(max_examples=60)
@@ -57,7 +55,7 @@ def test_damaged_masks_are_a_sentence(mask, data):
         decoded_mask(png[:cut], "m")
     text = mask_json(mask)
     with pytest.raises(InputError, match="m: expected"):
-        decoded_run_lengths(text[: data.draw(st.integers(0, len(text) - 1))], mask.shape, "m")
+        mask_columns(text[: data.draw(st.integers(0, len(text) - 1))], mask.shape, "m")
 
 
 @pytest.mark.parametrize(
@@ -71,4 +69,4 @@ def test_damaged_masks_are_a_sentence(mask, data):
 )  # fmt: skip
 def test_run_lengths_of_other_images_are_a_sentence(entry):
     with pytest.raises(InputError, match="m: expected"):
-        decoded_run_lengths(json.dumps({"0": entry}).encode(), (2, 2), "m")
+        mask_columns(json.dumps({"0": entry}).encode(), (2, 2), "m")

@@ -1,9 +1,7 @@
 """Packs: what is in them, the same bytes whoever makes them, and what is refused."""
 
-import errno
 import io
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -15,13 +13,11 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.dataset.bop import write_test_targets
-from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.tables.bop import write_test_targets
 from oneframe.errors import InputError, RunError
 from oneframe.packing.pack import on_this_machine, pack_dataset
 from oneframe.packing.shard import PackedShard, pack_shard
 from oneframe.packing.verify import verify_pack
-from tests.impossible_files import impossible
 
 ROOT = Path(__file__).resolve().parents[2]
 COUNT = 4
@@ -65,23 +61,6 @@ def test_webdataset_reads_every_view_as_the_folder_has_it(dataset, packed):
             np.testing.assert_array_equal(found.reshape(image.shape[::-1]).T, image > 0)
     decoded = next(iter(webdataset.WebDataset(shards[:1], shardshuffle=False).decode("rgb8")))
     np.testing.assert_array_equal(decoded["rgb.png"], cv2.imread(str(scene / "rgb/000000.png"))[..., ::-1])
-
-
-def test_a_pack_needs_no_other_folder(dataset, packed, tmp_path):
-    names = {*tree(packed)}
-    same = {"dataset.json", "camera.json", *(f"{folder}/{name}" for folder in ("models", "models_eval") for name in (
-        "obj_000001.ply", "models_info.json"))}  # fmt: skip
-    made = {"pack.json", "key_to_shard.json", "dataset_info.md", "test_targets_bop19.json"}
-    assert names == {*same, *made, "shard-000000.tar", "shard-000001.tar"}
-    assert all((packed / name).read_bytes() == (dataset / name).read_bytes() for name in same)
-    assert json.loads((packed / "key_to_shard.json").read_text()) == {
-        "000000_000000": 0, "000000_000001": 0, "000000_000002": 0, "000000_000003": 1
-    }  # fmt: skip
-    elsewhere = Path(shutil.copytree(packed, tmp_path / "elsewhere"))
-    assert not verify_pack(elsewhere, stream=io.StringIO()).findings
-    text = (packed / "dataset_info.md").read_text()
-    assert "{000000..000001}.tar" in text
-    assert "64 x 48 px" in text
 
 
 def test_the_same_bytes_whoever_packs(dataset, packed, tmp_path):
@@ -178,14 +157,6 @@ def test_a_damaged_dataset_is_refused(name, copied, tmp_path):
         assert not (tmp_path / "out").exists()
 
 
-@impossible
-@pytest.mark.parametrize("name", ["dataset.json", "checksums.json", "camera.json", "rgb", "depth_mm", "mask", "frame"])
-def test_what_cannot_be_a_file_of_a_dataset_is_a_sentence(name, place, copied, tmp_path):
-    place(copied / name if "." in name else ViewPaths(copied, 3).file(name))
-    with pytest.raises((InputError, RunError), match=r": expected .*; .*"):
-        pack(copied, tmp_path / "out", engine=on_this_machine(1))
-
-
 @pytest.mark.parametrize("kind", ["rgb", "depth", "depth_mm", "mask", "mask_visib", "mask_observed", "frame"])
 def test_a_changed_view_is_refused_and_finished_shards_are_kept(kind, copied, packed, tmp_path):
     (path,) = (copied / "train_synt" / "000000" / kind).glob("000003*")
@@ -276,9 +247,3 @@ def test_a_full_disk_is_a_sentence_and_more_space_lets_it_resume(workers, datase
         assert tree(disk / "out") == pack(dataset, tmp_path / "out", views_per_shard=1)
     finally:
         subprocess.run(["umount", disk], check=True)
-
-
-def test_a_folder_that_cannot_be_written_is_a_sentence(dataset, tmp_path):
-    (tmp_path / "file").write_text("mine")
-    with pytest.raises(RunError, match=os.strerror(errno.ENOTDIR)):
-        pack(dataset, tmp_path / "file" / "out")

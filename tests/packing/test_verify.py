@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from oneframe.dataset.checksums import sum_of_file
 from oneframe.errors import InputError
 from oneframe.packing.pack import pack_dataset
-from oneframe.packing.tar import member_places, write_end, write_member
 from oneframe.packing.verify import verify_pack
 
 SHARD = "shard-000000.tar"
@@ -26,16 +25,16 @@ def findings(pack: Path, root: Path | None = None) -> list[str]:
 
 
 def members(path: Path) -> dict[str, bytes]:
-    data = path.read_bytes()
-    places = member_places(lambda offset, size: data[offset : offset + size], path.name)
-    return {name: data[first : first + size] for name, (first, size) in places.items()}
+    with tarfile.open(path) as archive:
+        return {entry.name: archive.extractfile(entry).read() for entry in archive}
 
 
 def write_members(path: Path, content: dict[str, bytes]) -> None:
-    with path.open("wb") as stream:
+    with tarfile.open(path, "w", format=tarfile.USTAR_FORMAT) as archive:
         for name, data in content.items():
-            write_member(stream, name, data)
-        write_end(stream)
+            entry = tarfile.TarInfo(name)
+            entry.size = len(data)
+            archive.addfile(entry, io.BytesIO(data))
 
 
 def sealed(pack: Path) -> None:
@@ -100,10 +99,7 @@ def another_order(pack: Path) -> None:
 
 DAMAGE: dict[str, tuple[Callable[[Path], object], str, bool]] = {
     "truncated": (lambda pack: os.truncate(pack / SHARD, 20_000), "no whole archive|are missing", False),
-    "cut between members": (lambda pack: os.truncate(pack / SHARD, 512), "no whole archive|are missing", False),
-    "emptied": (lambda pack: os.truncate(pack / SHARD, 0), "no whole archive|are missing", False),
     "swapped": (swapped, f"{SHARD} has .* bytes instead of", False),
-    "swapped, sealed": (swapped, "members are missing, the first is 000000_000000.camera.json", True),
     "a member less": (without_a_member, f"{SHARD}: 1 members are missing, the first is 000000_000001.rgb.png", True),
     "a member more": (with_a_member, f"{SHARD}: 1 members are foreign, the first is 000000_000009.rgb.png", True),
     "another order": (another_order, "its members are in another order", True),
@@ -113,7 +109,6 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], str, bool]] = {
     ),
     "a file more": (lambda pack: (pack / "models" / "x.txt").write_text("x"), "no pack has such a file", False),
     "a table less": (lambda pack: (pack / "key_to_shard.json").unlink(), "key_to_shard.json is missing", False),
-    "another table": (lambda pack: (pack / "key_to_shard.json").write_text("{}"), "names other views or shards", True),
 }  # fmt: skip
 
 
@@ -162,8 +157,3 @@ def test_notes_beside_the_shards_are_no_damage(dataset, copied_pack):
     assert findings(copied_pack) == []
     pack_dataset(dataset, copied_pack, views_per_shard=3, stream=io.StringIO())
     assert (copied_pack / "LICENSE").read_text() == "mine"
-
-
-def test_tar_itself_reads_a_shard(packed):
-    with tarfile.open(packed / SHARD) as archive:
-        assert len(archive.getnames()) == 27

@@ -3,8 +3,6 @@
 import io
 import json
 import os
-import pickle
-import zipfile
 
 import numpy as np
 import pytest
@@ -112,23 +110,6 @@ def test_statistics_on_the_limit_pass_and_nan_does_not():
     assert small.broken_by(ViewStatistics(np.nextafter(0.05, 0), 0, 0)) == Rejections(surface=1)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"min_observed": 60}, "min_observed to be a fraction from 0 to 1, found 60"),
-        ({"min_surface": -0.1}, "min_surface to be a fraction"),
-        ({"min_surface": np.nan}, "min_surface to be a fraction from 0 to 1, found nan"),
-        ({"min_clearance_mm": np.inf}, "min_clearance_mm to be a distance in mm, found inf"),
-        ({"min_clearance_mm": -1}, "min_clearance_mm .* found -1"),
-        ({"max_attempts": 0}, "max_attempts to be a whole number from 1, found 0"),
-        ({"max_attempts": 2.5}, "max_attempts .* found 2.5"),
-    ],
-)
-def test_useless_constraints_are_refused(options, message):
-    with pytest.raises(InputError, match=message):
-        Constraints(**options)
-
-
 def test_given_poses_are_kept_and_those_that_break_constraints_are_reported():
     poses = np.stack([SHELL.draw(np.random.default_rng([1, index])) for index in range(40)])
     constraints = Constraints(min_observed=0.8, min_clearance_mm=1.5 * DISTANCE)
@@ -215,24 +196,11 @@ def reflect(pose):
     pose[1, :3] *= -1
 
 
-def scale(pose):
-    pose[:3, :3] *= 2
-
-
-def spoil(pose):
-    pose[0, 3] = np.nan
-
-
 def transpose(pose):
     pose[:] = pose.T.copy()
 
 
-BAD_POSES = [
-    (broken(3, reflect), "pose 3 .*reflection"),
-    (broken(2, scale), "pose 2 .*deviates from orthonormal"),
-    (broken(4, spoil), "pose 4 .*NaN"),
-    (broken(1, transpose), "pose 1 .*last row"),
-]
+BAD_POSES = [(broken(3, reflect), "pose 3 .*reflection"), (broken(1, transpose), "pose 1 .*last row")]
 
 
 @pytest.mark.parametrize(("poses", "message"), BAD_POSES)
@@ -249,11 +217,7 @@ def test_poses_that_are_not_rigid_are_refused_by_index(tmp_path, poses, message)
     [
         (np.empty((0, 4, 4)), "found an empty list"),
         (some_poses()[:, :3], r"expected shape \(N, 4, 4\) or \(4, 4\), found \(5, 3, 4\)"),
-        (some_poses()[None], r"found \(1, 5, 4, 4\)"),
-        (some_poses().ravel(), r"found \(80,\)"),
         (some_poses().astype(complex), "real numbers, found type complex128"),
-        (some_poses().astype(str), "real numbers, found type <U"),
-        (np.zeros((2, 4, 4), [("a", float)]), "real numbers, found type"),
     ],
 )
 def test_arrays_that_are_not_poses_are_refused(tmp_path, array, message):
@@ -267,14 +231,8 @@ def test_arrays_that_are_not_poses_are_refused(tmp_path, array, message):
     [
         ("[]", "found an empty list"),
         ("3", "expected a list of poses, found float"),
-        ("[[1, 2", "expected JSON"),
         ("[" * 100_000, "expected JSON"),
-        ("\x00\xff", "expected JSON"),
         ('[{"pose": 1}]', "pose 0 .*expected the key cam_from_mesh, found pose"),
-        ('["a"]', "pose 0 .*expected 4 rows of 4 numbers"),
-        ("[null]", r"pose 0 .*shape \(\)"),
-        ("[[[1, 2], [3]]]", "pose 0 .*expected 4 rows"),
-        ("[1, 2, 3]", "pose 0 .*4x4"),
         (json.dumps([np.eye(4).tolist(), np.diag([1.0, 1, 1, 9]).tolist()]), "pose 1 .*last row"),
         (json.dumps([np.eye(4).tolist()]).replace("0.0", "1" + "0" * 400, 1), "pose 0 .*finite"),
     ],
@@ -289,16 +247,11 @@ def test_json_that_is_not_poses_is_refused(tmp_path, text, message):
     ("name", "mm_per_unit", "message"),
     [
         ("none.npy", 1, "none.npy: expected a list of poses, it does not exist; correct the path"),
-        ("none.json", 1, "none.json: expected a list of poses, it does not exist"),
-        ("folder.npy", 1, "folder.npy: expected a list of poses, cannot read it"),
         ("poses.txt", 1, r"\.npy or \.json file, found extension '.txt'"),
-        ("poses.npz", 1, r"found extension '.npz'"),
         ("none.npy", 0, "positive number of mm per unit of the poses, found 0"),
-        ("none.npy", np.nan, "found nan"),
     ],
 )
 def test_wrong_files_and_units_are_refused(tmp_path, name, mm_per_unit, message):
-    (tmp_path / "folder.npy").mkdir()
     with pytest.raises(InputError, match=message):
         read_poses(tmp_path / name, mesh_from_model=np.eye(4), mm_per_unit=mm_per_unit)
 
@@ -319,29 +272,12 @@ def object_array(payload):
     return stream.getvalue()
 
 
-def archive(payload):
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as file:
-        file.writestr("poses.npy", object_array(payload))
-    return stream.getvalue()
-
-
-@pytest.mark.parametrize(
-    ("pack", "message"),
-    [(object_array, "never loaded"), (pickle.dumps, "never loaded"), (archive, "never loaded")],
-)
-def test_pickles_are_refused_and_never_executed(tmp_path, pack, message):
+def test_pickles_are_refused_and_never_executed(tmp_path):
     trace = tmp_path / "executed"
-    (tmp_path / "evil.npy").write_bytes(pack(Malicious(trace)))
-    with pytest.raises(InputError, match=message):
+    (tmp_path / "evil.npy").write_bytes(object_array(Malicious(trace)))
+    with pytest.raises(InputError, match="never loaded"):
         read_poses(tmp_path / "evil.npy", mesh_from_model=np.eye(4))
     assert not trace.exists()
-    # control: the payload does work for those who load it
-    loaded = np.load(tmp_path / "evil.npy", allow_pickle=True)
-    if pack is archive:
-        dict(loaded)
-        loaded.close()
-    assert trace.exists()
 
 
 def test_damaged_npy_files_give_an_input_error_or_poses(tmp_path):
@@ -359,13 +295,6 @@ def test_damaged_npy_files_give_an_input_error_or_poses(tmp_path):
         except InputError:
             refused += 1
     assert refused > 200
-
-
-def test_a_header_that_claims_more_than_the_file_holds_takes_no_memory(tmp_path):
-    header = "{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000, 4, 4), }".ljust(117) + "\n"
-    (tmp_path / "huge.npy").write_bytes(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode())
-    with pytest.raises(InputError, match="buffer is smaller than requested"):
-        read_poses(tmp_path / "huge.npy", mesh_from_model=np.eye(4))
 
 
 def test_frames_without_a_pose_are_told_in_three_ways(tmp_path):
@@ -397,15 +326,11 @@ ONE = np.eye(4).tolist()
     ("listed", "message"),
     [
         ([ONE] * 3, "expected a pose for each of the 4 frames of the video, found 3; write null"),
-        ([ONE] * 5, "expected a pose for each of the 4 frames of the video, found 5"),
         ([None] * 4, "expected a pose for some of the 4 frames, found none"),
-        ([], "expected a pose for each of the 4 frames of the video, found 0"),
         ([ONE, ONE, np.diag([1, 1, 2, 1]).tolist(), ONE], "pose of frame 2 .*deviates from orthonormal"),
         ([{"frame": 4, "cam_from_mesh": ONE}], "entry 0 .*: expected frame = 0 to 3, found 4"),
-        ([{"frame": "1", "cam_from_mesh": ONE}], "expected frame = 0 to 3, found '1'"),
         ([{"frame": 1, "cam_from_mesh": ONE}] * 2, "expected one pose for each frame, found another one for frame 1"),
         ([{"frame": 1, "cam_from_mesh": ONE}, ONE], "entry 1 .*: expected the key frame"),
-        ({"cam_from_mesh": ONE}, "expected a list of poses, one a frame"),
     ],
 )
 def test_poses_that_do_not_fit_the_frames_are_refused(tmp_path, listed, message):

@@ -177,14 +177,6 @@ def test_shell_is_uniform_in_volume_and_in_rotation():
     assert ks_distance(angle(np.stack([frame_pose(without_roll, 5, i) for i in range(300)])), haar) > 2 * KS_BOUND
 
 
-def test_shell_looks_at_the_pivot():
-    for look in (AXIS, np.array([0.3, -0.2, 1.0])):
-        for index in range(50):
-            pose = frame_pose(replace(DISTRIBUTIONS["shell"], look_ray_cam=tuple(look)), 1, index)
-            pivot = pose[:3, :3] @ PIVOT + pose[:3, 3]
-            assert np.allclose(pivot / np.linalg.norm(pivot), look / np.linalg.norm(look), rtol=0, atol=1e-12)
-
-
 def test_cone_without_roll_has_no_hidden_roll():
     rigid_cone = replace(DISTRIBUTIONS["cone"], roll_deg=0)
     poses = np.stack([frame_pose(rigid_cone, 3, index) for index in range(200)])
@@ -244,16 +236,6 @@ def test_gaussian_is_the_exponential_that_its_docstring_states():
     shift = rigid(translation=PIVOT)
     expected = REFERENCE.cam_from_model @ shift @ exponential @ np.linalg.inv(shift)
     assert np.allclose(drawn("gaussian")[0], expected, rtol=0, atol=1e-11)
-
-
-def test_gaussian_turns_about_the_pivot_and_shifts_without_turning():
-    turning, shifting = (replace(DISTRIBUTIONS["gaussian"], **part) for part in ({"sigma_mm": 0}, {"sigma_deg": 0}))
-    for index in range(20):
-        turned, shifted = frame_pose(turning, 2, index), frame_pose(shifting, 2, index)
-        assert np.allclose(turned[:3, :3] @ PIVOT + turned[:3, 3], PIVOT_CAM, rtol=0, atol=1e-10)
-        assert np.abs(turned[:3, 3] - REFERENCE.cam_from_model[:3, 3]).max() > 1e-3  # the origin does move
-        assert np.allclose(shifted[:3, :3], ROTATION, rtol=0, atol=1e-14)
-        assert np.linalg.norm(shifted[:3, 3] - REFERENCE.cam_from_model[:3, 3]) > 0.1
 
 
 # --- frames are independent of one another ------------------------------------------------------------------------
@@ -373,14 +355,7 @@ def test_poses_are_rigid_and_keep_the_pivot_on_its_pixel(kind, cone, roll, facto
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: replace(DISTRIBUTIONS["cone"], cone_deg=200), "cone_deg to be a number from 0 to 180, found 200"),
-        (lambda: replace(DISTRIBUTIONS["cone"], roll_deg=-1), "roll_deg to be a number from 0 to 180, found -1"),
-        (lambda: replace(DISTRIBUTIONS["cone"], shift_mm=np.inf), "shift_mm to be a number that is finite"),
-        (lambda: replace(DISTRIBUTIONS["cone"], distance_max=0.5), "distance_min <= distance_max .* found 0.7 and 0.5"),
-        (lambda: replace(DISTRIBUTIONS["shell"], distance_min=0), "0 < distance_min"),
-        (lambda: replace(DISTRIBUTIONS["shell"], max_polar_deg=np.nan), "max_polar_deg .* found nan"),
         (lambda: replace(DISTRIBUTIONS["shell"], look_ray_cam=(1, 0, 0)), "look_ray_cam in front of the camera"),
-        (lambda: replace(DISTRIBUTIONS["gaussian"], sigma_mm=-2), "sigma_mm .* found -2"),
         (lambda: replace(TRAJECTORY, distance_min=1.05), "distance_min <= 1 <= distance_max.* 1.05 and 1.1"),
         (
             lambda: ReferencePose(rigid(translation=[0, 0, -90.0]), np.zeros(3)),

@@ -217,7 +217,7 @@ def test_claims_take_no_memory(copied, copied_pack):
         open_dataset(copied)[0].rgb  # noqa: B018
     path = ViewPaths(copied, 0).file("depth_mm")
     path.write_bytes(path.read_bytes().replace(b"(48, 64), }    ", b"(999999999,), }"))
-    with pytest.raises(InputError, match=r"depth_mm/000000\.npy: expected a file of a view"):
+    with pytest.raises(InputError, match=r"depth_mm/000000\.npy: expected an array of numbers"):
         open_dataset(copied)[0].depth_mm  # noqa: B018
     shard = copied_pack / "shard-000000.tar"
     entry = tarfile.TarInfo("000000_000000.camera.json")

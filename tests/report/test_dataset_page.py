@@ -10,7 +10,7 @@ import pytest
 
 from oneframe.dataset.check.check_dataset import check_dataset
 from oneframe.dataset.layout import ViewPaths
-from oneframe.dataset.view_record import read_record
+from oneframe.dataset.run.resume_record import read_record
 from oneframe.report.dataset_page import dataset_page
 from tests.dataset.synthetic_dataset import CAMERA, COUNT, DEPTH_SCALE, pose_of
 
@@ -175,27 +175,6 @@ def test_the_3d_view_turns_and_a_click_on_a_pose_selects_its_view(browser, page)
     browser.click("#through")
     assert browser.evaluate("document.querySelector('#through').getAttribute('aria-pressed')") == "true"
     assert (browser.errors, browser.outside_requests()) == ([], [])
-
-
-def test_looking_through_a_view_shows_the_silhouette_of_its_mask(browser, page, dataset):
-    browser.open(page, width=1600)
-    if not browser.evaluate("Boolean(document.querySelector('#scene canvas'))"):
-        pytest.skip("this Chromium has no WebGL")
-    # one pixel of the view to four of the screen
-    browser.evaluate(
-        f"Object.assign(document.querySelector('#scene').style, {{width: '{4 * CAMERA.width}px',"
-        f" height: '{4 * CAMERA.height}px', flex: 'none', minHeight: 0, background: 'rgb(0, 255, 0)'}})"
-    )
-    browser.evaluate("[...document.querySelectorAll('#scene, #scene canvas')].map(it => it.style.borderRadius = 0)")
-    browser.click("#through")
-    x, y = browser.place_of("#scene")
-    image = cv2.imdecode(np.frombuffer(browser.screenshot(), np.uint8), cv2.IMREAD_COLOR).astype(int)
-    left, top = round(x - 2 * CAMERA.width), round(y - 2 * CAMERA.height)
-    scene = image[top : top + 4 * CAMERA.height, left : left + 4 * CAMERA.width]
-    shown = (np.abs(scene - [0, 255, 0]).max(-1) > 60)[2::4, 2::4]
-    mask, _ = mask_pixels(dataset, 0)
-    border = cv2.dilate(mask.astype(np.uint8), np.ones((3, 3))) != cv2.erode(mask.astype(np.uint8), np.ones((3, 3)))
-    assert np.array_equal(shown[~border], mask[~border])
 
 
 @pytest.mark.parametrize("width", [390, 1600])

@@ -4,14 +4,12 @@ import re
 
 import cv2
 import numpy as np
-import pytest
 
 from oneframe.dataset.layout import ViewPaths
-from oneframe.errors import InputError
 from oneframe.report.dataset_page import FRAME_BYTES, dataset_page
-from oneframe.report.page import THEMES, embedded_json, theme_rules
+from oneframe.report.page import THEMES, theme_rules
 from oneframe.report.surface_model import MOST_VERTICES
-from oneframe.report.thumbnails import PAGE_BYTES, QUALITIES, fitting_quality
+from oneframe.report.thumbnails import PAGE_BYTES
 
 
 def test_pages_and_what_is_refused(run_oneframe, evaluation, tmp_path):
@@ -59,23 +57,6 @@ def test_the_page_has_room_for_1000_views(tmp_path, rng):
     assert PAGE_BYTES + bare + 1000 * 600 + 2 * FRAME_BYTES + surface < 20e6
 
 
-def test_pictures_are_as_good_as_the_room_allows():
-    for room in (1e3, 1e5, 1e6, 1e9):
-        quality = fitting_quality(lambda _, quality: quality.width_px * 20, range(100), most_bytes=int(room))
-        place = QUALITIES.index(quality)
-        assert place == len(QUALITIES) - 1 or quality.width_px * 20 * 100 * 4 / 3 <= room
-        assert place == 0 or QUALITIES[place - 1].width_px * 20 * 100 * 4 / 3 > 0.92 * room
-    widths = [quality.width_px for quality in QUALITIES]
-    assert widths == sorted(widths, reverse=True)
-
-
-def test_embedded_text_cannot_end_its_element():
-    text = embedded_json({"<!--": "</script><script>", "a": ["&", "\u2028"]})
-    assert not set("<>&\u2028") & set(text)
-    with pytest.raises(ValueError, match="JSON"):
-        embedded_json(float("nan"))
-
-
 def test_all_text_is_readable():
     """WCAG 2.1, 1.4.3: 4.5 to 1 for text on what it stands on."""
 
@@ -92,8 +73,3 @@ def test_all_text_is_readable():
             for below in ("background", "raised"):
                 high, low = sorted((luminance(colours[text]), luminance(colours[below])), reverse=True)
                 assert (high + 0.05) / (low + 0.05) >= 4.5, (text, below, rule)
-
-
-def test_a_folder_without_a_dataset_is_refused(tmp_path):
-    with pytest.raises(InputError, match="expected the folder of a dataset"):
-        dataset_page(tmp_path)

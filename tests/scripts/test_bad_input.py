@@ -16,8 +16,8 @@ import pytest
 from oneframe.blender.dataset import run as dataset_run
 from oneframe.blender.dataset.job import Job, open_job
 from oneframe.case.case_file import read_case
-from oneframe.dataset.folder import Shard
 from oneframe.dataset.options import DatasetOptions
+from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError
 from oneframe.images.png import encode_png
 from oneframe.surface.mesh import TriangleMesh

@@ -1,6 +1,5 @@
 """Reading mesh files: any legal layout gives the same triangles, any damage gives a refusal that says where."""
 
-import os
 import re
 import struct
 import warnings
@@ -13,7 +12,6 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from oneframe.errors import InputError
-from oneframe.files.numbers import parsed_numbers
 from oneframe.surface.mesh import checked_mesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.obj_reader import read_obj
@@ -241,14 +239,12 @@ obj_lines = st.one_of(
 @settings(quick, max_examples=400)
 @given(
     st.lists(st.tuples(obj_lines, st.sampled_from(["\n"] * 5 + ["\r\n", " \\\n", "  \n", " # 1 v\n"])), max_size=12),
-    st.sampled_from([1, 20, 1 << 20]),
 )
-@example([("v#", "\n"), ("f #", "\n")], 1)
-def test_obj_is_read_as_line_by_line(monkeypatch, lines, block):
-    """All bytes of a block at once, wherever blocks end: the same numbers, and errors that name a wrong line."""
+@example([("v#", "\n"), ("f #", "\n")])
+def test_obj_is_read_as_word_by_word(lines):
+    """The same numbers, and errors that name a wrong line."""
     text = "v 1 2 3\nv 4 5 6\n" + "".join(line + end for line, end in lines)
     vertices, polygons, wrong = obj_line_by_line(text)
-    monkeypatch.setattr("oneframe.surface.obj_reader._BLOCK", block)
     if wrong:
         with pytest.raises(InputError) as refused:
             read_obj(text.encode(), "a.obj")
@@ -355,38 +351,6 @@ def test_damaged_bytes_give_a_refusal_or_a_mesh(tmp_path, name, data):
         assert np.isfinite(found[0]).all()
 
 
-@quick
-@given(
-    st.sampled_from([".ply", ".obj", ".stl"]),
-    st.sampled_from([b"", b"ply\nformat ascii 1.0\n", b"solid\n", b"v 1 2 3\nf "]),
-    st.binary(max_size=200),
-)
-def test_noise_is_refused(tmp_path, extension, begin, noise):
-    (tmp_path / f"a{extension}").write_bytes(begin + noise)
-    assert isinstance(read_or_refusal(tmp_path / f"a{extension}"), str)
-
-
-@settings(quick, max_examples=200)
-@given(
-    st.lists(
-        st.sampled_from(list("0123456789+-.eEnaif/\0\v#") + [" "] * 9 + ["\n"] * 3 + ["12", "1.5", "-3", "7e-2"]),
-        max_size=9,
-    )
-)
-def test_numbers_are_those_of_the_words(letters):
-    text = "".join(letters)
-    floats = parsed_numbers(text.encode(), np.float64)
-    integers = parsed_numbers(text.encode(), np.int64)
-    if all(re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", word) for word in text.split()):
-        assert floats.tolist() == [float(word) for word in text.split()]
-    elif floats is not None:  # nan or inf
-        assert np.array_equal(floats, [float(word) for word in text.split()], equal_nan=True)
-    if all(re.fullmatch(r"[+-]?\d+", word) for word in text.split()):
-        assert integers.tolist() == [int(word) for word in text.split()]
-    else:
-        assert integers is None
-
-
 XYZ = b"property float x\nproperty float y\nproperty float z\n"
 FACES = b"property list uchar int vertex_indices\n"
 
@@ -396,10 +360,7 @@ FACES = b"property list uchar int vertex_indices\n"
     [
         ("a.ply", b"", r"a\.ply: expected a mesh file, found an empty file"),
         ("a.ply", SAMPLES["binary.stl"], r"expected a PLY header .*another format"),
-        ("a.ply", b"ply\nelement vertex 3\nend_header\n", r"expected a line 'format"),
         ("a.ply", b"ply\nformat ascii 2.0\nend_header\n", r"line 2: .*found 'format ascii 2\.0'"),
-        ("a.ply", b"ply\nformat ascii 1.0\nproperty int x\nend_header\n", r"line 3: .*found 'property int x'"),
-        ("a.ply", b"ply\nformat ascii 1.0\nelement a -3\nend_header\n", r"line 3: .*found 'element a -3'"),
         ("a.ply", b"ply\nformat ascii 1.0\nelement a 3\nproperty half q\nend_header\n", r"line 4: .*'property half q'"),
         ("a.ply", b"ply\nformat ascii 1.0\nend_header\n", r"expected elements vertex .* found none"),
         (
@@ -448,8 +409,6 @@ FACES = b"property list uchar int vertex_indices\n"
         ("a.obj", b"v 1 2 3\nv 1 2\nf 1 1 1\n", r"a\.obj: line 2: expected 'v x y z', found 2 numbers"),
         ("a.obj", b"v 1 2 3\nv 1 2 x3\nf 1 1 1\n", r"line 2: expected numbers, found 'x3'"),
         ("a.obj", b"v 1 2 3\n\nf 1 1 1.5\n", r"line 3: expected numbers, found '1\.5'"),
-        ("a.obj", b"v 1 2 3\n\nf 1 1 - 1\n", r"line 3: expected numbers, found '-'"),
-        ("a.obj", b"v 1 2 3\n\nf 1 1 /1\n", r"line 3: expected numbers, found '/1'"),
         ("a.obj", b"v 1 2 3\nf 1 1 1\nf 1 2 1\n", r"line 3: expected vertex numbers 1\.\.1 .*found 2"),
         ("a.obj", b"v 1 2 3\nf 1 1 0\n", r"line 2: .*found 0"),
         ("a.obj", b"v 1 2 3\nf -1 -2 -1\nv 1 1 1\n", r"line 2: .*found -2"),
@@ -462,35 +421,11 @@ FACES = b"property list uchar int vertex_indices\n"
         ),
         ("a.stl", SAMPLES["text.stl"][:-20], r"expected 'endsolid' in the last line, .* it is truncated"),
         ("a.stl", SAMPLES["text.stl"].replace(b"vertex 0", b"vertex o", 1), r"facet 0: .*found 'o\.000000000e\+00'"),
-        (
-            "a.stl",
-            SAMPLES["text.stl"].replace(b"    endloop\n", b"", 1),
-            r"facet 0: expected 'endloop', found 'endfacet'",
-        ),
         ("a.stl", b"solid\nfacet\nendsolid\n", r"facet 0: expected 'endsolid' or a whole facet, found 'facet'"),
-        ("a.stl", b"solid\nendsolid\n", r"0 vertices and 0 faces"),
         ("a.gltf", b"{}", r"a\.gltf: expected a mesh file \.ply, \.obj, \.stl, found extension '\.gltf'"),
-        ("a", b"{}", r"found extension ''"),
     ],
 )
 def test_bad_file_is_refused(tmp_path, name, content, message):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(InputError, match=message):
         read_mesh(tmp_path / name)
-
-
-def test_missing_folder_and_unreadable_are_refused(tmp_path, monkeypatch):
-    with pytest.raises(InputError, match=r"gone\.ply: expected a mesh file, it does not exist; correct the path"):
-        read_mesh(tmp_path / "gone.ply")
-    (tmp_path / "folder.ply").mkdir()
-    with pytest.raises(InputError, match=r"folder\.ply: expected a mesh file, cannot read it \(a folder\)"):
-        read_mesh(tmp_path / "folder.ply")
-
-    (tmp_path / "a.ply").touch()
-
-    def locked(path: Path, *_: object) -> int:
-        raise PermissionError(13, "Permission denied", str(path))
-
-    monkeypatch.setattr(os, "open", locked)  # a file mode would not stop an administrator
-    with pytest.raises(InputError, match=r"a\.ply: expected a mesh file, cannot read it \(Permission denied\); check"):
-        read_mesh(tmp_path / "a.ply")

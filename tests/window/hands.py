@@ -14,10 +14,6 @@ from mathutils import Vector
 Action = Generator[float, None, None]
 Place = tuple[float, float]
 
-KEYS = {"0": "ZERO", "1": "ONE", "2": "TWO", "3": "THREE", "4": "FOUR", "5": "FIVE", "6": "SIX", "7": "SEVEN"}
-KEYS |= {"8": "EIGHT", "9": "NINE", ".": "PERIOD", "-": "MINUS", "/": "SLASH", " ": "SPACE", ",": "COMMA"}
-"""Blender's names of the keys for characters other than letters."""
-
 MODIFIER_KEYS = {"ctrl": "LEFT_CTRL", "shift": "LEFT_SHIFT", "alt": "LEFT_ALT", "oskey": "OSKEY"}
 LOOP_S = 0.05
 """Time for one iteration of Blender's event loop, with a small redraw."""
@@ -159,11 +155,3 @@ class Hands:
         self.event(kind, "RELEASE", **modifiers)
         self._hold(modifiers, "RELEASE")
         yield HOVER_S
-
-    def type_text(self, text: str) -> Action:
-        """Type into the field that is being edited."""
-        for character in text:
-            kind = KEYS.get(character, character.upper() if character.isalpha() else "NONE")
-            self.event(kind, "PRESS", unicode=character)
-            self.event(kind, "RELEASE")
-            yield 0.02

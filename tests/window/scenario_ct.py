@@ -124,7 +124,7 @@ def scenario(user):
     bpy.ops.wm.open_mainfile(filepath=str(user.folder / "kept.blend"))
     yield 1.0
     loaded._loaded.clear()
-    part("volume.reread")._after_load()
+    part("volume.loaded")._after_load()
     yield from user.until(lambda: loaded.ct_of(user.window.scene) is not None, "the CT read again", 60)
     assert strokes(user) == 1
     yield from user.picture("6_read_again")
@@ -149,7 +149,7 @@ def written_ct(path):
 
 def placed(user, scene):
     """Look from the patient's left; the start and the end of a stroke in the window."""
-    world = part("volume.drill_drawing").world_from_mesh(scene)
+    world = part("volume.drill_session").world_from_mesh(scene)
     toward, up = (Vector(world[:3, :3] @ np.array(axis, float)) for axis in ((1, 0, 0), (0, 0, 1)))
     view = user.view
     view.view_rotation = Matrix((up.cross(toward), up, toward)).transposed().to_quaternion()

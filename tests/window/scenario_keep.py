@@ -7,7 +7,7 @@ bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 from bl_ext.user_default.oneframe.dataset import background_job
 from bl_ext.user_default.oneframe.pipeline.surface.mesh_reader import read_mesh
 from bl_ext.user_default.oneframe.pipeline.surface.mesh_writer import write_ply
-from bl_ext.user_default.oneframe.setup.unsaved import unsaved_parts
+from bl_ext.user_default.oneframe.setup.open_case import unsaved_parts
 
 
 def scenario(user):

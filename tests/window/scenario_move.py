@@ -7,7 +7,7 @@ bpy.ops.preferences.addon_enable(module="bl_ext.user_default.oneframe")
 
 from bl_ext.user_default.oneframe.move.gizmo import GAP
 from bl_ext.user_default.oneframe.state import from_scene
-from bl_ext.user_default.oneframe.state.pivot import pivot_of
+from bl_ext.user_default.oneframe.state.pose import pivot_of
 from bl_ext.user_default.oneframe.ui.frame_view import FrameView
 from bl_ext.user_default.oneframe.ui.keymap import MOVE_TOOL
 

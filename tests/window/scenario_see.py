@@ -30,7 +30,6 @@ def scenario(user):
     yield from compare(user, scene)
     yield from magnify(user, scene)
     assert (placed(scene) == before).all()
-    yield from undo(user)
 
 
 def placed(scene):
@@ -191,24 +190,3 @@ def bilinear(image, u, v):
     upper = image[row, column] * (1 - right) + image[row, column + 1] * right
     lower = image[row + 1, column] * (1 - right) + image[row + 1, column + 1] * right
     return upper * (1 - down) + lower * down
-
-
-def undo(user):
-    """A change of the view is one undo step, which does not undo the change before it."""
-    yield from user.move(user.middle())
-    bpy.ops.ed.undo_push(message="the view as it is")
-    before = placed(bpy.context.scene)
-    with user.context():
-        assert bpy.ops.oneframe.nudge("EXEC_DEFAULT", True, axis="x", step_px=10.0) == {"FINISHED"}
-    yield from user.redraw()
-    moved = placed(bpy.context.scene)
-    assert np.abs(moved - before).max() > 0.1
-    yield from user.key("THREE")
-    yield from user.until(lambda: bpy.context.scene.oneframe_view.contour, "the contour")
-    yield from user.key("Z", ctrl=True)
-    yield from user.until(lambda: not bpy.context.scene.oneframe_view.contour, "the contour to go")
-    yield from user.redraw()
-    np.testing.assert_allclose(placed(bpy.context.scene), moved, atol=1e-4)
-    yield from user.key("Z", ctrl=True)
-    yield from user.redraw()
-    np.testing.assert_allclose(placed(bpy.context.scene), before, atol=1e-4)

@@ -30,7 +30,6 @@ def scenario(user):
     yield from zoom(user, film)
     yield from keys(user, film)
     yield from take(user, film)
-    yield from large(user)
 
 
 def written_film(path, picture):
@@ -220,21 +219,3 @@ def take(user, film):
     with user.context():
         bpy.ops.oneframe.take_frame("INVOKE_DEFAULT", masked=True)
     yield from user.until(lambda: user.window.scene.oneframe.frame_path.endswith("_masked.png"), "a masked frame", 30)
-
-
-def large(user):
-    """At interface scale 1.5 in the same window everything is where it belongs."""
-    scene = user.window.scene
-    bpy.context.preferences.view.ui_scale = 1.5
-    yield 0.5
-    with user.context():
-        bpy.ops.oneframe.video_best()
-        bpy.ops.oneframe.fit_frame()
-    yield from user.redraw()
-    yield from user.until(lambda: part("video.session").of(scene).is_full, "the full frame")
-    yield from user.picture("6_large")
-    found = layout(user)
-    region = user.region()
-    assert 0 <= found.low[0] < found.high[0] <= region.width
-    assert found.high[1] < 0.5 * region.height
-    bpy.context.preferences.view.ui_scale = 1.0

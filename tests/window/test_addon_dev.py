@@ -30,11 +30,3 @@ def test_opens_the_case_in_a_blender(run_in_window, blender, sample, extension_z
     status, output = run_in_window(command, 180)
     assert status == 7, output
     assert f"opened {sample} " in output
-
-
-def test_a_missing_blender_gives_one_line(capsys):
-    assert addon_dev.main(["--blender", "no-such-program"]) == 2
-    messages = capsys.readouterr().err
-    assert messages.count("\n") == 1
-    assert "no-such-program" in messages
-    assert "BLENDER=" in messages

@@ -131,14 +131,6 @@ class User(Hands):
         place = yield from self.find(name)
         yield from self.click(place)
 
-    def type_into(self, name: str, text: str) -> Action:
-        """Replace the content of a field of the sidebar."""
-        place = yield from self.find(name)
-        # over a field, Return starts editing its text, with all of it selected
-        yield from self.key("RET", place)
-        yield from self.type_text(text)
-        yield from self.key("RET")
-
     def _in_content(self, place: Place) -> Place:
         sidebar = self.region("UI")
         return place[0] - sidebar.x, sidebar.view2d.region_to_view(0, place[1] - sidebar.y)[1]

@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from ...colour.vertex_colours import colour_vertices
-from ...dataset.bop import write_camera, write_models, write_scene
 from ...dataset.checksums import Checksums, FileSurvey, read_checksums, write_checksums
-from ...dataset.dataset_info import write_dataset_info
-from ...dataset.layout import VIDEO_FILES, ViewPaths, other_files, scene_folder
-from ...dataset.pose_tables import POSE_COLUMNS, pose_cells
-from ...dataset.survey import Tally
-from ...dataset.view_tables import scene_records, write_view_tables
+from ...dataset.dataset_file import read_description
+from ...dataset.layout import RECORD, VIDEO_FILES, ViewPaths, other_files, scene_folder
+from ...dataset.run.survey import Tally
+from ...dataset.tables.bop import write_camera, write_models, write_scene
+from ...dataset.tables.dataset_info import write_dataset_info
+from ...dataset.tables.pose_tables import POSE_COLUMNS, pose_cells
+from ...dataset.tables.view_tables import scene_records, write_view_tables
 from ...errors import RunError
 from ...files.content import create_folder, read_file, write_bytes_atomically
 from ...files.tables import write_csv
@@ -67,16 +68,8 @@ def write_dataset_tables(job: OpenJob, renderer: ViewRenderer) -> Tally:
     """
     out, camera, mesh = job.job.out, renderer.camera, renderer.source.mesh
     depth_scale = renderer.depth_scale
-    tally = write_view_tables(
-        out,
-        job.count,
-        job.identity,
-        camera,
-        job.loaded.mesh_from_model,
-        object_name=job.object_name,
-        bounds=mesh.bounds,
-        depth_scale=depth_scale,
-    )
+    description = read_description(out / RECORD)
+    tally = write_view_tables(out, description, bounds=mesh.bounds, depth_scale=depth_scale)
     write_dataset_info(out, job.object_name, job.count, camera, mesh, depth_scale)
     write_overlay(job, renderer)
     chosen = np.unique(np.linspace(0, job.count - 1, min(SHEET_VIEWS, job.count)).round().astype(int))

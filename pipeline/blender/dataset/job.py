@@ -15,10 +15,10 @@ from ...case.case_file import Case
 from ...case.loaded_case import LoadedCase
 from ...dataset import layout
 from ...dataset.description import POSES, describe, input_files, object_name
-from ...dataset.folder import Shard
 from ...dataset.identity import identity_of
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
+from ...dataset.run.run_folder import Shard
 from ...dataset.view import RenderedSample, write_view
 from ...errors import RunError
 from ...files.content import hashed_reading

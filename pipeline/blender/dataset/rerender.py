@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from ...case.case_file import Case
-from ...dataset.dataset_info import write_dataset_info
 from ...dataset.differences import POSES_HASH
-from ...dataset.folder import Shard
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions, checked_options
+from ...dataset.run.run_folder import Shard
+from ...dataset.tables.dataset_info import write_dataset_info
 from ...dataset.view import RenderedSample
 from ...files.machine import available_cores
 from ..render.engines import check_engine

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import TextIO
 
 from ...dataset.checksums import FileSurvey, survey_files
-from ...dataset.folder import RunFolder
-from ...dataset.identity import check_description
 from ...dataset.layout import RECORD, VIDEO_FILES, other_files, view_kinds
-from ...dataset.missing_views import Elsewhere, MissingViews
-from ...dataset.survey import Survey, Tally, survey_views, unrecorded_views
-from ...dataset.view_ranges import view_ranges
+from ...dataset.run.elsewhere import Elsewhere, MissingViews
+from ...dataset.run.run_folder import RunFolder
+from ...dataset.run.same_run import check_description
+from ...dataset.run.survey import Survey, Tally, survey_views, unrecorded_views, view_ranges
 from ...files.machine import available_cores
 from ...progress import LINE_SECONDS, Progress
 from ..render.engines import check_engine, keep_freed_memory

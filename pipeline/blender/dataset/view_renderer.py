@@ -14,8 +14,8 @@ from ...colour.shading import SurfaceColour
 from ...dataset.description import farthest_listed_mm, view_camera
 from ...dataset.layout import ViewPaths
 from ...dataset.options import DatasetOptions
+from ...dataset.run.resume_record import ViewRecord
 from ...dataset.view import RenderedSample, depth_scale_for, encode_view
-from ...dataset.view_record import ViewRecord
 from ...poses.constraints import Constraints, PlannedPose, plan_given_poses, plan_pose, sampling_doubt
 from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
 from ...projection.rendered_view import RenderedView

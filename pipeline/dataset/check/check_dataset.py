@@ -1,12 +1,13 @@
 """Check whether a dataset is complete and consistent: files, hashes, tables, images, and poses against pixels.
 
-The check does not read the files with the code that wrote them: it decodes images with OpenCV, converts the poses and
-intrinsics of every table itself, and computes depths by projecting the model (:mod:`oneframe.dataset.check.depth`).
-It goes through the scenes one by one and keeps little of a view, so its memory does not grow with the masks. Needs cv2
-and OpenCV's video reader.
+What the tables say is converted and compared here apart from the code that wrote them: images are decoded with OpenCV,
+poses and intrinsics of every table computed anew, depths by projecting the model
+(:mod:`oneframe.dataset.check.depth`). Only the records are read with the code of a run. The check goes through the
+scenes one by one and keeps little of a view, so its memory does not grow with the masks. Needs cv2 and OpenCV's video
+reader.
 """
 
-import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TextIO
@@ -17,36 +18,23 @@ from ...case.case_file import Case
 from ...errors import InputError
 from ...progress import Progress
 from ...projection.silhouette import SilhouetteEdges
-from ..layout import RECORD, SPLIT, WORK, ViewPaths, scene_count, scene_folder, scene_views
-from ..view_ranges import ranges_text, runs
-from .checksums import Checksums, check_sums, poses_hash, read_checksums
-from .contents import (
-    CHECKSUMS,
-    VIDEO,
-    VIDEO_POSES,
-    Contents,
-    SceneContents,
-    list_dataset,
-    list_scene,
-)
+from ..checksums import damaged_file
+from ..dataset_file import Description, read_description
+from ..identity import poses_hash
+from ..layout import RECORD, SPLIT, WORK, ViewPaths, scene_count, scene_views
+from ..run.resume_record import ViewRecord, read_record
+from ..run.survey import unrecorded_views, view_ranges
+from .comparison import require_equal
+from .contents import check_names, check_sums
 from .depth import DepthAgreement
-from .files import DamagedFile
 from .findings import Findings
-from .images import check_view
+from .images import check_images, check_pose
 from .inputs import check_inputs
 from .model import check_model
-from .pictures import OVERLAY, SHEET, check_contact_sheet, check_overlay, check_video
-from .pose_tables import (
-    ViewPose,
-    check_camera_file,
-    check_nerf_file,
-    check_pose_table,
-    check_targets,
-    read_video_poses,
-)
-from .records import Description, ViewRecord, read_description, read_view_record
+from .pose_tables import ViewPose, check_pose_tables, require_rotation
 from .rerendered import Rerendering, check_rerendered
 from .scene_tables import check_scene_tables
+from .video import check_video
 
 DEFAULT_VIEWS = 200
 AGAIN = "run the same `oneframe render` again"
@@ -132,16 +120,27 @@ def check_dataset(
     InputError
         Not a dataset at all, or one of another format.
     """
-    if not (root / RECORD).is_file() and not (root / SPLIT).is_dir():
+    has_views = (root / SPLIT).is_dir()
+    if not (root / RECORD).exists() and not has_views:
         raise InputError(
             f"{root}: expected the folder of a dataset, found no {RECORD} in it; give the folder that --out named"
         )
-    findings = Findings()
+    findings = Findings(root)
     try:
-        description = read_description(root)
-    except DamagedFile as damage:
+        description = read_description(root / RECORD)
+    except InputError as damage:
+        if not has_views:
+            raise
         findings.add("damaged files", damage)
+        findings.add(
+            "damaged files", f"{RECORD}: remove a damaged one and {AGAIN}: this writes it, and keeps the views"
+        )
         return CheckReport(0, findings, 0, ())
+    if "setting" in description.content:
+        raise InputError(
+            f"{root / RECORD}: its views are of --quality, which this version does not have; check the dataset with "
+            "the version that made it"
+        )
     report = _Check(root, description, findings, views=views, hashes=hashes).run(stream)
     if case is not None:
         check_inputs(description, case, poses, findings)
@@ -158,137 +157,98 @@ class _Check:
 
     def __init__(self, root: Path, description: Description, findings: Findings, *, views: int, hashes: bool) -> None:
         self._root, self._description, self._findings, self._hashes = root, description, findings, hashes
-        self._contents: Contents = list_dataset(root, description.count, findings)
-        self._sums: Checksums = read_checksums(root, self._contents, description.identity, findings)
-        self._mesh = check_model(root, self._contents.missing, description.content["geometry_sha256"], findings)
-        self._surface = None if self._mesh is None else SilhouetteEdges.of(self._mesh)
         self._chosen = _evenly_spaced(description.count, views)
         self._poses: dict[int, ViewPose] = {}
-        self._same_poses: dict[bytes, int] = {}
-        self._same_images: dict[bytes, int] = {}
-        self._hashed, self._images_intact = 0, True
         self._compared: list[DepthAgreement] = []
 
     def run(self, stream: TextIO | None) -> CheckReport:
         """Check scene by scene, then what belongs to all views."""
-        contents, findings = self._contents, self._findings
-        count, unfinished = self._description.count, contents.unfinished
+        root, description, findings = self._root, self._description, self._findings
+        count, unfinished = description.count, (root / WORK).exists()
+        missing = unrecorded_views(root, count)
         if unfinished:
             findings.add(
                 "unfinished parts",
-                f"{WORK}: a run is still going on or was stopped: the dataset is unfinished ({contents.recorded} of "
+                f"{WORK}: a run is still going on or was stopped: the dataset is unfinished ({count - len(missing)} of "
                 f"{count} views exist): {AGAIN}",
             )
-        absent: list[range] = []
-        missing = set(contents.missing)
-        present = set(contents.scenes)
-        with Progress(contents.recorded, "views checked", stream=stream) as progress:
-            for number in range(scene_count(count)):
-                if number not in present:
-                    absent.append(scene_views(number, count))
-                    continue
-                scene = list_scene(self._root, number, count, self._description.kinds, findings, unfinished=unfinished)
-                self._check_scene(number, scene, progress)
-                absent += runs(scene.absent)
-                missing |= scene.missing
-        if absent and not unfinished:
-            lost = sum(map(len, absent))
+        elif missing:
             findings.add(
                 "missing files",
-                f"{RECORD}: expected {count} views, found {count - lost}: nothing exists of {ranges_text(absent)}",
+                f"{RECORD}: expected {count} views, found {count - len(missing)} with a record: {view_ranges(missing)} "
+                f"are missing, the first is {ViewPaths(root, missing[0]).relative('frame')}: {AGAIN}",
             )
-        self._check_beside(frozenset(missing))
-        return CheckReport(count, findings, self._hashed, tuple(self._compared))
+        check_names(root, description, findings, unfinished=unfinished)
+        hashed = 0 if unfinished else check_sums(root, description, findings, hashes=self._hashes)
+        mesh = None if unfinished and not (root / "models").exists() else check_model(root, description, findings)
+        surface = None if mesh is None else SilhouetteEdges.of(mesh)
+        with findings.collecting("tables that disagree"):
+            camera = description.camera
+            numbers = {name: getattr(camera, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}
+            require_equal(description.content["camera"], numbers | {"K": camera.k.tolist()}, f"{RECORD}: camera")
+        absent = set(missing)
+        with Progress(count - len(missing), "views checked", stream=stream) as progress:
+            for scene in range(scene_count(count)):
+                views = scene_views(scene, count)
+                records = self._check_views((view for view in views if view not in absent), surface, progress)
+                if len(records) == len(views) and not unfinished:
+                    check_scene_tables(root, scene, records, description, findings)
+        if len(self._poses) == count and not unfinished:
+            self._check_poses()
+            check_pose_tables(root, self._poses, description, mesh, findings)
+            if (root / "video").exists():
+                with findings.collecting("damaged files"):
+                    check_video(root, description, mesh)
+        hashed += len(self._poses) * len(description.kinds) * self._hashes
+        return CheckReport(count, findings, hashed, tuple(self._compared))
 
-    def _check_scene(self, number: int, scene: SceneContents, progress: Progress) -> None:
-        root, findings = self._root, self._findings
+    def _check_views(
+        self, views: Iterable[int], surface: SilhouetteEdges | None, progress: Progress
+    ) -> dict[int, ViewRecord]:
+        """Check the views of a scene; gives the records that can be read."""
         records: dict[int, ViewRecord] = {}
-        digest = hashlib.sha256()
-        for index in scene.recorded:
-            paths = ViewPaths(root, index)
+        for index in views:
+            paths = ViewPaths(self._root, index)
+            with self._findings.collecting("damaged files"):
+                records[index] = record = read_record(paths)
+                require_rotation(record.cam_from_model, paths.relative("frame"))
+                self._poses[index] = ViewPose(record.cam_from_model, record.depth_scale, record.gt_info.visib_fract)
+                self._check_view(paths, record, surface)
             progress.advance()
-            try:
-                record = read_view_record(paths, self._description)
-            except DamagedFile as damage:
-                findings.add("damaged files", damage)
-                continue
-            records[index] = record
-            digest.update(record.data)
-            self._check_view(paths, record, scene)
-            visible = record.gt_info["visib_fract"]
-            self._poses[index] = ViewPose(record.cam_from_model, record.depth_scale, visible)
-        folder = scene_folder(number)
-        expected = self._sums.records.get(folder)
-        if expected is not None and len(records) == len(scene.views) and digest.hexdigest() != expected:
-            findings.add(
-                "damaged files", f"{folder}/frame: the records do not have the sha256 in {CHECKSUMS}: one was changed"
-            )
-        check_scene_tables(root, scene, records, self._description, findings, skipped=self._sums.outdated)
+        return records
 
-    def _check_view(self, paths: ViewPaths, record: ViewRecord, scene: SceneContents) -> None:
-        """Check that the view is of this dataset and no copy, its files' hashes and, if it is chosen, its pixels."""
-        root, findings, index = self._root, self._findings, paths.index
-        if self._description.poses_differ:
-            first = self._same_poses.setdefault(record.pose_hash, index)
-            if first != index:
-                findings.add("duplicated views", f"{record.where}: view {index} has the very pose of view {first}")
-            images = "".join(record.files[paths.relative(kind)].sha256 for kind in ("rgb", "depth"))
-            first = self._same_images.setdefault(hashlib.blake2b(images.encode(), digest_size=16).digest(), index)
-            if first != index and record.gt_info["px_count_visib"]:
-                findings.add("duplicated views", f"{record.where}: view {index} has the very images of view {first}")
-        if record.identity != self._description.identity:
+    def _check_view(self, paths: ViewPaths, record: ViewRecord, surface: SilhouetteEdges | None) -> None:
+        """Check that the view is of this dataset, the sums of its files and, if it is chosen, its pixels."""
+        root, description, findings = self._root, self._description, self._findings
+        where = paths.relative("frame")
+        if record.identity != description.identity:
             findings.add(
                 "views of another run",
-                f"{record.where}: its identity is not that of {RECORD}: the view is of another run, or {RECORD} was "
-                "changed",
+                f"{where}: its identity is not that of {RECORD}: the view is of another run, or {RECORD} was changed",
             )
-        wrong = check_sums(root, record.files, scene.missing, record.where, findings, hashes=self._hashes)
-        self._hashed += len(record.files) * self._hashes
-        if not wrong and scene.missing.isdisjoint(record.files) and index in self._chosen:
-            before = len(findings)
-            compared = check_view(paths, record, self._description, self._surface, findings)
-            if compared is not None:
-                self._compared.append(compared)
-            wrong = len(findings) - before
-        self._images_intact &= not wrong
+        if record.files.keys() != {paths.relative(kind) for kind in description.kinds}:
+            raise InputError(f"{where}: expected sums of the view's {len(description.kinds)} files, found others")
+        problems = [damaged_file(root, name, known, hashes=self._hashes) for name, known in record.files.items()]
+        for problem in filter(None, problems):
+            findings.add("damaged files", f"{problem}, as {where} tells")
+        if any(problems) or paths.index not in self._chosen:
+            return
+        with findings.collecting("images that disagree"):
+            depth = check_images(paths, record, description)
+            if surface is not None:
+                with findings.collecting("views whose pose does not fit the pixels"):
+                    self._compared.append(check_pose(paths, record, depth, surface, description))
 
-    def _check_beside(self, missing: frozenset[str]) -> None:
-        """Check the files that are not a view's, and the tables of all views."""
-        root, description, findings, poses = self._root, self._description, self._findings, self._poses
-        missing |= {name for name in self._sums.files if name not in self._contents.tables} | self._sums.outdated
-        absent = self._absent_scene_tables()
-        check_sums(root, self._sums.files, missing | absent, CHECKSUMS, findings, hashes=self._hashes)
-        self._hashed += len(self._sums.files.keys() - missing - absent) * self._hashes
-        if description.poses_hash is not None and len(poses) == description.count:
-            found = poses_hash(poses[index].cam_from_model for index in range(description.count))
-            if found != description.poses_hash:
-                findings.add(
-                    "views of another run", f"{RECORD}: poses_sha256 is not that of the views' poses: one was changed"
-                )
-        depth_scale = None
-        if "camera.json" not in missing:
-            depth_scale = check_camera_file(root, description, poses, findings)
-        if "poses.csv" not in missing:
-            check_pose_table(root, poses, description, findings)
-        if "transforms.json" not in missing:
-            check_nerf_file(root, poses, description, self._mesh, depth_scale, findings)
-        if "test_targets_bop19.json" not in missing:
-            check_targets(root, poses, description, findings)
-        if OVERLAY not in missing:
-            check_overlay(root, description, findings)
-        if SHEET not in missing and len(poses) == description.count and self._images_intact:
-            check_contact_sheet(root, description, findings)
-        if VIDEO in self._contents.tables and not {VIDEO, VIDEO_POSES} & missing:
-            video_poses = read_video_poses(root, findings)
-            if video_poses:
-                check_video(root, description, video_poses, self._mesh, findings)
-
-    def _absent_scene_tables(self) -> set[str]:
-        """The tables of scenes that have no folder: the views' absence says it all."""
-        present = {scene_folder(number) for number in self._contents.scenes}
-        return {
-            name for name in self._contents.tables if name.count("/") == 2 and name.rpartition("/")[0] not in present
-        }
+    def _check_poses(self) -> None:
+        """Compare listed poses with their hash."""
+        expected = self._description.poses_hash
+        if expected is None:
+            return
+        poses = np.stack([self._poses[index].cam_from_model for index in range(self._description.count)])
+        if poses_hash(poses) != expected:
+            self._findings.add(
+                "views of another run", f"{RECORD}: poses_sha256 is not that of the views' poses: one was changed"
+            )
 
 
 def _evenly_spaced(count: int, views: int) -> set[int] | range:

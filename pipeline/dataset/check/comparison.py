@@ -1,71 +1,86 @@
 """Comparing what a file holds with what it should: exact for values, within rounding for numbers computed again."""
 
-import math
-from collections.abc import Iterable
+import json
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from .files import DamagedFile, shortened
+from ...errors import InputError
+from ...files.content import read_content
+from ...files.tables import parsed_json
 
 RELATIVE = 1e-9
 """Allowed relative error of a number that is computed again."""
 
 
-def require_equal(found: object, expected: object, where: str, see: str = "") -> None:
-    """Check that two JSON values are the same, all keys included; :class:`DamagedFile` with the first difference."""
-    if found != expected:
-        raise DamagedFile(f"{where}: {_difference(found, expected)}{see and f', see {see}'}")
+def read_table(root: Path, name: str) -> Any:
+    """The value in a JSON file of the dataset.
+
+    Raises
+    ------
+    InputError
+        Missing or damaged.
+    """
+    return parsed_json(read_content(root / name, "a table of the dataset", name), name)
 
 
-def require_entries(found: Iterable[str], expected: set[str], where: str) -> None:
-    """Check that a table has an entry for each of the images; :class:`DamagedFile` if not."""
-    missing, surplus = expected - set(found), set(found) - expected
-    if missing or surplus:
-        problems = [
-            f"{len(some)} {what} ({', '.join(sorted(some)[:3])})"
-            for some, what in ((missing, "missing"), (surplus, "unexpected"))
-            if some
-        ]
-        raise DamagedFile(f"{where}: expected an entry for each of {len(expected)} images, {' and '.join(problems)}")
+def require_equal(found: object, expected: object, where: str, *, relative: float = 0.0) -> None:
+    """Check that two JSON values are the same, all keys included.
 
+    Numbers may differ by ``relative`` of the largest in their list, of lists and of 1.
 
-def is_close(found: ArrayLike, expected: ArrayLike, size: float) -> bool:
-    """Whether numbers of about this size are the same within rounding."""
-    return bool((np.abs(np.subtract(found, expected)) <= RELATIVE * max(size, 1.0)).all())
+    Raises
+    ------
+    InputError
+        They are not; with the first difference.
+    """
+    difference = _difference(found, expected, "the entry", relative)
+    if difference:
+        raise InputError(f"{where}: {difference}")
 
 
 def require_pose(found: np.ndarray, expected: np.ndarray, where: str, see: str) -> None:
-    """Check that two 4x4 poses are the same within rounding; :class:`DamagedFile` if not."""
-    rotation_ok = is_close(found[:3, :3], expected[:3, :3], 1.0)
-    if not rotation_ok or not is_close(found[:3, 3], expected[:3, 3], float(np.abs(expected[:3, 3]).max())):
-        part = (slice(0, 3), 3) if rotation_ok else (slice(0, 3), slice(0, 3))
-        name = "translation" if rotation_ok else "rotation"
-        difference = np.abs(found[part] - expected[part]).max()
-        raise DamagedFile(f"{where}: the {name} differs from that of {see} by {difference:.2g}")
+    """Check that two 4x4 poses are the same within rounding; InputError if not."""
+    for name, part in (("rotation", np.s_[:3, :3]), ("translation", np.s_[:3, 3])):
+        off = np.abs(found[part] - expected[part]).max()
+        if not off <= RELATIVE * max(np.abs(expected[part]).max(), 1.0):
+            raise InputError(f"{where}: the {name} differs from that of {see} by {off:.2g}")
 
 
-def finite_number(text: str, where: str) -> float:
-    """The number in a cell of a CSV table; :class:`DamagedFile` if there is none."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise DamagedFile(f"{where}: expected a number, found {shortened(text)}")
-    return value
+def shortened(value: object) -> str:
+    """A value as JSON of at most 60 characters, for messages."""
+    text = json.dumps(value, default=str)
+    return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _difference(found: object, expected: object, name: str = "the entry") -> str:
-    """The first difference of two JSON values, as a clause."""
+def _difference(found: object, expected: object, name: str, relative: float) -> str:
+    """The first difference of two JSON values, as a clause; empty if there is none."""
+    if found == expected:
+        return ""
     if isinstance(found, dict) and isinstance(expected, dict):
-        for key in (*expected, *found):
-            if key not in expected:
-                return f"unexpected key {shortened(key)}"
-            if key not in found or found[key] != expected[key]:
-                return _difference(found.get(key), expected[key], key)
+        missing, unknown = expected.keys() - found.keys(), found.keys() - expected.keys()
+        if missing or unknown:
+            keys = sorted(map(str, missing or unknown))
+            what = "missing" if missing else "unknown"
+            return f"{name}: expected {len(expected)} keys, {len(keys)} are {what} ({', '.join(keys[:3])})"
+        parts = (_difference(found[key], expected[key], key, relative) for key in expected)
+        return next(filter(None, parts), "")
+    if relative and _is_near(found, expected, relative):
+        return ""
     if isinstance(found, list) and isinstance(expected, list) and len(found) == len(expected):
         for number, pair in enumerate(zip(found, expected, strict=True)):
             if pair[0] != pair[1]:
-                return _difference(*pair, f"{name}[{number}]" if len(found) > 1 else name)
+                return _difference(*pair, f"{name}[{number}]" if len(found) > 1 else name, 0.0)
     return f"{name} is {shortened(found)}, expected {shortened(expected)}"
+
+
+def _is_near(found: object, expected: object, relative: float) -> bool:
+    """Whether two numbers or lists of numbers are the same within rounding."""
+    try:
+        one, other = np.asarray(found), np.asarray(expected)
+    except ValueError:  # lists of several lengths
+        return False
+    if one.shape != other.shape or one.dtype.kind not in "if" or other.dtype.kind not in "if":
+        return False
+    return bool((np.abs(one - other) <= relative * max(np.abs(other).max(initial=0), 1.0)).all())

@@ -1,8 +1,8 @@
 """Poses against pixels: a view's depth image compared with an independent projection of the surface.
 
-The model's triangles are projected with OpenCV (``cv2.projectPoints``), scan-converted and depth-tested here, without
-Blender. So the comparison tests exactly what the dataset promises: mesh, pose, K, pixel origin, depth scale and depth
-image. Needs cv2.
+The model's triangles are scan-converted and depth-tested here, in numpy (:mod:`oneframe.projection.z_buffer`), without
+Blender and without its rays. So the comparison tests exactly what the dataset promises: mesh, pose, K, pixel origin,
+depth scale and depth image. Needs cv2.
 
 Notes
 -----
@@ -18,12 +18,12 @@ import cv2
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...projection.rasteriser import rasterise
+from ...projection.z_buffer import is_within_limits, rasterise_depth
 from ...surface.mesh import TriangleMesh
 from ...transforms import transform_points
 
 GUARD_PX = 64.0
-"""Triangles that reach farther out of the image are clipped, so that little is scan-converted in vain."""
+"""Triangles that reach farther out of the image are clipped if some are too far out of it, or behind the camera."""
 
 RAY_PX = 0.03
 """Largest distance of a renderer's ray from the pixel's centre, px: on a slope it causes a depth error."""
@@ -93,21 +93,22 @@ class DepthAgreement:
 
 def surface_depth(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> SurfaceDepth:
     """Depth of a mesh (model frame) at every pixel's centre, of front and back faces."""
-    triangles_px, inverse_z = _projected(mesh, camera, cam_from_model)
-    gradients = _affine_gradients(triangles_px, inverse_z)
-    nearest = np.zeros(camera.height * camera.width)
-    winner = np.full(nearest.shape, -1)
-    for triangle, x, y, weights in rasterise(triangles_px):
-        inside = (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
-        triangle, pixel = triangle[inside], (y * camera.width + x)[inside]
-        # inverse depth is affine over the image of a plane
-        value = (weights[inside] * inverse_z[triangle]).sum(axis=1)
-        np.maximum.at(nearest, pixel, value)
-        won = value >= nearest[pixel]
-        winner[pixel[won]] = triangle[won]
-    z = np.divide(1.0, nearest, out=np.zeros_like(nearest), where=winner >= 0)
-    slope = np.where(winner >= 0, -(z**2) * gradients[winner].T, 0.0) if len(gradients) else np.zeros((2, z.size))
-    return SurfaceDepth(z.reshape(camera.shape_hw), slope.reshape(2, *camera.shape_hw))
+    if not is_within_limits(mesh, camera, cam_from_model):
+        mesh, cam_from_model = _in_view(mesh, camera, cam_from_model), np.eye(4)
+    if not len(mesh.faces):
+        return SurfaceDepth(np.zeros(camera.shape_hw), np.zeros((2, *camera.shape_hw)))
+    inverse_depth, face = rasterise_depth(mesh, camera, cam_from_model)
+    z = np.divide(1.0, inverse_depth, out=np.zeros_like(inverse_depth), where=face >= 0)
+    # the inverse depth of a plane n . x = offset is affine in the pixel: n . (rays) / offset
+    rotation, translation = cam_from_model[:3, :3], cam_from_model[:3, 3]
+    normals = mesh.face_cross @ rotation.T
+    offsets = mesh.plane_offsets + normals @ translation
+    gradients = np.divide(
+        normals[:, :2], offsets[:, None], out=np.zeros((len(normals), 2)), where=offsets[:, None] != 0
+    )
+    gradients /= (camera.fx, camera.fy)
+    slope = np.where(face >= 0, -(z**2) * np.moveaxis(gradients[face], -1, 0), 0.0)
+    return SurfaceDepth(z, slope)
 
 
 def agreement(depth: np.ndarray, depth_scale: float, surface: SurfaceDepth, focal_px: float) -> DepthAgreement:
@@ -169,27 +170,15 @@ def _best_shift(
     return (float(solution[0]), float(solution[1])), float(np.sqrt(covariance[0, 0] + covariance[1, 1]))
 
 
-def _projected(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """``(T, 3, 2)`` px and ``(T, 3)`` inverse depths of the triangles in front of the camera and near the image."""
+def _in_view(mesh: TriangleMesh, camera: PinholeCamera, cam_from_model: np.ndarray) -> TriangleMesh:
+    """The parts of a mesh in front of the camera and near the image, in the camera's frame."""
     points_cam = transform_points(cam_from_model, mesh.vertices)
-    planes = _frustum(camera)
-    offsets = np.array([1e-6 * np.abs(points_cam[:, 2]).max(), 0, 0, 0, 0])
-    outside = np.zeros(len(points_cam), np.uint8)
-    for bit, (plane, offset) in enumerate(zip(planes, offsets, strict=True)):
-        outside |= (points_cam @ plane < offset).view(np.uint8) << bit
-    corners = outside[mesh.faces]
-    out_together = corners[:, 0] & corners[:, 1] & corners[:, 2]
-    out_somewhere = corners[:, 0] | corners[:, 1] | corners[:, 2]
-    triangles = points_cam[mesh.faces[out_somewhere == 0]]
-    crossing = points_cam[mesh.faces[(out_somewhere != 0) & (out_together == 0)]]
-    for plane, offset in zip(planes, offsets, strict=True):
-        crossing = _clipped(crossing, plane, offset)
-    triangles = np.concatenate([triangles, crossing])
-    if len(triangles) == 0:
-        return np.zeros((0, 3, 2)), np.zeros((0, 3))
-    still = np.zeros(3)
-    pixels, _ = cv2.projectPoints(triangles.reshape(-1, 1, 3), still, still, camera.k, np.zeros(4))
-    return pixels.reshape(-1, 3, 2), 1 / triangles[..., 2]
+    triangles = points_cam[mesh.faces]
+    offsets = (1e-6 * np.abs(points_cam[:, 2]).max(), 0, 0, 0, 0)
+    for plane, offset in zip(_frustum(camera), offsets, strict=True):
+        triangles = _clipped(triangles, plane, offset)
+    corners = np.arange(3 * len(triangles), dtype=np.int32)
+    return TriangleMesh(triangles.reshape(-1, 3), corners.reshape(-1, 3))
 
 
 def _frustum(camera: PinholeCamera) -> np.ndarray:
@@ -217,12 +206,3 @@ def _clipped(triangles: np.ndarray, plane: np.ndarray, offset: float) -> np.ndar
         ac = a + (c - a) * (h[:, 0] / (h[:, 0] - h[:, 2]))[:, None]
         parts += [np.stack([a, ab, ac], 1)] if kept == 1 else [np.stack([ab, b, c], 1), np.stack([ab, c, ac], 1)]
     return np.concatenate(parts)
-
-
-def _affine_gradients(triangles_px: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """``(T, 2)`` derivatives in u and v of the affine function with ``(T, 3)`` values at the corners."""
-    (bu, bv), (cu, cv) = (triangles_px[:, 1] - triangles_px[:, 0]).T, (triangles_px[:, 2] - triangles_px[:, 0]).T
-    b, c = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
-    area2 = bu * cv - bv * cu
-    gradients = np.stack([b * cv - c * bv, c * bu - b * cu], axis=1)
-    return np.divide(gradients, area2[:, None], out=np.zeros_like(gradients), where=area2[:, None] != 0)

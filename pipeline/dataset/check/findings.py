@@ -1,6 +1,11 @@
 """The findings of a check: all are counted, a readable number is kept and shown."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
+
+from ...errors import InputError, RunError
 
 SHOWN, SHOWN_OF_A_KIND = 20, 5
 LONGEST = 500
@@ -9,8 +14,12 @@ LONGEST = 500
 
 @dataclass
 class Findings:
-    """Messages about what is wrong, by kind, in the order of their arrival: the first ones, and how many there are."""
+    """Messages about what is wrong, by kind, in the order of their arrival: the first ones, and how many there are.
 
+    Paths are relative to ``root``: findings that are passed on tell nothing of this computer.
+    """
+
+    root: Path | None = None
     first: dict[str, list[str]] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
 
@@ -19,7 +28,15 @@ class Findings:
         self.counts[kind] = self.counts.get(kind, 0) + 1
         kept = self.first.setdefault(kind, [])
         if len(kept) < SHOWN:
-            kept.append(printable(str(message)))
+            kept.append(printable(str(message).replace(f"{self.root}/", "")))
+
+    @contextmanager
+    def collecting(self, kind: str) -> Iterator[None]:
+        """Turn the InputError or RunError that ends the block into a finding."""
+        try:
+            yield
+        except (InputError, RunError) as error:
+            self.add(kind, error)
 
     def __len__(self) -> int:
         return sum(self.counts.values())

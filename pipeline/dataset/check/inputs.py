@@ -3,16 +3,14 @@
 import hashlib
 from pathlib import Path
 
-import numpy as np
-
 from ...case.case_file import Case
 from ...errors import InputError
 from ...files.content import reading
 from ...poses.pose_file import read_poses
-from .checksums import poses_hash
-from .comparison import is_close
+from ..dataset_file import Description
+from ..identity import poses_hash
+from .comparison import RELATIVE, require_equal
 from .findings import Findings
-from .records import Description
 
 KIND = "inputs that differ from the case's"
 
@@ -36,43 +34,33 @@ def check_inputs(description: Description, case: Case, poses: Path | None, findi
         files["poses"] = case.path.parent / str(case.dataset["poses"])
     if poses is not None:
         files["poses"] = poses
-    hashes = content["inputs_sha256"]
     if description.poses_hash is not None:
         if "poses" not in files:
             raise InputError("command line: the views have listed poses: expected their file, give it with --poses")
-        _check_poses(description, files["poses"], findings)
+        with findings.collecting(KIND):
+            _check_poses(description, files["poses"])
+    hashes = content.get("inputs_sha256", {})
     for name in sorted(hashes.keys() | (files.keys() - {"poses"})):
-        if name not in files:
-            findings.add(KIND, f"dataset.json: expected the inputs of {case.path}, which names no {name}")
-            continue
-        try:
+        with findings.collecting(KIND):
+            if name not in files:
+                raise InputError(f"dataset.json: expected the inputs of {case.path}, which names no {name}")
             with reading(files[name], f"the {name} of the dataset"), files[name].open("rb") as stream:
                 same = hashlib.file_digest(stream, "sha256").hexdigest() == hashes.get(name)
-        except InputError as error:
-            findings.add(KIND, error)
-            continue
-        if not same:
-            findings.add(KIND, f"dataset.json: inputs_sha256: {files[name]} is not the {name} of the dataset")
-    frame = content["frame"]
-    cam_from_model = case.cam_from_mesh @ description.mesh_from_model
-    if not is_close(frame["cam_from_model"], cam_from_model, float(np.abs(cam_from_model).max())):
-        findings.add(KIND, f"dataset.json: frame: cam_from_model is not the pose in {case.path}")
-    for name in ("width", "height", "fx", "fy", "cx", "cy"):
-        if frame[name] != getattr(case.camera, name):
-            expected = getattr(case.camera, name)
-            findings.add(KIND, f"dataset.json: frame: {name} is {frame[name]}, {case.path} has {expected}")
-    if content["mm_per_unit"] != case.mm_per_unit:
-        findings.add(KIND, f"dataset.json: mm_per_unit is {content['mm_per_unit']}, {case.path} has {case.mm_per_unit}")
+            if not same:
+                raise InputError(f"dataset.json: inputs_sha256: {files[name]} is not the {name} of the dataset")
+    camera = {name: getattr(case.camera, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}
+    pose = (case.cam_from_mesh @ description.mesh_from_model).tolist()
+    frame = content.get("frame", {})
+    with findings.collecting(KIND):
+        found = {name: frame.get(name) for name in camera} | {"mm_per_unit": content.get("mm_per_unit")}
+        require_equal(found, camera | {"mm_per_unit": case.mm_per_unit}, f"dataset.json and {case.path}")
+    with findings.collecting(KIND):
+        require_equal(frame.get("cam_from_model"), pose, "dataset.json: frame: cam_from_model", relative=RELATIVE)
 
 
-def _check_poses(description: Description, path: Path, findings: Findings) -> None:
-    """Check that a list of poses begins with those of the views."""
-    try:
-        poses, _ = read_poses(
-            path, mesh_from_model=description.mesh_from_model, mm_per_unit=description.content["mm_per_unit"]
-        )
-    except InputError as error:
-        findings.add(KIND, error)
-        return
+def _check_poses(description: Description, path: Path) -> None:
+    """Check that a list of poses begins with those of the views; InputError if not."""
+    mm_per_unit = description.content["mm_per_unit"]
+    poses, _ = read_poses(path, mesh_from_model=description.mesh_from_model, mm_per_unit=mm_per_unit)
     if len(poses) < description.count or poses_hash(poses[: description.count]) != description.poses_hash:
-        findings.add(KIND, f"dataset.json: poses_sha256: {path} does not hold the poses of the dataset")
+        raise InputError(f"dataset.json: poses_sha256: {path} does not hold the poses of the dataset")

@@ -4,7 +4,6 @@ Under the versions that made the dataset pixels must be the same. Under others t
 another renderer, which proves the one that made them.
 """
 
-import json
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -15,17 +14,17 @@ import cv2
 import numpy as np
 
 from ...errors import InputError
+from ...files.content import read_content
 from ...files.numbers import npy_array
 from ...files.temporary import temporary_folder, writing_temporary
 from ...progress import Progress
 from ...video.frame_reader import read_video_frame
+from ..dataset_file import Description
 from ..layout import ViewPaths
-from .comparison import require_equal, require_pose
-from .contents import VIDEO, VIDEO_POSES
-from .files import DamagedFile, hash_of, read_bytes
+from .comparison import read_table, require_equal, require_pose
 from .findings import Findings
 from .pose_tables import read_video_poses
-from .records import Description
+from .video import VIDEO, VIDEO_POSES
 
 KIND = "files that differ from those rendered again"
 ENCODED_CODES = 12
@@ -113,48 +112,40 @@ def check_rerendered(
     same_versions = renderer.description["versions"] == description.content["versions"]
     for key in renderer.description.keys() | description.content.keys():
         if key != "versions":
-            _collect(findings, _compare_description, key, description.content.get(key), renderer.description.get(key))
+            with findings.collecting(KIND):
+                given, expected = ({key: content.get(key)} for content in (description.content, renderer.description))
+                require_equal(given, expected, "dataset.json: not that of the case")
     if len(findings) > before:
         return
     for name, data in renderer.files().items():
-        _collect(findings, _compare_file, root, name, data, same_versions)
+        with findings.collecting(KIND):
+            _compare_file(root, name, data, same_versions)
     focal_px = description.camera.fx
     with Progress(len(views), "views rendered again", stream=stream) as progress:
         for index in views:
-            _collect(findings, _compare_view, ViewPaths(root, index), renderer, same_versions, focal_px)
+            with findings.collecting(KIND):
+                _compare_view(ViewPaths(root, index), renderer, same_versions, focal_px)
             progress.advance()
     if (root / "video").is_dir():
-        _collect(findings, _compare_video, root, renderer, len(views))
-
-
-def _collect(findings: Findings, check: Any, *arguments: Any) -> None:
-    try:
-        check(*arguments)
-    except (DamagedFile, InputError) as damage:
-        findings.add(KIND, damage)
-
-
-def _compare_description(key: str, found: object, expected: object) -> None:
-    require_equal({key: found}, {key: expected}, "dataset.json: not that of the case")
+        with findings.collecting(KIND):
+            _compare_video(root, renderer, len(views))
 
 
 def _compare_file(root: Path, name: str, data: bytes, same_versions: bool) -> None:
     """Compare a file that is not a view's; of a model, other versions may change the last bit of a normal or colour."""
-    if hash_of(root, name, len(data)) is None:
-        raise DamagedFile(f"{name}: expected {len(data)} bytes, as it has when it is made again")
-    found = read_bytes(root, name, len(data))
+    found = read_content(root / name, "a file of the dataset", name)
     if found == data:
         return
     if name.endswith(".png"):
         _compare_images(name, _decoded(name, found), _decoded(name, data), EXACT if same_versions else OTHER_VERSIONS)
     elif same_versions or name.endswith((".md", ".json")):
-        raise DamagedFile(f"{name}: it has another content when it is made again")
+        raise InputError(f"{name}: it has another content when it is made again")
 
 
 def _compare_view(paths: ViewPaths, renderer: Renderer, same_versions: bool, focal_px: float) -> None:
     files, expected = renderer.view(paths.index)
     where = paths.relative("frame")
-    found = json.loads(read_bytes(paths.root, where, 1 << 28))
+    found = read_table(paths.root, where)
     require_pose(_pose(found), _pose(expected), where, "the view rendered again")
     if same_versions:
         counts = ("gt_info", "px_count_observed") if renderer.same_renderer else ()
@@ -163,14 +154,14 @@ def _compare_view(paths: ViewPaths, renderer: Renderer, same_versions: bool, foc
     allowed = EXACT if renderer.same_renderer else OTHER_RENDERER
     for kind, data in files.items():
         name = paths.relative(kind)
-        on_disk = read_bytes(paths.root, name, 1 << 30)
+        on_disk = read_content(paths.root / name, "a file of the view", name)
         if on_disk != data:
             images = _decoded(name, on_disk), _decoded(name, data)
             _compare_images(name, *images, allowed if same_versions else OTHER_VERSIONS, focal_px)
 
 
 def _compare_video(root: Path, renderer: Renderer, frames: int) -> None:
-    poses = read_video_poses(root, Findings())
+    poses = read_video_poses(root)
     expected = renderer.video_poses(len(poses))
     for number, pose in enumerate(poses):
         require_pose(pose, expected[number], f"{VIDEO_POSES}: row {number}", "the trajectory of the case")
@@ -181,10 +172,10 @@ def _compare_video(root: Path, renderer: Renderer, frames: int) -> None:
         for number, index in enumerate(chosen.tolist()):
             found, again = read_video_frame(root / VIDEO, index), read_video_frame(folder / "again.mp4", number)
             if found.shape != again.shape:
-                raise DamagedFile(f"{VIDEO}: expected frames of the shape {again.shape}, found {found.shape}")
+                raise InputError(f"{VIDEO}: expected frames of the shape {again.shape}, found {found.shape}")
             off = float(np.abs(found.astype(float) - again).mean())
             if off > ENCODED_CODES:
-                raise DamagedFile(
+                raise InputError(
                     f"{VIDEO}: frame {index} differs by {off:.0f} codes on average from the one rendered again"
                 )
 
@@ -193,7 +184,7 @@ def _compare_images(
     name: str, found: np.ndarray, expected: np.ndarray, allowed: _Allowed, focal_px: float = 1.0
 ) -> None:
     if found.shape != expected.shape:
-        raise DamagedFile(f"{name}: expected the shape {expected.shape} of the one rendered again, found {found.shape}")
+        raise InputError(f"{name}: expected the shape {expected.shape} of the one rendered again, found {found.shape}")
     difference = np.abs(found.astype(np.float64) - expected)
     difference = difference if difference.ndim == 2 else difference.max(axis=2)
     limit: float | np.ndarray = allowed.codes
@@ -202,7 +193,7 @@ def _compare_images(
         limit = allowed.footprints / focal_px * expected + (allowed is not EXACT and expected.dtype == np.uint16)
     wrong = int((difference > limit).sum())
     if wrong > allowed.fraction * difference.size + allowed.number:
-        raise DamagedFile(
+        raise InputError(
             f"{name}: {wrong} px differ from the image rendered again, the largest by {difference.max():g}"
         )
 
@@ -212,7 +203,7 @@ def _decoded(name: str, data: bytes) -> np.ndarray:
         return npy_array(data, name)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
-        raise DamagedFile(f"{name}: expected a PNG image, found a file that cannot be decoded")
+        raise InputError(f"{name}: expected a PNG image, found a file that cannot be decoded")
     return image
 
 

@@ -12,12 +12,12 @@ import numpy as np
 from ...errors import InputError
 from ...surface.ball import Ball
 from ...surface.mesh import MOST_FACES
-from ...surface.simplification import simplified, tolerance_near
 from ...transforms import transform_points
 from ..volume import Sampler, Volume, VoxelGrid
 from .bone import CRUMB_MM3, without_crumbs
 from .isosurface import Isosurface, RemovedField, isosurface
 from .rim import with_sharp_rim
+from .simplification import simplified, tolerance_near
 from .smoothing import STEPS, smoothed
 
 Report = Callable[[str, float], None]

@@ -13,14 +13,14 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.case.case_writer import write_case
 from oneframe.case.loaded_case import LoadedCase
-from oneframe.dataset.folder import Shard
 from oneframe.dataset.options import DatasetOptions
+from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError
 from oneframe.evaluation.photographs import read_photographs
 from oneframe.files.outputs import made_folder
 from oneframe.surface.mesh_writer import write_ply
-from oneframe.surface.simplification import simplified
 from oneframe.transforms import inverse_rigid
+from oneframe.volume.bone.simplification import simplified
 
 LEAST_WIDTH = 640
 """Views are scaled down by a whole number while they keep this width, px: photographs are then averaged exactly."""

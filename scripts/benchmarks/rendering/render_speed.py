@@ -13,9 +13,9 @@ from oneframe.blender.colour.reference_view import vertex_colours_of
 from oneframe.blender.dataset.job import Job, OpenJob, open_job
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
-from oneframe.dataset.folder import Shard
 from oneframe.dataset.layout import ViewPaths
 from oneframe.dataset.options import DatasetOptions
+from oneframe.dataset.run.run_folder import Shard
 from oneframe.evaluation.baseline import pyvista_renderer
 from oneframe.files.machine import available_cores
 from oneframe.images.pixel_values import to_uint8

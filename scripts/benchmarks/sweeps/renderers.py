@@ -21,8 +21,8 @@ from oneframe.blender.render.engines import keep_freed_memory, render_view
 from oneframe.blender.render.surface_scene import SurfaceScene
 from oneframe.case.case_file import read_case
 from oneframe.colour.colour_doubts import MAX_REDUCTION, reduction_doubt
-from oneframe.dataset.folder import Shard
 from oneframe.dataset.options import DatasetOptions
+from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError, RunError
 from oneframe.images.pixel_values import to_uint8
 from oneframe.projection.rendered_view import RenderedView

@@ -23,8 +23,8 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
 from oneframe.colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
 from oneframe.colour.source_view import SourceView
-from oneframe.dataset.folder import Shard
 from oneframe.dataset.options import DatasetOptions
+from oneframe.dataset.run.run_folder import Shard
 from oneframe.errors import InputError
 from oneframe.poses.constraints import Constraints, ViewStatistics, plan_pose, sampling_doubt
 from oneframe.projection.z_buffer import rasterise_depth

@@ -1,0 +1,78 @@
+"""Operators that load the frame, from an image or a video, and join a mask to it: what it hides shows no surface."""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import IntProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
+
+from ..class_registration import class_registration, prop
+from ..pipeline.blender.bridge.image import read_image
+from ..pipeline.blender.case.frame_file import read_frame
+from ..pipeline.case.case_folder import keep_files
+from ..pipeline.errors import InputError
+from ..state import from_scene, to_scene
+from ..state.scene_files import session_folder
+from ..ui.operator import Messages, ReportingFile, available
+from ..video.operators import VIDEOS
+
+IMAGES = "*.png;*.jpg;*.jpeg;*.tif;*.tiff;*.bmp;*.exr"
+MASKS = "*.png;*.tif;*.tiff;*.bmp"
+_SUFFIX = "_masked"
+
+
+class ONEFRAME_OT_load_frame(ReportingFile, ImportHelper):
+    """Load the frame: one image of the microscope"""
+
+    bl_label = "Load Frame"
+
+    filter_glob: str = prop(StringProperty, default=IMAGES, options={"HIDDEN"})
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        path = self.chosen_file()
+        image, _ = read_image(path, path.name)
+        return to_scene.set_frame(context, path, image.shape[1], image.shape[0])
+
+
+class ONEFRAME_OT_load_video_frame(ReportingFile, ImportHelper):
+    """Load one frame of a video; it is saved as a PNG next to the video"""
+
+    bl_label = "Load Video Frame"
+
+    filter_glob: str = prop(StringProperty, default=VIDEOS, options={"HIDDEN"})
+    frame_index: int = prop(IntProperty, "Frame", "Number of the frame, counted from 0", min=0)
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        from ..pipeline.video.frame_reader import write_video_frame
+
+        video = self.chosen_file()
+        # the decoder would take a single JPEG for a video
+        if "*" + video.suffix.lower() in IMAGES.split(";"):
+            raise InputError(f"{video.name}: expected a video, found an image; open it with Load Frame")
+        path = write_video_frame(video, self.frame_index)
+        image, _ = read_image(path, path.name)
+        messages = to_scene.set_frame(context, path, image.shape[1], image.shape[0])
+        return (f"frame {self.frame_index} saved as {path}", *messages)
+
+
+class ONEFRAME_OT_load_mask(ReportingFile, ImportHelper):
+    """Hide parts of the frame that show no surface: an image of its size, grey or with alpha, in which they are 0"""
+
+    bl_label = "Load Mask"
+
+    filter_glob: str = prop(StringProperty, default=MASKS, options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return available(cls, bool(context.scene.oneframe.frame_path), "Load the frame first")
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        path = from_scene.absolute_path(context.scene.oneframe.frame_path)
+        frame = read_frame(path).with_mask(self.chosen_file())
+        kept = frame.kept(session_folder() / f"{Path(path).stem.removesuffix(_SUFFIX)}{_SUFFIX}.png")
+        keep_files([kept], {})
+        to_scene.relink_frame(context.scene, kept.path)
+        return (f"{frame.masked:.1%} of the frame masked; Load Frame again takes the mask off",)
+
+
+register, unregister = class_registration(__name__)

@@ -1,0 +1,177 @@
+"""Operators that open a case, or the sample; first they ask, if the present case has what its file lacks."""
+
+import shutil
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
+
+from ..class_registration import class_registration, prop
+from ..pipeline.blender.alignment import alignment_scene
+from ..pipeline.blender.case.load_case import load_case
+from ..pipeline.case.case_file import read_case
+from ..pipeline.case.case_update import differing_fields
+from ..pipeline.errors import InputError
+from ..state import from_scene, pose_evidence, to_scene, workbench
+from ..state.camera_view import look_through_camera, show_shape
+from ..state.initial_pose import has_initial_pose
+from ..ui.operator import Asking, Messages, OperatorResult, ReportingFile, call
+
+SHIPPED = Path(__file__).resolve().parents[1] / "sample"
+"""The sample in the built extension; a checkout has none."""
+
+QUESTION, ANSWER = "Open Another Case?", "Open Without Saving"
+
+_WORDS = {
+    "mm_per_unit": "units",
+    "image": "frame",
+    "camera": "K",
+    "distortion": "distortion",
+    "mesh": "surface",
+    "cam_from_mesh": "pose",
+    "structures": "structures",
+    "dataset": "dataset options",
+    "landmarks": "landmarks",
+}
+"""Field of a case -> its name in the window; the record of the pose changes with the pose only."""
+
+
+def unsaved_parts(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """The parts of the scene's case that its file lacks, in words; of a case without a file, all that was aligned."""
+    if not from_scene.is_set_up(scene):
+        return ()
+    if not scene.oneframe.case_path:
+        return _aligned_parts(scene)
+    path = from_scene.absolute_path(scene.oneframe.case_path)
+    try:
+        saved = read_case(path)
+    except InputError:
+        return ("all of it",)
+    try:
+        current = from_scene.case(scene, Path(path))
+    except InputError:
+        # a surface that is scaled, or a frame of another size
+        return ("pose",)
+    return tuple(_WORDS[name] for name in differing_fields(saved, current) if name in _WORDS)
+
+
+def unsaved_text(scene: bpy.types.Scene) -> str:
+    """The question before the case is replaced; empty if nothing would be lost."""
+    parts = unsaved_parts(scene)
+    if not parts:
+        return ""
+    listed = parts[0] if len(parts) == 1 else ", ".join(parts[:-1]) + " and " + parts[-1]
+    if not scene.oneframe.case_path:
+        return f"Never saved: {listed}. Open another case without saving?"
+    name = bpy.path.basename(scene.oneframe.case_path)
+    return f"Changes that {name} lacks: {listed}. Open another case without saving?"
+
+
+def _aligned_parts(scene: bpy.types.Scene) -> tuple[str, ...]:
+    parts = ["landmarks"] if len(scene.oneframe.landmarks) else []
+    try:
+        is_initial = has_initial_pose(scene)
+    except InputError:
+        is_initial = False
+    return tuple(parts if is_initial else ["pose", *parts])
+
+
+class ONEFRAME_OT_open_case(ReportingFile, ImportHelper):
+    """Open a case file: frame, K, surface, structures, pose and landmarks"""
+
+    bl_label = "Open Case"
+
+    filter_glob: str = prop(StringProperty, default="*.toml", options={"HIDDEN"})
+    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
+    discard: bool = prop(
+        BoolProperty,
+        "Discard Changes",
+        "Open the case even if the present one has changes that its file lacks",
+        options={"SKIP_SAVE", "HIDDEN"},
+    )
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        if not self.discard and unsaved_text(context.scene):
+            # an operator of its own: the file dialog would show what this one draws
+            bpy.ops.oneframe.discard_case("INVOKE_DEFAULT", filepath=self.filepath)  # type: ignore[attr-defined]
+            return {"CANCELLED"}
+        return self.execute(context) if self.filepath else super().invoke(context, event)
+
+    def run(self, context: bpy.types.Context) -> Messages:
+        loaded = load_case(read_case(self.chosen_file()), aligned=False)
+        scene = workbench.enter(context)
+        to_scene.remember_case(scene, loaded, alignment_scene.set_up(scene, loaded))
+        # holds while the surface keeps that pose
+        pose_evidence.remember(scene, loaded.case.alignment, loaded.cam_from_model)
+        show_shape(context)
+        look_through_camera(context)
+        width, height = loaded.case.camera.size_wh
+        return *loaded.messages, f"{self.filepath}: frame {width} x {height} px, {len(loaded.mesh.faces)} triangles"
+
+
+class ONEFRAME_OT_discard_case(Asking):
+    """Ask whether to open another case, although the present one has changes that its file lacks"""
+
+    bl_label = "Open Another Case"
+    bl_options = {"INTERNAL"}
+
+    filepath: str = prop(StringProperty, subtype="FILE_PATH", options={"SKIP_SAVE", "HIDDEN"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return not bpy.app.background
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        return self.ask(context, QUESTION, unsaved_text(context.scene), ANSWER)
+
+    def run(self, context: bpy.types.Context) -> None:
+        call("open_case", "INVOKE_DEFAULT", discard=True, filepath=self.filepath)
+
+
+class ONEFRAME_OT_open_sample(Asking):
+    """Open the sample case: a drilled temporal bone with its frame, K and structures"""
+
+    bl_label = "Open Sample Case"
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> OperatorResult:
+        question = unsaved_text(context.scene)
+        return self.ask(context, QUESTION, question, ANSWER) if question else self.execute(context)
+
+    def run(self, context: bpy.types.Context) -> None:
+        call("open_case", filepath=str(copied_sample(_own_folder()) / "case.toml"))
+
+
+def copied_sample(folder: Path) -> Path:
+    """Copy the sample into a folder, unless it is there; files that exist stay as the user left them.
+
+    Raises
+    ------
+    InputError
+        This copy of the add-on comes without the sample.
+    """
+    if not SHIPPED.is_dir():
+        raise InputError(
+            f"{SHIPPED}: expected the sample case of the built extension, found none; "
+            "make it with `oneframe sample`, and open its case.toml"
+        )
+    for source in sorted(SHIPPED.rglob("*")):
+        target = folder / source.relative_to(SHIPPED)
+        if source.is_dir():
+            target.mkdir(parents=True, exist_ok=True)
+        elif not target.exists():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, target)
+    return folder
+
+
+def _own_folder() -> Path:
+    """The extension's folder for the user's files; in a checkout, one that lasts for this session."""
+    package = __package__.rpartition(".")[0] if __package__ else ""
+    try:
+        return Path(bpy.utils.extension_path_user(package, path="sample", create=True))
+    except ValueError:  # not an extension
+        return Path(bpy.app.tempdir) / "oneframe_sample"
+
+
+register, unregister = class_registration(__name__)

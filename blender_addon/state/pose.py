@@ -1,0 +1,92 @@
+"""The current pose: the pivot of its moves, and its text in the convention of the case file."""
+
+import bpy
+import numpy as np
+
+from ..pipeline.blender.alignment import surface_object
+from ..pipeline.blender.alignment.visible_surface import visible_surface
+from ..pipeline.blender.bridge.exact_values import exact, set_exact
+from ..pipeline.case.case_file import MM_PER_UNIT
+from ..pipeline.errors import InputError
+from ..pipeline.transforms import checked_rigid, inverse_rigid, transform_points
+from . import from_scene
+
+PIVOT = "oneframe_pivot_model"
+PIVOT_DRIFT = 0.1
+"""The stored pivot is kept while it projects near the centre of the visible surface: within this fraction of the
+frame's size. With a new pivot at each step, steps back and forth would not cancel."""
+
+
+def pivot_of(scene: bpy.types.Scene) -> tuple[np.ndarray, float]:
+    """``(3,)`` pivot (model frame, mm), and the radius of the visible surface about it, mm.
+
+    Raises
+    ------
+    InputError
+        There is no camera or surface, or the surface is in Edit mode.
+    """
+    surface, camera, pose = from_scene.surface_of(scene), from_scene.camera(scene), from_scene.cam_from_model(scene)
+    if surface.mode == "EDIT":
+        raise InputError("expected Object mode; press Tab to leave Edit mode, then move the surface")
+    visible = visible_surface(surface, camera, pose)
+    centre = visible.pivot_model
+    if centre is None:
+        # out of view: move about the origin, so that the user can bring the surface back
+        return np.zeros(3), surface_object.radius_of(surface) / 2
+    stored = exact(surface, PIVOT)
+    if stored is not None and stored.shape == (4,):
+        points_cam = transform_points(pose, np.stack([stored[:3], centre]))
+        drift = np.diff(camera.project(points_cam), axis=0)[0] / max(camera.size_wh)
+        if np.abs(drift).max() < PIVOT_DRIFT:
+            return stored[:3], float(stored[3])
+    return centre, visible.radius_mm(centre)
+
+
+def keep_pivot(scene: bpy.types.Scene, pivot_model: np.ndarray, radius_mm: float) -> None:
+    """Store the pivot of a move, so that the move back rotates about the same point."""
+    set_exact(from_scene.surface_of(scene), PIVOT, np.array([*pivot_model, radius_mm]))
+
+
+def cam_from_mesh_of(scene: bpy.types.Scene) -> np.ndarray:
+    """``(4, 4)`` cam_from_mesh in the frame and units of the mesh file, as in a case file."""
+    cam_from_mesh = from_scene.cam_from_mesh(scene).copy()
+    cam_from_mesh[:3, 3] /= MM_PER_UNIT[scene.oneframe.units]
+    return cam_from_mesh
+
+
+def pose_rows(scene: bpy.types.Scene, *, inverse: bool = False) -> list[str]:
+    """Four rows of four numbers each; reading them gives exactly the same pose."""
+    pose = cam_from_mesh_of(scene)
+    if inverse:
+        pose = inverse_rigid(pose)
+    return [" ".join(f"{value!r}" for value in row) for row in pose.tolist()]
+
+
+def pose_from_text(text: str) -> tuple[np.ndarray, str | None]:
+    """Parse ``(4, 4)`` from 16 numbers, or 12 without the last row; brackets and commas are allowed.
+
+    Returns the pose, and a warning if it was not quite rigid; inverse of :func:`pose_rows`.
+
+    Raises
+    ------
+    InputError
+        Not a rigid transform.
+    """
+    words = text.translate(str.maketrans("[](),;", "      ")).split()
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        values = []
+    if len(values) == 12:
+        values += [0.0, 0.0, 0.0, 1.0]
+    matrix: object = np.reshape(values, (4, 4)) if len(values) == 16 else text[:40]
+    return checked_rigid(matrix, "the clipboard's pose")
+
+
+def set_cam_from_mesh(scene: bpy.types.Scene, cam_from_mesh: np.ndarray) -> None:
+    """Move the surface to a pose ``(4, 4)`` in the frame and units of the mesh file."""
+    camera_object, surface = from_scene.camera_object_of(scene), from_scene.surface_of(scene)
+    cam_from_mesh = cam_from_mesh.copy()
+    cam_from_mesh[:3, 3] *= MM_PER_UNIT[scene.oneframe.units]
+    mesh_from_model = surface_object.mesh_from_model_of(surface)
+    surface_object.set_pose(camera_object, surface, cam_from_mesh @ mesh_from_model)

@@ -1,0 +1,103 @@
+"""The files that a scene was made of: which they are, whether they last, and whether they have changed."""
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import bpy
+
+from ..class_registration import at_end, class_registration, start_timer, timers
+from ..pipeline.errors import InputError
+from . import from_scene
+from .events import redraw
+
+WATCH_S = 2.0
+
+Stamp = tuple[int, int]
+"""Modification time and size; (0, 0) for a file that cannot be read."""
+
+_SESSION = "oneframe-session-"
+
+_stamps: dict[Path, Stamp] = {}
+_asked: set[Path] = set()
+"""Files asked for since the timer last looked; it forgets all others."""
+
+
+def input_files(scene: bpy.types.Scene) -> dict[str, Path]:
+    """Case file, frame, surface and structures, by what they are, which no operator replaces; those the scene has."""
+    settings = scene.oneframe
+    texts = {"case": settings.case_path, "frame": settings.frame_path}
+    surface = from_scene.present_surface(scene)
+    if surface is not None:
+        texts["surface"] = surface.oneframe.mesh_path
+        structures = [child for child in surface.children if child.oneframe.role == "STRUCTURE"]
+        texts |= {f"structure {child.name}": child.oneframe.mesh_path for child in structures}
+    return {name: from_scene.absolute_path(text) for name, text in texts.items() if text}
+
+
+def usual_folder(scene: bpy.types.Scene) -> Path:
+    """The folder of the case, the frame, the surface or the CT: of the first that is no file of this session."""
+    for text in (*map(str, input_files(scene).values()), scene.oneframe_ct.path):
+        if text and not is_temporary(path := from_scene.absolute_path(text)):
+            return path.parent
+    return Path()
+
+
+def session_folder() -> Path:
+    """A new folder for what has no case beside it yet; Blender removes it when it quits."""
+    return Path(tempfile.mkdtemp(prefix=_SESSION, dir=bpy.app.tempdir))
+
+
+def is_temporary(path: Path) -> bool:
+    """Whether a file lies in such a folder, of this session or of an earlier one."""
+    return any(part.startswith(_SESSION) for part in path.parts)
+
+
+def check_lasting(files: Mapping[str, Path]) -> None:
+    """Check that files, by what they are, do not end with a session.
+
+    Raises
+    ------
+    InputError
+        One does.
+    """
+    for name, path in files.items():
+        if is_temporary(path):
+            raise InputError(
+                f"{name}: expected a file that lasts, found {path.name}, which ends with this session of Blender; "
+                "press Save Case, which keeps it beside the case"
+            )
+
+
+def known_stamp(path: Path) -> Stamp:
+    """The file's stamp, at most :data:`WATCH_S` old, for drawing: a drive on the network may take seconds to answer.
+
+    Looks at the disk only for a file that nobody asked for lately.
+    """
+    _asked.add(path)
+    if path not in _stamps:
+        _stamps[path] = _stamp(path)
+        start_timer(_watch, WATCH_S)
+    return _stamps[path]
+
+
+def _stamp(path: Path) -> Stamp:
+    try:
+        return from_scene.stamp(path)
+    except InputError:
+        return 0, 0
+
+
+def _watch() -> float | None:
+    """Timer: look at the files, and draw again what depends on one that has changed."""
+    found = {path: _stamp(path) for path in _asked}
+    changed = any(_stamps.get(path) != stamp for path, stamp in found.items())
+    _stamps.clear()
+    _stamps.update(found)
+    _asked.clear()
+    if changed:
+        redraw()
+    return WATCH_S if _stamps else None
+
+
+register, unregister = class_registration(__name__, timers(_watch), at_end(_stamps.clear, _asked.clear))

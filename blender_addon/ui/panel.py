@@ -1,0 +1,38 @@
+"""Base classes of the panels in the sidebar, and long texts in them."""
+
+import textwrap
+
+import bpy
+
+from ..state import from_scene
+
+CHARACTER_PX = 6.5
+"""Mean width of a character in the interface font at scale 1."""
+
+
+class SidebarPanel(bpy.types.Panel):
+    """Mixin: in the add-on's tab of the sidebar."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "OneFrame"
+
+
+class AlignmentPanel(SidebarPanel):
+    """Mixin: there once camera and surface are set up."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return from_scene.is_set_up(context.scene)
+
+
+def draw_text(layout: bpy.types.UILayout, text: str, *, icon: str = "NONE") -> None:
+    """Draw a text of any length as labels, wrapped to the width of the sidebar."""
+    region = bpy.context.region
+    scale = bpy.context.preferences.system.ui_scale
+    width = 230 if region is None else region.width / scale
+    lines = textwrap.wrap(text, max(20, int((width - 50) / CHARACTER_PX)))
+    column = layout.column(align=True)
+    column.scale_y = 0.75
+    for number, line in enumerate(lines):
+        column.label(text=line, icon=icon if number == 0 else "BLANK1" if icon != "NONE" else "NONE")

@@ -1,0 +1,253 @@
+"""What of a dataset is on disk and whole: read from the records and the folders before anything is rendered.
+
+A view counts as finished if its record is whole and its files exist with the sizes in it. Whatever a loss of power has
+left of a record is no record.
+"""
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import RunError
+from ...poses.constraints import Rejections
+from ..checksums import damaged_file
+from ..identity import identity_of
+from ..layout import RECORD, ViewPaths, scene_count, scene_folder, scene_views
+from .resume_record import ViewRecord, read_record
+
+MOST_SHOWN = 4
+
+
+@dataclass
+class Tally:
+    """Sums over the records of views."""
+
+    visible_px: int = 0
+    observed_px: int = 0
+    attempts: int = 0
+    rejections: Rejections = field(default_factory=Rejections)
+
+    def add(self, record: ViewRecord) -> None:
+        """Add a view."""
+        self.visible_px += record.gt_info.px_count_visib
+        self.observed_px += record.px_count_observed
+        self.attempts += record.attempts
+        self.rejections += record.rejections
+
+    def messages(self, count: int) -> list[str]:
+        """What there is to say about ``count`` views: the observed fraction of the surface, and rejected poses."""
+        names = {"surface": "too little surface", "observed": "too little observed surface", "clearance": "too near"}
+        messages = [
+            f"the frame observed {self.observed_px / self.visible_px:.1%} of the surface in the views"
+            if self.visible_px
+            else "no view shows any surface"
+        ]
+        reasons = ", ".join(f"{many} with {names[name]}" for name, many in asdict(self.rejections).items() if many)
+        if reasons:
+            messages.append(
+                f"{self.attempts} poses drawn, {self.attempts - count} rejected ({reasons})"
+                if self.attempts > count
+                else f"poses that break the constraints, kept because they were listed: {reasons}"
+            )
+        return messages
+
+
+@dataclass(frozen=True)
+class Survey:
+    """The views that are on disk.
+
+    Attributes
+    ----------
+    finished
+        Numbers of the finished views.
+    damaged
+        Number of a view that has a record but is not whole -> what is wrong, as a clause.
+    tally
+        Sums over the finished views.
+    """
+
+    finished: set[int]
+    damaged: dict[int, str]
+    tally: Tally
+
+
+def survey_views(
+    root: Path,
+    views: range,
+    description: Mapping[str, object],
+    kinds: Sequence[str],
+    *,
+    poses: np.ndarray | None = None,
+    hashes: bool = False,
+    threads: int = 1,
+) -> Survey:
+    """Find out which views are finished.
+
+    Parameters
+    ----------
+    root
+        The dataset's folder.
+    views
+        The views to look for.
+    description
+        The description of the run.
+    kinds
+        Kinds of files of each view, without its record.
+    poses
+        ``(N, 4, 4)`` listed ``cam_from_model`` of all views of the dataset, mm, or ``None`` if they are drawn.
+    hashes
+        Compare the hashes of all files, not only their sizes.
+    threads
+        Number of threads that hash.
+
+    Raises
+    ------
+    RunError
+        A record belongs to another run, or to another list of poses.
+    """
+    finished, damaged, tally = set(), {}, Tally()
+    foreign: list[int] = []
+    other_poses: list[int] = []
+    identity, names = identity_of(description), ("frame", *kinds)
+    for number in range(ViewPaths(root, views.start).scene_id, scene_count(views.stop)):
+        sizes = _sizes(root, scene_folder(number), names)
+        whole = []
+        for index in scene_views(number, views.stop):
+            if index < views.start:
+                continue
+            paths = ViewPaths(root, index)
+            if paths.relative("frame") not in sizes:
+                continue
+            try:
+                record = read_record(paths, with_mask=False)
+            except RunError:
+                damaged[index] = f"{paths.relative('frame')} is damaged"
+                continue
+            if record.identity != identity:
+                foreign.append(index)
+                continue
+            if poses is not None and not np.array_equal(record.cam_from_model, poses[index]):
+                other_poses.append(index)
+                continue
+            problem = _wrong_size(record, [paths.relative(kind) for kind in kinds], sizes)
+            if problem:
+                damaged[index] = problem
+            else:
+                whole.append(record)
+        if hashes:
+            whole = _unchanged(root, whole, damaged, threads)
+        for record in whole:
+            finished.add(record.index)
+            tally.add(record)
+    if foreign:
+        raise RunError(
+            f"{root}: views of another run are among those of {RECORD}: {view_ranges(foreign)}; "
+            f"{_advice(root, foreign)}"
+        )
+    if other_poses:
+        raise RunError(
+            f"{root}: views of other poses than the listed ones are in the folder: {view_ranges(other_poses)}; "
+            f"{_advice(root, other_poses)}"
+        )
+    return Survey(finished, damaged, tally)
+
+
+def is_finished(root: Path, index: int, identity: str, kinds: Sequence[str]) -> bool:
+    """Whether one view of a run is on disk, as :func:`survey_views` decides it; cheap if it has no record."""
+    paths = ViewPaths(root, index)
+    if not paths.file("frame").exists():
+        return False
+    try:
+        record = read_record(paths, with_mask=False)
+    except RunError:
+        return False
+    sizes = {}
+    for kind in kinds:
+        with suppress(FileNotFoundError):
+            sizes[paths.relative(kind)] = paths.file(kind).stat().st_size
+    return record.identity == identity and _wrong_size(record, [*map(paths.relative, kinds)], sizes) is None
+
+
+def unrecorded_views(root: Path, count: int) -> list[int]:
+    """Those of the first ``count`` views that have no record; nothing is read but the names of files."""
+    missing: list[int] = []
+    for number in range(scene_count(count)):
+        paths = [ViewPaths(root, index) for index in scene_views(number, count)]
+        names: set[str] = set()
+        with suppress(FileNotFoundError, NotADirectoryError):
+            names = set(os.listdir(paths[0].file("frame").parent))
+        missing += [path.index for path in paths if path.file("frame").name not in names]
+    return missing
+
+
+def _sizes(root: Path, scene: str, kinds: Iterable[str]) -> dict[str, int]:
+    """Sizes of the files in a scene's folders, by their names relative to the dataset: one listing a folder."""
+    sizes = {}
+    for kind in kinds:
+        with suppress(FileNotFoundError), os.scandir(root / scene / kind) as entries:
+            for entry in entries:
+                with suppress(FileNotFoundError):  # a link to nothing
+                    sizes[f"{scene}/{kind}/{entry.name}"] = entry.stat().st_size
+    return sizes
+
+
+def _advice(root: Path, views: Iterable[int]) -> str:
+    first = ViewPaths(root, min(views)).relative("frame")
+    return (
+        f"put the right shard in their place, or remove their records (the first is {first}) and run the same command "
+        "again: it renders them again"
+    )
+
+
+def _wrong_size(record: ViewRecord, expected: list[str], sizes: dict[str, int]) -> str | None:
+    # in this order unless somebody else wrote the record
+    if [*record.files] != expected and record.files.keys() != {*expected}:
+        return "its record lists other files"
+    for name, known in record.files.items():
+        if name not in sizes:
+            return f"{name} is missing"
+        if sizes[name] != known.bytes:
+            return f"{name} has {sizes[name]} bytes instead of {known.bytes}"
+    return None
+
+
+def _unchanged(root: Path, records: list[ViewRecord], damaged: dict[int, str], threads: int) -> list[ViewRecord]:
+    def problem(record: ViewRecord) -> str | None:
+        found = (damaged_file(root, name, known, hashes=True) for name, known in record.files.items())
+        return next(filter(None, found), None)
+
+    with ThreadPoolExecutor(threads) as pool:
+        problems = [*pool.map(problem, records)]
+    damaged.update({record.index: why for record, why in zip(records, problems, strict=True) if why})
+    return [record for record, why in zip(records, problems, strict=True) if not why]
+
+
+def runs(numbers: Iterable[int]) -> list[range]:
+    """Different numbers, in any order, as increasing ranges of consecutive ones."""
+    ordered = sorted(numbers)
+    starts = [place for place, (one, other) in enumerate(pairwise(ordered), 1) if other != one + 1]
+    bounds = [0, *starts, len(ordered)] if ordered else []
+    return [range(ordered[first], ordered[stop - 1] + 1) for first, stop in pairwise(bounds)]
+
+
+def ranges_text(ranges: Iterable[range]) -> str:
+    """Increasing ranges as text: "0-9, 12"; neighbours are joined, and only the first :data:`MOST_SHOWN` are shown."""
+    joined: list[range] = []
+    for one in ranges:
+        if joined and joined[-1].stop == one.start:
+            joined[-1] = range(joined[-1].start, one.stop)
+        elif len(one):
+            joined.append(one)
+    texts = [str(one.start) if len(one) == 1 else f"{one.start}-{one.stop - 1}" for one in joined]
+    return ", ".join(texts[:MOST_SHOWN]) + (", ..." if len(texts) > MOST_SHOWN else "")
+
+
+def view_ranges(views: Iterable[int]) -> str:
+    """Numbers of views as text: see :func:`ranges_text`."""
+    return ranges_text(runs(views))

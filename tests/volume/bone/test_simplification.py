@@ -11,7 +11,7 @@ from skimage.measure import marching_cubes
 from oneframe.errors import InputError
 from oneframe.surface.deviation import deviation
 from oneframe.surface.mesh import TriangleMesh
-from oneframe.volume import simplification
+from oneframe.volume.bone import simplification
 from oneframe.volume.bone.simplification import simplified, tolerance_near
 
 

@@ -67,6 +67,11 @@ def check_names(root: Path, description: Description, findings: Findings, *, unf
         if inside == ".":
             # a run keeps its own files there, and programs theirs in hidden folders
             folders[:] = [name for name in folders if not name.startswith(".")]
+        for path in (Path(folder) / base for base in (*folders, *files)):
+            if path.is_symlink() and not path.resolve().is_relative_to(root.resolve()):
+                found = "found a link that leads out of the folder: put a copy in its place"
+                name = path.relative_to(root).as_posix()
+                findings.add("links that lead out", f"{name}: expected a part of the dataset, {found}")
         for base in files:
             name = base if inside == "." else f"{inside}/{base}"
             if base in DESKTOP_FILES or (inside == "." and _is_note(base)) or _is_of(name, description):

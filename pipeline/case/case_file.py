@@ -17,10 +17,10 @@ from ..files.keys import check_keys
 from ..files.numbers import MM_PER_UNIT, millimetres
 from ..files.tables import parsed_toml
 from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY, pose_key
+from ..surface.structure_colour import structure_colour
 from ..transforms import checked_rigid
 from .alignment_record import checked_alignment_record
 from .landmarks import Landmark, landmarks_from_tables
-from .structure_colour import structure_colour
 
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "frame": (("image",), ()),

@@ -95,9 +95,9 @@ def run(arguments: argparse.Namespace) -> int:
         from ..blender.alignment.new_case import CaseInputs, make_case
         from ..camera.intrinsics_file import read_camera, typed_camera
         from ..case.case_file import Structure
-        from ..case.structure_colour import structure_colour
         from ..case.surface_folder import RECORD
-        from ..volume.structures import name_of_file
+        from ..surface.structure_colour import structure_colour
+        from ..volume.bone.structures import name_of_file
     output = own_output()
     structures: list[Structure] = []
     for text in arguments.structures:

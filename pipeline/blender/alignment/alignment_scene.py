@@ -15,12 +15,12 @@ from mathutils import Matrix
 
 from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
-from ...case.structure_colour import OTHER
 from ...errors import InputError
 from ...images.masked_frame import with_mask_tinted
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...surface.mesh import TriangleMesh
+from ...surface.structure_colour import OTHER
 from ..bridge.camera import new_camera, set_clip, set_intrinsics
 from ..bridge.data_blocks import new_mesh_object
 from ..bridge.exact_values import exact, set_exact

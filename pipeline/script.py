@@ -14,17 +14,18 @@ from .blender.colour.export import export_coloured_surface
 from .blender.dataset.job import Job
 from .blender.dataset.run import run
 from .camera.intrinsics_file import read_camera
-from .case.case_file import Case, Structure, read_case, structure_colour
+from .case.case_file import Case, Structure, read_case
 from .case.landmark_file import read_landmarks
 from .commands.render import own_command
 from .dataset.options import checked_options, option_arguments
 from .dataset.run.run_folder import Shard
 from .files.outputs import check_folder
 from .surface.mesh import TriangleMesh
-from .volume.bone import bone_voxels
-from .volume.bone_surface import bone_surface
-from .volume.threshold import DEFAULT_HU, check_threshold
-from .volume.volume_reader import read_volume
+from .surface.structure_colour import structure_colour
+from .volume.bone.bone import bone_voxels
+from .volume.bone.bone_surface import bone_surface
+from .volume.bone.threshold import DEFAULT_HU, check_threshold
+from .volume.reading.volume_reader import read_volume
 
 
 def surface_from_ct(ct: Path | str, *, threshold_hu: float = DEFAULT_HU) -> TriangleMesh:

@@ -5,9 +5,9 @@ from pathlib import Path
 import bpy
 
 from ..class_registration import class_registration
-from ..pipeline.case.case_file import OTHER, structure_colour
 from ..pipeline.case.surface_folder import RECORD
 from ..pipeline.errors import InputError
+from ..pipeline.surface.structure_colour import OTHER, structure_colour
 from ..state import from_scene, workbench
 from ..ui.operator import Asking, ChosenFiles, OperatorResult, call
 from ..video.operators import VIDEOS

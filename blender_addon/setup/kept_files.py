@@ -10,7 +10,7 @@ from ..pipeline.blender.case.frame_file import read_frame
 from ..pipeline.case.case_folder import FRAME, KeptFile, check_new, keep_files, kept_mesh
 from ..pipeline.case.surface_folder import SURFACE, structure_file
 from ..pipeline.files.outputs import check_outputs
-from ..pipeline.volume.drill_plan import plan_text, write_drill_plan
+from ..pipeline.volume.drill.drill_plan import plan_text, write_drill_plan
 from ..state import from_scene, to_scene
 from ..state.scene_files import input_files, is_temporary
 from ..volume import drill_strokes

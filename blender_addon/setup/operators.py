@@ -9,7 +9,7 @@ from ..class_registration import class_registration, prop
 from ..pipeline.blender.alignment import alignment_scene, surface_object
 from ..pipeline.camera.intrinsics_file import read_camera
 from ..pipeline.camera.plausibility import camera_doubts, fit_of
-from ..pipeline.case.case_file import MM_PER_UNIT, structure_colour
+from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.case.surface_folder import RECORD, SurfaceFolder, read_surface_folder
 from ..pipeline.case.surface_size import SizeDoubt, extents_of, place_doubt, size_doubt, size_text
 from ..pipeline.errors import InputError
@@ -17,7 +17,8 @@ from ..pipeline.files.outputs import check_outputs
 from ..pipeline.poses.pose_file import read_pose
 from ..pipeline.surface.mesh_reader import read_mesh
 from ..pipeline.surface.mesh_writer import write_ply
-from ..pipeline.volume.structures import name_of_file
+from ..pipeline.surface.structure_colour import structure_colour
+from ..pipeline.volume.bone.structures import name_of_file
 from ..state import from_scene, to_scene
 from ..state.from_scene import surface_bounds, surface_extents
 from ..state.pose import set_cam_from_mesh

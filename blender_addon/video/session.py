@@ -11,9 +11,8 @@ from bpy.props import BoolProperty, FloatProperty, IntProperty, StringProperty
 
 from ..class_registration import at_end, attached, class_registration, prop
 from ..pipeline.errors import InputError
-from ..pipeline.video.frame_scores import FilmScores, FrameScore, score_frames
-from ..pipeline.video.selection import best_frames
-from ..pipeline.video.thumbnails import Thumbnails
+from ..pipeline.video.film_reader import Thumbnails
+from ..pipeline.video.frame_scores import FilmScores, FrameScore, best_frames, score_frames
 from ..state import from_scene
 from ..state.events import redraw
 from .frame_fetcher import FrameFetcher

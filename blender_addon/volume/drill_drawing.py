@@ -10,8 +10,8 @@ from mathutils import Matrix, Vector
 
 from ..class_registration import at_end, class_registration, cursor, drawing
 from ..pipeline.blender.alignment.alignment_scene import BONE_RGBA
-from ..pipeline.case.case_file import OTHER, structure_colour
 from ..pipeline.images.pixel_values import linear_from_codes
+from ..pipeline.surface.structure_colour import OTHER, structure_colour
 from ..state import from_scene
 from ..ui.strokes import Colour, Strokes, in_window_pixels
 from ..view.fit import free_rectangle

@@ -9,9 +9,9 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..class_registration import class_registration, prop
 from ..pipeline.errors import InputError
-from ..pipeline.volume.drill_guard import check_margins
-from ..pipeline.volume.drill_plan import DrillPlan, check_strokes, read_drill_plan, unprotected, write_drill_plan
-from ..pipeline.volume.structures import structure_meshes, without_bone
+from ..pipeline.volume.bone.structures import structure_meshes, without_bone
+from ..pipeline.volume.drill.drill_guard import check_margins
+from ..pipeline.volume.drill.drill_plan import DrillPlan, check_strokes, read_drill_plan, unprotected, write_drill_plan
 from ..state import from_scene
 from ..state.camera_view import views
 from ..state.events import redraw

@@ -16,12 +16,12 @@ from bpy_extras import view3d_utils
 from ..class_registration import at_end, class_registration, listening
 from ..pipeline.blender.alignment import surface_object
 from ..pipeline.surface.mesh import TriangleMesh
-from ..pipeline.volume.bone import bone_voxels
-from ..pipeline.volume.bone_ray import first_bone
-from ..pipeline.volume.burr_room import BurrRoom
-from ..pipeline.volume.drill_plan import DrillPlan, Stroke
-from ..pipeline.volume.drilled_volume import DrilledVolume, VoxelBox
-from ..pipeline.volume.isosurface import RemovedField, block_surface
+from ..pipeline.volume.bone.bone import bone_voxels
+from ..pipeline.volume.bone.isosurface import RemovedField, block_surface
+from ..pipeline.volume.drill.bone_ray import first_bone
+from ..pipeline.volume.drill.burr_room import BurrRoom
+from ..pipeline.volume.drill.drill_plan import DrillPlan, Stroke
+from ..pipeline.volume.drill.virtual_drill import DrilledVolume, VoxelBox
 from ..state import from_scene
 from ..state.events import redraw
 from . import drill_strokes

@@ -7,7 +7,7 @@ from functools import lru_cache
 import bpy
 import numpy as np
 
-from ..pipeline.volume.drill_plan import DrillPlan, Stroke
+from ..pipeline.volume.drill.drill_plan import DrillPlan, Stroke
 
 DIGITS = 3
 """Decimals of a millimetre that strokes keep: window, case and script have the same numbers."""

@@ -11,10 +11,10 @@ from bpy.app.handlers import persistent
 
 from ..class_registration import at_end, class_registration, listening, start_timer, timers
 from ..pipeline.errors import InputError
-from ..pipeline.volume.label_map import on_grid, read_labels
-from ..pipeline.volume.slice_planes import SlicePlane, slice_planes
+from ..pipeline.volume.reading.label_map import on_grid, read_labels
+from ..pipeline.volume.reading.volume_reader import read_volume
+from ..pipeline.volume.slices.slice_planes import SlicePlane, slice_planes
 from ..pipeline.volume.volume import LabelMap, Volume
-from ..pipeline.volume.volume_reader import read_volume
 from ..state import from_scene
 from ..ui.frame_view import window_region
 

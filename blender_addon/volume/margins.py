@@ -6,8 +6,8 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, FloatProperty
 
 from ..class_registration import class_registration, prop
-from ..pipeline.volume.drill_plan import LARGEST_MARGIN_MM
-from ..pipeline.volume.structures import structure_names, without_bone
+from ..pipeline.volume.bone.structures import structure_names, without_bone
+from ..pipeline.volume.drill.drill_plan import LARGEST_MARGIN_MM
 from ..state import from_scene
 from ..state.events import redraw
 from ..ui.operator import DIALOG_PX, Messages, OperatorResult, Reporting, available

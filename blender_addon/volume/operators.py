@@ -8,10 +8,10 @@ from bpy.props import IntProperty, StringProperty
 
 from ..class_registration import class_registration, prop
 from ..pipeline.errors import InputError
-from ..pipeline.volume.dicom_series import SeriesInfo
-from ..pipeline.volume.threshold import DEFAULT_HU, otsu_threshold
-from ..pipeline.volume.volume_header import volume_suffix
-from ..pipeline.volume.volume_reader import is_dicom, list_series, read_volume
+from ..pipeline.volume.bone.threshold import DEFAULT_HU, otsu_threshold
+from ..pipeline.volume.reading.dicom_series import SeriesInfo
+from ..pipeline.volume.reading.volume_header import volume_suffix
+from ..pipeline.volume.reading.volume_reader import is_dicom, list_series, read_volume
 from ..state import workbench
 from ..ui.background_operator import InBackground, OpensInBackground, Work
 from ..ui.operator import Messages, Reporting, available

@@ -6,7 +6,7 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
 from ..class_registration import attached, class_registration, prop
-from ..pipeline.volume.threshold import DEFAULT_HU
+from ..pipeline.volume.bone.threshold import DEFAULT_HU
 from ..state.events import redraw
 
 SLICE_SPACE = "IMAGE_EDITOR"

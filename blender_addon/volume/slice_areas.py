@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ..class_registration import at_end, class_registration, start_timer, timers
-from ..pipeline.volume.slice_planes import SlicePlane
+from ..pipeline.volume.slices.slice_planes import SlicePlane
 from ..ui.frame_view import window_region
 from ..ui.operator import Reporting, available
 from .loaded import LoadedCT, ct_of, loaded_ct

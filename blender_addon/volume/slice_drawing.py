@@ -7,11 +7,11 @@ import gpu
 import numpy as np
 
 from ..class_registration import at_end, class_registration, drawing
-from ..pipeline.case.case_file import structure_colour
-from ..pipeline.volume.isosurface import RemovedField
-from ..pipeline.volume.slice_planes import SlicePlane
-from ..pipeline.volume.slice_views import BONE_COLOUR, DRILL_COLOUR
-from ..pipeline.volume.structures import structure_name, without_bone
+from ..pipeline.surface.structure_colour import structure_colour
+from ..pipeline.volume.bone.isosurface import RemovedField
+from ..pipeline.volume.bone.structures import structure_name, without_bone
+from ..pipeline.volume.slices.slice_planes import SlicePlane
+from ..pipeline.volume.slices.slice_views import BONE_COLOUR, DRILL_COLOUR
 from ..ui.rectangle import bound_rectangle, rectangle_shader
 from ..ui.strokes import TEXT_SIZE, Colour, Strokes
 from . import drill_session

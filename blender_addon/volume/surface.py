@@ -1,5 +1,6 @@
 """The operator that makes the surface of the bone, drilled if it was, and the structures of the labels."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -7,21 +8,23 @@ import bpy
 from bpy.props import BoolProperty
 
 from ..class_registration import class_registration, prop
-from ..pipeline.case.case_file import structure_colour
+from ..pipeline.case.surface_folder import write_meshes
 from ..pipeline.case.surface_size import extents_of, size_text
-from ..pipeline.commands.surface_finish import finish_of, removed_of
 from ..pipeline.errors import InputError
 from ..pipeline.surface.ball import Ball, ball_around
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.surface.mesh_reader import read_mesh
-from ..pipeline.volume.bone import bone_voxels
-from ..pipeline.volume.bone_surface import STAGES, bone_surface
-from ..pipeline.volume.drill_guard import check_margins
-from ..pipeline.volume.drill_plan import unprotected
-from ..pipeline.volume.structures import structure_meshes, without_bone
-from ..pipeline.volume.threshold import check_threshold
+from ..pipeline.surface.structure_colour import structure_colour
+from ..pipeline.volume.bone.bone import bone_voxels
+from ..pipeline.volume.bone.bone_surface import STAGES
+from ..pipeline.volume.bone.structures import without_bone
+from ..pipeline.volume.bone.threshold import check_threshold
+from ..pipeline.volume.drill.drill_guard import check_margins
+from ..pipeline.volume.drill.drill_plan import unprotected
+from ..pipeline.volume.make_surface import STRUCTURES_STAGE, SurfaceSettings, make_surface
 from ..state import from_scene, to_scene
 from ..state.initial_pose import renew_initial_pose
+from ..state.scene_files import session_folder
 from ..state.structures import put_structures
 from ..ui.background_operator import InBackground, Work
 from ..ui.operator import Asking, Messages, OperatorResult, call
@@ -29,12 +32,11 @@ from . import drill_session, drill_strokes
 from .loaded import key_of, loaded_ct
 from .margins import structures_of
 from .operators import NeedsCT
-from .surface_files import write_meshes
 
 MADE_FROM = "oneframe_ct"
 """Custom property of a surface: the CT that it was made from."""
 
-_BONE_SHARE, _STRUCTURES_SHARE = 0.1, 0.1
+_BONE_SHARE = 0.1
 """Of the time, roughly."""
 
 
@@ -73,25 +75,19 @@ class ONEFRAME_OT_make_surface(InBackground, NeedsCT):
         if not self.replace and from_scene.present_surface(scene) is not None and not is_from_ct(scene):
             raise InputError("expected no surface, found one that was not made from this CT; replace it by choice")
 
-        def make(progress: Any) -> tuple[Ball | None, dict[str, TriangleMesh], dict[str, Path]]:
+        def make(progress: Any) -> tuple[Ball | None, Mapping[str, TriangleMesh], dict[str, Path]]:
             check_threshold(ct.volume, level)
             solid = bone_voxels(ct.volume, level)
             progress(_BONE_SHARE)
-            structures = {}
-            if ct.labels is not None:
-                structures = structure_meshes(
-                    without_bone(ct.labels), progress=lambda share: progress(_BONE_SHARE + _STRUCTURES_SHARE * share)
-                )
-            removed = removed_of(plan, ct.volume, structures)
-            before = _BONE_SHARE + _STRUCTURES_SHARE
+            stages = (STRUCTURES_STAGE, *STAGES)
 
             def report(stage: str, share: float) -> None:
-                done = STAGES.index(stage) if stage in STAGES else 0
-                progress(before + (1 - before) * (done + share) / len(STAGES))
+                progress(_BONE_SHARE + (1 - _BONE_SHARE) * (stages.index(stage) + share) / len(stages))
 
-            finish = finish_of(ct.volume, solid, removed, structures)
-            made = bone_surface(ct.volume, level, solid, removed, finish, report=report)
-            return finish.focus, structures, write_meshes(made.surface.mesh, structures)
+            labels = None if ct.labels is None else without_bone(ct.labels)
+            made = make_surface(ct.volume, level, solid, labels, SurfaceSettings(plan), report=report)
+            paths = write_meshes(session_folder(), made.bone.surface.mesh, made.structures)
+            return made.finish.focus, made.structures, paths
 
         return make
 

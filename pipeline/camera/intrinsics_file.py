@@ -1,4 +1,4 @@
-"""Reader of camera intrinsics in the formats of calibration programs. Needs ``cv2`` for YAML and XML.
+"""Reader of camera intrinsics in the formats of calibration programs.
 
 The format is recognised by content: a case file, JSON (with K or fx, fy, cx, cy; BOP's ``camera.json`` and
 ``scene_camera.json``, NeRF's ``transforms.json``), OpenCV's and ROS's YAML, OpenCV's XML, a 3x3 matrix as ``.npy`` or
@@ -212,9 +212,7 @@ def _table(data: bytes, path: Path) -> object:
             raise InputError(f"{name}: expected a 3x3 matrix K, found {len(numbers)} numbers")
         return {"K": numbers.tolist()}
     if re.search(r"^[ \t]*\w+[ \t]*:", text, re.MULTILINE):
-        # OpenCV reads YAML only after its own two header lines
-        body = re.sub(r"\A(%YAML[^\n]*\n)?\s*(---[^\n]*\n)?", "", begin)
-        return opencv_table(f"%YAML:1.0\n---\n{body}\n", name)
+        return opencv_table(text, name)
     raise _unknown_format(name)
 
 

@@ -1,61 +1,100 @@
-"""YAML and XML as OpenCV writes them, read by OpenCV's own parser in a process of its own.
+"""YAML and XML as OpenCV and ROS write them: blocks of keys, lists in brackets, numbers and words.
 
-The parser crashes on deeply nested files and takes hours for others.
+OpenCV's own parser crashes on files nested deeply, and takes hours for others.
 """
 
+import io
 import json
-from typing import Any
+import re
+import xml.etree.ElementTree as ET
 
 from ..errors import InputError
-from ..files.child_process import ChildError, called_apart
-from ..files.tables import parsed_json
+from ..files.tables import MOST_LEVELS, parsed_json
 
-MOST_ENTRIES = 4096
-"""Of a list or table; longer ones are left out. OpenCV takes a time that grows with the square of their number."""
-
-CPU_SECONDS = 2.0
+_WORD = re.compile(r'"[^"]*"|[^\[\]{},:"\s][^\[\]{},:"\n]*')
 
 
 def opencv_table(text: str, where: str) -> object:
-    """The content of a text in OpenCV's YAML or XML as dictionaries, lists, numbers and strings.
+    """The content of a text as dictionaries, lists, numbers and strings.
 
     Raises
     ------
     InputError
-        No such text; or the parser crashes, or takes too long.
+        No such text, or lists and tables more than :data:`.MOST_LEVELS` deep in one another.
     """
     try:
-        content = called_apart(json_from_opencv, text.encode(errors="replace"), cpu_seconds=CPU_SECONDS)
-    except (InputError, ChildError) as error:
+        if text.lstrip().startswith("<"):
+            return _element(_xml_root(text))
+        lines = [line.rstrip() for line in text.expandtabs().splitlines()]
+        lines = [line for line in lines if line.strip() and not re.match(r"\s*#|%YAML|---|\.\.\.$", line)]
+        return _block([(len(line) - len(line.lstrip()), line.strip()) for line in lines][::-1], 0)
+    except (ValueError, ET.ParseError, InputError) as error:
         raise InputError(f"{where}: expected YAML or XML as OpenCV writes it, cannot read it ({error})") from None
-    return parsed_json(content, where)
 
 
-def json_from_opencv(data: bytes) -> bytes:
-    """A file of OpenCV as JSON.
+def _block(lines: list[tuple[int, str]], level: int) -> object:
+    """The list or table that begins with the last of the lines, which are taken away."""
+    if level > MOST_LEVELS or not lines:
+        raise ValueError(f"nothing, or more than {MOST_LEVELS} levels")
+    indent, is_list = lines[-1][0], lines[-1][1].startswith("-")
+    entries: list[tuple[str, object]] = []
+    while lines and lines[-1][0] == indent and lines[-1][1].startswith("-") == is_list:
+        key, mark, rest = lines.pop()[1].partition("-" if is_list else ":")
+        if not mark:
+            raise ValueError(f"no colon behind {key[:40]!r}")
+        # a type such as !!opencv-matrix says nothing that the keys do not
+        rest = re.sub(r"^\s*!\S*", "", rest).strip()
+        parts = [rest]
+        if not rest and lines and (lines[-1][0] > indent or (not is_list and lines[-1][1].startswith("-"))):
+            entries.append((key.strip("\"' "), _block(lines, level + 1)))
+            continue
+        # a list goes on in lines of any indentation
+        left = _open_brackets(rest)
+        while lines and (left > 0 or lines[-1][0] > indent):
+            parts.append(lines.pop()[1])
+            left += _open_brackets(parts[-1])
+        entries.append((key.strip("\"' "), _value("\n".join(parts))))
+    if lines and (level == 0 or lines[-1][0] > indent):
+        raise ValueError(f"an indentation that fits nothing before {lines[-1][1][:40]!r}")
+    return [value for _, value in entries] if is_list else dict(entries)
 
-    Raises
-    ------
-    InputError
-        OpenCV's reason why it cannot be read.
-    """
-    # in the child only: Blender need not load it
-    import cv2
 
-    try:
-        file = cv2.FileStorage(data.decode(), cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        return json.dumps(_content(file.root())).encode()
-    except (cv2.error, SystemError) as error:
-        raise InputError(str(error.__cause__ or error).strip().splitlines()[-1]) from None
-    except (RecursionError, MemoryError, ValueError):
-        raise InputError("it is nested too deeply or too large") from None
+def _open_brackets(text: str) -> int:
+    return sum({"[": 1, "{": 1, "]": -1, "}": -1}.get(sign, 0) for sign in re.sub(r'"[^"]*"', "", text))
 
 
-def _content(node: Any) -> object:
-    if node.size() > MOST_ENTRIES:
-        return None
-    if node.isMap():
-        return {key: _content(node.getNode(key)) for key in node.keys()}  # noqa: SIM118 - no dictionary
-    if node.isSeq():
-        return [_content(node.at(index)) for index in range(node.size())]
-    return node.real() if node.isInt() or node.isReal() else node.string() if node.isString() else None
+def _value(text: str) -> object:
+    if text.startswith(("[", "{")):
+        return parsed_json(_WORD.sub(lambda word: json.dumps(_scalar(word[0])), text), "in brackets")
+    return _scalar(text)
+
+
+def _xml_root(text: str) -> ET.Element:
+    if "<!DOCTYPE" in text:
+        raise ValueError("a document type")
+    events = ET.iterparse(io.BytesIO(re.sub(r"^\s*<\?xml.*?\?>", "", text).encode()), ("start", "end"))
+    depth = 0
+    for event, _ in events:
+        depth += 1 if event == "start" else -1
+        if depth > MOST_LEVELS:
+            raise ValueError(f"more than {MOST_LEVELS} levels")
+    return events.root  # type: ignore[attr-defined, no-any-return]
+
+
+def _element(element: ET.Element) -> object:
+    children, text = list(element), (element.text or "").strip()
+    if children:
+        inside = [(child.tag, _element(child)) for child in children]
+        return [value for _, value in inside] if children[0].tag == "_" else dict(inside)
+    words = [_scalar(word) for word in text.split()]
+    return words if len(words) > 1 and not any(isinstance(word, str) for word in words) else _scalar(text)
+
+
+def _scalar(text: str) -> object:
+    """A number, or a string without its quotes."""
+    text = text.strip()
+    if re.fullmatch(r"[-+]?\d{1,18}", text):
+        return int(text)
+    if re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?\.(Inf|Nan)", text):
+        return float(re.sub(r"\.(?=[IN])", "", text))
+    return text[1:-1] if text[:1] in ("'", '"') and text[-1:] == text[:1] else text

@@ -17,25 +17,10 @@ from ..files.keys import check_keys
 from ..files.numbers import MM_PER_UNIT, millimetres
 from ..files.tables import parsed_toml
 from ..poses.pose_file import FORMER_POSE_KEY, POSE_KEY, pose_key
+from ..surface.structure_colour import structure_colour
 from ..transforms import checked_rigid
 from .alignment_record import checked_alignment_record
 from .landmarks import Landmark, landmarks_from_tables
-
-_COLOURS = {
-    r"chorda": (0.0, 1.0, 0.0),
-    r"ossic|malleus|incus|stapes": (0.0, 1.0, 1.0),
-    r"facial|\bfn\b|\bcn ?(7|vii)\b|^nerve\b": (1.0, 0.0, 1.0),
-}
-"""Pattern in the name, words separated by spaces -> sRGB 0..1; the first that matches counts."""
-
-OTHER = (1.0, 1.0, 1.0)
-
-
-def structure_colour(name: str) -> tuple[float, float, float]:
-    """The colour, sRGB 0..1, of a structure with this name: white for a name that is not known."""
-    words = re.sub(r"[\W_]+", " ", name.lower())
-    return next((colour for pattern, colour in _COLOURS.items() if re.search(pattern, words)), OTHER)
-
 
 _TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "frame": (("image",), ()),

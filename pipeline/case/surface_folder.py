@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -11,10 +12,12 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
+from ..files.outputs import made_folder, writing
 from ..files.tables import parsed_json
 from ..surface.ball import Ball, ball_around
 from ..surface.mesh import TriangleMesh
-from ..surface.mesh_writer import SAFE_NAME
+from ..surface.mesh_writer import SAFE_NAME, write_ply
+from ..surface.structure_colour import structure_colour
 from .case_file import Structure
 
 SURFACE, RECORD, STRUCTURES = "surface.ply", "surface.json", "structures"
@@ -49,6 +52,26 @@ class SurfaceFolder:
     def focus_of(self, mesh: TriangleMesh) -> Ball | None:
         """What an initial pose looks at: the focus or all of the surface (frame of its file), whose axes it needs."""
         return ball_around(mesh) if self.is_lps and self.focus is None else self.focus
+
+
+def write_meshes(folder: Path, surface: TriangleMesh, structures: Mapping[str, TriangleMesh]) -> dict[str, Path]:
+    """Write the surface and the structures in their colours; gives their files by name, the surface's as ``""``.
+
+    Raises
+    ------
+    RunError
+        A file cannot be written.
+    """
+    paths = {"": folder / SURFACE} | {name: folder / structure_file(name) for name in structures}
+    for name, path in paths.items():
+        mesh, shades = surface, None
+        if name:
+            mesh = structures[name]
+            shade = np.rint(np.array(structure_colour(name)) * 255).astype(np.uint8)
+            shades = np.tile(shade, (len(mesh.vertices), 1))
+        with writing(made_folder(path)):
+            write_ply(path, mesh, colours=shades)
+    return paths
 
 
 def structure_file(name: str) -> str:

@@ -94,9 +94,10 @@ def run(arguments: argparse.Namespace) -> int:
     with explained_imports():
         from ..blender.alignment.new_case import CaseInputs, make_case
         from ..camera.intrinsics_file import read_camera, typed_camera
-        from ..case.case_file import Structure, structure_colour
+        from ..case.case_file import Structure
         from ..case.surface_folder import RECORD
-        from ..volume.structures import name_of_file
+        from ..surface.structure_colour import structure_colour
+        from ..volume.bone.structures import name_of_file
     output = own_output()
     structures: list[Structure] = []
     for text in arguments.structures:

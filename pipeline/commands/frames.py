@@ -65,10 +65,8 @@ def run(arguments: argparse.Namespace) -> int:
         from ..charts.page import chart_outputs, require_matplotlib
         from ..charts.score_chart import score_charts
         from ..progress import ShareProgress
-        from ..video.frame_folder import SHEET, TABLE, check_frame_folder, write_frames
-        from ..video.frame_scores import score_frames
-        from ..video.score_report import frame_line, report_lines
-        from ..video.selection import best_frames
+        from ..video.frame_folder import SHEET, TABLE, check_frame_folder, frame_line, report_lines, write_frames
+        from ..video.frame_scores import best_frames, score_frames
     output = own_output()
     video, out = arguments.video, arguments.out
     charts = chart_outputs(out / TABLE)

@@ -95,7 +95,7 @@ def main(argv: Sequence[str]) -> int:
 def run(arguments: argparse.Namespace) -> int:
     """Write surface, structures, picture and report, and say what they are."""
     with explained_imports():
-        from ..volume.volume_reader import list_series
+        from ..volume.reading.volume_reader import list_series
         from .surface_files import write_surface
     output = own_output()
     if arguments.list:

@@ -7,7 +7,6 @@ import re
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TextIO
@@ -15,30 +14,27 @@ from typing import TextIO
 import numpy as np
 
 from .. import __version__
-from ..case.case_file import structure_colour
-from ..case.surface_folder import RECORD, STRUCTURES, SURFACE, focus_table, structure_file
+from ..case.surface_folder import RECORD, STRUCTURES, SURFACE, focus_table, structure_file, write_meshes
 from ..files.content import write_bytes_atomically
-from ..files.outputs import check_outputs, check_own_folder, made_folder, writing
+from ..files.outputs import check_outputs, check_own_folder, writing
 from ..images.pixel_values import to_uint8
 from ..images.png import encode_png
 from ..images.slice_picture import slice_picture
 from ..progress import ShareProgress
-from ..surface.mesh import TriangleMesh
-from ..surface.mesh_writer import write_ply
-from ..volume.bone import bone_voxels
-from ..volume.bone_surface import BoneSurface, Finish, bone_surface, taken_bone
-from ..volume.clearance import clearances, violations
-from ..volume.drill_guard import check_margins
-from ..volume.drill_plan import DrillPlan, check_strokes, read_drill_plan, unprotected
-from ..volume.isosurface import RemovedField
-from ..volume.label_map import read_labels
-from ..volume.slice_views import LabelColours, slice_views
-from ..volume.structures import structure_meshes, structure_names, without_bone
-from ..volume.subtraction import removed_by_labels, removed_by_operation, united
-from ..volume.threshold import DEFAULT_HU, check_threshold, otsu_threshold
+from ..surface.structure_colour import structure_colour
+from ..volume.bone.bone import bone_voxels
+from ..volume.bone.bone_surface import taken_bone
+from ..volume.bone.isosurface import RemovedField
+from ..volume.bone.structures import structure_names, without_bone
+from ..volume.bone.threshold import DEFAULT_HU, check_threshold, otsu_threshold
+from ..volume.drill.clearance import clearances, violations
+from ..volume.drill.drill_guard import check_margins
+from ..volume.drill.drill_plan import DrillPlan, check_strokes, read_drill_plan, unprotected
+from ..volume.make_surface import MadeSurface, SurfaceSettings, make_surface
+from ..volume.reading.label_map import read_labels
+from ..volume.reading.volume_reader import read_volume
+from ..volume.slices.slice_views import LabelColours, slice_views
 from ..volume.volume import LabelMap, Volume
-from ..volume.volume_reader import read_volume
-from .surface_finish import finish_of, removed_of
 
 SLICES = "slices.png"
 MOST_REMOVED = 0.5
@@ -134,23 +130,14 @@ def _make(arguments: argparse.Namespace, work: _Work, out: Path, inputs: Mapping
     }  # fmt: skip
     work.say(f"bone above {level:g} HU ({how}): {bone_mm3 / 1000:.1f} cm³")
 
-    structures = {} if labels is None else structure_meshes(labels, progress=partial(work.report, "of the structures"))
-    drilled = None if plan is None else removed_of(plan, volume, structures, tolerance_mm=arguments.tolerance)
-    fields = {
-        "drill": drilled,
-        "labels": None if taken is None else removed_by_labels(taken, volume.grid),
-        "operated volume": None if after is None else removed_by_operation(after, volume, level, solid),
-    }
-    # they may be as large as the volume
-    del taken, after
-    removed = _removed(work, volume, solid, {way: field for way, field in fields.items() if field is not None})
-    finish = finish_of(
-        volume, solid, removed, structures, tolerance_mm=arguments.tolerance, smoothing_steps=arguments.smooth
-    )
-    made = bone_surface(volume, level, solid, removed, finish, report=work.report)
-    if plan is not None and removed is not None:
-        _report_clearances(work, made, removed, volume, structures, plan, finish)
-    _write(work, out, volume, level, solid, removed, labels, structures, made, finish)
+    settings = SurfaceSettings(plan, taken, after, arguments.tolerance, arguments.smooth)
+    made = make_surface(volume, level, solid, labels, settings, report=work.report)
+    _report_removed(work, volume, solid, made)
+    if plan is not None and made.removed is not None:
+        _report_clearances(work, made, made.removed, volume, plan)
+    _write_meshes(work, out, made)
+    _write_slices(work, out, volume, level, solid, labels, made)
+    _write_record(work, out)
 
 
 def _threshold(arguments: argparse.Namespace, volume: Volume) -> tuple[float, str]:
@@ -161,31 +148,21 @@ def _threshold(arguments: argparse.Namespace, volume: Volume) -> tuple[float, st
     return level, how
 
 
-def _removed(work: _Work, volume: Volume, solid: np.ndarray, fields: Mapping[str, RemovedField]) -> RemovedField | None:
-    """The field of everything that is removed, from those of each way."""
-    removed = united(list(fields.values()))
-    if removed is not None:
-        taken = taken_bone(solid, removed)
-        removed_mm3 = float(np.count_nonzero(taken)) * volume.grid.voxel_mm3
-        work.record["removed"] = {"by": list(fields), "volume_mm3": round(removed_mm3, 1)}
-        share = float(taken.sum()) / max(float(solid.sum()), 1.0)
-        work.say(f"removed by {' and '.join(fields)}: {removed_mm3:.0f} mm³ of bone")
-        if share > MOST_REMOVED:
-            work.say(f"warning: that is {share:.0%} of the bone; check what was given as removed")
-    return removed
+def _report_removed(work: _Work, volume: Volume, solid: np.ndarray, made: MadeSurface) -> None:
+    if made.removed is None:
+        return
+    taken = taken_bone(solid, made.removed)
+    removed_mm3 = float(np.count_nonzero(taken)) * volume.grid.voxel_mm3
+    work.record["removed"] = {"by": list(made.removed_by), "volume_mm3": round(removed_mm3, 1)}
+    share = float(taken.sum()) / max(float(solid.sum()), 1.0)
+    work.say(f"removed by {' and '.join(made.removed_by)}: {removed_mm3:.0f} mm³ of bone")
+    if share > MOST_REMOVED:
+        work.say(f"warning: that is {share:.0%} of the bone; check what was given as removed")
 
 
-def _report_clearances(
-    work: _Work,
-    made: BoneSurface,
-    removed: RemovedField,
-    volume: Volume,
-    structures: Mapping[str, TriangleMesh],
-    plan: DrillPlan,
-    finish: Finish,
-) -> None:
+def _report_clearances(work: _Work, made: MadeSurface, removed: RemovedField, volume: Volume, plan: DrillPlan) -> None:
     """Record how near the drill came to the structures, and say where it came too near."""
-    found = clearances(made.surface, removed, volume.grid, structures, plan.margins_mm)
+    found = clearances(made.bone.surface, removed, volume.grid, made.structures, plan.margins_mm)
     work.record["drill"] = {
         "strokes": len(plan.strokes), "margins_mm": dict(plan.margins_mm),
         "clearances": [
@@ -206,56 +183,54 @@ def _outputs(out: Path, structures: Iterable[str]) -> list[Path]:
     return [out / name for name in (SURFACE, SLICES, RECORD, *map(structure_file, structures))]
 
 
-def _write(
+def _write_meshes(work: _Work, out: Path, made: MadeSurface) -> None:
+    mesh, finish = made.bone.surface.mesh, made.finish
+    work.record["surface"] = {
+        "file": SURFACE, "vertices": len(mesh.vertices), "faces": len(mesh.faces),
+        "drilled_vertices": int(made.bone.surface.drilled.sum()), "extracted_faces": made.bone.extracted_faces,
+        "smoothing_steps": finish.smoothing_steps, "tolerance_mm": finish.tolerance_mm,
+    }  # fmt: skip
+    if finish.focus is not None:
+        work.record["focus"] = focus_table(finish.focus)
+    write_meshes(out, mesh, made.structures)
+    work.say(f"{len(mesh.faces):,} faces: {out / SURFACE}")
+    work.record["structures"] = {
+        name: {"file": structure_file(name), "faces": len(each.faces), "colour": list(structure_colour(name))}
+        for name, each in made.structures.items()
+    }
+    if made.structures:
+        work.say(f"{len(made.structures)} structures: {out / STRUCTURES}")
+
+
+def _write_slices(
     work: _Work,
     out: Path,
     volume: Volume,
     level: float,
     solid: np.ndarray,
-    removed: RemovedField | None,
     labels: LabelMap | None,
-    structures: Mapping[str, TriangleMesh],
-    made: BoneSurface,
-    finish: Finish,
+    made: MadeSurface,
 ) -> None:
-    """Write all files, the report last: a folder with one is whole."""
-    mesh = made.surface.mesh
-    work.record["surface"] = {
-        "file": SURFACE, "vertices": len(mesh.vertices), "faces": len(mesh.faces),
-        "drilled_vertices": int(made.surface.drilled.sum()), "extracted_faces": made.extracted_faces,
-        "smoothing_steps": finish.smoothing_steps, "tolerance_mm": finish.tolerance_mm,
-    }  # fmt: skip
-    if finish.focus is not None:
-        work.record["focus"] = focus_table(finish.focus)
-    with writing(made_folder(out / SURFACE)):
-        write_ply(out / SURFACE, mesh)
-    work.say(f"{len(mesh.faces):,} faces: {out / SURFACE}")
-    work.record["structures"] = entries = {}
-    for name, structure in structures.items():
-        path, colour = out / structure_file(name), structure_colour(name)
-        shades = np.tile(np.rint(np.array(colour) * 255).astype(np.uint8), (len(structure.vertices), 1))
-        with writing(made_folder(path)):
-            write_ply(path, structure, colours=shades)
-        entries[name] = {"file": structure_file(name), "faces": len(structure.faces), "colour": list(colour)}
-    if structures:
-        work.say(f"{len(structures)} structures: {out / STRUCTURES}")
-
     drawn = []
     if labels is not None:
         colours = {value: structure_colour(name) for value, name in structure_names(labels).items()}
         drawn.append(LabelColours(labels, colours))
-    centre = mesh.vertices.mean(axis=0) if finish.focus is None else finish.focus.centre
-    views = slice_views(volume, level, centre, solid=solid, removed=removed, structures=drawn)
-    with writing(made_folder(out / SLICES)):
+    focus = made.finish.focus
+    centre = made.bone.surface.mesh.vertices.mean(axis=0) if focus is None else focus.centre
+    views = slice_views(volume, level, centre, solid=solid, removed=made.removed, structures=drawn)
+    with writing(out / SLICES):
         write_bytes_atomically(out / SLICES, encode_png(to_uint8(slice_picture(views))))
     work.say(f"slices: {out / SLICES}")
 
+
+def _write_record(work: _Work, out: Path) -> None:
+    """Write the report, the last of all files: a folder with one is whole."""
     work.record["versions"] = {
         "oneframe": __version__, "python": platform.python_version(), "numpy": np.__version__,
         "SimpleITK": version("SimpleITK"),
     }  # fmt: skip
     text = json.dumps(work.record, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
-    with writing(made_folder(out / RECORD)):
+    with writing(out / RECORD):
         write_bytes_atomically(out / RECORD, text.encode())
     work.say(f"report: {out / RECORD}")
 

@@ -3,7 +3,7 @@
 It replaces the surface that a segmented CT gives after a mastoidectomy: the lateral skull with the ear canal, a cavity
 drilled behind it with burrs (scallops, undercut walls, opened air cells), the posterior canal wall left as a bridge,
 and below it the antrum, the lateral semicircular canal and the ossicles. Needs ``skimage``, through
-:mod:`oneframe.volume.distance_field`.
+:mod:`oneframe.sample.distance_field`.
 
 The bone is a signed distance field on a regular grid, positive in bone and negative in air; drilling takes the minimum
 with the distance to a burr. The anatomy is described in the frame ``local``: x posterior, y superior, z lateral, origin
@@ -19,8 +19,7 @@ from ..camera.pinhole import PinholeCamera
 from ..surface.mesh import TriangleMesh
 from ..surface.tube import tube
 from ..transforms import inverse_rigid, rigid, rotation_from_vector, transform_points
-from ..volume.distance_field import ImplicitGrid, ball, largest_component, polyline, smooth_minimum
-from ..volume.virtual_drill import subtract_burrs
+from .distance_field import ImplicitGrid, ball, largest_component, polyline, smooth_minimum, subtract_burrs
 
 SPACING_MM = 0.3
 LOWER_MM, UPPER_MM = np.array([-42.0, -31.0, -26.0]), np.array([36.0, 29.9, 3.7])

@@ -7,10 +7,14 @@ Where timestamps are not unique, all frames are decoded and counted.
 
 OpenCV converts all video to RGB with the matrix of BT.601, so colours of BT.709 video (most high definition) are off by
 a few code values.
+
+FFmpeg recognises a file by its content whatever its name is. Among what it knows are single images, and playlists,
+which name other files. OpenCV passes no list of permitted formats on to it.
 """
 
-import io
 import json
+import struct
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -18,39 +22,65 @@ import cv2
 import numpy as np
 
 from ..errors import InputError
-from .container import check_container, unopened
+from ..files.content import read_beginning
+from ..images.image_check import SIGNATURES
+
+PICTURE_HEAD = struct.Struct("<QII")
+"""Number of a frame, width, height; then its pixels."""
 
 _LEADS_S = (0.0, 2.0, 10.0, 60.0, float("inf"))
 """How long before the frame a seek aims, tried in turn; the last starts at the beginning without a seek."""
 
+_LOOKED_AT = 1024
 
-def info_as_json(_: bytes, name: str) -> bytes:
-    """Number of frames as counted, frames per second as the header states, (width, height) as displayed.
+_SIGNATURES = (
+    b"\x1a\x45\xdf\xa3",  # Matroska, WebM
+    b"\x00\x00\x01",  # MPEG program and elementary streams
+    b"\x00\x00\x00\x01",  # H.264, HEVC
+    b"OggS",
+    b"\x30\x26\xb2\x75\x8e\x66\xcf\x11",  # ASF, WMV
+    b"FLV",
+    b"\x06\x0e\x2b\x34",  # MXF
+    b"\x1f\x07\x00",  # DV
+)
+_BOXES = (b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide", b"pnot")
+"""The first box of MP4 and QuickTime."""
+
+_IMAGE_BRANDS = (b"avif", b"avis", b"heic", b"heix", b"heim", b"heis", b"mif1", b"msf1")
+_OTHER_IMAGES = (b"GIF8", b"\x00\x00\x00\x0cjP  ", b"\xff\x4f\xff\x51", b"P1", b"P2", b"P3", b"P4", b"P5", b"P6", b"P7")
+_PACKETS = (188, 192, 204)
+"""Distances of the sync bytes in MPEG transport streams."""
+
+
+def info(path: Path) -> Iterator[bytes]:
+    """Number of frames as counted, frames per second as the header states, (width, height) as displayed, as JSON.
 
     Raises
     ------
     InputError
         Not a video, or its first frame cannot be decoded.
     """
-    path = Path(name)
     frames = len(packet_times_ms(path))
     capture = open_video(path)
     height, width = decoded_frame(capture, path, 0).shape[:2]
-    info = {"frames": frames, "fps": float(capture.get(cv2.CAP_PROP_FPS)), "size_wh": [width, height]}
-    return json.dumps(info).encode()
+    found = {"frames": frames, "fps": float(capture.get(cv2.CAP_PROP_FPS)), "size_wh": [width, height]}
+    yield json.dumps(found).encode()
 
 
-def frame_as_npy(_: bytes, name: str, index: int) -> bytes:
-    """Frame ``index``, ``(H, W, 3)`` uint8 RGB, as the bytes of an ``.npy`` file.
+def frame(path: Path, index: int) -> Iterator[bytes]:
+    """Frame ``index``: :data:`PICTURE_HEAD`, then ``(H, W, 3)`` uint8 RGB.
 
     Raises
     ------
     InputError
         Not a video, no such frame, or one that cannot be decoded.
     """
-    stream = io.BytesIO()
-    np.save(stream, _frame(Path(name), index))
-    return stream.getvalue()
+    yield picture_bytes(index, _frame(path, index))
+
+
+def picture_bytes(index: int, image: np.ndarray) -> bytes:
+    """A full frame and its number, as bytes."""
+    return PICTURE_HEAD.pack(index, image.shape[1], image.shape[0]) + image.tobytes()
 
 
 def _frame(path: Path, index: int) -> np.ndarray:
@@ -148,4 +178,48 @@ def decoded_frame(capture: cv2.VideoCapture, path: Path, index: int, *, grabbed:
 def _undecodable_frame(path: Path, index: int) -> InputError:
     return InputError(
         f"{path.name}: cannot decode frame {index}; the file is damaged or cut off: copy it again, or use another frame"
+    )
+
+
+def check_container(path: Path) -> None:
+    """Refuse what is no container of video, before anything decodes it.
+
+    Raises
+    ------
+    InputError
+        No such file, an empty one, an image, or a file of another kind.
+    """
+    start = read_beginning(path, "a video", _LOOKED_AT)
+    if not start:
+        raise InputError(f"{path.name}: expected a video, cannot open it, it is empty; copy it again")
+    if _is_image(start):
+        raise InputError(f"{path.name}: expected a video, found an image; name it as the frame of the case")
+    if not _is_video(start):
+        raise unopened(path)
+
+
+def unopened(path: Path) -> InputError:
+    """The error for a file that is no video, or a damaged one."""
+    return InputError(
+        f"{path.name}: expected a video, cannot open it; it is cut off, without pictures, or in an unknown format: "
+        "copy it again, or convert it to MP4 (H.264)"
+    )
+
+
+def _is_image(start: bytes) -> bool:
+    if start.startswith((*SIGNATURES, *_OTHER_IMAGES)):
+        return True
+    return start[8:12] in _IMAGE_BRANDS if start[4:8] == b"ftyp" else start[:4] == b"RIFF" and start[8:12] == b"WEBP"
+
+
+def _is_video(start: bytes) -> bool:
+    if start.startswith(_SIGNATURES) or start[4:8] in _BOXES:
+        return True
+    if start[:4] == b"RIFF":
+        return start[8:12] == b"AVI "
+    # a recording may begin within a packet
+    return any(
+        len(start) > begin + 2 * step and all(start[begin + number * step] == 0x47 for number in range(3))
+        for step in _PACKETS
+        for begin in range(step)
     )

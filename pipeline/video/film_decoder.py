@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..images.image_check import LARGEST_FRAME
-from .decoder import decoded_frame, open_video, packet_times_ms
+from .decoder import decoded_frame, open_video, packet_times_ms, picture_bytes
 
 FRAME_HEAD = struct.Struct("<Qdd")
 """Number of the frame, its time in ms, its comb ratio; then the pixels of the small picture."""
@@ -32,13 +32,13 @@ _COMB_COLUMNS = 4
 """Every so many columns are looked at for combs."""
 
 
-def film_in_parts(name: str, width: int, every: int, from_s: float, to_s: float | None) -> Iterator[bytes]:
+def film(path: Path, width: int, every: int, from_s: float, to_s: float | None) -> Iterator[bytes]:
     """First what the film is (JSON), then each frame: :data:`FRAME_HEAD` and a small RGB picture.
 
     Parameters
     ----------
-    name
-        Path of the video.
+    path
+        The video.
     width
         Of the small pictures; a smaller video stays as it is.
     every
@@ -51,7 +51,6 @@ def film_in_parts(name: str, width: int, every: int, from_s: float, to_s: float 
     InputError
         Not a video, frames too large to use, or none between these times.
     """
-    path = Path(name)
     times_ms = packet_times_ms(path)
     times_ms.sort()
     capture = open_video(path)
@@ -106,12 +105,11 @@ def film_in_parts(name: str, width: int, every: int, from_s: float, to_s: float 
         yield head + cv2.cvtColor(small, cv2.COLOR_BGR2RGB).tobytes()
 
 
-def frames_in_parts(name: str, *numbers: int) -> Iterator[bytes]:
-    """The frames with these numbers in increasing order, raw ``(H, W, 3)`` RGB, by decoding and counting all.
+def frames(path: Path, *numbers: int) -> Iterator[bytes]:
+    """The frames with these numbers in increasing order, as :func:`.decoder.frame` has them, by decoding all.
 
     For films whose frames cannot be found by their times. A frame that is missing gives nothing.
     """
-    path = Path(name)
     capture, wanted = open_video(path), set(numbers)
     times_ms = sorted(packet_times_ms(path))
     unique = all(one < other for one, other in pairwise(times_ms))
@@ -121,8 +119,7 @@ def frames_in_parts(name: str, *numbers: int) -> Iterator[bytes]:
         count += 1
         if index in wanted:
             wanted.discard(index)
-            image = decoded_frame(capture, path, index, grabbed=True)
-            yield struct.pack("<QII", index, image.shape[1], image.shape[0]) + image.tobytes()
+            yield picture_bytes(index, decoded_frame(capture, path, index, grabbed=True))
 
 
 def comb_ratio(plane: np.ndarray) -> float:

@@ -2,25 +2,28 @@
 
 import json
 import math
-import struct
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
+import cv2
 import numpy as np
 
 from ..errors import InputError
-from ..files.child_process import ChildError, streamed_apart
-from ..images.image_check import LARGEST_FRAME
-from .container import check_container
-from .film_decoder import FRAME_HEAD, film_in_parts, frames_in_parts
+from .decoding_process import DecodingError, decoded_apart, undecodable
+from .film_decoder import FRAME_HEAD
+from .frame_reader import picture
 
 SMALL_WIDTH = 480
 """Width in px of the small pictures."""
 
-PART_SECONDS = 120.0
-"""Longest wait for a frame: the first one waits until the whole file has been looked through."""
+MOST = 200
+"""Thumbnails that are kept."""
+
+MOST_PIXELS = 320 * 180
+"""Of one thumbnail: all of them take 35 MB."""
 
 
 @dataclass(frozen=True)
@@ -96,17 +99,11 @@ class Film:
             No file, not a video, no frames between these times, or frames too large.
         """
         self.path = Path(path)
-        check_container(self.path)
-        self._parts = streamed_apart(
-            film_in_parts,
-            (str(self.path), width, every, from_s, to_s),
-            seconds=PART_SECONDS,
-            most_bytes=FRAME_HEAD.size + 3 * LARGEST_FRAME,
-        )
+        self._parts = decoded_apart("film", self.path, width, every, from_s, to_s)
         try:
             first = next(self._parts, None)
-        except ChildError as error:
-            raise _undecodable(self.path, error) from None
+        except DecodingError as error:
+            raise undecodable(self.path, error) from None
         if first is None:
             raise InputError(f"{self.path.name}: expected a video, cannot decode any frame of it; copy it again")
         found = json.loads(first)
@@ -139,7 +136,7 @@ class Film:
                 index, time_ms, comb = FRAME_HEAD.unpack_from(part)
                 pixels = np.frombuffer(part, np.uint8, 3 * width * height, FRAME_HEAD.size)
                 yield FilmFrame(index, time_ms / 1000, comb, pixels.reshape(height, width, 3))
-        except ChildError:
+        except DecodingError:
             # what could be decoded is used
             self.broken = True
 
@@ -151,22 +148,57 @@ def read_film_frames(path: Path, numbers: Sequence[int]) -> Iterator[tuple[int, 
     ------
     Number and ``(H, W, 3)`` uint8 RGB; nothing for a frame that cannot be decoded.
     """
-    parts = streamed_apart(
-        frames_in_parts, (str(path), *sorted(numbers)), seconds=PART_SECONDS, most_bytes=16 + 3 * LARGEST_FRAME
-    )
-    head = struct.Struct("<QII")
+    parts = decoded_apart("frames", path, *sorted(numbers))
     try:
-        for part in parts:
-            index, width, height = head.unpack_from(part)
-            pixels = np.frombuffer(part, np.uint8, 3 * width * height, head.size)
-            yield index, pixels.reshape(height, width, 3)
-    except ChildError as error:
-        raise _undecodable(path, error) from None
+        yield from map(picture, parts)
+    except DecodingError as error:
+        raise undecodable(path, error) from None
     finally:
         parts.close()  # type: ignore[attr-defined]
 
 
-def _undecodable(path: Path, error: ChildError) -> InputError:
-    return InputError(
-        f"{path.name}: expected a video, cannot decode it ({error}); copy it again, or convert it to MP4 (H.264)"
-    )
+class Thumbnails:
+    """Keeps every so many of the frames that it is given; twice as many apart whenever there are too many."""
+
+    def __init__(self) -> None:
+        self._apart, self._given = 1, 0
+        self._indices: list[int] = []
+        self._images: list[np.ndarray] = []
+
+    def __len__(self) -> int:
+        return len(self._images)
+
+    def add(self, frame: FilmFrame) -> None:
+        """Take the next frame of the film."""
+        number, self._given = self._given, self._given + 1
+        if number % self._apart:
+            return
+        self._indices.append(frame.index)
+        self._images.append(_small(frame.image))
+        if len(self._images) > MOST:
+            self._apart *= 2
+            self._indices, self._images = self._indices[::2], self._images[::2]
+
+    def nearest(self, index: int) -> tuple[int, np.ndarray]:
+        """Number and picture, ``(h, w, 3)`` uint8 RGB, of the frame that is nearest to frame ``index``.
+
+        Raises
+        ------
+        LookupError
+            There are no pictures.
+        """
+        after = bisect_left(self._indices, index)
+        near = range(max(after - 1, 0), min(after + 1, len(self._indices)))
+        at = min(near, key=lambda number: abs(self._indices[number] - index), default=None)
+        if at is None:
+            raise LookupError("expected pictures of a film, found none")
+        return self._indices[at], self._images[at]
+
+
+def _small(image: np.ndarray) -> np.ndarray:
+    height, width = image.shape[:2]
+    scale = min(1.0, (MOST_PIXELS / (width * height)) ** 0.5)
+    if scale == 1.0:
+        return image.copy()
+    size_wh = max(1, round(width * scale)), max(1, round(height * scale))
+    return cv2.resize(image, size_wh, interpolation=cv2.INTER_AREA)

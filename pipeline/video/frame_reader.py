@@ -4,25 +4,17 @@ The decoder runs in a process of its own: a damaged video may crash it or fill i
 """
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
-from ..files.child_process import ChildError, called_apart
-from ..files.content import reading, write_bytes_atomically
-from ..files.numbers import npy_array
+from ..files.content import write_bytes_atomically
 from ..files.outputs import check_outputs, writing
 from ..images.png import encode_png
-from .decoder import frame_as_npy, info_as_json
-
-CPU_SECONDS, CPU_SECONDS_PER_MB = 4.0, 3.0
-"""A video without usable timestamps is decoded from its beginning."""
-
-WAITING = 20
-"""Longest time of waiting in relation to that of computing: disks and networks may be slow."""
+from .decoder import PICTURE_HEAD
+from .decoding_process import DecodingError, decoded_apart, undecodable
 
 
 @dataclass(frozen=True)
@@ -42,7 +34,7 @@ def video_info(path: Path) -> VideoInfo:
     InputError
         No file, not a video, or its first frame cannot be decoded.
     """
-    found = json.loads(_decoded(info_as_json, Path(path)))
+    found = json.loads(_decoded("info", Path(path)))
     width, height = found["size_wh"]
     return VideoInfo(found["frames"], found["fps"], (width, height))
 
@@ -55,7 +47,14 @@ def read_video_frame(path: Path, index: int) -> np.ndarray:
     InputError
         No file, not a video, no such frame, or a frame that cannot be decoded (damaged or cut-off file).
     """
-    return npy_array(_decoded(frame_as_npy, Path(path), index), Path(path).name)
+    return picture(_decoded("frame", Path(path), index))[1]
+
+
+def picture(part: bytes) -> tuple[int, np.ndarray]:
+    """Number and ``(H, W, 3)`` uint8 RGB of a frame, from the bytes of the decoder."""
+    index, width, height = PICTURE_HEAD.unpack_from(part)
+    pixels = np.frombuffer(part, np.uint8, 3 * width * height, PICTURE_HEAD.size)
+    return index, pixels.reshape(height, width, 3)
 
 
 def write_video_frame(path: Path, index: int, *, image: Path | None = None) -> Path:
@@ -87,19 +86,12 @@ def write_video_frame(path: Path, index: int, *, image: Path | None = None) -> P
     return image
 
 
-def _decoded(function: Callable[..., bytes], path: Path, *arguments: int) -> bytes:
-    """The answer of a function of the decoder about a file."""
-    # OpenCV does not say why it cannot open a file
-    with reading(path, "a video"), open(path, "rb"):
-        megabytes = path.stat().st_size / 2**20
-    if not megabytes:
-        raise InputError(f"{path.name}: expected a video, cannot open it, it is empty; copy it again")
-    cpu_seconds = CPU_SECONDS + CPU_SECONDS_PER_MB * megabytes
+def _decoded(task: str, path: Path, *arguments: int) -> bytes:
+    """The answer of the decoder about a file."""
+    parts = decoded_apart(task, path, *arguments)
     try:
-        return called_apart(
-            function, b"", (str(path), *arguments), seconds=WAITING * cpu_seconds, cpu_seconds=cpu_seconds
-        )
-    except ChildError as error:
-        raise InputError(
-            f"{path.name}: expected a video, cannot decode it ({error}); copy it again, or convert it to MP4 (H.264)"
-        ) from None
+        return next(parts)
+    except DecodingError as error:
+        raise undecodable(path, error) from None
+    finally:
+        parts.close()  # type: ignore[attr-defined]

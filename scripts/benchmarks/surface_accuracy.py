@@ -12,7 +12,7 @@ import numpy as np
 from skimage.measure import marching_cubes
 
 from oneframe.transforms import transform_points
-from oneframe.volume.isosurface import isosurface
+from oneframe.volume.bone.isosurface import isosurface
 from oneframe.volume.volume import VoxelGrid
 
 LEVEL_HU = 300.0

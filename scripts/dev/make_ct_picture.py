@@ -18,21 +18,21 @@ import numpy as np
 from mathutils import Matrix
 from PIL import Image
 
-from oneframe.case.case_file import OTHER, structure_colour
-from oneframe.commands.surface_finish import finish_of, removed_of
 from oneframe.errors import InputError, RunError
 from oneframe.files.outputs import check_outputs
 from oneframe.images.pixel_values import to_uint8
 from oneframe.images.slice_picture import slice_picture
 from oneframe.surface.mesh import TriangleMesh
-from oneframe.volume.bone import bone_voxels
-from oneframe.volume.bone_surface import bone_surface, removed_ball
-from oneframe.volume.drill_plan import read_drill_plan
-from oneframe.volume.label_map import read_labels
-from oneframe.volume.slice_views import LabelColours, slice_views
-from oneframe.volume.structures import structure_meshes, structure_names, without_bone
-from oneframe.volume.threshold import DEFAULT_HU
-from oneframe.volume.volume_reader import read_volume
+from oneframe.surface.structure_colour import OTHER, structure_colour
+from oneframe.volume.bone.bone import bone_voxels
+from oneframe.volume.bone.bone_surface import bone_surface, removed_ball
+from oneframe.volume.bone.structures import structure_meshes, structure_names, without_bone
+from oneframe.volume.bone.threshold import DEFAULT_HU
+from oneframe.volume.drill.drill_plan import read_drill_plan
+from oneframe.volume.make_surface import finish_of, removed_of
+from oneframe.volume.reading.label_map import read_labels
+from oneframe.volume.reading.volume_reader import read_volume
+from oneframe.volume.slices.slice_views import LabelColours, slice_views
 
 QUALITY = {"quality": 86, "optimize": True, "subsampling": 0}
 SIDE_PX, GAP_PX = 480, 6

@@ -18,7 +18,7 @@ from oneframe.blender.case.load_case import load_case
 from oneframe.case.case_file import read_case
 from oneframe.commands.__main__ import dispatch
 from oneframe.images.png import encode_png
-from oneframe.volume.drill_plan import read_drill_plan
+from oneframe.volume.drill.drill_plan import read_drill_plan
 from tests.volume.ball_ct import write_ball_ct
 
 K = {"fx": 900.0, "fy": 905.0, "cx": 47.0, "cy": 36.5, "width": 96, "height": 72, "distortion": [0.1, -0.05, 0, 0, 0]}

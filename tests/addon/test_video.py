@@ -12,12 +12,10 @@ from blender_addon.video import session, shown_frame, strip_layout
 from blender_addon.video.frame_fetcher import FrameFetcher
 from oneframe.case.case_file import read_case
 from oneframe.images.png import encode_png
-from oneframe.video.film_reader import FilmFrame
+from oneframe.video.film_reader import MOST, FilmFrame, Thumbnails
 from oneframe.video.frame_folder import write_frames
 from oneframe.video.frame_reader import read_video_frame
-from oneframe.video.frame_scores import score_frames
-from oneframe.video.selection import best_frames
-from oneframe.video.thumbnails import MOST, Thumbnails
+from oneframe.video.frame_scores import best_frames, score_frames
 from tests.video.surgical_film import Event, surgical_film
 
 SIZE_WH = (64, 48)

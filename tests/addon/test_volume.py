@@ -12,7 +12,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.commands import surface as surface_command
 from oneframe.images.png import encode_png
 from oneframe.transforms import transform_points
-from oneframe.volume.drill_plan import read_drill_plan
+from oneframe.volume.drill.drill_plan import read_drill_plan
 
 SIZE, SPACING = (44, 40, 36), (0.5, 0.5, 0.6)
 ORIGIN = np.array([-12.0, 30.0, 5.0])

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from oneframe.volume.bone import bone_voxels
-from oneframe.volume.isosurface import isosurface
-from oneframe.volume.volume_reader import read_volume
+from oneframe.volume.bone.bone import bone_voxels
+from oneframe.volume.bone.isosurface import isosurface
+from oneframe.volume.reading.volume_reader import read_volume
 from scripts.benchmarks.surface_accuracy import OURS, PEER, SHAPES, measure_shapes, write_synthetic_bone
 
 

@@ -24,9 +24,9 @@ from oneframe.files.content import reading
 from oneframe.images.image_check import check_image_file
 from oneframe.poses.pose_file import read_pose, read_poses
 from oneframe.surface.mesh_reader import read_mesh
-from oneframe.volume.drill_plan import read_drill_plan
-from oneframe.volume.label_map import read_labels
-from oneframe.volume.volume_reader import read_volume
+from oneframe.volume.drill.drill_plan import read_drill_plan
+from oneframe.volume.reading.label_map import read_labels
+from oneframe.volume.reading.volume_reader import read_volume
 
 
 class _Loaded:

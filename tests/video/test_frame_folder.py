@@ -10,8 +10,7 @@ import pytest
 from oneframe.commands import frames as command
 from oneframe.errors import InputError
 from oneframe.video.frame_folder import write_frames
-from oneframe.video.frame_scores import score_frames
-from oneframe.video.selection import best_frames
+from oneframe.video.frame_scores import best_frames, score_frames
 from oneframe.video.view_circle import Circle
 from tests.video.surgical_film import Event, surgical_film
 

@@ -9,9 +9,8 @@ import pytest
 
 from oneframe.video import frame_scores
 from oneframe.video.film_reader import FilmInfo
-from oneframe.video.frame_scores import FilmScores, score_images
-from oneframe.video.score_report import report_lines
-from oneframe.video.selection import best_frames
+from oneframe.video.frame_folder import report_lines
+from oneframe.video.frame_scores import FilmScores, best_frames, score_images
 from tests.video.surgical_film import Event, clear_frames, random_events, surgical_film
 
 pytestmark = pytest.mark.render

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 import trimesh
 
-from oneframe.commands.surface_finish import finish_of, removed_of
 from oneframe.surface.deviation import SurfaceTree
 from oneframe.surface.mesh import TriangleMesh
-from oneframe.volume.bone import bone_voxels
-from oneframe.volume.bone_surface import bone_surface
-from oneframe.volume.clearance import clearances, violations
-from oneframe.volume.drill_plan import DrillPlan, Stroke, read_drill_plan
-from oneframe.volume.label_map import read_labels
-from oneframe.volume.structures import structure_meshes, structure_names, without_bone
+from oneframe.volume.bone.bone import bone_voxels
+from oneframe.volume.bone.bone_surface import bone_surface
+from oneframe.volume.bone.structures import structure_meshes, structure_names, without_bone
+from oneframe.volume.drill.clearance import clearances, violations
+from oneframe.volume.drill.drill_plan import DrillPlan, Stroke, read_drill_plan
+from oneframe.volume.make_surface import finish_of, removed_of
+from oneframe.volume.reading.label_map import read_labels
+from oneframe.volume.reading.volume_reader import read_volume
 from oneframe.volume.volume import Volume, VoxelGrid
-from oneframe.volume.volume_reader import read_volume
 
 ROOT = Path(__file__).parents[2]
 BONES = ROOT.parent / "shared" / "data" / "temporal_bones"

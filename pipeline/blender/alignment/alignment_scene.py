@@ -21,6 +21,7 @@ from ...images.masked_frame import with_mask_tinted
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...surface.mesh import TriangleMesh
+from ...surface.structure_colour import OTHER
 from ..bridge.camera import new_camera, set_clip, set_intrinsics
 from ..bridge.data_blocks import exact, new_mesh_object, set_exact
 from ..bridge.image import new_packed_image

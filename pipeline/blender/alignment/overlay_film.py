@@ -195,6 +195,6 @@ def report_lines(report: FilmReport, case: Case) -> list[str]:
 def _resampler(camera: PinholeCamera, distortion: Distortion | None) -> Callable[[np.ndarray], np.ndarray]:
     if distortion is None:
         return lambda image: image
-    from ...video.resampling import Resampler
+    from ...video.frame_mask import Resampler
 
     return Resampler(distorted_pixels(camera, distortion, 0, camera.height))

@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...case.case_file import Case, Structure, structure_colour
+from ...case.case_file import Case, Structure
 from ...case.case_writer import case_text, write_case
 from ...errors import InputError
 from ...files.content import read_content, write_bytes_atomically
 from ...files.outputs import check_outputs, check_own_folder, made_folder, writing
 from ...sample.temporal_bone import MICROSCOPE, SampleSurface, frame_pose, held_out_poses
 from ...surface.mesh_writer import write_ply
+from ...surface.structure_colour import structure_colour
 from .photograph import take_photographs
 
 STRUCTURES = ("facial_nerve", "chorda_tympani", "ossicles")

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from ...images.pixel_values import mask_box
+from .similarity import channel_mean
 
 SCALE_PX = 1.0
 """Standard deviation of the Gaussian whose derivatives are the gradients: noise of single pixels is no edge."""
@@ -71,7 +72,7 @@ def edge_measures(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -> 
 
 def _gradients(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """``(H, W)`` derivatives of the grey values along x and y, per pixel."""
-    smooth = cv2.GaussianBlur(image.mean(axis=2, dtype=np.float32), (0, 0), SCALE_PX)
+    smooth = cv2.GaussianBlur(channel_mean(image), (0, 0), SCALE_PX)
     return cv2.Scharr(smooth, cv2.CV_32F, 1, 0, scale=1 / 32), cv2.Scharr(smooth, cv2.CV_32F, 0, 1, scale=1 / 32)
 
 

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from ...images.pixel_values import mask_box
+from .similarity import channel_mean
 
 SMOOTHING = 0.05
 """Standard deviation of the smoothing, relative to the longer side of the compared part."""
@@ -62,7 +63,7 @@ def aligned_by_flow(real: np.ndarray, synthetic: np.ndarray, mask: np.ndarray) -
         The mask is empty.
     """
     box = mask_box(mask, MARGIN_PX)
-    flow = _smooth_flow(_grey(real[box]), _grey(synthetic[box]), mask[box])
+    flow = _smooth_flow(channel_mean(real[box]), channel_mean(synthetic[box]), mask[box])
     height, width = flow.shape[:2]
     v, u = np.mgrid[:height, :width].astype(np.float32)
     aligned, kept = synthetic.copy(), np.zeros_like(mask)
@@ -130,10 +131,6 @@ def _continued(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     mean = np.float32(image[mask].mean())
     around = (_blurred(image * weight, FILL_PX) + np.float32(1e-3) * mean) / (total + np.float32(1e-3))
     return np.where(mask, image, around).astype(np.float32)
-
-
-def _grey(image: np.ndarray) -> np.ndarray:
-    return image.mean(axis=2, dtype=np.float32)
 
 
 def _blurred(values: np.ndarray, sigma: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""All scores of one view against the photograph of its pose. Needs scikit-image and ``cv2``."""
+"""All scores of one view against the photograph of its pose. Needs ``cv2``."""
 
 import numpy as np
 

@@ -20,7 +20,7 @@ from oneframe.evaluation.photographs import read_photographs
 from oneframe.files.outputs import made_folder
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import inverse_rigid
-from oneframe.volume.simplification import simplified
+from oneframe.volume.bone.simplification import simplified
 
 LEAST_WIDTH = 640
 """Views are scaled down by a whole number while they keep this width, px: photographs are then averaged exactly."""

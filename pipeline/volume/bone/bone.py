@@ -1,0 +1,95 @@
+"""Which voxels of a CT are bone: those above a threshold, without the couch, islands and tiny holes."""
+
+import numpy as np
+
+from ...errors import InputError
+from ..volume import Volume, VoxelGrid
+from .components import components
+from .couch import without_couch
+from .isosurface import RemovedField
+
+HOLE_MM3 = 1.0
+"""Enclosed holes below this volume are noise or marrow; mastoid air cells are larger."""
+
+CRUMB_MM3 = 10.0
+"""Parts below this volume that a drill has cut off are washed away."""
+
+
+def bone_voxels(
+    volume: Volume, level_hu: float, *, smallest_mm3: float | None = None, hole_mm3: float = HOLE_MM3
+) -> np.ndarray:
+    """The voxels of bone, of which :func:`oneframe.volume.bone.isosurface.isosurface` makes the surface.
+
+    Parts are connected by the faces of their voxels, as in the surface. It stays where it is: all neighbours of a
+    voxel of bone that are left out lie below the threshold.
+
+    Parameters
+    ----------
+    level_hu
+        Bone lies above it.
+    smallest_mm3
+        Keep all parts of at least this volume; ``None`` keeps the largest alone, without couch, head-rest and mandible.
+    hole_mm3
+        Fill holes below this volume that are enclosed in bone; 0 fills none.
+
+    Returns
+    -------
+    ``(Z, Y, X)`` bool.
+
+    Raises
+    ------
+    InputError
+        No voxel lies above the threshold, or no part is large enough.
+    """
+    # whole numbers compare faster than halves
+    level = int(np.floor(level_hu))
+    bone = without_couch(volume, volume.values > level)
+    parts = components(bone)
+    if len(parts.voxels) == 0:
+        raise InputError(
+            f"threshold {level_hu:g} HU: expected bone above it, found none; the volume holds {volume.values.min()} to "
+            f"{volume.values.max()} HU; choose a lower threshold"
+        )
+    if smallest_mm3 is None:
+        keep = np.arange(len(parts.voxels)) == np.argmax(parts.voxels)
+    else:
+        keep = parts.voxels * volume.grid.voxel_mm3 >= smallest_mm3
+    if not keep.any():
+        raise InputError(
+            f"islands: expected parts of bone of at least {smallest_mm3:g} mm³, the largest has "
+            f"{parts.voxels.max() * volume.grid.voxel_mm3:.3g} mm³; choose a smaller volume"
+        )
+    parts.paint(bone, ~keep, False)
+    if hole_mm3 > 0:
+        holes = components(~bone)
+        tiny = (holes.voxels * volume.grid.voxel_mm3 < hole_mm3) & ~holes.touching_border(bone.shape)
+        holes.paint(bone, tiny, True)
+    return bone
+
+
+def without_crumbs(
+    solid: np.ndarray, grid: VoxelGrid, removed: RemovedField, *, smallest_mm3: float = CRUMB_MM3
+) -> np.ndarray:
+    """The voxels of bone without the parts below ``smallest_mm3`` that a drill has cut off.
+
+    Parameters
+    ----------
+    solid
+        ``(Z, Y, X)`` bool, the bone before the drill.
+
+    Returns
+    -------
+    ``(Z, Y, X)`` bool, still with the bone that the drill removed.
+    """
+    first = removed.first[::-1]
+    box = tuple(slice(at, at + count) for at, count in zip(first, removed.distance_mm.shape, strict=True))
+    left = solid.copy()
+    left[box] &= removed.distance_mm > 0
+    parts = components(left)
+    small = parts.voxels * grid.voxel_mm3 < smallest_mm3
+    if len(small):
+        # something is left in any case
+        small[np.argmax(parts.voxels)] = False
+    result = solid.copy()
+    parts.paint(result, small, False)
+    return result

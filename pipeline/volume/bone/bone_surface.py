@@ -1,0 +1,174 @@
+"""From the voxels of bone to the surface that is written: extracted, its rim sharpened, smoothed, simplified.
+
+Script and window both call :func:`bone_surface`, so that they give the same surface.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from ...errors import InputError
+from ...surface.ball import Ball
+from ...surface.mesh import MOST_FACES
+from ...transforms import transform_points
+from ..volume import Sampler, Volume, VoxelGrid
+from .bone import CRUMB_MM3, without_crumbs
+from .isosurface import Isosurface, RemovedField, isosurface
+from .rim import with_sharp_rim
+from .simplification import simplified, tolerance_near
+from .smoothing import STEPS, smoothed
+
+Report = Callable[[str, float], None]
+"""Called with the name of a stage and its finished share, 0..1; what it raises ends the work."""
+
+STAGES = ("extracted", "smoothed", "simplified")
+
+FINER = 4
+"""How many times smaller the tolerance is in the part that matters."""
+
+
+@dataclass(frozen=True)
+class Finish:
+    """What is done to the surface after it was extracted.
+
+    Attributes
+    ----------
+    crumb_mm3
+        Parts below this volume that the drill has cut off are dropped.
+    smoothing_steps
+        Steps of :func:`oneframe.volume.bone.smoothing.smoothed`; what the drill made is not smoothed.
+    tolerance_mm
+        How far the simplified surface may lie from the smoothed one; 0 keeps all faces.
+    focus
+        The part that matters, where the tolerance is :data:`FINER` times smaller: by default what was removed.
+    """
+
+    crumb_mm3: float = CRUMB_MM3
+    smoothing_steps: int = STEPS
+    tolerance_mm: float = 0.0
+    focus: Ball | None = None
+
+
+@dataclass(frozen=True)
+class BoneSurface:
+    """The surface, and how it became what it is.
+
+    Attributes
+    ----------
+    surface
+        Closed; ``drilled`` tells the vertices on what was removed.
+    extracted_faces
+        Number of faces before simplification.
+    """
+
+    surface: Isosurface
+    extracted_faces: int
+
+
+def bone_surface(
+    volume: Volume,
+    level_hu: float,
+    solid: np.ndarray,
+    removed: RemovedField | None = None,
+    finish: Finish = Finish(),
+    *,
+    report: Report | None = None,
+) -> BoneSurface:
+    """The surface of bone.
+
+    Parameters
+    ----------
+    level_hu
+        Bone lies above it.
+    solid
+        ``(Z, Y, X)`` bool, as of :func:`.bone_voxels`.
+    removed
+        What was drilled away.
+
+    Raises
+    ------
+    InputError
+        No bone is left, or the surface has too many faces.
+    """
+    stages = {stage: None if report is None else partial(report, stage) for stage in STAGES}
+    if removed is not None:
+        solid = without_crumbs(solid, volume.grid, removed, smallest_mm3=finish.crumb_mm3)
+    surface = isosurface(
+        volume.values, level_hu, volume.grid, solid=solid, removed=removed, progress=stages["extracted"]
+    )
+    faces = len(surface.mesh.faces)
+    if faces == 0:
+        raise InputError("surface: expected bone, found none left; remove less")
+    if removed is not None:
+        # before smoothing, which would draw the bone towards the saw teeth
+        surface = with_sharp_rim(surface, removed, volume.grid)
+    surface = smoothed(surface, finish.smoothing_steps, progress=stages["smoothed"])
+    if finish.tolerance_mm > 0:
+        surface = _simplified(surface, volume.grid, solid, removed, finish, stages["simplified"])
+    if len(surface.mesh.faces) > MOST_FACES:
+        raise InputError(
+            f"surface: expected up to {MOST_FACES:,} faces, found {len(surface.mesh.faces):,}; crop the volume, choose "
+            "a higher threshold, or a larger tolerance"
+        )
+    return BoneSurface(surface, faces)
+
+
+def moved_mm(grid: VoxelGrid, tolerance_mm: float) -> float:
+    """How far the surface of what was removed may lie from its distance field: sampled, smoothed, simplified."""
+    return 0.1 * float(grid.spacing_mm.min()) + tolerance_mm / FINER
+
+
+def widened_mm(margin_mm: float, grid: VoxelGrid, tolerance_mm: float) -> float:
+    """The margin in the distance field that leaves ``margin_mm`` on the surface.
+
+    If all corners of a cell keep a distance D from a point, what is interpolated within the cell keeps the root of
+    D² - (diagonal / 2)², since the mean of the squared distances from the corners is largest in its middle.
+    """
+    return moved_mm(grid, tolerance_mm) + float(np.hypot(margin_mm, np.linalg.norm(grid.spacing_mm) / 2))
+
+
+def removed_ball(grid: VoxelGrid, solid: np.ndarray, removed: RemovedField) -> Ball | None:
+    """The ball around the bone that was removed; ``None`` if it was none."""
+    taken = taken_bone(solid, removed)
+    if not taken.any():
+        return None
+    ends = []
+    for axis in (2, 1, 0):
+        planes = np.flatnonzero(taken.any(axis=tuple(other for other in range(3) if other != axis)))
+        ends.append((planes[0], planes[-1]))
+    lower, upper = (transform_points(grid.mesh_from_index, (removed.first + end)[None])[0] for end in np.array(ends).T)
+    return Ball((lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2)
+
+
+def taken_bone(solid: np.ndarray, removed: RemovedField) -> np.ndarray:
+    """``(z, y, x)`` bool: the voxels of bone that were removed, in the box of the field."""
+    box = tuple(slice(at, at + count) for at, count in zip(removed.first[::-1], removed.distance_mm.shape, strict=True))
+    return solid[box] & (removed.distance_mm <= 0)
+
+
+def _simplified(
+    surface: Isosurface,
+    grid: VoxelGrid,
+    solid: np.ndarray,
+    removed: RemovedField | None,
+    finish: Finish,
+    progress: Callable[[float], None] | None,
+) -> Isosurface:
+    focus = finish.focus
+    if focus is None and removed is not None:
+        focus = removed_ball(grid, solid, removed)
+    tolerance: float | np.ndarray = finish.tolerance_mm
+    if focus is not None and focus.radius_mm > 0:
+        near, far = finish.tolerance_mm / FINER, finish.tolerance_mm
+        tolerance = tolerance_near(surface.mesh, focus.centre, focus.radius_mm, near, far)
+    mesh = simplified(surface.mesh, tolerance, progress=progress)
+    drilled = np.zeros(len(mesh.vertices), np.bool_)
+    if removed is not None:
+        # the vertices have moved: those that lie on what was removed, as far as the tolerance tells
+        depth, height, width = removed.distance_mm.shape
+        box = Sampler(grid.shifted(removed.first, (width, height, depth)), mesh.vertices)
+        distance = box.values(removed.distance_mm, outside=np.inf)
+        drilled = distance < moved_mm(grid, finish.tolerance_mm)
+    return Isosurface(mesh, drilled)

@@ -1,0 +1,204 @@
+"""Meshes of the structures in a label map, named by the anatomy."""
+
+import itertools
+import re
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import InputError
+from ...surface.mesh import TriangleMesh
+from ..volume import LabelMap
+from .isosurface import isosurface
+from .smoothing import STEPS, smoothed
+
+BLUR_VOXELS = 0.7
+"""Standard deviation of the Gaussian that turns the steps of a mask into a slope."""
+
+_SMALL_VOXELS = 20_000
+_SAME_VOLUME = 0.01
+_MOST_TRIALS, _LOWEST_LEVEL = 10, 0.02
+"""Structures of up to so many voxels get the volume of their mask, to that share, in up to so many trials."""
+
+_ANATOMY = {
+    r"chorda": "chorda_tympani",
+    r"malleus": "malleus",
+    r"incus": "incus",
+    r"stapes": "stapes",
+    r"ossic": "ossicles",
+    r"facial (nerve|canal)|n(ervus)? facialis|fallopian|\bfn\b|\bcn ?(7|vii)\b": "facial_nerve",
+    r"(ear|auditory|acoustic) (canal|meatus)|\beac\b": "eac",
+    r"carotid|\bica\b": "ica",
+    r"sigmoid|\bsinus\b(?! dura)": "sinus",
+    r"labyrinth|inner ear|otic capsule": "bony_labyrinth",
+}
+"""Pattern in the name, words separated by spaces -> name; the first that matches counts."""
+
+_INTERNAL_CANAL = re.compile(r"internal (ear|auditory|acoustic)|\biac\b")
+
+_BONE = re.compile(r"^(cortical |temporal |compact )?bones?$", re.IGNORECASE)
+
+
+def structure_name(label: str) -> str:
+    """The name of a structure for a label's: ``"Facial Nerve (L)"`` -> ``"facial_nerve_left"``.
+
+    Structures of the ear that are recognised get the names that colours and margins know; other names keep their words.
+    """
+    return anatomical_name(label) or _words(label).replace(" ", "_") or "structure"
+
+
+def name_of_file(path: Path, taken: Collection[str]) -> str:
+    """A name for a structure of which only the file is known, beside those that are taken."""
+    names = itertools.chain([anatomical_name(path.stem)], (f"structure_{number}" for number in itertools.count(1)))
+    return next(name for name in names if name and name not in taken)
+
+
+def anatomical_name(text: str) -> str | None:
+    """The structure of the ear that a text names, and nothing else of it; ``None`` if it names none.
+
+    For names that nobody typed: the rest of a header's or of a file's may name the patient.
+    """
+    words = _words(text)
+    sides = {
+        side for side, pattern in (("left", r"\b(left|l)\b"), ("right", r"\b(right|r)\b")) if re.search(pattern, words)
+    }
+    if _INTERNAL_CANAL.search(words):
+        known = "iac"
+    else:
+        known = next((name for pattern, name in _ANATOMY.items() if re.search(pattern, words)), "")
+    return "_".join([known, *sides]) if known and len(sides) == 1 else known or None
+
+
+def _words(text: str) -> str:
+    # 3D Slicer and networks write words apart by spaces, underscores, dots or capitals
+    return re.sub(r"[\W_]+", " ", re.sub(r"([a-z])([A-Z])", r"\1 \2", text)).lower().strip()
+
+
+def is_bone(label: str) -> bool:
+    """Whether a label's name is that of the bone, of which the surface is made."""
+    return _BONE.search(label) is not None
+
+
+def without_bone(labels: LabelMap) -> LabelMap:
+    """The map without the names of labels for bone."""
+    return replace(labels, names={value: name for value, name in labels.names.items() if not is_bone(name)})
+
+
+def structure_meshes(
+    labels: LabelMap,
+    only: Collection[str] | None = None,
+    *,
+    blur_voxels: float = BLUR_VOXELS,
+    smoothing_steps: int = STEPS,
+    progress: Callable[[float], None] | None = None,
+) -> dict[str, TriangleMesh]:
+    """One closed mesh per label that occurs, LPS mm, by the name of the structure.
+
+    A mask is blurred, and its surface taken at the level 0.5. Of small structures it is taken at the level at which it
+    encloses the volume of the mask: the blur would make thin ones, such as the chorda tympani, thinner or vanish.
+
+    Parameters
+    ----------
+    only
+        Names (:func:`structure_name`) of the structures wanted; all if ``None``.
+    blur_voxels
+        Standard deviation of the blur.
+    smoothing_steps
+        Steps of :func:`oneframe.volume.bone.smoothing.smoothed`.
+    progress
+        Called with the finished share, 0..1, after each structure; what it raises ends the work.
+
+    Raises
+    ------
+    InputError
+        A wanted structure is not in the map.
+    """
+    names = structure_names(labels)
+    missing = sorted(set(only or ()) - set(names.values()))
+    if missing:
+        raise InputError(
+            f"structures: expected names of the label map ({', '.join(names.values())}), found {', '.join(missing)}"
+        )
+    wanted = {label: name for label, name in names.items() if only is None or name in only}
+    layers = _layers(labels.values, wanted)
+    # a cropped map keeps the names of labels that are gone
+    wanted = {label: name for label, name in wanted.items() if label in layers}
+    meshes = {}
+    for count, (label, name) in enumerate(wanted.items()):
+        meshes[name] = _mesh(labels, label, layers[label], blur_voxels, smoothing_steps)
+        if progress is not None:
+            progress((count + 1) / len(wanted))
+    return meshes
+
+
+def structure_names(labels: LabelMap) -> dict[int, str]:
+    """Names by label, the label's number behind a name that occurs twice."""
+    names: dict[int, str] = {}
+    for label, given in labels.names.items():
+        name = structure_name(given)
+        names[label] = f"{name}_{label}" if name in names.values() else name
+    return names
+
+
+def _layers(values: np.ndarray, wanted: Collection[int]) -> dict[int, tuple[int, int]]:
+    """First and one past the last layer of each label."""
+    layers: dict[int, tuple[int, int]] = {}
+    for z, layer in enumerate(values):
+        for label in np.flatnonzero(np.bincount(layer.ravel())).tolist():
+            if label in wanted:
+                layers[label] = (layers.get(label, (z, z))[0], z + 1)
+    return layers
+
+
+def _mesh(
+    labels: LabelMap, label: int, layers: tuple[int, int], blur_voxels: float, smoothing_steps: int
+) -> TriangleMesh:
+    mask = labels.values[layers[0] : layers[1]] == label
+    rows, columns = (np.flatnonzero(mask.any(axis=axes)) for axes in ((0, 2), (0, 1)))
+    mask = mask[:, rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    kernel = _gaussian(blur_voxels)
+    margin = len(kernel)
+    # around it, also beyond the volume's border, is air
+    field = np.pad(mask.astype(np.float32), margin)
+    for axis in range(3):
+        field = _blurred(field, kernel, axis)
+    first = np.array([columns[0], rows[0], layers[0]]) - margin
+    depth, height, width = field.shape
+    grid = labels.grid.shifted(first, (width, height, depth))
+    voxels = int(np.count_nonzero(mask))
+    lowest, highest = _LOWEST_LEVEL, 0.999 * float(field.max())
+    level = min(0.5, highest)
+    for _ in range(_MOST_TRIALS):
+        mesh = smoothed(isosurface(field, level, grid), smoothing_steps).mesh
+        ratio = _volume_mm3(mesh) / (voxels * grid.voxel_mm3)
+        if voxels > _SMALL_VOXELS or abs(ratio - 1) < _SAME_VOLUME:
+            break
+        lowest, highest = (level, highest) if ratio > 1 else (lowest, level)
+        level = (lowest + highest) / 2
+    return mesh
+
+
+def _volume_mm3(mesh: TriangleMesh) -> float:
+    """Of a closed mesh, by the divergence theorem."""
+    # from a corner: far from the origin the sum would lose digits
+    return float(np.einsum("ij,ij->", mesh.vertices[mesh.faces[:, 0]] - mesh.vertices[0], mesh.face_cross)) / 6
+
+
+def _gaussian(sigma: float) -> np.ndarray:
+    """``(N,)`` weights of the middle and of one side; they sum to one over both sides."""
+    if sigma == 0:
+        return np.ones(1)
+    weights = np.exp(-0.5 * (np.arange(int(np.ceil(3 * sigma)) + 1) / sigma) ** 2)
+    return weights / (weights[0] + 2 * weights[1:].sum())
+
+
+def _blurred(field: np.ndarray, kernel: np.ndarray, axis: int) -> np.ndarray:
+    """A ``float32`` array with zeros around it, convolved along an axis."""
+    field = np.moveaxis(field, axis, 0)
+    blurred = np.float32(kernel[0]) * field
+    for distance, weight in enumerate(kernel[1:].astype(np.float32), 1):
+        blurred[distance:] += weight * field[:-distance]
+        blurred[:-distance] += weight * field[distance:]
+    return np.moveaxis(blurred, 0, axis)

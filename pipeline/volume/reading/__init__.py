@@ -1,0 +1,4 @@
+"""Volumes and label maps from files.
+
+In: NIfTI, NRRD, MetaImage, folders of DICOM slices. Out: voxels in Hounsfield units or labels, and where they lie.
+"""

@@ -1,0 +1,212 @@
+"""Label maps: read as nnU-Net, 3D Slicer and ITK-SNAP write them, on the grid of the volume.
+
+Names of the labels come from a JSON file beside it (nnU-Net's ``dataset.json``, also one folder up, or
+``labels.json``), or from ITK-SNAP's label descriptions as text. Those in the file itself (``Segment0_Name`` of a
+``.seg.nrrd``) stand before them where they name anatomy; other words of a header may name the patient.
+"""
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import InputError
+from ...files.content import LARGEST_TEXT, read_content
+from ...files.tables import parsed_json
+from ...transforms import transform_points
+from ..bone.structures import anatomical_name, is_bone
+from ..volume import LabelMap, Volume, VoxelGrid
+from .volume_header import read_header, volume_suffix
+from .volume_reader import file_voxels
+
+SAME_GRID_VOXELS = 0.01
+"""Largest distance between voxels of equal grids; headers round."""
+
+LONGEST_NAME = 80
+
+_SNAP_LINE = re.compile(r'\s*(\d+)(?:\s+[-+.\deE]+){6}\s+"([^"]*)"\s*')
+"""Label, red, green, blue, opacity, visibility, mesh visibility, name."""
+
+
+def read_labels(path: Path, like: Volume | None = None, *, resampled: bool = True) -> LabelMap:
+    """Read a label map.
+
+    Parameters
+    ----------
+    path
+        A file of a format of :func:`.read_volume`, but not DICOM.
+    like
+        The volume that the labels are for. A map on another grid in the same space is resampled to it: each voxel gets
+        the label of the nearest voxel of the map, and 0 outside it.
+    resampled
+        Whether a map on another grid is resampled; otherwise it keeps its own after the check that it overlaps the
+        volume, which is better for the surfaces of fine structures.
+
+    Returns
+    -------
+    The map, with a name for each label that occurs.
+
+    Raises
+    ------
+    InputError
+        As for :func:`.read_volume`; or it is no label map but a CT, an image or probabilities; it does not overlap the
+        volume; or its names cannot be read.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise InputError(
+            f"{path}: expected a label map as a file, found a folder; export a DICOM segmentation as NIfTI or NRRD, "
+            "for example from 3D Slicer"
+        )
+    header = read_header(path)
+    values, grid = file_voxels(path, header, "labels")
+    if like is not None:
+        moved = on_grid(values, grid, like.grid, path.name)
+        if resampled:
+            moved.setflags(write=False)
+            values, grid = moved, like.grid
+    named = names_beside(path)
+    for label, name in header.segments.items():
+        if known := name if is_bone(name) else anatomical_name(name):
+            named[label] = known
+    return LabelMap(values, grid, _distinct(_present(values), named))
+
+
+def on_grid(values: np.ndarray, grid: VoxelGrid, wanted: VoxelGrid, where: str) -> np.ndarray:
+    """Labels ``(Z, Y, X)`` on another grid: those of the nearest voxels, 0 outside; the same array if the grids agree.
+
+    Raises
+    ------
+    InputError
+        The labels lie outside the wanted grid, or lost their place.
+    """
+    apart = _voxels_apart(grid, wanted)
+    if apart <= SAME_GRID_VOXELS:
+        return values
+    if grid.size == wanted.size and _is_default(grid) and not _is_default(wanted):
+        raise InputError(
+            f"{where}: expected labels with the place of the volume, found {' x '.join(map(str, grid.size))} voxels as "
+            "in the volume, but 1 mm apart from (0, 0, 0): the header was lost; save them with the volume's affine"
+        )
+    index_from_wanted = grid.index_from_mesh @ wanted.mesh_from_index
+    moved = np.zeros(wanted.size[::-1], values.dtype)
+    turned = np.abs(index_from_wanted[:3, :3]) > 1e-6
+    if (turned.sum(axis=0) == 1).all() and (turned.sum(axis=1) == 1).all():
+        _fill_along_axes(moved, values, index_from_wanted, turned)
+    else:
+        _fill(moved, values, index_from_wanted)
+    if not moved.any():
+        found, expected = (np.round(bounds, 1).tolist() for bounds in (_label_bounds(values, grid), wanted.bounds_mm))
+        raise InputError(
+            f"{where}: expected labels in the volume, found all of them outside: they cover {found[0]} to {found[1]} "
+            f"mm, the volume {expected[0]} to {expected[1]} mm (LPS); take the labels of this volume"
+        )
+    return moved
+
+
+def names_beside(path: Path) -> dict[int, str]:
+    """Names of labels by value, from the files that stand beside a label map; empty if there are none.
+
+    Raises
+    ------
+    InputError
+        A file with names cannot be read.
+    """
+    stem = path.name[: -len(volume_suffix(path) or "")] or path.name
+    own = [path.with_name(stem + ".json"), path.with_name("labels.json"), path.with_name("dataset.json")]
+    for candidate in [*own, path.resolve().parent.parent / "dataset.json"]:
+        if candidate.is_file():
+            table = parsed_json(read_content(candidate, "names of labels", most=LARGEST_TEXT), candidate.name)
+            if isinstance(table, dict) and (names := _names_in_json(table.get("labels"))):
+                return names
+    for name in (stem + ".txt", stem + ".label", "labels.txt", "labels.label"):
+        candidate = path.with_name(name)
+        if candidate.is_file() and (names := _names_in_text(candidate)):
+            return names
+    return {}
+
+
+def _names_in_json(labels: object) -> dict[int, str]:
+    """``{"bone": 1}`` and ``{"1": "bone"}`` of nnU-Net, ``{"1": {"name": "bone"}}``; other entries are left out."""
+    names: dict[int, str] = {}
+    for key, value in labels.items() if isinstance(labels, Mapping) else ():
+        name = value.get("name") if isinstance(value, Mapping) else value
+        if key.isdecimal() and isinstance(name, str):
+            names[int(key)] = name
+        elif isinstance(value, int) and not isinstance(value, bool):
+            names[value] = key
+    return names
+
+
+def _names_in_text(path: Path) -> dict[int, str]:
+    """Label descriptions of ITK-SNAP."""
+    text = read_content(path, "names of labels", most=LARGEST_TEXT).decode("utf-8-sig", errors="replace")
+    matches = (_SNAP_LINE.fullmatch(line) for line in text.splitlines() if not line.startswith("#"))
+    return {int(match[1]): match[2] for match in matches if match}
+
+
+def _distinct(labels: Iterable[int], named: Mapping[int, str]) -> dict[int, str]:
+    """A name for each label but 0; the number stands in for a missing one, and behind one that occurs twice."""
+    names: dict[int, str] = {}
+    for label in labels:
+        name = " ".join(re.sub(r"[^\w .,()/+-]", " ", named.get(label, "")).split())[:LONGEST_NAME] or f"label {label}"
+        names[label] = f"{name} {label}" if name in names.values() else name
+    return names
+
+
+def _present(values: np.ndarray) -> list[int]:
+    present = np.zeros(int(values.max()) + 1, bool)
+    for part in values:
+        present[np.bincount(part.ravel()).nonzero()[0]] = True
+    return [int(label) for label in present.nonzero()[0] if label]
+
+
+def _voxels_apart(grid: VoxelGrid, wanted: VoxelGrid) -> float:
+    """Largest distance of corresponding corner voxels in voxels; infinite if the sizes differ."""
+    if grid.size != wanted.size:
+        return np.inf
+    ends = np.array(np.meshgrid(*[(0.0, count - 1.0) for count in grid.size])).reshape(3, -1).T
+    return float(np.abs(transform_points(grid.index_from_mesh @ wanted.mesh_from_index, ends) - ends).max())
+
+
+def _is_default(grid: VoxelGrid) -> bool:
+    """Whether a grid is what writers put into a header if they know nothing: 1 mm, at the origin, of any signs."""
+    return bool(np.allclose(np.abs(grid.mesh_from_index), np.eye(4), atol=1e-6))
+
+
+def _fill_along_axes(moved: np.ndarray, values: np.ndarray, index_from_wanted: np.ndarray, turned: np.ndarray) -> None:
+    """Fill by rows and columns where the axes of both grids are parallel."""
+    places, inside = [], []
+    for wanted_axis in range(3):
+        axis = int(np.flatnonzero(turned[:, wanted_axis])[0])
+        steps = np.arange(moved.shape[2 - wanted_axis])
+        nearest = np.rint(index_from_wanted[axis, wanted_axis] * steps + index_from_wanted[axis, 3]).astype(int)
+        inside.append(np.flatnonzero((nearest >= 0) & (nearest < values.shape[2 - axis])))
+        places.append((axis, nearest[inside[-1]]))
+    order = [2 - axis for axis, _ in places[::-1]]
+    parallel = values.transpose(order)
+    moved[np.ix_(*inside[::-1])] = parallel[np.ix_(*[place for _, place in places[::-1]])]
+
+
+def _fill(moved: np.ndarray, values: np.ndarray, index_from_wanted: np.ndarray) -> None:
+    """Fill slice by slice where the axes are at an angle."""
+    x, y = np.arange(moved.shape[2]), np.arange(moved.shape[1])[:, None]
+    for z in range(len(moved)):
+        nearest, inside = [], np.ones(moved.shape[1:], bool)
+        for axis in range(3):
+            row = index_from_wanted[axis]
+            place = np.rint(row[0] * x + row[1] * y + (row[2] * z + row[3])).astype(np.int32)
+            inside &= (place >= 0) & (place < values.shape[2 - axis])
+            nearest.append(place)
+        moved[z][inside] = values[nearest[2][inside], nearest[1][inside], nearest[0][inside]]
+
+
+def _label_bounds(values: np.ndarray, grid: VoxelGrid) -> np.ndarray:
+    """``(2, 3)`` LPS box of the voxels with a label."""
+    spans = []
+    for axis in (2, 1, 0):
+        used = np.flatnonzero(values.any(axis=tuple(other for other in range(3) if other != axis)))
+        spans.append((used[0], used[-1]))
+    points = transform_points(grid.mesh_from_index, np.array(np.meshgrid(*spans)).reshape(3, -1).T.astype(np.float64))
+    return np.stack([points.min(axis=0), points.max(axis=0)])

@@ -1,0 +1,159 @@
+"""Volumes and label maps from files: NIfTI, NRRD, MetaImage, and folders of DICOM slices.
+
+Headers are checked first (:mod:`.volume_header`, :mod:`.dicom_series`); then SimpleITK reads the voxels.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import InputError
+from ...files.content import read_beginning
+from ..volume import Volume, VoxelGrid
+from .dicom_series import SeriesInfo, chosen_series, find_series, series_voxels
+from .header_checks import check_memory, simple_itk
+from .volume_header import VolumeHeader, checked_chunks, matrix_of, read_header, unreadable, volume_suffix
+from .voxel_values import ValueSurvey
+
+_COPIES = 2
+"""Of the file's voxels that ITK holds for a moment: its own, and those of the library of the format."""
+
+_SLAB = 16
+"""Slices that are converted at a time."""
+
+
+def read_volume(path: Path, *, series: int | None = None, crop_mm: np.ndarray | None = None) -> Volume:
+    """Read a CT.
+
+    Parameters
+    ----------
+    path
+        A file (``.nii``, ``.nii.gz``, ``.nrrd``, ``.nhdr``, ``.mha``, ``.mhd``), or a folder of DICOM slices, which may
+        lie in folders in it.
+    series
+        Number of the DICOM series as :func:`list_series` counts; needed only where several CTs are in the folder.
+    crop_mm
+        ``(2, 3)`` two corners of a box in LPS, mm; only the voxels that cover it are kept.
+
+    Returns
+    -------
+    The volume in Hounsfield units, rounded to whole ones.
+
+    Raises
+    ------
+    InputError
+        No such file; another format; damaged or cut off; not three-dimensional; without orientation; sheared, with a
+        tilted gantry, missing slices or varying steps; several series; not in HU, such as labels; larger than the
+        memory; the crop box lies outside; SimpleITK is not installed.
+    """
+    path = Path(path)
+    box = None
+    if crop_mm is not None:
+        crop = np.sort(np.asarray(crop_mm, np.float64), axis=0)
+        if crop.shape != (2, 3) or not np.isfinite(crop).all():
+            raise InputError(f"crop: expected two corners of 3 finite numbers in mm, found an array of {crop.shape}")
+        box = crop
+    if _is_folder(path):
+        values, grid = series_voxels(chosen_series(find_series(path), series, str(path)), box, str(path))
+    else:
+        if series is not None:
+            raise InputError(f"{path}: expected a folder of DICOM files, found a file; series are for folders")
+        values, grid = file_voxels(path, read_header(_volume_file(path)), "HU", box)
+    return Volume(values, grid)
+
+
+def list_series(folder: Path) -> tuple[SeriesInfo, ...]:
+    """The series in a folder of DICOM files, and in the folders in it; numbers and sizes only, no names.
+
+    Raises
+    ------
+    InputError
+        Not a folder, no DICOM images in it, or files that cannot be read.
+    """
+    folder = Path(folder)
+    if not _is_folder(folder):
+        raise InputError(f"{folder}: expected a folder of DICOM files, found a file; give the folder that it is in")
+    return tuple(series.info for series in find_series(folder))
+
+
+def is_dicom(path: Path) -> bool:
+    """Whether a file begins as one of DICOM does.
+
+    Raises
+    ------
+    InputError
+        It cannot be read.
+    """
+    return read_beginning(path, "a volume", 132)[128:] == b"DICM"
+
+
+def file_voxels(
+    path: Path, header: VolumeHeader, wanted: str, box_mm: np.ndarray | None = None
+) -> tuple[np.ndarray, VoxelGrid]:
+    """The voxels of a file, read-only and ``(Z, Y, X)``, and where they lie.
+
+    Parameters
+    ----------
+    path, header
+        The file, and its header.
+    wanted
+        ``"HU"`` for int16, or ``"labels"`` for uint8 or uint16.
+    box_mm
+        ``(2, 3)`` corners of a box in LPS, mm, to keep.
+
+    Raises
+    ------
+    InputError
+        As for :func:`read_volume`.
+    """
+    where, stored = path.name, header.stored
+    check_memory(_COPIES * stored.size + 2 * int(np.prod(header.size, dtype=object)), header.size, where)
+    survey = ValueSurvey()
+    for chunk in checked_chunks(stored, where):
+        if stored.floats:
+            # ITK makes 0 of what is no number
+            values = np.frombuffer(chunk, stored.floats)
+            survey.add(values[~np.isfinite(values)])
+    sitk = simple_itk()
+    reader = sitk.ImageFileReader()
+    reader.SetFileName(str(path))
+    try:
+        reader.ReadImageInformation()
+        ranks = len(reader.GetSize())
+        if ranks > 3:
+            reader.SetExtractSize([*header.size, *[0] * (ranks - 3)])
+        image = reader.Execute()
+    except (RuntimeError, MemoryError):
+        raise unreadable(where) from None
+    grid = VoxelGrid(image.GetSize(), matrix_of(image))
+    voxels: np.ndarray = sitk.GetArrayViewFromImage(image)
+    for at in range(0, len(voxels), _SLAB):
+        survey.add(voxels[at : at + _SLAB])
+    if wanted == "HU":
+        survey.check_hounsfield(where)
+    else:
+        survey.check_labels(where)
+    first, stop = (
+        grid.box_of(box_mm[0], box_mm[1], f"{where}: crop") if box_mm is not None else (np.zeros(3, int), grid.size)
+    )
+    part = voxels[first[2] : stop[2], first[1] : stop[1], first[0] : stop[0]]
+    kept = np.empty(part.shape, np.int16 if wanted == "HU" else survey.label_type)
+    for at in range(0, len(part), _SLAB):
+        slab = part[at : at + _SLAB]
+        kept[at : at + _SLAB] = np.rint(slab) if slab.dtype.kind == "f" else slab
+    kept.setflags(write=False)
+    return kept, grid.shifted(first, kept.shape[::-1])
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def _volume_file(path: Path) -> Path:
+    """The path of a file, unless it is a single DICOM file."""
+    if volume_suffix(path) is None and is_dicom(path):
+        raise InputError(f"{path}: expected a folder of DICOM files, found one of them; give the folder of the series")
+    return path

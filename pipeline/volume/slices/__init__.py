@@ -1,0 +1,4 @@
+"""Slices through a volume.
+
+In: a volume and a point. Out: planes, and their pictures.
+"""

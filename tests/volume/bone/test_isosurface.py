@@ -1,0 +1,205 @@
+"""The isosurface against closed forms, scikit-image and itself: closed, exact, the same for every slab and block."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from skimage.measure import marching_cubes
+
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import rigid, transform_points
+from oneframe.volume.bone.cell_table import EDGES, cell_table
+from oneframe.volume.bone.isosurface import Isosurface, RemovedField, block_surface, isosurface
+from oneframe.volume.volume import VoxelGrid
+from scripts.benchmarks.surface_accuracy import scanned
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def index_grid(values: np.ndarray) -> VoxelGrid:
+    """A grid in which index space is the frame of the mesh."""
+    return VoxelGrid(values.shape[::-1], np.eye(4))
+
+
+def is_closed(mesh: TriangleMesh) -> bool:
+    """Whether every edge has exactly two faces, which run along it in opposite directions."""
+    faces, count = mesh.faces.astype(np.int64), len(mesh.vertices)
+    following = np.roll(faces, -1, axis=1)
+    there, back = np.sort((faces * count + following).ravel()), np.sort((following * count + faces).ravel())
+    return bool((np.diff(there) > 0).all() and (there == back).all())
+
+
+def enclosed_mm3(mesh: TriangleMesh) -> float:
+    return float(np.einsum("ij,ij->", mesh.vertices[mesh.faces[:, 0]], mesh.face_cross) / 6)
+
+
+def noise(seed: int, *, largest: int = 9) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=rng.integers(1, largest, 3))
+
+
+def equal(a: Isosurface, b: Isosurface) -> bool:
+    pairs = (a.mesh.vertices, b.mesh.vertices), (a.mesh.faces, b.mesh.faces), (a.drilled, b.drilled)
+    return all(np.array_equal(*pair) for pair in pairs)
+
+
+def sphere(points: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(points - (0.13, -0.21, 0.07), axis=1) - 9
+
+
+def box(points: np.ndarray) -> np.ndarray:
+    beyond = np.abs(points - (0.13, -0.21, 0.07)) - (8.3, 6.2, 7.1)
+    return np.linalg.norm(np.maximum(beyond, 0), axis=1) + np.minimum(beyond.max(axis=1), 0)
+
+
+def torus(points: np.ndarray) -> np.ndarray:
+    x, y, z = (points - (0.13, -0.21, 0.07)).T
+    return np.hypot(np.hypot(x, y) - 7, z) - 2.6
+
+
+def oblique_grid(rng: np.random.Generator, spacing: np.ndarray, size: int) -> VoxelGrid:
+    """A grid around the origin in a random direction, which may be left-handed."""
+    rotation = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    matrix = rigid(translation=np.zeros(3))
+    matrix[:3, :3] = rotation * spacing
+    matrix[:3, 3] = -matrix[:3, :3] @ np.full(3, (size - 1) / 2)
+    return VoxelGrid((size, size, size), matrix)
+
+
+def test_every_case_of_a_cell_crosses_each_edge_that_leaves_the_material_once():
+    table = cell_table()
+    for case in range(256):
+        triangles = table.triangles[table.first[case] :][: table.count[case]]
+        crossed = {e for e, (axis, c) in enumerate(EDGES) if (case >> c ^ case >> (c | 1 << axis)) & 1}
+        assert set(triangles.ravel().tolist()) == crossed
+
+
+@given(SEEDS, st.integers(1, 12))
+def test_surface_of_noise_is_closed_and_the_same_for_every_slab(seed, slab):
+    values = noise(seed)
+    whole = isosurface(values, 0, index_grid(values))
+    assert is_closed(whole.mesh)
+    assert equal(whole, isosurface(values, 0, index_grid(values), slab=slab))
+
+
+@given(SEEDS)
+def test_drilled_surface_of_noise_is_closed_and_bone_keeps_its_vertices(seed):
+    values, rng = noise(seed), np.random.default_rng(seed)
+    solid = rng.random(values.shape) < 0.6 if seed % 2 else None
+    lower = [int(rng.integers(0, n)) for n in values.shape]
+    size = [int(rng.integers(1, n - at + 1)) for n, at in zip(values.shape, lower, strict=True)]
+    removed = RemovedField(np.array(lower[::-1]), rng.normal(size=size).astype(np.float32))
+    intact = isosurface(values, 0, index_grid(values), solid=solid)
+    drilled = isosurface(values, 0, index_grid(values), solid=solid, removed=removed, slab=2)
+    assert is_closed(drilled.mesh)
+    before = set(map(tuple, intact.mesh.vertices.tolist()))
+    assert all(tuple(each) in before for each in drilled.mesh.vertices[~drilled.drilled].tolist())
+    assert not intact.drilled.any()
+
+
+@given(SEEDS, st.integers(1, 5))
+def test_blocks_are_parts_of_the_whole(seed, side):
+    values, rng = noise(seed), np.random.default_rng(seed)
+    removed = RemovedField(np.zeros(3, int), (rng.normal(size=values.shape) + 1).astype(np.float32))
+    whole = isosurface(values, 0, index_grid(values), removed=removed)
+
+    def triangles(surface: Isosurface) -> list:
+        return [tuple(row) for row in surface.mesh.vertices[surface.mesh.faces].reshape(-1, 9).tolist()]
+
+    found = []
+    for first in itertools.product(*(range(-1, n, side) for n in values.shape[::-1])):
+        stop = tuple(min(at + side, n) for at, n in zip(first, values.shape[::-1], strict=True))
+        block = block_surface(values, 0, index_grid(values), first, stop, removed=removed)
+        # every vertex is used
+        assert np.array_equal(np.unique(block.mesh.faces), np.arange(len(block.mesh.vertices)))
+        found += triangles(block)
+    assert sorted(found) == sorted(triangles(whole))
+
+
+@pytest.mark.parametrize("shape", [sphere, box, torus])
+def test_surface_of_a_solid_is_within_a_hundredth_of_a_voxel_on_average(shape):
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        grid = oblique_grid(rng, rng.uniform(0.4, 0.6, 3), 60)
+        mesh = isosurface(scanned(shape, grid), 300, grid).mesh
+        error = np.abs(shape(mesh.vertices)) / grid.spacing_mm.min()
+        assert error.mean() < 0.01
+        assert enclosed_mm3(mesh) > 0
+        assert is_closed(mesh)
+
+
+def test_resampling_and_slices_of_any_thickness_do_not_move_the_surface():
+    for spacing in ((0.5, 0.5, 0.5), (0.25, 0.25, 0.25), (0.5, 0.5, 1.0)):
+        grid = oblique_grid(np.random.default_rng(1), np.array(spacing), 88 if spacing[0] == 0.25 else 50)
+        mesh = isosurface(scanned(sphere, grid), 300, grid).mesh
+        assert np.abs(sphere(mesh.vertices)).mean() < 0.02 * 0.5
+
+
+def test_vertices_agree_with_those_of_scikit_image():
+    grid = oblique_grid(np.random.default_rng(2), np.array([0.5, 0.5, 0.5]), 48)
+    values = scanned(torus, grid)
+    mine = isosurface(values, 300, index_grid(values)).mesh
+    theirs, faces, _, _ = marching_cubes(values.astype(np.float32), 300.5, allow_degenerate=False)
+    assert (len(mine.vertices), len(mine.faces)) == (len(theirs), len(faces))
+    order = [np.lexsort(np.round(v, 3).T) for v in (mine.vertices, theirs[:, ::-1])]
+    np.testing.assert_allclose(mine.vertices[order[0]], theirs[:, ::-1][order[1]], atol=2e-3)
+
+
+def test_fronts_face_the_air_in_all_orders_and_flips_of_the_axes():
+    values = scanned(torus, oblique_grid(np.random.default_rng(3), np.array([1.0, 1.0, 1.0]), 24))
+    for order in itertools.permutations(range(3)):
+        for flips in itertools.product((1, -1), repeat=3):
+            matrix = np.eye(4)
+            matrix[:3, :3] = np.diag(flips)[list(order)]
+            assert enclosed_mm3(isosurface(values, 300, VoxelGrid(values.shape[::-1], matrix)).mesh) > 0
+
+
+def test_turning_the_volume_turns_its_surface():
+    rng = np.random.default_rng(4)
+    values = noise(5)
+    still, turned = oblique_grid(rng, np.ones(3), 4).mesh_from_index, oblique_grid(rng, np.ones(3), 4).mesh_from_index
+    a, b = (isosurface(values, 0, VoxelGrid(values.shape[::-1], matrix)).mesh for matrix in (still, turned))
+    moved = transform_points(turned @ np.linalg.inv(still), a.vertices)
+    np.testing.assert_allclose(moved, b.vertices, atol=1e-12)
+
+
+def test_voxels_at_the_level_and_material_at_the_border_make_no_flat_faces():
+    rng = np.random.default_rng(6)
+    values = rng.integers(-1, 3, (12, 12, 12)).astype(np.int16)
+    for data in (values, values.astype(np.float32)):
+        mesh = isosurface(data, 1, index_grid(data)).mesh
+        assert np.linalg.norm(mesh.face_cross, axis=1).min() > 1e-7
+    full = isosurface(np.full((2, 3, 4), 9), 1, index_grid(np.empty((2, 3, 4)))).mesh
+    np.testing.assert_array_equal(full.bounds, [[-0.5, -0.5, -0.5], [3.5, 2.5, 1.5]])
+
+
+def test_solid_decides_what_counts_and_leaves_the_crossings_where_they_are():
+    grid = oblique_grid(np.random.default_rng(7), np.array([0.5, 0.5, 0.5]), 50)
+    apart = np.array([0.0, 0.0, 0.0, 6.0])
+
+    def two(points: np.ndarray) -> np.ndarray:
+        return np.minimum(sphere(points), np.linalg.norm(points - apart[:3] + (0, 0, 11.5), axis=1) - 1)
+
+    both, one = scanned(two, grid), scanned(sphere, grid)
+    assert (both != one).any()
+    assert equal(isosurface(both, 300, grid, solid=one > 300), isosurface(one, 300, grid))
+
+
+def test_burr_leaves_its_own_ball_whatever_the_grey_values():
+    grid = oblique_grid(np.random.default_rng(8), np.array([0.4, 0.4, 0.4]), 56)
+    textured = scanned(sphere, grid)
+    textured[textured > 900] = np.random.default_rng(9).integers(900, 2500, (textured > 900).sum())
+    centre, radius = np.array([4.0, 2.0, 6.0]), 3.0
+    index = np.stack(np.meshgrid(*[np.arange(56)] * 3, indexing="ij"), axis=-1)[..., ::-1].reshape(-1, 3)
+    points = transform_points(grid.mesh_from_index, index.astype(np.float64))
+    distance = (np.linalg.norm(points - centre, axis=1) - radius).astype(np.float32).reshape(56, 56, 56)
+    surface = isosurface(textured, 300, grid, removed=RemovedField(np.zeros(3, int), distance))
+    made = surface.mesh.vertices[surface.drilled]
+    assert len(made) > 500
+    error = np.abs(np.linalg.norm(made - centre, axis=1) - radius) / 0.4
+    # of linear interpolation of the distance to a ball of 7.5 voxels
+    assert error.max() < 1 / (8 * 7.5) + 0.002
+    assert error.mean() < 0.007
+    assert is_closed(surface.mesh)

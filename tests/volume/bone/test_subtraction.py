@@ -1,0 +1,95 @@
+"""What a label map or a later CT shows as removed, taken out of the bone."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from oneframe.errors import InputError
+from oneframe.transforms import rigid, transform_points
+from oneframe.volume.bone.isosurface import RemovedField, isosurface
+from oneframe.volume.bone.subtraction import FAR_MM, removed_by_labels, removed_by_operation, united
+from oneframe.volume.volume import LabelMap, Volume, VoxelGrid
+
+BURR, RADIUS = np.array([8.0, 2.0, 3.0]), 5.0
+
+
+def grid_of(size: int, spacing: float, seed: int) -> VoxelGrid:
+    """An oblique grid around the origin, 24 mm wide."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0] * spacing
+    matrix[:3, 3] = -matrix[:3, :3] @ np.full(3, (size - 1) / 2)
+    return VoxelGrid((size, size, size), matrix)
+
+
+def distances(grid: VoxelGrid, centre: np.ndarray) -> np.ndarray:
+    """``(Z, Y, X)`` from the voxels to a point, mm."""
+    index = np.stack(np.meshgrid(*map(np.arange, grid.size), indexing="ij"), axis=-1).reshape(-1, 3)
+    points = transform_points(grid.mesh_from_index, index.astype(np.float64))
+    return np.linalg.norm(points - centre, axis=1).reshape(grid.size).transpose(2, 1, 0)
+
+
+def scan(grid: VoxelGrid, *, operated: bool = False, noise_hu: float = 0.0) -> Volume:
+    """A ball of bone of 9 mm, and what is left of it."""
+    depth = 9 - distances(grid, np.zeros(3))
+    if operated:
+        depth = np.minimum(depth, distances(grid, BURR) - RADIUS)
+    values = 300 + np.clip(depth * 1200, -1300, 900)
+    values += np.random.default_rng(0).normal(0, noise_hu, values.shape)
+    return Volume(values.astype(np.int16), grid)
+
+
+def check_cavity(before: Volume, removed: RemovedField, error_mm: float) -> None:
+    """The surface without the removed part is that of ball and burr, and the ball's is as it was."""
+    solid = before.values > 300
+    intact = isosurface(before.values, 300, before.grid, solid=solid).mesh.vertices
+    surface = isosurface(before.values, 300, before.grid, solid=solid, removed=removed)
+    made = surface.mesh.vertices[surface.drilled]
+    assert len(made) > 100
+    assert np.abs(np.linalg.norm(made - BURR, axis=1) - RADIUS).mean() < error_mm
+    kept = surface.mesh.vertices[~surface.drilled]
+    assert set(map(tuple, kept.tolist())) < set(map(tuple, intact.tolist()))
+    assert (np.linalg.norm(kept - BURR, axis=1) > RADIUS - before.grid.spacing_mm[0]).all()
+
+
+@pytest.mark.parametrize(("size", "spacing", "seed"), [(60, 0.4, 1), (90, 0.3, 2), (30, 0.9, 1)])
+def test_labels_on_any_grid_are_removed(size, spacing, seed):
+    before = scan(grid_of(60, 0.4, 1))
+    grid = grid_of(size, spacing, seed)
+    labels = LabelMap((distances(grid, BURR) < RADIUS).astype(np.uint8), grid, {1: "removed"})
+    check_cavity(before, removed_by_labels(labels, before.grid), 0.25 * spacing)
+
+
+def test_bone_that_a_later_scan_lacks_is_removed_and_noise_is_not():
+    before = scan(grid_of(60, 0.4, 1), noise_hu=40)
+    for grid in (before.grid, grid_of(80, 0.35, 3)):
+        after = scan(grid, operated=True, noise_hu=40)
+        check_cavity(before, removed_by_operation(after, before, 300, before.values > 300), 0.1)
+    with pytest.raises(InputError, match="register it"):
+        removed_by_operation(scan(before.grid, noise_hu=40), before, 300, before.values > 300)
+
+
+def test_labels_outside_the_volume_are_refused():
+    grid = grid_of(30, 0.4, 1)
+    labels = LabelMap((distances(grid, BURR / 4) < 2).astype(np.uint8), grid, {1: "removed"})
+    apart = rigid(translation=np.full(3, 99.0))
+    with pytest.raises(InputError, match="all of them outside"):
+        removed_by_labels(labels, VoxelGrid((9, 9, 9), apart))
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_united_field_removes_what_any_removes(seed):
+    rng = np.random.default_rng(seed)
+    fields = [
+        RemovedField(rng.integers(0, 6, 3), rng.normal(size=rng.integers(1, 6, 3)).astype(np.float32)) for _ in range(3)
+    ]
+
+    def whole(field: RemovedField) -> np.ndarray:
+        values = np.full((12, 12, 12), FAR_MM, np.float32)
+        values[tuple(slice(a, a + n) for a, n in zip(field.first[::-1], field.distance_mm.shape, strict=True))] = (
+            field.distance_mm
+        )
+        return values
+
+    assert np.array_equal(whole(united(fields)), np.min([whole(field) for field in fields], axis=0))
+    assert united([]) is None

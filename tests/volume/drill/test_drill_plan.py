@@ -1,0 +1,130 @@
+"""Plans of a virtual drill: what is written is read back, and what cannot be drilled is refused in words."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from oneframe.errors import InputError
+from oneframe.volume.drill.drill_plan import (
+    LARGEST_MARGIN_MM,
+    LARGEST_RADIUS_MM,
+    MOST_MM,
+    MOST_POINTS,
+    DrillPlan,
+    Stroke,
+    check_strokes,
+    plan_text,
+    read_drill_plan,
+    write_drill_plan,
+)
+from oneframe.volume.volume import VoxelGrid
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "docs" / "examples"
+COORDINATES = st.floats(-MOST_MM, MOST_MM, allow_subnormal=False)
+STROKES = st.builds(
+    lambda radius, points: Stroke(radius, np.array(points)),
+    st.floats(0, LARGEST_RADIUS_MM, exclude_min=True),
+    st.lists(st.tuples(COORDINATES, COORDINATES, COORDINATES), min_size=1, max_size=5),
+)
+NAMES = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
+
+
+@settings(max_examples=40)
+@given(st.lists(STROKES, min_size=1, max_size=4), st.dictionaries(NAMES, st.floats(0, LARGEST_MARGIN_MM), max_size=4))
+def test_plan_is_read_back_to_the_last_bit(tmp_path_factory, strokes, margins):
+    path = tmp_path_factory.mktemp("plan") / "drill.toml"
+    write_drill_plan(path, DrillPlan(tuple(strokes), margins), {})
+    read = read_drill_plan(path)
+    assert list(read.margins_mm.items()) == list(margins.items())
+    assert [stroke.radius_mm for stroke in read.strokes] == [stroke.radius_mm for stroke in strokes]
+    assert all(
+        np.array_equal(a.points, b.points) and np.array_equal(np.signbit(a.points), np.signbit(b.points))
+        for a, b in zip(read.strokes, strokes, strict=True)
+    )
+    # the plan that was read is written over the first
+    before = path.read_bytes()
+    write_drill_plan(path, read, {})
+    assert path.read_bytes() == before
+
+
+STROKE = "[[strokes]]\nradius_mm = 2\npoints_mm = [[1, 2, 3]]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[margins_mm]\nnerve = 1\n", "expected a key 'strokes', it is missing"),
+        ("strokes = []\n", r"expected tables \[\[strokes\]\], found \[\]"),
+        ("strokes = [3]\n", "stroke 1: expected a table, found 3"),
+        (STROKE + "width = 3\n", "stroke 1: unknown key 'width'"),
+        (STROKE + "[margin_mm]\n", "unknown key 'margin_mm'; did you mean 'margins_mm'"),
+        (STROKE + "[margins_mm]\nnerve = -1\n", "'nerve': expected a length from 0 to 20 mm, found -1"),
+        (STROKE + "[margins_mm]\nnerve = nan\n", "found nan"),
+        (STROKE.replace("2\n", "0\n"), "stroke 1: radius_mm: expected a length above 0 to 50 mm, found 0"),
+        (STROKE.replace("2\n", "-2.5\n"), "found -2.5"),
+        (STROKE.replace("2\n", "inf\n"), "found inf"),
+        (STROKE.replace("2\n", "true\n"), "found True"),
+        (STROKE.replace("[[1, 2, 3]]", "[]"), r"points_mm: expected a list of points \[x, y, z\] in mm, found \[\]"),
+        (STROKE.replace("[[1, 2, 3]]", "[1, 2, 3]"), r"expected points \[x, y, z\] in mm, found 1"),
+        (STROKE.replace("[[1, 2, 3]]", "[[1, 2]]"), r"expected points \[x, y, z\] in mm, found \[1, 2\]"),
+        (STROKE.replace("[[1, 2, 3]]", "[[1, 2, nan]]"), "expected points"),
+        (STROKE.replace("[[1, 2, 3]]", f"[{'[1, 2, 3],' * (MOST_POINTS + 1)}]"), "expected up to 10,000 points"),
+        ("[[strokes]\n", "expected TOML, found a mistake"),
+    ],
+)
+def test_mistakes_are_named(tmp_path, text, message):
+    (tmp_path / "drill.toml").write_text(text)
+    with pytest.raises(InputError, match=rf"^drill.toml: .*{message}"):
+        read_drill_plan(tmp_path / "drill.toml")
+
+
+def test_only_what_can_be_read_is_written(tmp_path):
+    path, plan = tmp_path / "drill.toml", DrillPlan((Stroke(1.0, np.zeros((1, 3))),))
+    with pytest.raises(InputError, match="expected points"):
+        write_drill_plan(path, DrillPlan((Stroke(1.0, np.full((1, 3), np.nan)),)), {})
+    assert not path.exists()
+    write_drill_plan(path, plan, {})
+    with pytest.raises(InputError, match="an input"):
+        write_drill_plan(path, plan, {"drill plan": path})
+
+
+def test_longest_plan_is_short_enough_to_be_read(tmp_path):
+    points = np.random.default_rng(0).uniform(-MOST_MM, -MOST_MM / 10, (MOST_POINTS, 3))
+    write_drill_plan(tmp_path / "drill.toml", DrillPlan((Stroke(1.0, points),)), {})
+    np.testing.assert_array_equal(read_drill_plan(tmp_path / "drill.toml").strokes[0].points, points)
+
+
+def test_strokes_outside_the_volume_are_refused_and_those_partly_outside_counted():
+    turned = np.eye(4)
+    turned[:3, :3] = np.array([[1, -1, 0], [1, 1, 0], [0, 0, np.sqrt(2)]]) / np.sqrt(2) * 0.5
+    grid = VoxelGrid((40, 40, 40), turned)
+    inside, leaving = Stroke(1.0, np.array([[0.0, 14.0, 10.0]])), Stroke(1.0, np.array([[0, 14, 10], [0, 14, 30.0]]))
+    # in the box around the turned volume, but not in the volume; and on both sides of it
+    corner, around = (
+        Stroke(1.0, np.array([[13.0, 2.0, 10.0]])),
+        Stroke(1.0, np.array([[0, 14, 25.0], [0, 50, 25], [0, 50, 10]])),
+    )
+    assert check_strokes(DrillPlan((inside, inside)), grid, "plan") == []
+    assert check_strokes(DrillPlan((inside, leaving, leaving)), grid, "plan") == [
+        "plan: 2 of 3 strokes begin, bend or end outside the volume (the first: stroke 2)"
+    ]
+    for stroke in (corner, around):
+        box = r"\[-13.8, 0.0, 0.0\] to \[13.8, 27.6, 19.5\], found a stroke in "
+        with pytest.raises(InputError, match=rf"^plan: stroke 2: expected points in the volume, .*{box}"):
+            check_strokes(DrillPlan((inside, stroke)), grid, "plan")
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("drill_*.toml")), ids=lambda path: path.stem)
+def test_examples_are_plans(path):
+    plan = read_drill_plan(path)
+    assert len(plan.strokes) > 5
+    assert plan_text(plan)
+    # that of the head has no labels
+    assert path.stem == "drill_head" or plan.margins_mm["facial_nerve"] >= 1
+
+
+def test_there_are_examples():
+    assert len(list(EXAMPLES.glob("drill_*.toml"))) == 3

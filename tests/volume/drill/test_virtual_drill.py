@@ -1,0 +1,162 @@
+"""The virtual drill: exact, free of any order, and never nearer to a structure than its margin."""
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from oneframe.errors import InputError
+from oneframe.surface.deviation import deviation
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import transform_points
+from oneframe.volume.bone.isosurface import RemovedField, isosurface
+from oneframe.volume.drill.drill_guard import DrillGuard
+from oneframe.volume.drill.drill_plan import DrillPlan, Stroke
+from oneframe.volume.drill.virtual_drill import FAR_MM, DrilledVolume, VoxelBox, drilled, removed_by_plan
+from oneframe.volume.volume import VoxelGrid
+
+SEEDS = st.integers(0, 2**32 - 1)
+SIZE = 44
+
+
+def oblique_grid(rng: np.random.Generator, spacing: np.ndarray) -> VoxelGrid:
+    """A grid around the origin in a random direction, which may be left-handed."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0] * spacing
+    matrix[:3, 3] = -matrix[:3, :3] @ np.full(3, (SIZE - 1) / 2)
+    return VoxelGrid((SIZE, SIZE, SIZE), matrix)
+
+
+def strokes_in(rng: np.random.Generator, count: int) -> list[Stroke]:
+    return [Stroke(float(rng.uniform(0.5, 2)), rng.uniform(-9, 9, (int(rng.integers(1, 4)), 3))) for _ in range(count)]
+
+
+def ball(radius: float, centre: np.ndarray) -> TriangleMesh:
+    sphere = trimesh.creation.icosphere(3, radius)
+    return TriangleMesh(np.asarray(sphere.vertices) + centre, np.asarray(sphere.faces, np.int32))
+
+
+def whole(field: RemovedField | None, grid: VoxelGrid) -> np.ndarray:
+    """The field on the whole grid."""
+    found = np.full(grid.size[::-1], FAR_MM)
+    if field is not None:
+        part = tuple(slice(a, a + n) for a, n in zip(field.first[::-1], field.distance_mm.shape, strict=True))
+        found[part] = field.distance_mm
+    return found
+
+
+@settings(max_examples=25)
+@given(SEEDS)
+def test_field_is_the_same_whatever_the_order_drawn_at_once_or_by_points_repeated_or_undone(seed):
+    rng = np.random.default_rng(seed)
+    grid = oblique_grid(rng, rng.uniform(0.3, 0.6, 3))
+    structures = {"nerve": ball(1.5, rng.uniform(-5, 5, 3)), "sinus": ball(3, rng.uniform(-5, 5, 3))}
+    margins = {"nerve": 0.0, "sinus": 1.0}
+    strokes = strokes_in(rng, 4)
+    plan = DrillPlan(tuple(strokes), margins)
+    expected = whole(removed_by_plan(plan, grid, structures), grid)
+    assert (expected <= 0).any() or all((np.abs(s.points) > 4).any() for s in strokes)
+
+    other = DrilledVolume(grid, DrillGuard(grid, structures, margins))
+    for number in [*rng.permutation(4).tolist(), int(rng.integers(4))]:
+        other.add(Stroke(strokes[number].radius_mm, strokes[number].points[:1]))
+        for point in strokes[number].points[1:]:
+            other.extend(point)
+        assert np.array_equal(other.strokes[-1].points, strokes[number].points)
+        before = whole(other.removed, grid).copy()
+        changed = [other.add(stroke) for stroke in strokes_in(rng, 2)]
+        after = whole(other.removed, grid)
+        np.testing.assert_array_equal(_outside(changed, before), _outside(changed, after))
+        other.undo()
+        other.undo()
+        np.testing.assert_array_equal(whole(other.removed, grid), before)
+    np.testing.assert_array_equal(whole(other.removed, grid), expected)
+
+
+def _outside(boxes: list[VoxelBox], field: np.ndarray) -> np.ndarray:
+    """A copy of the field without what the boxes hold."""
+    field = field.copy()
+    for box in boxes:
+        field[tuple(slice(a, b) for a, b in zip(box.first[::-1], box.stop[::-1], strict=True))] = 0
+    return field
+
+
+def capsule(points: np.ndarray, stroke: Stroke) -> np.ndarray:
+    """``(N,)`` signed distances from the first segment of a stroke, by an independent formula."""
+    a, b = stroke.points
+    along = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+    return np.linalg.norm(points - (a + along[:, None] * (b - a)), axis=1) - stroke.radius_mm
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_burr_leaves_its_own_capsule_and_the_rest_of_the_bone_to_the_last_bit(seed):
+    rng = np.random.default_rng(seed)
+    grid = oblique_grid(rng, np.array([0.4, 0.4, 0.4 * (1 + seed / 2)]))
+    index = np.stack(np.meshgrid(*[np.arange(SIZE)] * 3, indexing="ij"), axis=-1)[..., ::-1].reshape(-1, 3)
+    depth = 7 - np.linalg.norm(transform_points(grid.mesh_from_index, index.astype(np.float64)), axis=1)
+    values = np.clip(300 + depth * 1500 + rng.normal(0, 40, depth.shape), -1000, 2000).astype(np.int16)
+    values = values.reshape(SIZE, SIZE, SIZE)
+    stroke = Stroke(2.5, np.array([[2.0, -1.0, 3.0], [6.0, 1.0, 5.5]]))
+    drill = drilled(DrillPlan((stroke,)), grid)
+    intact = isosurface(values, 300, grid)
+    surface = isosurface(values, 300, grid, removed=drill.removed)
+    made = surface.mesh.vertices[surface.drilled]
+    assert len(made) > 500
+    error = np.abs(capsule(made, stroke)) / grid.spacing_mm.min()
+    # of linear interpolation of the distance to a burr of this radius
+    bound = (grid.spacing_mm**2).max() / (8 * stroke.radius_mm) / grid.spacing_mm.min()
+    assert error.mean() < bound / 2
+    assert error.max() < bound + 0.005
+    before = set(map(tuple, intact.mesh.vertices.tolist()))
+    assert all(tuple(vertex) in before for vertex in surface.mesh.vertices[~surface.drilled].tolist())
+    drill.undo()
+    again = isosurface(values, 300, grid, removed=drill.removed)
+    np.testing.assert_array_equal(again.mesh.vertices, intact.mesh.vertices)
+
+
+@settings(max_examples=15)
+@given(SEEDS)
+def test_no_margin_is_ever_violated_and_no_more_stays_than_it_asks_for(seed):
+    rng = np.random.default_rng(seed)
+    grid = oblique_grid(rng, rng.uniform(0.35, 0.45, 3))
+    centre, radius, margin = rng.uniform(-2, 2, 3), rng.uniform(0.45, 2), rng.uniform(0, 1.5)
+    nerve = ball(radius, centre)
+    through = Stroke(2.5, np.array([[-5, 0, 0], [5, 1, 0]]) + centre)
+    removed = removed_by_plan(DrillPlan((through, *strokes_in(rng, 4)), {"nerve": margin}), grid, {"nerve": nerve})
+    surface = isosurface(np.ones(grid.size[::-1]), 0, grid, removed=removed)
+    made = surface.mesh.vertices[surface.drilled]
+    voxel = grid.spacing_mm.min()
+    distance = deviation(made, nerve)
+    # of linear interpolation of the distance to something so round, whose second derivative is 1 / radius
+    bound, step = 0.0, grid.spacing_mm.max()
+    for _ in range(3):
+        bound = step**2 / (8 * (radius + margin - bound))
+    bound = max(0.1 * voxel, bound)
+    assert distance.min() > margin - bound
+    assert np.linalg.norm(made - centre, axis=1).min() > radius + margin - bound
+    if radius + margin < 2.4:
+        # the burr passes all around: what stays is the structure with its margin
+        near = distance < margin + 0.5 * voxel
+        assert near.sum() > 10
+        assert np.abs(distance[near] - margin).mean() < 0.1 * voxel
+
+
+def test_structure_without_a_margin_is_not_spared_and_a_margin_without_a_structure_refused():
+    grid = VoxelGrid((20, 20, 20), np.eye(4))
+    plan = DrillPlan((Stroke(4.0, np.full((1, 3), 10.0)),))
+    free, beside = (removed_by_plan(plan, grid, each) for each in ({}, {"nerve": ball(2, np.full(3, 10.0))}))
+    np.testing.assert_array_equal(whole(free, grid), whole(beside, grid))
+    with pytest.raises(InputError, match=r"expected structures of the label map \(nerve\), found sinus"):
+        removed_by_plan(DrillPlan(plan.strokes, {"sinus": 1.0}), grid, {"nerve": ball(2, np.full(3, 10.0))})
+    assert removed_by_plan(DrillPlan(()), grid, {}) is None
+
+
+def test_strokes_beside_the_volume_change_nothing():
+    grid = VoxelGrid((20, 20, 20), np.eye(4))
+    volume = DrilledVolume(grid)
+    assert volume.add(Stroke(2.0, np.full((1, 3), 100.0))).is_empty
+    assert volume.extend(np.full(3, 90.0)).is_empty
+    assert not volume.extend(np.full(3, 10.0)).is_empty
+    assert not volume.undo().is_empty
+    assert volume.removed is None

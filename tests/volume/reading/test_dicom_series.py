@@ -1,0 +1,220 @@
+"""DICOM: slices come together by their positions whatever the files are called, and a stack with faults is refused."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from oneframe.errors import InputError
+from oneframe.transforms import rotation_from_vector, transform_points
+from oneframe.volume.reading.slice_geometry import SlicePlace, stack_of
+from oneframe.volume.reading.volume_reader import list_series, read_volume
+
+pytest.importorskip("SimpleITK")
+
+
+@settings(max_examples=12)
+@given(vector=st.tuples(*[st.floats(-3, 3)] * 3), seed=st.integers(0, 99), step=st.floats(0.3, 3))
+def test_a_voxel_is_read_where_it_was_written(write_series, tmp_path_factory, vector, seed, step):
+    folder = tmp_path_factory.mktemp("series")
+    turn, spacing = rotation_from_vector(np.array(vector)), (0.4, 0.3, step)
+    values = write_series(folder, rotation=turn, spacing=spacing, seed=seed)
+    volume = read_volume(folder)
+    np.testing.assert_array_equal(volume.values, values)
+    # columns, rows and slices of the last voxel
+    last = np.array([6, 5, 7])
+    expected = np.array([-10, 20.5, 300]) + turn @ (last * spacing)
+    np.testing.assert_allclose(transform_points(volume.grid.mesh_from_index, last[None] * 1.0)[0], expected, atol=1e-5)
+    assert not volume.grid.is_left_handed
+
+
+def test_names_of_files_and_folders_and_second_copies_do_not_matter(write_series, tmp_path):
+    values = write_series(tmp_path / "a" / "b")
+    for index, path in enumerate(sorted((tmp_path / "a" / "b").iterdir())):
+        if index % 2:
+            (tmp_path / "copy").mkdir(exist_ok=True)
+            (tmp_path / "copy" / f"{99 - index}.dcm").write_bytes(path.read_bytes())
+    (tmp_path / "DICOMDIR.txt").write_text("not DICOM")
+    np.testing.assert_array_equal(read_volume(tmp_path).values, values)
+
+
+def test_compressed_slices_are_read(write_series, tmp_path):
+    """RLE; GDCM does not read it where a picture is so small that it grows by it."""
+    values = write_series(tmp_path, size=(16, 20), compress="1.2.840.10008.1.2.5")
+    np.testing.assert_array_equal(read_volume(tmp_path).values, values)
+
+
+def test_a_crop_keeps_every_voxel_in_its_place(write_series, tmp_path):
+    write_series(tmp_path)
+    whole = read_volume(tmp_path)
+    lower, upper = whole.grid.mesh_from_index[:3, 3] + [0.5, 0.4, 1.0], whole.grid.mesh_from_index[:3, 3] + [1.5, 1, 4]
+    expected, part = whole.cropped(lower, upper), read_volume(tmp_path, crop_mm=np.stack([upper, lower]))
+    np.testing.assert_array_equal(part.values, expected.values)
+    np.testing.assert_allclose(part.grid.mesh_from_index, expected.grid.mesh_from_index, atol=1e-9)
+
+
+def test_several_series_are_listed_and_chosen_by_number(write_series, tmp_path):
+    thin = write_series(tmp_path, number=5, seed=1)
+    thick = write_series(tmp_path, 4, number=2, seed=2, spacing=(0.4, 0.3, 2.5))
+    write_series(tmp_path, 1, number=1, seed=3)
+    listed = list_series(tmp_path)
+    assert [(one.number, one.slices, one.size) for one in listed] == [(1, 1, (7, 6)), (2, 4, (7, 6)), (3, 8, (7, 6))]
+    np.testing.assert_allclose(listed[1].spacing_mm, (0.4, 0.3, 2.5))
+    with pytest.raises(
+        InputError, match=r"found 3; .*2: CT, 4 slices, 7 x 6 x 4 voxels, 0.4 x 0.3 x 2.5 mm.*--series N"
+    ):
+        read_volume(tmp_path)
+    np.testing.assert_array_equal(read_volume(tmp_path, series=2).values, thick)
+    np.testing.assert_array_equal(read_volume(tmp_path, series=3).values, thin)
+    with pytest.raises(InputError, match="expected a series from 1 to 3, found 4"):
+        read_volume(tmp_path, series=4)
+
+
+def test_a_scout_beside_the_only_volume_is_passed_over(write_series, tmp_path):
+    write_series(tmp_path, 1, number=1, seed=3, size=(20, 30))
+    values = write_series(tmp_path, number=2)
+    np.testing.assert_array_equal(read_volume(tmp_path).values, values)
+
+
+BAD = {
+    "a missing slice": ({"missing": [4]}, r"slices every 0.9 mm, 1 is missing \(after slice 4 of 7"),
+    "missing slices": ({"missing": [2, 3, 6]}, r"3 are missing \(after slice 2, 4 of 5"),
+    "varying steps": ({"places": [0, 1, 2, 3, 4.3, 5.6, 6.9, 8.2]}, "steps of 0.9 to 1.17 mm; resample"),
+    "a tilted gantry": ({"shear_mm": 0.9 * np.tan(np.deg2rad(12))}, r"gantry tilted by 12.00°.*resample"),
+    "two slices at a place": ({"places": [0, 1, 2, 3, 0, 1, 2, 3]}, "found 4 places with several"),
+    "too few": ({"slices": 2}, "at least 3 slices, found 2"),
+    "MR": ({"Modality": "MR"}, "expected a CT, found series 1: MR, 8 slices"),
+    "no position": ({"ImagePositionPatient": None}, "slices without, so left and right are unknown"),
+    "no orientation": ({"ImageOrientationPatient": None}, "slices without, so left and right are unknown"),
+    "no spacing": ({"PixelSpacing": None}, "slices without"),
+    "no offset": ({"RescaleIntercept": 0}, "no negative ones"),
+    "colours inverted": ({"PhotometricInterpretation": "MONOCHROME1"}, "expected grey slices"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_stacks_with_faults_are_refused_in_a_sentence(write_series, tmp_path, name):
+    options, expected = BAD[name]
+    write_series(tmp_path, **options)
+    with pytest.raises(InputError, match=expected):
+        read_volume(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({"size": (9, 6)}, "slices of one size, found 7 x 6 and 9 x 6"),
+        ({"spacing": (0.5, 0.3, 0.9)}, "one pixel spacing, found 0.3 to 0.5 mm"),
+        ({"rotation": rotation_from_vector(np.array([0.0, np.pi / 2, 0]))}, "found some turned by"),
+    ],
+)
+def test_slices_of_two_kinds_in_one_series_are_refused(write_series, tmp_path, options, expected):
+    write_series(tmp_path, SeriesInstanceUID="1.2.3")
+    write_series(tmp_path, number=4, origin=(-10, 20.5, 400), SeriesInstanceUID="1.2.3", **options)
+    with pytest.raises(InputError, match=expected):
+        read_volume(tmp_path)
+
+
+def changed(folder, change) -> None:
+    """Write every file again after ``change(dataset)``."""
+    import pydicom
+
+    for path in folder.iterdir():
+        dataset = pydicom.dcmread(path)
+        change(dataset)
+        dataset.save_as(path)
+
+
+def test_each_slice_has_its_own_rescale(write_series, tmp_path):
+    """As some scanners choose it to use all bits."""
+    values = write_series(tmp_path)
+
+    def rescale(dataset) -> None:
+        if dataset.InstanceNumber % 2:
+            dataset.RescaleSlope, dataset.RescaleIntercept = 0.5, -100
+
+    changed(tmp_path, rescale)
+    odd = np.random.default_rng(0)
+    odd.integers(0, 3000, values.shape, dtype=np.uint16)
+    odd = odd.permutation(len(values)) % 2 == 1
+    values[odd] = np.rint((values[odd] + 1024) * 0.5 - 100)
+    np.testing.assert_array_equal(read_volume(tmp_path).values, values)
+
+
+@pytest.mark.parametrize(
+    "lost",
+    [
+        {"RescaleSlope": None, "RescaleIntercept": None},
+        {"RescaleIntercept": None},
+        {"RescaleIntercept": ""},
+        {"RescaleSlope": 0},
+    ],
+)
+def test_slices_without_a_rescale_among_others_are_refused(write_series, tmp_path, lost):
+    """GDCM takes what such a slice stores for HU."""
+    write_series(tmp_path, SeriesInstanceUID="1.2.3")
+    write_series(tmp_path, 1, number=4, origin=(-10, 20.5, 307.2), SeriesInstanceUID="1.2.3", **lost)
+    with pytest.raises(InputError, match=r"Slope and Intercept in all slices .* 1 of 9 .*\(the first: slice 9, "):
+        read_volume(tmp_path)
+
+
+def test_transfer_syntaxes_that_cannot_be_read_are_named(write_series, tmp_path):
+    from pydicom.encaps import encapsulate
+    from pydicom.uid import UID
+
+    def compress(dataset) -> None:
+        dataset.file_meta.TransferSyntaxUID = UID("1.2.840.10008.1.2.4.201")
+        dataset.PixelData = encapsulate([b"\xff\x4f\xff\x51" + bytes(100)])
+        dataset["PixelData"].VR, dataset["PixelData"].is_undefined_length = "OB", True
+
+    write_series(tmp_path)
+    changed(tmp_path, compress)
+    with pytest.raises(InputError, match=r"transfer syntax 1\.2\.840\.10008\.1\.2\.4\.201; decompress it"):
+        read_volume(tmp_path)
+
+
+def test_enhanced_damaged_and_single_files_are_refused(write_series, tmp_path):
+    write_series(tmp_path / "cut")
+    for path in (tmp_path / "cut").iterdir():
+        path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(InputError, match=r"file 1 of 8 in the order of their names: .* damaged or cut off"):
+        read_volume(tmp_path / "cut")
+    write_series(tmp_path / "ct")
+    with pytest.raises(InputError, match="expected a folder of DICOM files, found one of them"):
+        read_volume(next((tmp_path / "ct").iterdir()))
+    changed(tmp_path / "ct", lambda d: setattr(d.file_meta, "MediaStorageSOPClassUID", "1.2.840.10008.5.1.4.1.1.2.1"))
+    with pytest.raises(InputError, match=r"enhanced \(multi-frame\) CT; convert it to NIfTI"):
+        read_volume(tmp_path / "ct")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="found no image in this folder"):
+        read_volume(tmp_path / "empty")
+    with pytest.raises(InputError, match="does not exist"):
+        read_volume(tmp_path / "nowhere.nii")
+    with pytest.raises(InputError, match="found a file"):
+        list_series(next((tmp_path / "ct").iterdir()))
+
+
+@settings(max_examples=50)
+@given(
+    order=st.permutations(range(6)),
+    vector=st.tuples(*[st.floats(-3, 3)] * 3),
+    tilt_deg=st.floats(1, 30),
+    seed=st.integers(0, 99),
+)
+def test_a_stack_does_not_depend_on_order_and_its_tilt_is_measured(order, vector, tilt_deg, seed):
+    """Positions as headers round them, to 0.01 mm."""
+    turn = rotation_from_vector(np.array(vector))
+
+    def places(shear: float) -> list[SlicePlace]:
+        noise = np.random.default_rng(seed).uniform(-0.005, 0.005, (6, 3))
+        positions = np.arange(6)[:, None] * (turn[:, 2] + shear * turn[:, 1]) * 0.625 + noise + [5, -100, 900]
+        return [SlicePlace((9, 8), np.array([0.3, 0.3]), turn[:, :2].T, position) for position in positions]
+
+    stack = places(0)
+    grid, sorting = stack_of([stack[index] for index in order], "series")
+    assert [order[index] for index in sorting] == list(range(6))
+    np.testing.assert_allclose(grid.mesh_from_index[:3, 2], turn[:, 2] * 0.625, atol=0.005)
+    with pytest.raises(InputError, match="gantry tilted by") as caught:
+        stack_of(places(np.tan(np.deg2rad(tilt_deg))), "series")
+    measured = float(str(caught.value).split("tilted by ")[1].split("°")[0])
+    assert abs(measured - tilt_deg) < 0.4

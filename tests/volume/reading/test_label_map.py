@@ -1,0 +1,172 @@
+"""Label maps: names as others write them, and labels on the grid of the volume."""
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from oneframe.errors import InputError
+from oneframe.transforms import rigid, rotation_from_vector, transform_points
+from oneframe.volume.reading.label_map import on_grid, read_labels
+from oneframe.volume.volume import Volume, VoxelGrid
+
+sitk = pytest.importorskip("SimpleITK")
+
+LABELS = np.zeros((5, 6, 7), np.uint8)
+LABELS[1:4, 1:3, 2:5], LABELS[2:4, 4:5, 1:6] = 3, 12
+
+
+def write(path, values=LABELS, spacing=(0.5, 0.5, 0.5), origin=(1.0, 2, 3), **keys):
+    image = sitk.GetImageFromArray(values)
+    image.SetSpacing([float(each) for each in spacing])
+    image.SetOrigin([float(each) for each in origin])
+    for key, value in keys.items():
+        image.SetMetaData(key, value)
+    sitk.WriteImage(image, str(path))
+    return path
+
+
+def like(size=(7, 6, 5), spacing=0.5, origin=(1.0, 2, 3)) -> Volume:
+    matrix = np.diag([spacing, spacing, spacing, 1.0])
+    matrix[:3, 3] = origin
+    return Volume(np.zeros(size[::-1], np.int16), VoxelGrid(size, matrix))
+
+
+def test_names_of_slicer(tmp_path):
+    """Only the anatomy in them, as a header may name the patient; a name of the user's own stands beside the map."""
+    keys = {"Segment0_Name": "DOE JOHN Facial Nerve (L)", "Segment0_LabelValue": "3", "Segment1_Name": "DOE JOHN"}
+    path = write(tmp_path / "a.seg.nrrd", **keys, Segment1_LabelValue="12", Segment1_Layer="0")
+    labels = read_labels(path, like())
+    assert labels.names == {3: "facial_nerve_left", 12: "label 12"}
+    np.testing.assert_array_equal(labels.values, LABELS)
+    (tmp_path / "labels.json").write_text(json.dumps({"labels": {"3": "other", "12": "tegmen"}}))
+    assert read_labels(path).names == {3: "facial_nerve_left", 12: "tegmen"}
+    path = write(tmp_path / "b.seg.nrrd", **{**keys, "Segment0_Name": "Temporal Bone"})
+    assert read_labels(path).names[3] == "Temporal Bone"
+
+
+SNAP = '# ITK-SnAP\n    0   0   0   0   0  0  0   "Clear Label"\n    3   255   0  0   1  1  1   "chorda"\n'
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "expected"),
+    [
+        ("dataset.json", {"labels": {"background": 0, "facial nerve": 3, "all": [3, 12]}}, "facial nerve"),
+        ("dataset.json", {"labels": {"0": "background", "3": "facial nerve"}}, "facial nerve"),
+        ("../dataset.json", {"labels": {"facial nerve": 3}}, "facial nerve"),
+        ("labels.json", {"labels": {"3": {"name": "facial_nerve", "confidence": "high"}}}, "facial_nerve"),
+        ("case_1.json", {"labels": {"3": {"name": "stapes"}}}, "stapes"),
+        ("case_1.txt", SNAP, "chorda"),
+        ("case_1.label", SNAP, "chorda"),
+        ("other.json", {"labels": {"3": "no"}}, "label 3"),
+        ("dataset.json", {"name": "without labels"}, "label 3"),
+    ],
+)
+def test_names_beside_the_map(tmp_path, name, content, expected):
+    (tmp_path / "labelsTr").mkdir()
+    text = content if isinstance(content, str) else json.dumps(content)
+    (tmp_path / "labelsTr" / name).write_text(text)
+    assert read_labels(write(tmp_path / "labelsTr" / "case_1.nii.gz")).names == {3: expected, 12: "label 12"}
+
+
+def test_equal_names_stay_apart(tmp_path):
+    (tmp_path / "labels.json").write_text(json.dumps({"labels": {"3": "nerve", "12": "nerve"}}))
+    assert read_labels(write(tmp_path / "a.mha")).names == {3: "nerve", 12: "nerve 12"}
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.uint16, np.float32])
+def test_labels_of_any_type_of_number(tmp_path, dtype):
+    labels = read_labels(write(tmp_path / "a.nrrd", LABELS.astype(dtype)))
+    assert labels.values.dtype == np.uint8
+    np.testing.assert_array_equal(labels.values, LABELS)
+    large = read_labels(write(tmp_path / "b.nrrd", LABELS.astype(np.uint16) * 1000))
+    assert set(large.names) == {3000, 12000}
+
+
+def in_space(values: np.ndarray, grid: VoxelGrid) -> set[tuple]:
+    """Labels and where they lie, mm."""
+    where = np.argwhere(values)[:, ::-1].astype(float)
+    points = np.round(transform_points(grid.mesh_from_index, where), 6) + 0.0
+    return {(*point, int(label)) for point, label in zip(points.tolist(), values[values > 0], strict=True)}
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
+@pytest.mark.parametrize("flips", list(itertools.product([False, True], repeat=3)))
+def test_a_turned_copy_of_the_grid_gives_the_same_labels(order, flips):
+    """All 48 ways to store the same voxels."""
+    target = like((9, 8, 7), origin=(0.5, 1.5, 2.5)).grid
+    own = like().grid
+    matrix = np.eye(4)
+    for column, axis in enumerate(order):
+        matrix[:3, column] = own.mesh_from_index[:3, axis] * (-1 if flips[column] else 1)
+        matrix[:3, 3] += own.mesh_from_index[:3, axis] * (own.size[axis] - 1 if flips[column] else 0)
+    matrix[:3, 3] += own.mesh_from_index[:3, 3]
+    turned = LABELS.transpose([2 - order[2 - axis] for axis in range(3)])
+    for column in range(3):
+        turned = np.flip(turned, 2 - column) if flips[column] else turned
+    grid = VoxelGrid(turned.shape[::-1], matrix)
+    assert in_space(turned, grid) == in_space(LABELS, own)
+    moved = on_grid(turned, grid, target, "labels")
+    assert in_space(moved, target) == in_space(LABELS, own)
+
+
+@settings(max_examples=25)
+@given(vector=st.tuples(*[st.floats(-3, 3)] * 3), shift=st.tuples(*[st.floats(-1, 1)] * 3))
+def test_every_voxel_gets_the_label_of_the_nearest(vector, shift):
+    own = like().grid
+    target = VoxelGrid(
+        (6, 7, 8),
+        rigid(rotation_from_vector(np.array(vector)), np.array([2, 3, 4.0]) + shift) @ np.diag([0.3] * 3 + [1]),
+    )
+    try:
+        moved = on_grid(LABELS, own, target, "labels")
+    except InputError:
+        moved = np.zeros(target.size[::-1], np.uint8)
+    for index in np.ndindex(*target.size):
+        place = transform_points(own.index_from_mesh @ target.mesh_from_index, np.array([index], float))[0]
+        nearest = np.rint(place).astype(int)
+        if np.abs(place - nearest).max() < 0.499:
+            inside = ((nearest >= 0) & (nearest < own.size)).all()
+            assert moved[index[::-1]] == (LABELS[tuple(nearest[::-1])] if inside else 0)
+
+
+def test_a_map_on_a_finer_grid_is_resampled_and_names_follow(tmp_path):
+    path = write(
+        tmp_path / "a.nii.gz", LABELS.repeat(2, 0).repeat(2, 1).repeat(2, 2), (0.25,) * 3, (0.875, 1.875, 2.875)
+    )
+    np.testing.assert_array_equal(read_labels(path, like()).values, LABELS)
+    assert read_labels(path, like(), resampled=False).grid.size == (14, 12, 10)
+    cropped = read_labels(path, like((7, 2, 5)))
+    assert cropped.names == {3: "label 3"}
+
+
+BAD = {
+    "elsewhere": (LABELS, {"origin": (100, 2, 3)}, "all of them outside: they cover"),
+    "lost header": (LABELS, {"spacing": (1, 1, 1), "origin": (0, 0, 0)}, "the header was lost"),
+    "a CT": (LABELS.astype(np.int16) - 1000, {}, "looks like a CT; give it as the volume"),
+    "an image": (np.arange(400, dtype=np.uint16).reshape(8, 5, 10), {}, "400 different values .*an image, not labels"),
+    "probabilities": (LABELS.astype(np.float32) / 20, {}, "looks like probabilities"),
+    "nothing": (LABELS * 0, {}, "found 0 everywhere"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_no_label_map_of_the_volume_is_refused(tmp_path, name):
+    values, place, expected = BAD[name]
+    with pytest.raises(InputError, match=expected):
+        read_labels(write(tmp_path / "a.nrrd", values, **place), like(), resampled=False)
+
+
+def test_overlapping_segments_and_broken_names_are_refused(tmp_path):
+    vector = sitk.GetImageFromArray(np.stack([LABELS, LABELS], axis=-1), isVector=True)
+    sitk.WriteImage(vector, str(tmp_path / "a.seg.nrrd"))
+    with pytest.raises(InputError, match="export overlapping segments as a label map"):
+        read_labels(tmp_path / "a.seg.nrrd")
+    (tmp_path / "labels.json").write_text("{")
+    with pytest.raises(InputError, match=r"labels\.json: expected JSON"):
+        read_labels(write(tmp_path / "b.nrrd"))
+    with pytest.raises(InputError, match="found a folder"):
+        read_labels(tmp_path)

@@ -14,6 +14,7 @@ from ..surface.mesh_reader import read_mesh
 from ..surface.structure_colour import OTHER
 from ..transforms import rigid, transform_points
 from .case_file import Case, Structure
+from .posed_frame import PosedFrame
 
 NEAREST_MM, FARTHEST_MM = 2.0, 30_000.0
 """Working distances outside this range indicate wrong units; an error by a factor of 1000 is always outside."""

@@ -14,7 +14,6 @@ import numpy as np
 from mathutils import Matrix
 
 from ...camera.pinhole import PinholeCamera
-from ...case.case_file import OTHER
 from ...case.loaded_case import LoadedCase
 from ...errors import InputError
 from ...images.masked_frame import with_mask_tinted

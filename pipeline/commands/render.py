@@ -6,15 +6,18 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from ..dataset.options import GONE, add_option_arguments, option_names
-from ..dataset.run.elsewhere import Elsewhere
 from ..errors import InputError
 from ..process.command_line import end_with_input, script_command
 from ..process.own_process import own_output
 from ..progress import LINE_SECONDS
 from .parser import INSECURE, command_parser, explained_imports
+
+if TYPE_CHECKING:
+    # --help must not wait for numpy
+    from ..dataset.run.elsewhere import Elsewhere
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "render_dataset.py"
 """This command as a script, which a checkout and the extension have."""
@@ -173,7 +176,7 @@ def run(arguments: argparse.Namespace, *, own_command: Sequence[str], argv: Sequ
 @contextmanager
 def _elsewhere(
     arguments: argparse.Namespace, table: Mapping[str, object], own_command: Sequence[str], output: TextIO
-) -> Iterator[Elsewhere | None]:
+) -> "Iterator[Elsewhere | None]":
     """The workers of a cluster, if one is asked for; ``table`` is ``[cluster]`` of the case file."""
     if arguments.cluster is None:
         yield None

@@ -142,7 +142,8 @@ def file_voxels(
         slab = part[at : at + _SLAB]
         kept[at : at + _SLAB] = np.rint(slab) if slab.dtype.kind == "f" else slab
     kept.setflags(write=False)
-    return kept, grid.shifted(first, kept.shape[::-1])
+    depth, height, width = kept.shape
+    return kept, grid.shifted(first, (width, height, depth))
 
 
 def _is_folder(path: Path) -> bool:

@@ -51,9 +51,9 @@ addon-dev: setup
 test: $(VENV)/.ready-to-test
 	$(RUN) -m pytest --numprocesses auto -m "not long" $(PYTEST_FLAGS)
 
-# all tests, those in a Blender program if BLENDER is set, one after the other
-test-all: $(VENV)/.ready-to-test
-	$(RUN) -m pytest --durations 50 $(PYTEST_FLAGS)
+# all tests: then those that take long, one after the other; in a Blender program and its window if BLENDER is set
+test-all: test
+	$(RUN) -m pytest -m long --durations 50 $(PYTEST_FLAGS)
 
 # tests/outside in full: interruptions, tampering, bombs, mutations, and readers that others wrote; `make test-all` runs a sample
 test-outside: $(VENV)/.ready-to-test

@@ -18,6 +18,8 @@ import pytest
 from oneframe import __version__
 from scripts.dev import build_extension
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).resolve().parents[1]
 FILES = [*(ROOT / "pipeline").rglob("*.py"), *(ROOT / "pipeline" / "report" / "assets").iterdir()]
 """Of the package, which is installed as ``oneframe``."""

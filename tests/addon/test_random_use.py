@@ -7,7 +7,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-pytestmark = pytest.mark.render
+pytestmark = [pytest.mark.long, pytest.mark.render]
 
 STEPS = 300
 LANDMARKS = "".join(

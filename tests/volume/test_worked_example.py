@@ -18,6 +18,8 @@ from oneframe.volume.reading.label_map import read_labels
 from oneframe.volume.reading.volume_reader import read_volume
 from oneframe.volume.volume import Volume, VoxelGrid
 
+pytestmark = pytest.mark.long
+
 ROOT = Path(__file__).parents[2]
 BONES = ROOT.parent / "shared" / "data" / "temporal_bones"
 RADIUS_MM = 1.0

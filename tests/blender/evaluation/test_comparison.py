@@ -15,6 +15,7 @@ from oneframe.transforms import checked_rigid, rigid
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 pytestmark = [
+    pytest.mark.long,
     pytest.mark.render,
     pytest.mark.skipif(not DATA.is_dir(), reason="no test data beside the project"),
 ]

@@ -5,10 +5,8 @@ The dataset is rendered without Blender and without the code that is tested.
 
 import io
 import json
-import os
 import re
-import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -18,12 +16,8 @@ import pytest
 
 from oneframe.commands import check
 from oneframe.dataset.check.check_dataset import check_dataset
-from oneframe.dataset.check.findings import Findings
-from oneframe.dataset.layout import SPLIT, ViewPaths
+from oneframe.dataset.layout import ViewPaths
 from oneframe.dataset.run.resume_record import read_record
-from oneframe.dataset.run.survey import ranges_text, runs
-from oneframe.dataset.tables.bop import write_models
-from oneframe.dataset.tables.coco import compressed_counts, run_lengths
 from oneframe.dataset.view import file_sums, write_view
 from oneframe.images.contact_sheet import contact_sheet
 from oneframe.images.pixel_values import to_uint8
@@ -32,7 +26,6 @@ from oneframe.process.command_line import exit_code
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_from_vector
-from tests.dataset.masks import coco_mask
 from tests.dataset.sealing import sealed
 from tests.dataset.synthetic_dataset import (
     CAMERA,
@@ -70,12 +63,6 @@ def cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
-def swap(first: Path, second: Path) -> None:
-    one, other = first.read_bytes(), second.read_bytes()
-    first.write_bytes(other)
-    second.write_bytes(one)
-
-
 def replace_file(root: Path, index: int, kind: str, image: np.ndarray) -> None:
     """Another image with a record that has its hash: only the content differs."""
     paths = ViewPaths(root, index)
@@ -100,13 +87,6 @@ def change_record(root: Path, index: int, change: Callable[[dict], object], *, t
     edit(ViewPaths(root, index).file("frame"), change)
     if tables:
         write_tables(root, CAMERA)
-
-
-def shift_mask(content: dict) -> None:
-    """Move the first mask down by a pixel."""
-    segmentation = content["annotations"][0]["segmentation"]
-    mask = np.roll(coco_mask(segmentation), 1, axis=0)
-    segmentation["counts"] = compressed_counts(run_lengths(mask))
 
 
 def nudge(values: list, place: int = 0, by: float = 1e-6) -> None:
@@ -157,47 +137,43 @@ def test_a_flipped_byte_is_named(copied, run, capsys, name):
     assert "1 finding\n" in messages
 
 
+NUMBERS = [
+    "camera.json", "transforms.json", "models/models_info.json",
+    *(f"{S0}/scene_{name}.json" for name in ("camera", "gt", "gt_info", "gt_coco")),
+]  # fmt: skip
+
+
+def leaves(value: dict | list) -> Iterator[tuple[dict | list, object]]:
+    """Every number and text in nested tables, as what holds it and its key."""
+    for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+        if isinstance(part, dict | list):
+            yield from leaves(part)
+        elif part is not None and not isinstance(part, bool):
+            yield value, key
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_any_value_of_a_table_that_changes_is_found(copied, rng, name):
+    """Also if all hashes are those of the changed file."""
+    whole = (copied / name).read_text()
+    for place in rng.choice(len(list(leaves(json.loads(whole)))), 3, replace=False):
+        content = json.loads(whole)
+        holder, key = list(leaves(content))[place]
+        holder[key] = holder[key] + ("?" if isinstance(holder[key], str) else 1e-3)
+        (copied / name).write_text(json.dumps(content))
+        shown = check_dataset(sealed(copied), stream=io.StringIO()).findings.shown()
+        assert any(name in line for line in shown), (key, holder)
+
+
 def rewrite_rotation(entry: dict) -> None:
     rotation = np.array(entry["cam_R_m2c"]).reshape(3, 3) * [1, 1, -1]
     entry["cam_R_m2c"] = rotation.ravel().tolist()
 
 
 MUTATIONS = {
-    "scene_gt translation": (
-        lambda root: edit(root / S0 / "scene_gt.json", lambda c: nudge(c["1"][0]["cam_t_m2c"])),
-        r"000000/scene_gt\.json .*: cam_t_m2c\[0\] is",
-    ),
     "scene_gt entry too many": (
         lambda root: edit(root / S1 / "scene_gt.json", lambda c: c.update({"1": c["0"]})),
         r"000001/scene_gt\.json .*: expected 1 keys, 1 are unknown \(1\)",
-    ),
-    "scene_camera K": (
-        lambda root: edit(root / S0 / "scene_camera.json", lambda c: nudge(c["2"]["cam_K"], 2)),
-        r"scene_camera\.json .*: cam_K",
-    ),
-    "scene_gt_info": (
-        lambda root: edit(root / S0 / "scene_gt_info.json", lambda c: c["0"][0].update(px_count_all=3)),
-        r"scene_gt_info\.json .*: px_count_all is 3",
-    ),
-    "COCO box": (
-        lambda root: edit(root / S0 / "scene_gt_coco.json", lambda c: nudge(c["annotations"][1]["bbox"], 2, 1)),
-        r"scene_gt_coco\.json: bbox\[2\]",
-    ),
-    "COCO runs": (
-        lambda root: edit(root / S0 / "scene_gt_coco.json", shift_mask),
-        r"scene_gt_coco\.json: counts\[0\]",
-    ),
-    "camera.json depth scale": (
-        lambda root: edit(root / "camera.json", lambda c: c.update(depth_scale=0.1)),
-        r"^camera\.json: depth_scale is 0\.1, a view has 0\.01",
-    ),
-    "K in dataset.json": (
-        lambda root: edit(root / "dataset.json", lambda c: nudge(c["camera"]["K"][0], 2)),
-        r"^dataset\.json: camera: .*cx",
-    ),
-    "poses.csv number": (
-        lambda root: substitute(root / "poses.csv", ",260.0,", ",260.001,"),
-        r"^poses\.csv: row 0: the translation differs from that of train_synt/000000/frame/000000\.json by 0\.001",
     ),
     "transforms.json axes": (
         lambda root: edit(
@@ -207,22 +183,6 @@ MUTATIONS = {
             ),
         ),
         r"^transforms\.json: frame 3: transform_matrix",
-    ),
-    "transforms.json pixel origin": (
-        lambda root: edit(root / "transforms.json", lambda c: c.update(cx=c["cx"] - 0.5)),
-        r"^transforms\.json: cx is .*, expected",
-    ),
-    "models_info": (
-        lambda root: edit(root / "models/models_info.json", lambda c: c["1"].update(diameter=60.0)),
-        r"^models/models_info\.json: diameter is 60\.0",
-    ),
-    "model not demeaned": (
-        lambda root: write_models(root, MESH.moved(np.array([0, 0, 0.01])), np.zeros((222, 3), np.uint8)),
-        r"models/obj_000001\.ply: its vertices and faces do not have the geometry_sha256",
-    ),
-    "swapped rgb": (
-        lambda root: swap(root / S0 / "rgb/000000.png", root / S0 / "rgb/000002.png"),
-        r"000000/rgb/000002\.png has (changed|\d+ bytes)",
     ),
     "record without a hash": (
         lambda root: change_record(root, 1, lambda c: c["files"].popitem()),
@@ -333,12 +293,6 @@ def test_what_hashes_do_not_tell_is_found(copied, run, capsys, name):
     assert "has changed" not in messages
 
 
-def test_without_hashes_a_flipped_byte_is_still_seen(copied, run, capsys):
-    flip_byte(copied / S0 / "rgb/000001.png")
-    assert run(copied, "--fast") == 1
-    assert re.search(r"rgb/000001\.png: expected an image, chunk .* is damaged", capsys.readouterr().out)
-
-
 @pytest.mark.parametrize(("margin_px", "code"), [(0, 0), (1, 1)])
 def test_anti_aliased_colours_end_where_the_mask_does(copied, run, margin_px, code):
     edit(copied / "dataset.json", lambda c: c["options"].update(samples=4))
@@ -417,17 +371,6 @@ def test_what_is_no_dataset_is_not_judged(tmp_path, monkeypatch, run, capsys, ar
     assert expected in capsys.readouterr().err
 
 
-def test_many_findings_are_counted_and_some_of_every_kind_shown():
-    findings = Findings()
-    for number in range(300):
-        findings.add("broken things" if number % 3 else "lost things", f"thing {number}")
-    findings.add("others", "the odd one")
-    shown = findings.shown()
-    assert len(findings) == 301
-    assert len(shown) <= 20
-    assert {"... and 195 more broken things", "... and 95 more lost things", "the odd one"} <= set(shown)
-
-
 # --- mistaken and damaged folders
 
 
@@ -436,7 +379,6 @@ def filled(data: bytes) -> Callable[[Path], None]:
 
 
 DAMAGED: dict[str, Callable[[Path], object]] = {
-    "deep JSON": filled(b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}"),
     "another value": filled(b'{"depth_scale": 1e999, "identity": NaN, "frames": 3}'),
     "no UTF-8": filled(b"\xff\xfe\0\x80" * 40),
     "nothing": filled(b""),
@@ -462,24 +404,9 @@ def test_without_its_description_the_advice_is_to_render_again(copied, damage):
     )
 
 
-@pytest.mark.skipif(os.name != "posix", reason="links of POSIX")
-@pytest.mark.parametrize("name", ["models", f"{SPLIT}/000000/rgb", "scene_gt.csv", "LICENSE"])
-def test_links_that_lead_out_are_named(copied, tmp_path, run, capsys, name):
-    elsewhere, there = tmp_path / "elsewhere", copied / name
-    if there.exists():
-        shutil.move(there, elsewhere)
-    else:
-        elsewhere.write_text("free")
-    there.symlink_to(elsewhere)
-    assert run(copied) == 1
-    assert f"{name}: expected a part of the dataset, found a link that leads out" in capsys.readouterr().out
-
-
 def test_missing_views_are_shown_as_ranges(copied):
     edit(copied / "dataset.json", lambda content: content.update(count=30_000))
     assert any(
         "expected 30000 views, found 4 with a record: 4-29999 are missing" in line
         for line in check_dataset(copied, stream=io.StringIO()).findings.shown()
     )
-    assert runs([1, 2, 3, 7, 9, 10]) == [range(1, 4), range(7, 8), range(9, 11)]
-    assert ranges_text([range(3, 4), range(5, 7), range(7, 9), range(9, 9)]) == "3, 5-8"

@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
 from oneframe.dataset.tables.coco import compressed_counts, run_lengths
 from tests.dataset.blank_dataset import CAMERA, OBJECT_NAME, record_of, scene_tables
@@ -34,19 +33,6 @@ def test_compressed_counts_are_decoded_to_the_mask(mask):
     text = compressed_counts(run_lengths(mask))
     np.testing.assert_array_equal(coco_mask({"counts": text, "size": mask.shape}), mask)
     assert json.loads(json.dumps(text)) == text
-
-
-@given(st.lists(st.integers(0, 2**40) | st.sampled_from([0, 15, 16, 17, 511, 512, 513]), max_size=12))
-def test_compressed_counts_are_those_of_cocoapi(counts):
-    """``rleToString`` in common/maskApi.c, group by group."""
-    expected = ""
-    for place, count in enumerate(counts):
-        rest, more = count - (counts[place - 2] if place > 2 else 0), True
-        while more:
-            group, rest = rest & 31, rest >> 5
-            more = rest != (-1 if group & 16 else 0)
-            expected += chr(48 + group + 32 * more)
-    assert compressed_counts(counts) == expected
 
 
 @pytest.mark.parametrize(("scene", "views"), [(0, [0, 1, 2]), (1, [3, 4])])

@@ -28,24 +28,6 @@ def test_a_record_comes_back_to_the_last_bit(tmp_path, index):
     assert json.dumps(found.to_json()) == json.dumps(record.to_json())
 
 
-@pytest.mark.parametrize(
-    "runs", ["", "7", "3,5,1", "3,,5", "03", "3,", "3,x", "1e3", "-1", "3, 5", "9" * 30, "9" * 5000]
-)
-def test_run_lengths_are_read_as_json_reads_them(tmp_path, runs):
-    """They are parsed apart from the rest of the record."""
-    record, paths = record_of(0), ViewPaths(tmp_path, 0)
-    write_view(paths, {}, record)
-    head, mark, _ = paths.file("frame").read_text().partition('"rle_counts":[')
-    paths.file("frame").write_text(f"{head}{mark}{runs}]}}\n")
-    try:
-        expected = ViewRecord.from_json(json.loads(paths.file("frame").read_text()), WHERE).rle_counts
-    except (ValueError, RunError):
-        with pytest.raises(RunError, match=re.escape(str(paths.file("frame")))):
-            read_record(paths)
-    else:
-        assert read_record(paths).rle_counts == expected
-
-
 PLACES = [(key,) for key in CONTENT] + [("gt_info", key) for key in CONTENT["gt_info"]] + [("rejections", "observed")]
 WRONG = [None, "text", True, [1, -2.5], ["a"], [[1] * 9], {"a": 1}, [1.5] * 4]
 MISSING = object()

@@ -1,6 +1,5 @@
 """Every file is read by one ladder of errors, each of which says what was expected, what was found, where and why."""
 
-import os
 from pathlib import Path
 
 import pytest
@@ -9,8 +8,8 @@ from hypothesis import strategies as st
 
 from oneframe.errors import InputError
 from oneframe.files.content import read_content, reading, write_bytes_atomically
-from oneframe.files.numbers import WrittenFloat, millimetres
-from oneframe.files.tables import MOST_LEVELS, parsed_json, parsed_toml
+from oneframe.files.numbers import WrittenFloat
+from oneframe.files.tables import parsed_json, parsed_toml
 
 
 def missing(path: Path) -> str:
@@ -27,26 +26,6 @@ def empty(path: Path) -> str:
     return "found an empty file; copy or export it again"
 
 
-def pipe(path: Path) -> str:
-    os.mkfifo(path)
-    return "(no regular file); copy it to a file first"
-
-
-def device(path: Path) -> str:
-    path.symlink_to("/dev/zero")
-    return "(no regular file); copy it to a file first"
-
-
-def endless(path: Path) -> str:
-    path.symlink_to("/proc/kmsg")
-    return "found an empty file; copy or export it again"
-
-
-def loop(path: Path) -> str:
-    path.symlink_to(path.name)
-    return "(Too many levels of symbolic links); check its permissions"
-
-
 def film(path: Path) -> str:
     with path.open("wb") as file:
         file.truncate(9 << 20)
@@ -54,7 +33,7 @@ def film(path: Path) -> str:
 
 
 @pytest.mark.parametrize("where", [None, "case.toml: [frame] image"])
-@pytest.mark.parametrize("make", [missing, folder, empty, film, pipe, device, endless, loop])
+@pytest.mark.parametrize("make", [missing, folder, empty, film])
 def test_what_cannot_be_read_is_one_message(tmp_path, make, where):
     path = tmp_path / "frame.png"
     expected = make(path)
@@ -66,12 +45,6 @@ def test_what_cannot_be_read_is_one_message(tmp_path, make, where):
     assert place == where if where else place in (str(path), path.name)
     # the file is named whatever stands first, unless the file is there and its name does
     assert path.name in message or where
-
-
-@pytest.mark.parametrize("name", ["a\0b", "\ud800", "n" * 300, "../" * 3000])
-def test_names_that_no_file_can_have_are_one_message(name):
-    with pytest.raises(InputError, match=r"^case: expected an image file, (cannot read|it does not exist)"):
-        read_content(Path(name), "an image file", "case")
 
 
 def test_only_errors_of_the_file_are_turned(tmp_path):
@@ -95,29 +68,7 @@ def test_what_is_written_is_read(tmp_path_factory, data):
 
 
 @pytest.mark.parametrize("parse", [parsed_json, parsed_toml])
-@pytest.mark.parametrize("levels", [MOST_LEVELS - 1, MOST_LEVELS + 1, 300, 40_000])
-def test_levels_are_counted(parse, levels):
-    begin, end = ("a = ", "") if parse is parsed_toml else ('{"a": ', "}")
-    text = begin + "[" * levels + "]" * levels + end
-    if levels < MOST_LEVELS:
-        assert parse(text, "table 7")["a"] is not None
-        return
-    with pytest.raises(InputError, match=r"^table 7: expected (JSON|TOML), found a mistake: "):
-        parse(text, "table 7")
-
-
-@pytest.mark.parametrize("digits", ["1e999999999", "0." + "3" * 5_000_000, "9" * 400 + ".0"])
-def test_numbers_of_any_length_are_lengths(digits):
-    (number,) = parsed_json(f"[{digits}]", "a", parse_float=WrittenFloat)
-    assert millimetres(number, 1000.0) == pytest.approx(float(digits) * 1000)
-
-
-@pytest.mark.parametrize("parse", [parsed_json, parsed_toml])
-@given(
-    content=st.one_of(
-        st.binary(max_size=40), st.text(max_size=40), st.just("[" * 100_000), st.just("a = " + "9" * 5000)
-    )
-)
+@given(content=st.binary(max_size=40) | st.text(max_size=40))
 def test_tables_are_parsed_or_refused_with_their_place(parse, content):
     try:
         parse(content, "table 7")

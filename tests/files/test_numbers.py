@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from oneframe.errors import InputError
-from oneframe.files.numbers import first_wrong_word, format_two_digits, npy_array, parsed_numbers
+from oneframe.files.numbers import format_two_digits, npy_array, parsed_numbers
 
 
 def saved(array: np.ndarray) -> bytes:
@@ -46,23 +46,6 @@ def test_a_header_that_does_not_fit_takes_no_memory(shape):
     data = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode() + bytes(256)
     with pytest.raises(InputError, match="cannot read it"):
         npy_array(data, "a.npy")
-
-
-@settings(max_examples=30)
-@given(
-    st.lists(st.sampled_from(["1", "-2.5e3", "nan", "7"]), max_size=60),
-    st.sampled_from([" ", "\n", "\t\n"]),
-    st.integers(0, 60),
-)
-def test_the_first_wrong_word_is_found_wherever_it_stands(words, space, index):
-    words.insert(index, "1,5")
-    words.append("x")
-    text = space.join(words)
-    line = text[: text.index("1,5")].count("\n")
-    # long texts are searched in blocks
-    for repeated in (0, 40_000):
-        begin = ("2" + space) * repeated
-        assert first_wrong_word((begin + text).encode(), np.float64) == (begin.count("\n") + line, "1,5")
 
 
 @given(st.floats(1e-4, 1e6))

@@ -2,7 +2,6 @@
 
 import struct
 
-import cv2
 import numpy as np
 import pytest
 
@@ -52,24 +51,18 @@ def planes(rng):
     }
 
 
-def test_single_part(tmp_path, planes):
-    path = tmp_path / "view.exr"
-    path.write_bytes(exr([("", planes)]))
-    found = read_exr(path)
-    assert found.keys() == planes.keys()
-    assert all(np.array_equal(found[name], planes[name]) for name in planes)
-
-
-def test_several_parts_have_their_names_as_prefix(tmp_path, planes):
+def test_one_part_and_several_whose_names_become_prefixes(tmp_path, planes):
     parts = [
         ("ViewLayer.Combined", {"R": planes["ViewLayer.Combined.R"], "G": planes["ViewLayer.Combined.G"]}),
         ("ViewLayer.Depth", {"ViewLayer.Depth.Z": planes["ViewLayer.Depth.Z"]}),
     ]
     path = tmp_path / "view.exr"
     path.write_bytes(exr(parts))
-    found = read_exr(path)
-    assert found.keys() == planes.keys()
-    assert all(np.array_equal(found[name], planes[name]) for name in planes)
+    single = tmp_path / "single.exr"
+    single.write_bytes(exr([("", planes)]))
+    for found in (read_exr(path), read_exr(single)):
+        assert found.keys() == planes.keys()
+        assert all(np.array_equal(found[name], planes[name]) for name in planes)
 
 
 @pytest.mark.parametrize("cut", [0, 4, 30, 200, -1])
@@ -89,11 +82,4 @@ def test_other_kinds_are_refused(tmp_path, planes, settings, message):
     path = tmp_path / "view.exr"
     path.write_bytes(exr([("", planes)], **settings))
     with pytest.raises(ExrError, match=message):
-        read_exr(path)
-
-
-def test_other_files_are_refused(tmp_path):
-    path = tmp_path / "view.png"
-    path.write_bytes(cv2.imencode(".png", np.zeros((8, 8, 3), np.uint8))[1].tobytes())
-    with pytest.raises(ExrError, match="unexpected magic number"):
         read_exr(path)

@@ -72,24 +72,6 @@ def _video(path: Path) -> object:
     return read_video_frame(path, video_info(path).frames - 1)
 
 
-def _load_frame(path: Path) -> object:
-    """The operator of the add-on: its report of an error is what Blender raises here."""
-    import bpy
-
-    if not hasattr(bpy.types.Scene, "oneframe"):
-        import blender_addon
-
-        bpy.ops.wm.read_factory_settings(use_empty=True)
-        blender_addon.register()
-    try:
-        return bpy.ops.oneframe.load_frame(filepath=str(path))
-    except RuntimeError as error:
-        text = str(error).removeprefix("Error: ").strip()
-        if "Traceback" in text or "\n" in text:
-            raise
-        raise InputError(text) from None
-
-
 READERS: dict[str, Callable[[Path], object]] = {
     "camera": _camera,
     "pose": lambda path: read_pose(path, mm_per_unit=1000.0),
@@ -105,7 +87,6 @@ READERS: dict[str, Callable[[Path], object]] = {
     "slice": lambda path: read_volume(path.parent),
     "labels": lambda path: read_labels(path),
     "drill plan": lambda path: read_drill_plan(path),
-    "button": _load_frame,
 }
 
 MEGABYTES = 1024.0

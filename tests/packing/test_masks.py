@@ -56,17 +56,3 @@ def test_damaged_masks_are_a_sentence(mask, data):
     text = mask_json(mask)
     with pytest.raises(InputError, match="m: expected"):
         mask_columns(text[: data.draw(st.integers(0, len(text) - 1))], mask.shape, "m")
-
-
-@pytest.mark.parametrize(
-    "entry",
-    [
-        {"counts": [3], "size": [2, 2]}, {"counts": [-1, 5], "size": [2, 2]}, {"counts": [[4]], "size": [2, 2]},
-        {"counts": [4], "size": [1, 4]}, {"counts": "04", "size": [2, 2]}, {"counts": [10**30], "size": [2, 2]},
-        {"counts": [2**62, 2**62, 2**62, 2**62, 4], "size": [2, 2]}, {}, [],
-    ],
-    ids=str,
-)  # fmt: skip
-def test_run_lengths_of_other_images_are_a_sentence(entry):
-    with pytest.raises(InputError, match="m: expected"):
-        mask_columns(json.dumps({"0": entry}).encode(), (2, 2), "m")

@@ -3,7 +3,6 @@
 Protocol: https://chromedevtools.github.io/devtools-protocol; on the pipe, JSON messages end with a zero byte.
 """
 
-import base64
 import json
 import os
 import select
@@ -183,10 +182,6 @@ class Chromium:
                 "Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=codes.get(key, 0),
                 **(text if kind == "keyDown" else {}),
             )  # fmt: skip
-
-    def screenshot(self, *, whole: bool = False) -> bytes:
-        """PNG of the viewport, or of the whole page."""
-        return base64.b64decode(self.send("Page.captureScreenshot", format="png", captureBeyondViewport=whole)["data"])
 
     def outside_requests(self) -> list[str]:
         """Requests for anything but the page itself and what is in it."""

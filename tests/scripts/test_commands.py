@@ -6,7 +6,6 @@ import json
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 from importlib import import_module
@@ -94,20 +93,11 @@ def test_the_program_lists_its_commands_in_the_order_of_the_data(run_oneframe):
     [
         ([], "expected a command"),
         (["rendr"], "unknown command 'rendr'; did you mean 'render'?"),
-        (["color", "case.toml"], "did you mean 'colour'?"),
         (["--vresion"], "unknown argument '--vresion'; did you mean '--version'?"),
-        (["--print-completion", "fish"], "invalid choice: 'fish'"),
         # before the missing --out is complained about
         (["render", "case.toml", "--ot", "dataset"], "unknown argument '--ot'; did you mean '--out'?"),
-        (["colour", "case.toml", "--uot=surface.glb"], "unknown argument '--uot'; did you mean '--out'?"),
         (["render", "case.toml"], "the following arguments are required: --out"),
-        (["render", "case.toml", "--out", "x", "more"], "unknown argument 'more'"),
-        (["align", "case.toml", "--landmark", "x"], "did you mean '--landmarks'?"),
-        (["check", "dataset", "--view", "3"], "did you mean '--views'?"),
-        (["pack", "dataset", "--views-per-shards", "3"], "did you mean '--views-per-shard'?"),
         (["pack", "--out", "x"], "expected the folder of the dataset, DIR; only --verify works without it"),
-        (["sample", "--output", "x"], "did you mean '--out'?"),
-        (["compare", "case.toml"], "the following arguments are required: PHOTOGRAPHS.json, --out"),
         (["evaluate", "case.toml", "--out", "x"], "expected CASE.toml and PHOTOGRAPHS.json, found one of them"),
         (["evaluate", "--out", "x"], "expected either cases with photographs or --redraw"),
     ],
@@ -159,30 +149,6 @@ def visible_options(parser: argparse.ArgumentParser) -> set[str]:
         for option in action.option_strings
         if option.startswith("--")
     }
-
-
-@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (["ren"], "render"),
-        (["co"], "compare colour"),
-        (["render", "--min-s"], "--min-surface"),
-        (["align", "--la"], "--landmarks"),
-        (["render", "case.toml", "--poses", "po"], "poses.npy"),
-        (["check", "da"], "dataset"),
-    ],
-    ids=str,
-)
-def test_bash_completes(words, expected, run_oneframe, tmp_path):
-    (tmp_path / "poses.npy").touch()
-    (tmp_path / "dataset").mkdir()
-    (tmp_path / "data.txt").touch()
-    script = run_oneframe("--print-completion", "bash").stdout
-    typed = " ".join(map(shlex.quote, ["oneframe", *words]))
-    script += f'\nCOMP_WORDS=({typed}); COMP_CWORD={len(words)}; _shtab_oneframe; echo "${{COMPREPLY[*]}}"'
-    ended = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert ended.stdout.strip().rstrip("/") == expected
 
 
 def files_of(root: Path) -> dict[str, bytes]:

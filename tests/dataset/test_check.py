@@ -53,10 +53,14 @@ def substitute(path: Path, old: str, new: str) -> None:
     path.write_text(path.read_text().replace(old, new))
 
 
-def flip_byte(path: Path, place: float = 0.6) -> None:
+def flip_byte(path: Path) -> None:
     data = bytearray(path.read_bytes())
-    data[int(len(data) * place)] ^= 0x40
+    data[int(len(data) * 0.6)] ^= 0x40
     path.write_bytes(data)
+
+
+def zero(path: Path) -> None:
+    path.write_bytes(bytes(path.stat().st_size))
 
 
 def cut(path: Path) -> None:
@@ -109,7 +113,8 @@ def test_a_sound_dataset_passes_with_options(sound, run, arguments):
 
 S0, S1 = "train_synt/000000", "train_synt/000001"
 BESIDE = [
-    "dataset.json", "camera.json", "poses.csv", "transforms.json", "contact_sheet.png", "overlay.png",
+    "dataset.json", "checksums.json", "test_targets_bop19.json", "dataset_info.md", "models_eval/models_info.json",
+    "models_eval/obj_000001.ply", "camera.json", "poses.csv", "transforms.json", "contact_sheet.png", "overlay.png",
     "models/models_info.json",
     "models/obj_000001.ply", "video/trajectory.mp4", "video/poses.csv",
 ]  # fmt: skip
@@ -121,20 +126,11 @@ OF_A_VIEW = [
 
 
 @pytest.mark.parametrize("name", [*BESIDE, *TABLES, *OF_A_VIEW])
-@pytest.mark.parametrize("damage", [Path.unlink, cut], ids=["deleted", "cut off"])
-def test_a_file_that_is_missing_or_cut_off_is_named(copied, run, capsys, name, damage):
+@pytest.mark.parametrize("damage", [Path.unlink, cut, flip_byte, zero], ids=["deleted", "cut off", "flipped", "zeros"])
+def test_a_file_that_is_damaged_or_missing_is_named(copied, run, capsys, name, damage):
     damage(copied / name)
     assert run(copied) == 1
     assert name in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("name", [name for name in OF_A_VIEW if "frame" not in name])
-def test_a_flipped_byte_is_named(copied, run, capsys, name):
-    flip_byte(copied / name)
-    assert run(copied) == 1
-    messages = capsys.readouterr().out
-    assert f"{name} has changed" in messages
-    assert "1 finding\n" in messages
 
 
 NUMBERS = [
@@ -159,7 +155,8 @@ def test_any_value_of_a_table_that_changes_is_found(copied, rng, name):
     for place in rng.choice(len(list(leaves(json.loads(whole)))), 3, replace=False):
         content = json.loads(whole)
         holder, key = list(leaves(content))[place]
-        holder[key] = holder[key] + ("?" if isinstance(holder[key], str) else 1e-3)
+        value = holder[key]
+        holder[key] = value + "?" if isinstance(value, str) else value + 1e-3 * max(1, abs(value))
         (copied / name).write_text(json.dumps(content))
         shown = check_dataset(sealed(copied), stream=io.StringIO()).findings.shown()
         assert any(name in line for line in shown), (key, holder)

@@ -127,17 +127,12 @@ def test_a_lock_on_a_removed_file_is_none(tmp_path):
             RunFolder(tmp_path, IDENTITY, WHOLE)
 
 
-CHANGES = {
-    "seed": ({"options": {"seed": 1, "scale": 1.0}}, "options.seed was 0, is 1"),
-    "a new option": ({"options": {"seed": 0, "scale": 1.0, "blur": True}}, "options.blur was null, is true"),
-    "frame": ({"inputs_sha256": {"frame": "cd"}}, "the file of the frame has changed"),
-    "all": ({"count": 1, "e": 0, "d": 4, "a": 1, "b": 2, "c": 3}, r"\(a was null, is 1; .* and 1 more\)"),
-}
-
-
-@pytest.mark.parametrize("change", CHANGES)
-def test_another_runs_dataset_is_not_touched(tmp_path, change):
-    values, message = CHANGES[change]
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [({"options": {"seed": 1, "scale": 1.0}}, "options.seed"), ({"inputs_sha256": {"frame": "cd"}}, "the frame")],
+    ids=["seed", "frame"],
+)
+def test_another_runs_dataset_is_not_touched(tmp_path, values, message):
     with RunFolder(tmp_path, IDENTITY, WHOLE) as folder:
         write_record(tmp_path, 0)
         folder.finish()
@@ -147,13 +142,6 @@ def test_another_runs_dataset_is_not_touched(tmp_path, change):
         RunFolder(tmp_path, IDENTITY | values, WHOLE)
     assert tree(tmp_path) == before
     assert not (tmp_path / ".work").exists()
-
-
-def test_foreign_folders_are_not_touched(tmp_path):
-    (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(RunError, match="expected a new or empty folder or a dataset to resume, found other files"):
-        RunFolder(tmp_path, IDENTITY, WHOLE)
-    assert sorted(tree(tmp_path)) == ["thesis.tex"]
 
 
 def test_a_file_in_place_of_a_folder_is_reported(tmp_path):
@@ -166,7 +154,7 @@ def test_a_file_in_place_of_a_folder_is_reported(tmp_path):
 USERS_FILES = ("models/mine.obj", "models/.partial-0123456789abcdef-mine.obj", "camera.json", "train_synt/notes.txt")
 
 
-@pytest.mark.parametrize("work", [".work/lock", ".work/notes.txt", "work/notes.txt"])
+@pytest.mark.parametrize("work", [".work/lock", "work/notes.txt"])
 def test_a_folder_of_somebody_else_is_refused_untouched(tmp_path, work):
     """Also one that holds what looks like the folder of a stopped run."""
     for name in (work, *USERS_FILES):
@@ -291,7 +279,7 @@ def no_locks(code: int) -> Callable[[int, bool], None]:
     return answer
 
 
-@pytest.mark.parametrize("code", [errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL, errno.EIO])
+@pytest.mark.parametrize("code", [errno.ENOLCK, errno.EIO])
 def test_without_locks_of_the_system_runs_are_kept_apart_all_the_same(tmp_path, monkeypatch, code):
     monkeypatch.setattr(run_folder, "LAST_SHARDS_SECONDS", 0.2)
     without = {"system_lock": no_locks(code)}
@@ -387,14 +375,6 @@ def test_finished_views_stay_whatever_happens(tmp_path, error):
     with pytest.raises(InputError):
         stopped(InputError("bad"))
     assert ViewPaths(tmp_path, 1).file("frame").exists()
-
-
-def test_a_resumed_folder_stays_even_without_views(tmp_path):
-    with RunFolder(tmp_path, IDENTITY, WHOLE):
-        pass
-    with pytest.raises(InputError), RunFolder(tmp_path, IDENTITY, WHOLE):
-        raise InputError("bad")
-    assert (tmp_path / "dataset.json").exists()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no shared locks")

@@ -23,7 +23,6 @@ from oneframe.dataset.view import (
     view_files,
     write_view,
 )
-from oneframe.errors import InputError
 from oneframe.poses.constraints import PlannedPose, Rejections, ViewStatistics
 from oneframe.projection.silhouette import SilhouetteEdges
 from tests.dataset.blank_dataset import CAMERA, record_of
@@ -41,12 +40,6 @@ sides = st.integers(1, 40)
 def test_depth_scale_is_the_finest_of_1_2_5_that_holds_the_distance(farthest):
     candidates = [float(f"{digit}e{power}") for power in range(-13, 7) for digit in (1, 2, 5)]
     assert depth_scale_for(farthest) == min(scale for scale in candidates if farthest <= scale * 65535)
-
-
-@pytest.mark.parametrize("distance", [0.0, -1.0, np.nan, np.inf])
-def test_depth_scale_of_no_distance(distance):
-    with pytest.raises(InputError, match="expected a positive distance"):
-        depth_scale_for(distance)
 
 
 @given(

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.images.layer_stack import Layer, LayerStack, SurfaceLayer
-from oneframe.images.legend import Entry, bar_panel, freest_corner, legend_panel, put, scale_bar
+from oneframe.images.legend import Entry, bar_panel, legend_panel, put, scale_bar
 from oneframe.images.mask_outline import outlines
 from oneframe.images.overlay import DASH_PX, GAP_PX, SMOOTHING_PX, draw_overlay, hidden_opacity, outline_segments
 from oneframe.images.strokes import coverage, line_distance
@@ -48,12 +48,6 @@ def test_outlines_follow_a_disc_and_its_hole(x, y, radius, hole, at):
         tops = curve.points[curve.outer[:, 1] < curve.inner[:, 1]]
         assert curve.points[0, 1] <= tops[:, 1].min() + 1
         assert curve.lengths.max() < 2
-
-
-def test_parts_that_touch_at_a_corner_are_apart():
-    mask = np.zeros((6, 6), bool)
-    mask[1:3, 1:3] = mask[3:5, 3:5] = True
-    assert len(outlines(mask, sigma_px=1.0)) == 2
 
 
 def test_a_line_covers_its_width_and_no_more():
@@ -188,11 +182,3 @@ def test_panels_fit_into_the_image(shape):
     assert (image > 0).any()
     # magenta, pure, at the swatch
     assert ((image[..., 0] > 150) & (image[..., 1] < 60) & (image[..., 2] > 150)).any()
-
-
-def test_panels_avoid_what_is_shown():
-    busy = np.zeros(SHAPE, bool)
-    busy[:120, :160] = True
-    places = ((False, False), (True, False), (False, True))
-    assert freest_corner(busy, (60, 90), places) == (True, False)
-    assert freest_corner(~busy, (60, 90), places) == (False, False)

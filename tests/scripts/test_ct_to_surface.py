@@ -183,3 +183,8 @@ def test_a_folder_with_something_else_is_refused(ct, tmp_path, surface):
     assert ended.returncode == 2
     assert "found notes.txt in it" in ended.stderr
     assert (tmp_path / "mine" / "surface.ply").read_text() == "ply\nmine"
+    (tmp_path / "mine" / "notes.txt").unlink()
+    scan = (tmp_path / "mine" / "surface.json").write_bytes(ct.read_bytes())
+    refused = surface(ct, "--remove", tmp_path / "mine" / "surface.json", "--out", tmp_path / "mine")
+    assert refused.returncode == 2
+    assert (tmp_path / "mine" / "surface.json").stat().st_size == scan

@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -57,6 +58,12 @@ def change_mesh(folder: Path, change: Callable[[TriangleMesh], TriangleMesh]) ->
 # --- the frame ------------------------------------------------------------------------------------------------------
 
 
+def claiming(png: bytes, side_px: int) -> bytes:
+    """The PNG with another size in its header, whose checksum is right."""
+    header = b"IHDR" + side_px.to_bytes(4, "big") * 2 + png[24:29]
+    return png[:12] + header + zlib.crc32(header).to_bytes(4, "big") + png[33:]
+
+
 def jpeg() -> bytes:
     return cv2.imencode(".jpg", np.random.default_rng(0).integers(0, 255, (48, 64, 3)).astype(np.uint8))[1].tobytes()
 
@@ -64,7 +71,7 @@ def jpeg() -> bytes:
 FRAMES = {
     "PNG cut off": (lambda png: png[:-200], "the file is cut off; copy it again"),
     "PNG that takes gigabytes": (
-        lambda png: png[:16] + (20_000).to_bytes(4, "big") * 2 + png[24:],
+        lambda png: claiming(png, 20_000),
         r"expected an image of at most 25\.0 million pixels, found 20000x20000; crop it or scale it down",
     ),
     "JPEG cut off": (lambda _: jpeg()[:-300], "the file is cut off; copy it again"),

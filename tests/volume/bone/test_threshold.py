@@ -40,14 +40,6 @@ def test_no_other_threshold_separates_better(seed, tissue, bone, share):
         assert between(threshold) == pytest.approx(best)
 
 
-def test_air_around_the_patient_changes_nothing():
-    rng = np.random.default_rng(3)
-    head = np.rint(
-        np.where(rng.random((9, 9, 9)) < 0.7, rng.normal(40, 30, (9, 9, 9)), rng.normal(900, 200, (9, 9, 9)))
-    )
-    assert otsu_threshold(volume(head)) == otsu_threshold(volume(np.pad(head, 20, constant_values=-1000)))
-
-
 def test_the_histogram_takes_little_memory():
     values = np.random.default_rng(0).integers(-1024, 3000, (64, 512, 512), dtype=np.int16)
     tracemalloc.start()

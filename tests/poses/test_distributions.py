@@ -181,20 +181,6 @@ def test_gaussian_twists_are_standard_normal():
     assert ks_distance(box, normal) > 2 * KS_BOUND / np.sqrt(6)
 
 
-def test_gaussian_is_the_exponential_that_its_docstring_states():
-    sigma = np.repeat([4, np.radians(9)], 3)
-    upsilon, (x, y, z) = np.split(np.random.default_rng([5, 0]).standard_normal(6) * sigma, 2)
-    generator = np.zeros((4, 4))
-    generator[:3] = np.column_stack([[[0, -z, y], [z, 0, -x], [-y, x, 0]], upsilon])
-    term, exponential = np.eye(4), np.eye(4)
-    for order in range(1, 25):
-        term = term @ generator / order
-        exponential += term
-    shift = rigid(translation=PIVOT)
-    expected = REFERENCE.cam_from_model @ shift @ exponential @ np.linalg.inv(shift)
-    assert np.allclose(drawn("gaussian")[0], expected, rtol=0, atol=1e-11)
-
-
 def test_draws_are_the_same_for_every_version_of_numpy():
     expected = {
         "cone": [45.389586935, -33.635438794, 210.258741231],

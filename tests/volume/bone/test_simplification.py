@@ -88,6 +88,13 @@ def test_a_plate_thicker_than_the_tolerance_and_a_small_part_stay() -> None:
     assert len(reduced.faces) < len(mesh.faces) / 4
 
 
+def test_progress_grows_to_one() -> None:
+    shares: list[float] = []
+    simplified(_bumpy_sphere(0), 0.1, progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
 def test_blocks_keep_the_laws_and_the_same_mesh_gives_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = _random_field(5)
     monkeypatch.setattr(simplification, "_BLOCK_FACES", 1500)
@@ -127,19 +134,6 @@ def test_a_border_stays() -> None:
     reduced = simplified(opened, 0.1)
     assert len(reduced.faces) < 0.7 * len(opened.faces)
     assert np.array_equal(_border(reduced), _border(opened))
-
-
-def test_progress_grows_to_one_and_can_cancel() -> None:
-    shares: list[float] = []
-    simplified(_bumpy_sphere(0), 0.1, progress=shares.append)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
-
-    def cancel(share: float) -> None:
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        simplified(_bumpy_sphere(0), 0.1, progress=cancel)
 
 
 @pytest.mark.parametrize("tolerance", [-0.1, np.nan, np.zeros(3)])

@@ -18,11 +18,8 @@ MIDDLE = np.full(3, 15.0)
 
 
 def test_distances_are_those_of_the_drilled_surface_the_nearest_first():
-    structures = {
-        "far": ball(2, MIDDLE - (-9, 0, 0), 4),
-        "near": ball(1, MIDDLE - (0, 6, 0), 4),
-        "gone": ball(1, MIDDLE, 4),
-    }
+    placed = {"far": (2, (9, 0, 0)), "near": (1, (0, -6, 0)), "gone": (1, (0, 0, 0))}
+    structures = {name: ball(radius, MIDDLE + offset, 4) for name, (radius, offset) in placed.items()}
     margins = {"near": 2.5, "gone": 1.0}
     removed = removed_by_plan(DrillPlan((Stroke(3.0, MIDDLE[None]),)), GRID, structures)
     assert removed is not None

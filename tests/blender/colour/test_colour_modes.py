@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from oneframe.blender.colour.reference_view import (
     ReferenceView,
@@ -36,20 +37,6 @@ def rendered_in(
     colour, _ = colour_of(source, mode)
     with SurfaceScene(source.mesh, CAMERA, colour, unseen=unseen_colours_of(source, unseen)) as scene:
         return render_view(scene, cam_from_model)
-
-
-def ball_mesh(radius: float, subdivisions: int) -> TriangleMesh:
-    """A closed ball: a cube whose sides are grids, blown up."""
-    edge = np.linspace(-1, 1, subdivisions + 1)
-    side = plane_mesh(edge)
-    points, faces = [], []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            flat = side.vertices + np.array([0, 0, 1])
-            placed = np.roll(flat * [1, 1, sign], axis, axis=1)
-            points.append(placed / np.linalg.norm(placed, axis=1, keepdims=True))
-            faces.append((side.faces if sign > 0 else side.faces[:, ::-1]) + len(side.vertices) * len(faces))
-    return TriangleMesh(radius * np.concatenate(points), np.concatenate(faces).astype(np.int32))
 
 
 @pytest.mark.parametrize(("mode", "bound"), [("projective", 0.02), ("texture", 0.5)])
@@ -128,7 +115,9 @@ def test_a_small_object_has_no_grey_rim(mode, sharp_image, loaded_case):
     """A ball 40 px wide before the background: all that faces the frame has colour, also a little to the side."""
     pose = rigid(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 300.0])
     image = sharp_image(CAMERA)
-    source = reference_view_of(loaded_case(ball_mesh(7.5, 20), image, pose, CAMERA))
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=7.5)
+    mesh = TriangleMesh(np.array(ball.vertices), ball.faces.astype(np.int32))
+    source = reference_view_of(loaded_case(mesh, image, pose, CAMERA))
     here = rendered_in(mode, source, pose)
     # of 1240 pixels those seen at more than 87 degrees
     assert np.count_nonzero(here.mask & ~here.observed) <= 5

@@ -140,12 +140,3 @@ def test_strokes_in_another_ct_are_not_saved_with_a_case(opened):
     with pytest.raises(RuntimeError, match=r"drill.toml: expected no such file or that of this case"):
         bpy.ops.oneframe.save_case(filepath=str(opened / "first" / "new.toml"))
     assert plan.read_text() == text
-
-
-def test_no_dialog_begins_at_the_file_that_it_wrote_before(addon):
-    """Which may lie beside another case."""
-    names = [name for name in dir(bpy.ops.oneframe) if not name.startswith("_")]
-    types = {name: getattr(bpy.ops.oneframe, name).get_rna_type().properties for name in names}
-    writing = {name: found["filepath"] for name, found in types.items() if "check_existing" in found}
-    assert writing.keys() >= {"save_case", "save_plan", "export_landmarks", "export_surface", "save_edited_surface"}
-    assert not [name for name, filepath in writing.items() if not filepath.is_skip_save]

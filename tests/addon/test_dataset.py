@@ -17,6 +17,7 @@ from oneframe.case.case_file import read_case
 from oneframe.dataset.options import checked_options
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.transforms import camera_centre, rigid
+from tests.blender.dataset.test_job import finished_views, is_alive, linux_only, tree
 from tests.waiting import wait_until
 
 pytestmark = pytest.mark.render
@@ -56,14 +57,6 @@ def followed(module, until) -> object:
 
 def ended(job) -> bool:
     return not job.running
-
-
-def tree(folder: Path) -> dict[str, bytes]:
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
-def finished_views(out: Path) -> int:
-    return sum(1 for _ in out.glob("train_synt/*/frame/*.json"))
 
 
 def datablocks() -> set[str]:
@@ -139,12 +132,9 @@ def touch_mesh(scene):
 CHANGES = {
     "pose": (change_pose, True),
     "mesh file": (touch_mesh, True),
-    "sampler": (lambda scene: setattr(scene.oneframe.dataset, "sampler", "shell"), True),
     "seed": (lambda scene: setattr(scene.oneframe.dataset, "seed", 6), True),
-    "colour": (lambda scene: setattr(scene.oneframe.dataset, "colour", "vertex"), False),
-    "unseen surface": (lambda scene: setattr(scene.oneframe.dataset, "unseen", "fill"), False),
     "angle of incidence": (lambda scene: setattr(scene.oneframe.dataset, "max_incidence_deg", 60), True),
-    "name of a landmark": (lambda scene: scene.oneframe.landmarks.add(), False),
+    "unseen surface": (lambda scene: setattr(scene.oneframe.dataset, "unseen", "fill"), False),
 }
 
 
@@ -243,6 +233,7 @@ def test_disabling_the_addon_stops_the_run(opened, addon, job_module, tmp_path):
         addon.register()
 
 
+@linux_only
 def test_the_run_dies_with_the_program_that_started_it(case_path, tmp_path):
     """A killed program cannot stop the run: the run detects its end."""
     out = tmp_path / "out"
@@ -267,13 +258,6 @@ def test_the_run_dies_with_the_program_that_started_it(case_path, tmp_path):
     views = finished_views(out)
     time.sleep(0.5)
     assert 2 <= finished_views(out) == views < 2000
-
-
-def is_alive(pid: int) -> bool:
-    status = Path(f"/proc/{pid}/stat")
-    if not status.parent.parent.joinpath("self").exists():
-        pytest.skip("needs Linux's /proc")
-    return status.exists() and status.read_text().rpartition(")")[2].split()[0] != "Z"
 
 
 def test_the_message_of_a_failed_run_reaches_the_user(opened, job_module, tmp_path):
@@ -320,24 +304,13 @@ def seed(scene):
     scene.oneframe.dataset.seed = 6
 
 
-def fewer(scene):
-    scene.oneframe.dataset.count = 1
-
-
 def other_pose(scene):
     bpy.ops.oneframe.nudge(axis="x")
 
 
-def other_image(scene):
-    path = Path(scene.oneframe.frame_path)
-    path.write_bytes(path.read_bytes() + b" ")
-
-
 DIFFERENCES = {
     seed: "Seed was 5, is 6",
-    fewer: "a dataset of 2 views, 1 are wanted",
     other_pose: "the pose has changed",
-    other_image: r"the frame's image \(frame.png\) has changed",
 }
 
 
@@ -364,29 +337,6 @@ def test_what_a_dataset_cannot_become_is_said_before_anything_starts(opened, job
     opened.oneframe.dataset_out = str(tmp_path / "mine")
     refused(bpy.ops.oneframe.render_dataset, "found other files; choose another folder")
     assert not (tmp_path / "mine.case.toml").exists()
-
-
-def test_a_larger_number_of_views_extends_the_dataset(opened, job_module, case_path, tmp_path):
-    out = tmp_path / "out"
-    opened.oneframe.dataset_out = str(out)
-    for count in (2, 5):
-        opened.oneframe.dataset.count = count
-        bpy.ops.oneframe.render_dataset()
-        job = followed(job_module, ended)
-        assert (job.code, job.error) == (0, "")
-        assert finished_views(out) == count
-        # the records alone tell whose the views are
-        (out / "dataset.json").unlink()
-
-
-def test_messages_of_the_command_line_become_the_windows():
-    words = importlib.import_module("blender_addon.dataset.wording").in_window_words
-    assert words("found projective; add --colour vertex, or use --engine cycles") == (
-        "found projective; add Colour Vertex, or use Engine Cycles"
-    )
-    assert words("is in use; choose another folder (--out)") == "is in use; choose another folder"
-    assert words("lower min_surface, which was broken") == "lower Min Surface, which was broken"
-    assert words("use a smaller frame or --scale") == "use a smaller frame or Image Size (×)"
 
 
 def test_settings_that_a_run_would_refuse_are_refused_at_once(opened, job_module, case_path):

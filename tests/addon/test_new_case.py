@@ -123,22 +123,6 @@ def test_a_surface_folder_with_a_damaged_structure_changes_nothing(addon, files,
     assert bpy.context.scene.oneframe.surface == before
 
 
-def test_a_surface_that_was_not_drilled_is_upright(addon, files, tmp_path):
-    assert dispatch(["surface", str(files / "ct.nii.gz"), "--out", str(tmp_path / "plain")]) == 0
-    assert "focus" not in json.loads((tmp_path / "plain" / "surface.json").read_text())
-    line = ["case", "--surface", tmp_path / "plain", "--frame", files / "photo.jpg", "--camera", files / "camera.json"]
-    assert dispatch([*map(str, line), "--out", str(tmp_path / "command")]) == 0
-    bpy.ops.oneframe.open_ct(filepath=str(files / "ct.nii.gz"))
-    bpy.ops.oneframe.make_surface()
-    load(camera=files / "camera.json", frame=files / "photo.jpg")
-    (tmp_path / "window").mkdir()
-    bpy.ops.oneframe.save_case(filepath=str(tmp_path / "window" / "case.toml"), collect=True)
-    assert_same_case(tmp_path / "window", tmp_path / "command")
-    pose = from_scene.cam_from_model(bpy.context.scene)
-    # the head is up, or the camera looks along that axis
-    assert pose[0, 2] == pytest.approx(0, abs=1e-9) or abs(pose[2, 2]) > 0.95
-
-
 def test_files_in_the_folder_stay_and_those_of_others_are_not_replaced(addon, files, tmp_path):
     folder = tmp_path / "mine"
     shutil.copytree(files / "surface", folder)

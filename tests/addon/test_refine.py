@@ -3,7 +3,6 @@
 import importlib
 
 import bpy
-import cv2
 import numpy as np
 import pytest
 
@@ -17,6 +16,7 @@ from oneframe.surface.mesh import TriangleMesh
 from oneframe.surface.mesh_reader import read_mesh
 from oneframe.surface.mesh_writer import write_ply
 from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from tests.alignment.test_refinement import hills
 
 CAMERA = PinholeCamera(320, 240, fx=1734.0, fy=1739.0, cx=163.0, cy=117.0)
 TRUE_POSE = rigid(rotation_from_vector(np.array([2.9, 0.3, 0.1])), np.array([0.5, -0.3, 300.0]))
@@ -35,18 +35,6 @@ cam_from_model = {pose}
 """
 
 
-def hills() -> TriangleMesh:
-    """A surface of 90 x 75 mm with hills of several sizes, not periodic."""
-    rng = np.random.default_rng(1)
-    x, y = np.meshgrid(np.linspace(-45, 45, 121), np.linspace(-37, 37, 99))
-    z = sum(cv2.GaussianBlur(rng.normal(size=x.shape), (0, 0), s) * 2.2 * (1.5 * s) ** 1.5 for s in (2, 4, 8))
-    index = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    mesh = TriangleMesh(np.stack([x, y, z], -1).reshape(-1, 3), faces.astype(np.int32))
-    return mesh.moved(-mesh.vertices.mean(axis=0))
-
-
 def photograph(mesh: TriangleMesh) -> np.ndarray:
     """Lambertian shading by a light next to the lens, 8-bit grey as RGB."""
     raster = rasterise_depth(mesh, CAMERA, TRUE_POSE)
@@ -59,7 +47,7 @@ def photograph(mesh: TriangleMesh) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def case_folder(tmp_path_factory):
-    folder, mesh = tmp_path_factory.mktemp("hills"), hills()
+    folder, mesh = tmp_path_factory.mktemp("hills"), hills(1, height=2.2 * 1.5**1.5)
     write_ply(folder / "surface.ply", mesh)
     stored, _ = read_mesh(folder / "surface.ply")
     (folder / "frame.png").write_bytes(encode_png(photograph(stored)))

@@ -27,39 +27,6 @@ def landmarks_at(points, pixels, **settings) -> list[Landmark]:
     ]
 
 
-@settings(max_examples=25)
-@given(st.integers(0, 10**6), st.integers(5, 12), st.booleans())
-def test_the_frame_of_the_surface_does_not_matter(seed, count, with_outlier):
-    """A script solves in the frame of the mesh file, the add-on in the demeaned one."""
-    rng = np.random.default_rng(seed)
-    points = (rng.random((count, 3)) - 0.5) * [30, 20, 12]
-    pixels = CAMERA.project(transform_points(POSE, points)) + rng.normal(0, 1, (count, 2))
-    if with_outlier:
-        pixels[0] += 300
-    model_from_mesh = rigid(translation=rng.normal(0, 100, 3))
-    mesh_from_model = np.linalg.inv(model_from_mesh)
-    given_in = {
-        "model": (landmarks_at(points, pixels), POSE),
-        "mesh": (landmarks_at(transform_points(mesh_from_model, points), pixels), POSE @ model_from_mesh),
-    }
-    found = {}
-    for frame, (landmarks, start) in given_in.items():
-        try:
-            found[frame] = align_landmarks(landmarks, CAMERA, click_sigma_px=1.0, start=start).estimate
-        except UndeterminedPose as refusal:
-            found[frame] = refusal
-    model, mesh = found["model"], found["mesh"]
-    if isinstance(model, UndeterminedPose):
-        assert isinstance(mesh, UndeterminedPose)
-        assert mesh.kind == model.kind
-        return
-    assert np.array_equal(mesh.inliers, model.inliers)
-    assert mesh.messages == model.messages
-    back = mesh.cam_from_model @ mesh_from_model
-    seen = [CAMERA.project(transform_points(pose, points)) for pose in (back, model.cam_from_model)]
-    assert np.abs(seen[0] - seen[1]).max() < 1e-3
-
-
 def test_the_present_pose_decides_only_between_poses_that_fit():
     """Four points of a plane seen from far away: two tilts, mirror images of each other, fit."""
     points = np.array([[-10, -8, 0], [10, -8, 0], [10, 8, 0], [-10, 8, 0.0]])

@@ -10,6 +10,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid, rotation_from_vector, transform_points
+from tests.conftest import grid_mesh
 
 CAMERA = PinholeCamera(240, 180, fx=680.0, fy=678.0, cx=121.0, cy=88.0)
 POSE = rigid(rotation_from_vector(np.array([3.0, 0.25, 0.1])), np.array([1.0, -1.0, 300.0]))
@@ -19,10 +20,7 @@ SPACING_MM = 1.2
 def grid(height: np.ndarray, spacing_mm: float) -> TriangleMesh:
     rows, columns = height.shape
     x, y = np.meshgrid((np.arange(columns) - columns / 2) * spacing_mm, (np.arange(rows) - rows / 2) * spacing_mm)
-    index = np.arange(height.size).reshape(height.shape)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    return TriangleMesh(np.stack([x, y, height], -1).reshape(-1, 3), faces.astype(np.int32))
+    return grid_mesh(x, y, height)
 
 
 def sun(azimuth_deg: float, elevation_deg: float) -> np.ndarray:

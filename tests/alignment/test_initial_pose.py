@@ -10,6 +10,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.surface.ball import Ball
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import nearest_rotation, transform_points
+from tests.conftest import grid_mesh
 
 CAMERAS = [PinholeCamera(1920, 1080, 12_800.0, 12_700.0, 930.0, 560.0), PinholeCamera(600, 900, 500.0, 510.0, 300, 440)]
 
@@ -24,14 +25,10 @@ def bone_with_cavity(direction: np.ndarray) -> TriangleMesh:
     floor = along - np.sqrt(np.maximum(depth, 0))
     radius = np.where((depth > 0) & (unit[..., 2] > 0), np.minimum(30.0, floor), 30.0)
     points = unit * radius[..., None]
-    rows, columns = v.shape
-    index = np.arange(rows * columns).reshape(rows, columns)
-    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
     other = np.eye(3)[np.argmin(np.abs(direction))]
     x = np.cross(other, direction) / np.linalg.norm(np.cross(other, direction))
     turn = np.stack([x, np.cross(direction, x), direction])
-    return TriangleMesh(points.reshape(-1, 3) @ turn, faces.astype(np.int32))
+    return grid_mesh(*np.moveaxis(points @ turn, -1, 0)).flipped()
 
 
 directions = st.integers(0, 2**32 - 1).map(

@@ -10,20 +10,18 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid, rotation_angle_deg, rotation_from_vector, transform_points
+from tests.conftest import grid_mesh
 
 CAMERA = PinholeCamera(240, 180, fx=1301.0, fy=1305.0, cx=122.0, cy=88.0)
 TRUE_POSE = rigid(rotation_from_vector(np.array([2.9, 0.3, 0.1])), np.array([0.5, -0.3, 300.0]))
 
 
-def hills(seed: int) -> TriangleMesh:
+def hills(seed: int, height: float = 3.0) -> TriangleMesh:
     """90 x 75 mm of hills and pits of all sizes without any period; demeaned."""
     rng = np.random.default_rng(seed)
     x, y = np.meshgrid(np.linspace(-45, 45, 121), np.linspace(-37, 37, 99))
-    z = sum(cv2.GaussianBlur(rng.normal(size=x.shape), (0, 0), s) * 3 * s**1.5 for s in (2, 4, 8))
-    index = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
-    mesh = TriangleMesh(np.stack([x, y, z], -1).reshape(-1, 3), faces.astype(np.int32))
+    z = sum(cv2.GaussianBlur(rng.normal(size=x.shape), (0, 0), s) * height * s**1.5 for s in (2, 4, 8))
+    mesh = grid_mesh(x, y, z)
     return mesh.moved(-mesh.vertices.mean(axis=0))
 
 
@@ -166,10 +164,7 @@ def test_a_coloured_object_in_front_of_clutter(rng):
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 81), np.linspace(0, np.pi, 41))
     radius = 25 + 3 * np.sin(3 * u) * np.sin(v) ** 3 + 4 * np.cos(v) + 3 * np.sin(u + 1) * np.sin(v)
     points = radius[..., None] * np.stack([np.sin(v) * np.cos(u), np.sin(v) * np.sin(u), 1.2 * np.cos(v)], axis=-1)
-    index = np.arange(u.size).reshape(u.shape)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack([a, d, c], -1).reshape(-1, 3), np.stack([a, c, b], -1).reshape(-1, 3)])
-    mesh = TriangleMesh(points.reshape(-1, 3), faces.astype(np.int32))
+    mesh = grid_mesh(*np.moveaxis(points, -1, 0)).flipped()
     colours = 0.5 + 0.4 * np.sin(mesh.vertices / [6.0, 9.0, 7.0] + [0.0, 1.0, 2.0])
     camera = PinholeCamera(320, 240, fx=570.0, fy=572.0, cx=163.0, cy=117.0)
     pose = rigid(rotation_from_vector(np.array([0.4, 1.1, -0.3])), np.array([20.0, 12.0, 330.0]))

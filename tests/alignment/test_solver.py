@@ -238,24 +238,6 @@ def test_nearly_collinear_points_are_recognised_by_the_click_noise():
     assert solve_pose(points, exact, MICROSCOPE, click_sigma_px=0.01).inliers.all()
 
 
-def test_of_two_possible_poses_the_start_decides_and_a_warning_says_so():
-    rng = np.random.default_rng(12)
-    points, pose = box_points(rng, 4, 0), frontal(0.15)
-    pixels = clicked(rng, MICROSCOPE, pose, points, 1.0)
-    with pytest.raises(UndeterminedPose) as caught:
-        solve_pose(points, pixels, MICROSCOPE)
-    assert caught.value.kind == "coplanar"
-    assert len(caught.value.candidates) == 2
-    for candidate in caught.value.candidates:
-        start = apply_twist(np.array([1, -2, 9, 0.02, -0.01, 0.02]), candidate, np.zeros(3))
-        estimate = solve_pose(points, pixels, MICROSCOPE, start=start)
-        assert estimate.cam_from_model == pytest.approx(candidate, abs=1e-6)
-        assert "nearest the current pose was taken" in estimate.messages[0]
-    far = apply_twist(np.array([0, 0, 0, 1.5, 0, 0]), pose, np.zeros(3))
-    with pytest.raises(UndeterminedPose):
-        solve_pose(points, pixels, MICROSCOPE, start=far)
-
-
 @settings(max_examples=25)
 # a covariance that is singular in double precision
 @example(7, 7, 60.0, 1e-2, "line", 50.0)

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from oneframe.camera.distortion import Distortion
 from oneframe.case.alignment_record import KEYS
 from oneframe.case.case_file import Structure, read_case
-from oneframe.case.landmarks import Landmark
 from oneframe.dataset.options import checked_options
 from oneframe.errors import InputError
 from oneframe.files.numbers import MM_PER_UNIT
@@ -83,15 +82,6 @@ def test_corner_origin_is_shifted_by_half_a_pixel(tmp_path):
     assert case.landmarks[0].pixel == (10.0, 19.5)
 
 
-def test_complete_and_incomplete_landmarks_are_read(tmp_path):
-    assert read_case(case_file(tmp_path, LANDMARKS)).landmarks == (
-        Landmark("tip", (1.005, 2.0, -3.5), (10.5, 20.0)),
-        Landmark("ridge", None, (3.0, 4.0), enabled=False),
-        Landmark("canal", (0.0, 0.0, 1.0), None),
-        Landmark("to be placed", None, None),
-    )
-
-
 def test_provenance_of_the_pose_is_read(tmp_path):
     table = "[alignment]\ndate = 2026-03-31\nstandard_deviation_deg = [0, 0.1, 1]\nrms_px = 2\nmethod = 'landmarks'"
     assert read_case(case_file(tmp_path, table)).alignment == {
@@ -134,17 +124,12 @@ BAD = {
     "unknown key": ({"image": 'imaeg = "frame.png"'}, "\\[frame\\] unknown key 'imaeg'; did you mean 'image'\\?"),
     "size with half a pixel": ({"size": "size = [64.5, 48]"}, "whole pixels"),
     "skew": (intrinsics("[[320, 0.5, 31.5], [0, 330, 23.5], [0, 0, 1]]"), "K: expected no skew, found 0.5; .*rectify"),
-    "K with NaN": (intrinsics("[[320, 0, nan], [0, 330, 23.5], [0, 0, 1]]"), "K: expected finite numbers"),
     "K transposed": (intrinsics("[[320, 0, 0], [0, 330, 0], [31.5, 23.5, 1]]"), "K: expected \\[\\[fx, 0, cx\\]"),
     "distortion": ({"K": PARTS["K"] + "\ndistortion = [1, 2]"}, "distortion: expected five finite numbers"),
     "pixel origin": ({"K": PARTS["K"] + '\npixel_origin = "centre"'}, 'expected pixel_origin "center" or "corner"'),
     "reflection": (
         pose("[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 300], [0, 0, 0, 1]]"),
         "expected a rotation, found a reflection \\(determinant -1.000\\)",
-    ),
-    "scaled rotation": (
-        pose("[[1.01, 0, 0, 0], [0, -1.01, 0, 0], [0, 0, -1.01, 300], [0, 0, 0, 1]]"),
-        "deviates from orthonormal by 0.02 \\(allowed 0.01\\); remove scale or shear",
     ),
     "transposed pose": (
         pose("[[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0], [2, 3, 300, 1]]"),
@@ -159,11 +144,8 @@ BAD = {
         "expected a different name for each",
     ),
     "landmark's key": (landmark('name = "a"\npixle = [1, 2]'), "number 1: unknown key 'pixle'; did you mean 'pixel'"),
-    "landmark of no name": (landmark('name = " "'), "number 1: expected a name, found ' '"),
     "two landmarks of a name": (landmark('name = "a"\n[[landmarks]]\nname = "a"'), "found 'a' twice; rename one"),
-    "provenance's key": ({"more": "[alignment]\nrms = 1"}, "\\[alignment\\] unknown key 'rms'; did you mean 'rms_px'"),
     "provenance's date": ({"more": '[alignment]\ndate = "today"'}, "date: expected a date such as .*found 'today'"),
-    "unknown table": ({"more": "[datasets]"}, "unknown key 'datasets'; did you mean 'dataset'\\?"),
 }
 
 

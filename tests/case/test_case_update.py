@@ -144,11 +144,6 @@ def saved(path, **changes):
     return [line for line in old if line not in new], [line for line in new if line not in old]
 
 
-def test_saving_the_same_case_changes_no_byte(path):
-    assert saved(path) == ([], [])
-    assert path.read_text() == BY_HAND
-
-
 def test_one_number_of_a_matrix_changes_alone(path):
     camera = replace(read_case(path).camera, fx=1090.5)
     assert saved(path, camera=camera) == (
@@ -185,14 +180,6 @@ def test_pixels_counted_from_the_corner_are_written_from_the_centre_only_if_one_
     update_case(path, new)
     assert 'pixel_origin = "center" # COLMAP' in path.read_text()
     assert differing_fields(read_case(path), new) == ()
-
-
-def test_metres_keep_every_bit(path):
-    path.write_text(BY_HAND.replace('"mm"', '"m"').replace("300]", "0.3]"))
-    case = read_case(path)
-    new = replace(case, cam_from_mesh=rigid(case.cam_from_mesh[:3, :3], np.array([0.1, 1 / 3, 300.00000000000006])))
-    update_case(path, new)
-    assert np.array_equal(read_case(path).cam_from_mesh, new.cam_from_mesh)
 
 
 @pytest.mark.parametrize("text", ['[project]\nname = "mine"\n', "units = mm\n", BY_HAND.replace("units", "unit")])

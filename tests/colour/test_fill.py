@@ -1,7 +1,6 @@
 """The fill: the observed colours and nothing else, along the surface, smooth, always the same."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -34,13 +33,6 @@ def test_known_colours_stay_and_the_others_are_within_their_range(seed, rows, ar
     # what was at unknown vertices does not matter
     rgb[~known] = np.nan
     assert np.array_equal(filled_colours(vertices, faces, rgb, known), found)
-
-
-def test_one_colour_fills_everything():
-    vertices, faces = tube(50, 30)
-    rgb = np.broadcast_to(np.float32([0.2, 0.5, 0.9]), vertices.shape)
-    known = vertices[:, 2] < 1
-    np.testing.assert_allclose(filled_colours(vertices, faces, rgb, known), rgb, atol=1e-6)
 
 
 def test_between_two_colours_the_fill_is_nearly_harmonic():
@@ -76,9 +68,3 @@ def test_a_seam_of_doubled_vertices_is_no_border():
     whole = filled_colours(vertices, faces, rgb, known)
     apart = filled_colours(loose, loose_faces, rgb[faces].reshape(-1, 3), known[faces].ravel())
     np.testing.assert_allclose(apart, whole[faces].reshape(-1, 3), atol=1e-6)
-
-
-def test_without_known_colours_there_is_nothing_to_continue():
-    vertices, faces = tube(3, 3)
-    with pytest.raises(ValueError, match="expected vertices with known colours"):
-        filled_colours(vertices, faces, np.zeros(vertices.shape, np.float32), np.zeros(len(vertices), bool))

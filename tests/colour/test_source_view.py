@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oneframe.camera.pinhole import PinholeCamera
-from oneframe.colour.source_view import SourceView, continued_by_a_pixel
+from oneframe.colour.source_view import SourceView
 from oneframe.colour.vertex_colours import colour_vertices
-from oneframe.dataset.options import DatasetOptions
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, rigid
+from tests.conftest import grid_mesh
 
 CAMERA = PinholeCamera(120, 100, 800.0, 790.0, 61.3, 48.7)
 CAM_FROM_MODEL = rigid(translation=np.array([0.3, -0.2, 300.0]))
@@ -21,10 +21,7 @@ BACKGROUND = (0.0, 0.0, 1.0)
 def ball(rows: int, radius: float, centre=(0.0, 0.0, 0.0)) -> TriangleMesh:
     polar, azimuth = np.meshgrid(np.linspace(0.02, np.pi - 0.02, rows + 1), np.linspace(0, 2 * np.pi, 2 * rows + 1))
     unit = np.stack([np.sin(polar) * np.cos(azimuth), np.cos(polar), np.sin(polar) * np.sin(azimuth)], axis=-1)
-    i = np.arange(polar.size).reshape(polar.shape)
-    a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, 1:].ravel(), i[1:, :-1].ravel()
-    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]).astype(np.int32)
-    mesh = TriangleMesh(unit.reshape(-1, 3) * radius, faces)
+    mesh = grid_mesh(*np.moveaxis(unit * radius, -1, 0))
     outwards = (mesh.face_cross * mesh.vertices[mesh.faces[:, 0]]).sum() > 0
     return (mesh if outwards else mesh.flipped()).moved(np.asarray(centre))
 
@@ -122,37 +119,11 @@ def test_masked_pixels_are_no_background(rng):
     assert inside.sum() > 1000
 
 
-@settings(max_examples=30)
-@given(slopes=st.tuples(st.floats(-3, 3), st.floats(-3, 3)), angle=st.floats(0, 6.28), shift=st.floats(-20, 20))
-def test_a_plane_is_continued_exactly(slopes, angle, shift):
-    """A half-plane with a straight edge: one row of pixels more, on the plane."""
-    grid = CAMERA.pixel_grid()
-    x, y = grid[..., 0] - 60, grid[..., 1] - 50
-    plane = (1 + (slopes[0] * x + slopes[1] * y) / 800) / 300
-    shown = np.cos(angle) * x + np.sin(angle) * y < shift
-    image = np.random.default_rng(0).uniform(0, 1, (*CAMERA.shape_hw, 3)).astype(np.float32)
-    colour, depth = continued_by_a_pixel(image, np.where(shown, plane, 0), ~shown, steepest=19 / 790, same=1e-3)
-    assert np.array_equal(colour[shown], image[shown])
-    assert np.array_equal(depth[shown], plane[shown])
-    added = ~shown & (depth > 0)
-    beside = np.zeros_like(shown)
-    for rows in (-1, 0, 1):
-        for columns in (-1, 0, 1):
-            beside[1:-1, 1:-1] |= shown[1 + rows : 99 + rows, 1 + columns : 119 + columns]
-    inner = np.zeros_like(shown)
-    inner[3:-3, 3:-3] = True
-    assert np.array_equal(added[inner], (beside & ~shown)[inner])
-    np.testing.assert_allclose(depth[added & inner], plane[added & inner], rtol=1e-12)
-
-
 def test_a_vertex_beside_a_step_gets_the_colour_of_its_own_surface():
     """A wall of fine triangles behind a ball: every vertex in the open is covered, by the wall's colour."""
     edge = np.linspace(-20, 20, 401)
     x, y = np.meshgrid(edge, edge)
-    index = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = index[:-1, :-1].ravel(), index[:-1, 1:].ravel(), index[1:, 1:].ravel(), index[1:, :-1].ravel()
-    faces = np.concatenate([np.stack([a, c, b], axis=1), np.stack([a, d, c], axis=1)]).astype(np.int32)
-    wall = TriangleMesh(np.stack([x, y, 40 + 0 * x], axis=-1).reshape(-1, 3), faces)
+    wall = grid_mesh(x, y, 40 + 0 * x).flipped()
     front = ball(60, 6.0)
     mesh, view = seen_from_frame([wall, front], [(0.0, 1.0, 0.0), (1.0, 0.0, 0.0)])
     found = colour_vertices(mesh, view)
@@ -164,9 +135,3 @@ def test_a_vertex_beside_a_step_gets_the_colour_of_its_own_surface():
     assert not found.observed[of_wall][clear].all()
     assert found.covered[of_wall][clear].all()
     np.testing.assert_allclose(found.rgb[of_wall][clear], np.tile([0, 1, 0], (clear.sum(), 1)), atol=0.02)
-
-
-def test_the_options_default_is_the_rules():
-    nothing = np.zeros((100, 120), np.float32)
-    view = SourceView(np.zeros((100, 120, 3), np.float32), nothing > 0, CAMERA, CAM_FROM_MODEL, inverse_depth=nothing)
-    assert DatasetOptions().max_incidence_deg == view.max_incidence_deg

@@ -5,37 +5,23 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.colour.source_view import SourceView
 from oneframe.colour.texture_atlas import bake_atlas, classify_faces
 from oneframe.colour.vertex_colours import NEUTRAL
-from oneframe.projection.rasteriser import rasterise
+from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import camera_centre, rigid, rotation_from_vector, transform_points
+from tests.colour.test_source_view import ball
+from tests.conftest import grid_mesh
 
 CAMERA = PinholeCamera(160, 120, 500.0, 510.0, 78.3, 60.9)
 CAM_FROM_MODEL = rigid(translation=np.array([0, 0, 200.0]))
 
 
-def grid_mesh(columns, rows, half_width, half_height, z_of_xy):
+def height_field(columns, rows, half_width, half_height, z_of_xy):
     """A height field over the model's xy plane, its front towards -z (towards the camera)."""
     x, y = np.meshgrid(
         np.linspace(-half_width, half_width, columns + 1), np.linspace(-half_height, half_height, rows + 1)
     )
-    vertices = np.stack([x, y, z_of_xy(x, y)], axis=-1).reshape(-1, 3)
-    i = np.arange(len(vertices)).reshape(x.shape)
-    a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, 1:].ravel(), i[1:, :-1].ravel()
-    faces = np.concatenate([np.stack([a, c, b], axis=1), np.stack([a, d, c], axis=1)])
-    return TriangleMesh(vertices, faces.astype(np.int32))
-
-
-def sphere_mesh(rows, radius, centre):
-    """Latitudes and longitudes; the caps stay open."""
-    polar, azimuth = np.meshgrid(np.linspace(0.05, np.pi - 0.05, rows + 1), np.linspace(0, 2 * np.pi, 2 * rows + 1))
-    unit = np.stack([np.sin(polar) * np.cos(azimuth), np.cos(polar), np.sin(polar) * np.sin(azimuth)], axis=-1)
-    i = np.arange(unit[..., 0].size).reshape(polar.shape)
-    a, b, c, d = i[:-1, :-1].ravel(), i[:-1, 1:].ravel(), i[1:, 1:].ravel(), i[1:, :-1].ravel()
-    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    mesh = TriangleMesh(unit.reshape(-1, 3), faces.astype(np.int32))
-    outwards = (mesh.face_cross * mesh.vertices[mesh.faces[:, 0]]).sum() > 0
-    mesh = mesh if outwards else mesh.flipped()
-    return mesh.scaled(radius).moved(np.asarray(centre, float))
+    mesh = grid_mesh(x, y, z_of_xy(x, y))
+    return TriangleMesh(mesh.vertices, mesh.faces[:, [0, 2, 1]])
 
 
 def joined(first, second):
@@ -121,7 +107,7 @@ def bake(mesh, image, observed, camera=CAMERA, cam_from_model=CAM_FROM_MODEL, **
 def test_fronto_parallel_plane_is_lossless():
     rng = np.random.default_rng(1)
     image = rng.uniform(0, 1, (*CAMERA.shape_hw, 3)).astype(np.float32)
-    mesh = grid_mesh(90, 70, 40, 30, lambda x, y: 0 * x)  # larger than the frame
+    mesh = height_field(90, 70, 40, 30, lambda x, y: 0 * x)  # larger than the frame
     observed = facing_rule(CAMERA, CAM_FROM_MODEL)
     atlas, seen = bake(mesh, image, observed)
     assert atlas.separate_charts == 0
@@ -134,27 +120,11 @@ def test_fronto_parallel_plane_is_lossless():
     assert set(np.unique(seen)) == {0, 1, 2}
 
 
-def test_layer_texels_are_the_frames_pixels():
-    """A dense tilted surface: not one pixel of it is resampled by more than a trace."""
-    rng = np.random.default_rng(2)
-    image = rng.uniform(0, 1, (*CAMERA.shape_hw, 3)).astype(np.float32)
-    mesh = grid_mesh(60, 50, 9, 7, lambda x, y: 0.8 * x + 0.3 * y)
-    atlas, _ = bake(mesh, image, facing_rule(CAMERA, CAM_FROM_MODEL))
-    first = CAMERA.project(transform_points(CAM_FROM_MODEL, mesh.vertices[mesh.faces[0]]))
-    height, width = atlas.observed.shape
-    offset = first[0] - (atlas.uv[0, 0] * [1, -1] + [0, 1]) * [width, height] + 0.5
-    np.testing.assert_allclose(offset, np.round(offset), atol=1e-8)
-    dx, dy = np.round(offset).astype(int)
-    y, x = np.nonzero(atlas.observed)
-    assert len(y) > 1500
-    assert np.abs(atlas.image[y, x] - image[y + dy, x + dx]).mean() < 0.1 / 255
-
-
 @pytest.mark.parametrize("rows", [40, 150])
 def test_curved_surface_agrees_with_direct_sampling(rows):
     rng = np.random.default_rng(3)
     image = microscope_like(CAMERA, rng)
-    mesh = sphere_mesh(rows, 18.0, [2, -1, 0])
+    mesh = ball(rows, 18.0, [2, -1, 0])
     observed = facing_rule(CAMERA, CAM_FROM_MODEL)
     atlas, _ = bake(mesh, image, observed)
     points = SurfacePoints(mesh, 40000, rng)
@@ -173,7 +143,7 @@ def test_curved_surface_agrees_with_direct_sampling(rows):
 def test_large_slanted_triangles_keep_perspective():
     rng = np.random.default_rng(4)
     image = microscope_like(CAMERA, rng)
-    mesh = grid_mesh(1, 1, 30, 14, lambda x, y: 1.5 * x)
+    mesh = height_field(1, 1, 30, 14, lambda x, y: 1.5 * x)
     points = SurfacePoints(mesh, 30000, rng)
     atlas, _ = bake(mesh, image, facing_rule(CAMERA, CAM_FROM_MODEL))
     assert atlas.separate_charts == 2
@@ -208,8 +178,8 @@ def _pixels(points):
 @pytest.mark.parametrize("cells", [1, 7, 60, 160])
 def test_hidden_surface_is_neither_observed_nor_given_the_occluders_colour(cells):
     rng = np.random.default_rng(5)
-    plane = grid_mesh(cells, cells, 45, 36, lambda x, y: 0 * x)
-    mesh = joined(plane, sphere_mesh(min(max(cells, 12), 50), SPHERE_RADIUS, SPHERE_CENTRE))
+    plane = height_field(cells, cells, 45, 36, lambda x, y: 0 * x)
+    mesh = joined(plane, ball(min(max(cells, 12), 50), SPHERE_RADIUS, SPHERE_CENTRE))
     centre = camera_centre(CAM_FROM_MODEL)
     in_front = facing_rule(CAMERA, CAM_FROM_MODEL)
 
@@ -253,19 +223,11 @@ def test_flags_follow_the_visibility_rule_of_the_project():
     """Atlas flags are never wider than the rule at the point itself, and narrower only within a pixel of a rim."""
     rng = np.random.default_rng(6)
     pose = rigid(rotation_from_vector(np.array([0.3, -0.4, 0.1])), np.array([0, 0, 200.0]))
-    plane = grid_mesh(150, 120, 40, 30, lambda x, y: 1.5 * np.sin(x / 3) * np.cos(y / 4))
-    mesh = joined(plane, sphere_mesh(60, 6.0, [3, -2, -45]))
-    points_cam = transform_points(pose, mesh.vertices)
-    inverse = np.zeros(CAMERA.width * CAMERA.height, dtype=np.float32)
-    for samples in rasterise(CAMERA.project(points_cam)[mesh.faces]):
-        inside = CAMERA.contains(np.stack([samples.x, samples.y], axis=1))
-        corners = points_cam[mesh.faces[samples.triangle[inside]], 2]
-        value = (samples.barycentric[inside] / corners).sum(axis=1)
-        np.maximum.at(inverse, samples.y[inside] * CAMERA.width + samples.x[inside], value)
+    plane = height_field(150, 120, 40, 30, lambda x, y: 1.5 * np.sin(x / 3) * np.cos(y / 4))
+    mesh = joined(plane, ball(60, 6.0, [3, -2, -45]))
+    inverse = rasterise_depth(mesh, CAMERA, pose).inverse_depth.astype(np.float32)
     image = microscope_like(CAMERA, rng)
-    source = SourceView(
-        image, np.ones(CAMERA.shape_hw, bool), CAMERA, pose, inverse_depth=inverse.reshape(CAMERA.shape_hw)
-    )
+    source = SourceView(image, np.ones(CAMERA.shape_hw, bool), CAMERA, pose, inverse_depth=inverse)
     atlas, _ = bake(mesh, image, source.observed, cam_from_model=pose)
     points = SurfacePoints(mesh, 40000, rng)
     colour, flag = points.look_up(atlas)
@@ -281,7 +243,7 @@ def test_flags_follow_the_visibility_rule_of_the_project():
 def test_no_seam_along_a_crease_between_separate_charts(slope):
     """Two large faces of a ridge or valley: texels beyond the crease leave the surface, lookups at it stay observed."""
     rng = np.random.default_rng(9)
-    mesh = grid_mesh(2, 1, 10, 9, lambda x, y: slope * np.abs(x))
+    mesh = height_field(2, 1, 10, 9, lambda x, y: slope * np.abs(x))
     across = np.abs(CAMERA.rays_cam(CAMERA.pixel_grid())[..., 0])
     inverse_depth = ((1 - slope * across) / 200).astype(np.float32)
     image = microscope_like(CAMERA, rng)
@@ -299,17 +261,9 @@ def test_no_seam_along_a_crease_between_separate_charts(slope):
     assert np.abs(colour - expected)[flag & at_crease].mean() < 1 / 255
 
 
-def test_texels_outside_the_frame_are_never_observed():
-    mesh = grid_mesh(40, 30, 60, 45, lambda x, y: 0 * x)
-    image = np.ones((*CAMERA.shape_hw, 3), np.float32)
-    atlas, _ = bake(mesh, image, lambda points, normals: np.ones(len(points), bool))
-    assert atlas.observed.sum() == CAMERA.width * CAMERA.height
-    assert (atlas.image[atlas.observed] == 1).all()
-
-
 def test_unseen_faces_are_neutral():
     rng = np.random.default_rng(7)
-    mesh = sphere_mesh(30, 10.0, [0, 0, 0])
+    mesh = ball(30, 10.0, [0, 0, 0])
     image = microscope_like(CAMERA, rng)
     atlas, seen = bake(mesh, image, facing_rule(CAMERA, CAM_FROM_MODEL))
     points = SurfacePoints(mesh, 20000, rng)

@@ -267,8 +267,8 @@ def test_a_description_of_other_views_is_found_by_rendering_again(copies, case, 
 
 
 def test_the_command_renders_again(untouched, case, run_command):
-    script = Path(__file__).resolve().parents[2] / "scripts" / "check_dataset.py"
-    ended = run_command([sys.executable, str(script), str(untouched), "--case", str(case), "--rerender", "2"])
+    script = Path(__file__).resolve().parents[2] / "scripts" / "oneframe.py"
+    ended = run_command([sys.executable, str(script), "check", str(untouched), "--case", str(case), "--rerender", "2"])
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "2 views rendered again from the case are the same" in ended.stdout
 

@@ -4,7 +4,6 @@ import pytest
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.projection.z_buffer import rasterise_depth
 from oneframe.surface.decimation import cluster_vertices
-from oneframe.surface.mesh import TriangleMesh
 from oneframe.transforms import rigid
 
 CAMERA = PinholeCamera(97, 71, fx=460.0, fy=440.0, cx=51.3, cy=33.8)
@@ -41,8 +40,3 @@ def test_clusters_keep_the_surface(bumpy_mesh, oblique_pose):
     assert both.sum() > 0.97 * (full.face >= 0).sum()
     apart = 1 / full.inverse_depth[both] - 1 / coarse.inverse_depth[both]
     assert np.median(np.abs(apart)) < 0.3
-
-
-def test_a_mesh_smaller_than_a_cell_stays():
-    mesh = TriangleMesh(np.eye(3), np.array([[0, 1, 2]], np.int32))
-    assert cluster_vertices(mesh, 100.0) == (mesh, None)

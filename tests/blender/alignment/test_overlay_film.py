@@ -150,18 +150,6 @@ def test_uneven_times_keep_their_pace(loaded, frontal_pose, tmp_path):
         assert int(np.argmin([error_of(shown, image) for image in images[:-1]])) == number
 
 
-def test_a_damaged_frame_leaves_the_others_in_place(loaded, frontal_pose, tmp_path):
-    images = film_frames()
-    path = write_film(tmp_path / "film.avi", images, fourcc="MJPG")
-    data = bytearray(path.read_bytes())
-    start = data.index(b"00dc", data.index(b"movi") + len(data) // 2)
-    data[start + 700 : start + 900] = bytes(200)
-    path.write_bytes(data)
-    _, _, (_, found) = written(path, loaded, [frontal_pose, *[None] * (FRAMES - 1)], tmp_path / "out.mp4")
-    assert len(found) == FRAMES
-    assert int(np.argmin([error_of(found[-1], image) for image in images])) == FRAMES - 1
-
-
 def test_frames_of_a_distorted_lens_are_undistorted(loaded, frontal_pose, tmp_path):
     distortion = Distortion(-8.0, 30.0, 0.02, -0.03, 0.0)
     bent = replace(loaded, case=replace(loaded.case, distortion=distortion))

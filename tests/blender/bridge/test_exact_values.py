@@ -1,7 +1,5 @@
 """Arrays on Blender data come back bit by bit: from memory, from an undo step and from a .blend file."""
 
-import json
-
 import bpy
 import numpy as np
 from hypothesis import given, settings
@@ -53,8 +51,3 @@ def test_an_undo_step_gives_the_same_bits():
     for step, number in ((bpy.ops.ed.undo, 1), (bpy.ops.ed.redo, 2)):
         assert step() == {"FINISHED"}
         assert_same_bits(exact(holder(), "pose"), MATRIX * number)
-
-
-def test_a_file_from_before_holds_text():
-    holder()["pose"] = json.dumps(MATRIX.tolist())
-    assert_same_bits(exact(holder(), "pose"), MATRIX)

@@ -1,6 +1,5 @@
 """Rejection keeps the conditional distribution and ends; explicit lists are read exactly or refused."""
 
-import io
 import json
 import os
 
@@ -12,6 +11,7 @@ from oneframe.poses.constraints import Constraints, Rejections, ViewStatistics, 
 from oneframe.poses.distributions import ReferencePose, Shell
 from oneframe.poses.pose_file import read_frame_poses, read_poses
 from oneframe.transforms import camera_centre, inverse_rigid, rigid, rotation_from_vector
+from tests.poses.test_distributions import ks_distance
 
 COUNT = 1500
 KS_BOUND = np.sqrt(np.log(2 / 1e-6) / (2 * COUNT))
@@ -28,15 +28,6 @@ def probe(cam_from_model):
     return ViewStatistics(
         surface_fraction=DISTANCE / distance, observed_fraction=float(offset[0] > 0), clearance_mm=distance
     )
-
-
-def ks_distance(values, distribution_function):
-    expected = distribution_function(np.sort(values))
-    steps = np.arange(len(values) + 1) / len(values)
-    return max((steps[1:] - expected).max(), (expected - steps[:-1]).max())
-
-
-# --- rejection ----------------------------------------------------------------------------------------------------
 
 
 def test_accepted_poses_follow_the_conditional_distribution():
@@ -81,21 +72,16 @@ def test_impossible_constraints_end_with_counts():
     tried = []
 
     def counting_probe(cam_from_model):
-        tried.append(cam_from_model)
-        return probe(cam_from_model)
+        tried.append(probe(cam_from_model))
+        return tried[-1]
 
     constraints = Constraints(min_surface=0.6, min_clearance_mm=5000, max_attempts=200)
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=r"^view 17: .*lower min_clearance_mm") as caught:
         plan_pose(SHELL, constraints, counting_probe, seed=0, index=17)
     assert len(tried) == 200
-    best = max(probe(pose).clearance_mm for pose in tried)
-    far = sum(probe(pose).surface_fraction < 0.6 for pose in tried)
-    message = str(caught.value)
-    assert message.startswith("view 17: found no pose")
-    assert f"of 200 poses tried, 200 came nearer than 5000 mm to the surface (the best: {best:.3g} mm)" in message
-    assert f"{far} showed less than 60 % of the surface that the frame shows" in message
-    assert "lower min_clearance_mm, which" in message
-    assert "observed" not in message
+    far = sum(each.surface_fraction < 0.6 for each in tried)
+    assert f"the best: {max(each.clearance_mm for each in tried):.3g} mm" in str(caught.value)
+    assert f"{far} showed less than 60 %" in str(caught.value)
 
 
 def test_statistics_on_the_limit_pass_and_nan_does_not():
@@ -121,15 +107,10 @@ def test_given_poses_are_kept_and_those_that_break_constraints_are_reported():
     assert [plan.rejections for plan in planned] == [
         Rejections(observed=int(index in unobserved), clearance=int(index in near)) for index in range(40)
     ]
-    assert len(messages) == 2
-    assert f"{len(unobserved)} of 40 poses" in messages[0]
-    assert "(min_observed = 0.8)" in messages[0]
-    assert f"first is pose {unobserved[0]} " in messages[0]
-    assert f"{len(near)} of 40 poses came nearer" in messages[1]
+    for message, broken in zip(messages, (unobserved, near), strict=True):
+        assert f"{len(broken)} of 40 poses" in message
+        assert f"first is pose {broken[0]} " in message
     assert plan_given_poses(poses, Constraints(), probe)[1] == []
-
-
-# --- explicit lists -----------------------------------------------------------------------------------------------
 
 
 def some_poses(count=5):
@@ -137,43 +118,25 @@ def some_poses(count=5):
     return np.stack([rigid(rotation_from_vector(rng.normal(size=3)), rng.normal(size=3) * 90) for _ in range(count)])
 
 
-def as_objects(key):
-    return lambda poses: [{key: pose.tolist(), "note": 1} for pose in poses]
-
-
-@pytest.mark.parametrize(
-    "stored",
-    [
-        lambda poses: poses.tolist(),
-        as_objects("cam_from_mesh"),
-        as_objects("cam_from_model"),
-    ],
-)
-def test_json_and_npy_give_the_same_poses(tmp_path, stored):
-    poses = some_poses()
-    np.save(tmp_path / "poses.npy", poses)
-    (tmp_path / "poses.JSON").write_text(json.dumps(stored(poses)), encoding="utf-8-sig")
-    from_npy, messages = read_poses(tmp_path / "poses.npy", mesh_from_model=GIVEN_FROM_MODEL)
-    from_json, _ = read_poses(str(tmp_path / "poses.JSON"), mesh_from_model=GIVEN_FROM_MODEL)
-    assert messages == []
-    assert np.allclose(from_npy @ inverse_rigid(GIVEN_FROM_MODEL), poses, rtol=0, atol=1e-12)
-    assert np.allclose(from_json, from_npy, rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("dtype", ["<f4", ">f8", "<i4"])
-def test_metres_single_poses_and_other_number_types(tmp_path, dtype):
-    pose = np.array([[0, 0, 1, 2], [1, 0, 0, -3], [0, 1, 0, 4], [0, 0, 0, 1]])
-    for stored in (pose, np.asfortranarray(pose[None])):
-        np.save(tmp_path / "one.npy", stored.astype(dtype))
-        read, _ = read_poses(tmp_path / "one.npy", mesh_from_model=np.eye(4), mm_per_unit=1000)
-        expected = pose.astype(float)
-        expected[:3, 3] *= 1000
+@pytest.mark.parametrize("dtype", ["<f8", "<f4", ">f8", "<i4"])
+@pytest.mark.parametrize("key", ["cam_from_mesh", "cam_from_model", None])
+def test_json_and_npy_of_any_number_type_give_the_same_poses(tmp_path, dtype, key):
+    poses = some_poses().astype(dtype)
+    if dtype == "<i4":
+        poses = np.array([[[0, 0, 1, 2], [1, 0, 0, -3], [0, 1, 0, 4], [0, 0, 0, 1]]])
+    np.save(tmp_path / "poses.npy", np.asfortranarray(poses.astype(dtype)))
+    stored = [{key: pose.tolist(), "note": 1} if key else pose.tolist() for pose in poses]
+    (tmp_path / "poses.JSON").write_text(json.dumps(stored), encoding="utf-8-sig")
+    np.save(tmp_path / "one.npy", poses[0])
+    (tmp_path / "one.json").write_text(json.dumps(stored[0]))
+    expected = poses.astype(float)
+    expected[:, :3, 3] *= 1000
+    for name, count in (("poses.npy", len(poses)), ("poses.JSON", len(poses)), ("one.npy", 1), ("one.json", 1)):
+        read, _ = read_poses(tmp_path / name, mesh_from_model=GIVEN_FROM_MODEL, mm_per_unit=1000)
         assert read.dtype == np.float64
-        assert np.array_equal(read, expected[None])
-    for stored in (pose.tolist(), {"cam_from_mesh": pose.tolist()}):
-        (tmp_path / "one.json").write_text(json.dumps(stored))
-        read, _ = read_poses(tmp_path / "one.json", mesh_from_model=np.eye(4), mm_per_unit=1000)
-        assert np.array_equal(read, expected[None])
+        # of the rotations in single precision, which are made exact
+        atol = 1e-6 if dtype == "<f4" else 1e-12
+        np.testing.assert_allclose(read @ inverse_rigid(GIVEN_FROM_MODEL), expected[:count], rtol=1e-12, atol=atol)
 
 
 def test_rounded_rotations_are_made_exact_and_reported_once(tmp_path):
@@ -182,119 +145,48 @@ def test_rounded_rotations_are_made_exact_and_reported_once(tmp_path):
     rotation = poses[:, :3, :3]
     assert np.abs(rotation @ np.swapaxes(rotation, 1, 2) - np.eye(3)).max() < 1e-12
     assert len(messages) == 2
-    assert messages[0].startswith("rounded.npy: pose 0 (counted from 0): rotation off by ")
-    assert messages[1] == "rounded.npy: the rotations of 4 other poses were corrected too"
-
-
-def broken(index, change):
-    poses = some_poses()
-    change(poses[index])
-    return poses
-
-
-def reflect(pose):
-    pose[1, :3] *= -1
-
-
-def transpose(pose):
-    pose[:] = pose.T.copy()
-
-
-BAD_POSES = [(broken(3, reflect), "pose 3 .*reflection"), (broken(1, transpose), "pose 1 .*last row")]
-
-
-@pytest.mark.parametrize(("poses", "message"), BAD_POSES)
-def test_poses_that_are_not_rigid_are_refused_by_index(tmp_path, poses, message):
-    np.save(tmp_path / "bad.npy", poses)
-    (tmp_path / "bad.json").write_text(json.dumps(poses.tolist()))
-    for name in ("bad.npy", "bad.json"):
-        with pytest.raises(InputError, match=f"{name}: {message}"):
-            read_poses(tmp_path / name, mesh_from_model=np.eye(4))
-
-
-@pytest.mark.parametrize(
-    ("array", "message"),
-    [
-        (np.empty((0, 4, 4)), "found an empty list"),
-        (some_poses()[:, :3], r"expected shape \(N, 4, 4\) or \(4, 4\), found \(5, 3, 4\)"),
-        (some_poses().astype(complex), "real numbers, found type complex128"),
-    ],
-)
-def test_arrays_that_are_not_poses_are_refused(tmp_path, array, message):
-    np.save(tmp_path / "bad.npy", array)
-    with pytest.raises(InputError, match=message):
-        read_poses(tmp_path / "bad.npy", mesh_from_model=np.eye(4))
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("[]", "found an empty list"),
-        ("3", "expected a list of poses, found float"),
-        ("[" * 100_000, "expected JSON"),
-        ('[{"pose": 1}]', "pose 0 .*expected the key cam_from_mesh, found pose"),
-        (json.dumps([np.eye(4).tolist(), np.diag([1.0, 1, 1, 9]).tolist()]), "pose 1 .*last row"),
-        (json.dumps([np.eye(4).tolist()]).replace("0.0", "1" + "0" * 400, 1), "pose 0 .*finite"),
-    ],
-)
-def test_json_that_is_not_poses_is_refused(tmp_path, text, message):
-    (tmp_path / "bad.json").write_bytes(text.encode("latin-1"))
-    with pytest.raises(InputError, match=message):
-        read_poses(tmp_path / "bad.json", mesh_from_model=np.eye(4))
-
-
-@pytest.mark.parametrize(
-    ("name", "mm_per_unit", "message"),
-    [
-        ("none.npy", 1, "none.npy: expected a list of poses, it does not exist; correct the path"),
-        ("poses.txt", 1, r"\.npy or \.json file, found extension '.txt'"),
-        ("none.npy", 0, "positive number of mm per unit of the poses, found 0"),
-    ],
-)
-def test_wrong_files_and_units_are_refused(tmp_path, name, mm_per_unit, message):
-    with pytest.raises(InputError, match=message):
-        read_poses(tmp_path / name, mesh_from_model=np.eye(4), mm_per_unit=mm_per_unit)
+    assert "4 other poses" in messages[1]
 
 
 class Malicious:
     """Makes a folder when it is unpickled."""
 
-    def __init__(self, path):
-        self.path = str(path)
-
     def __reduce__(self):
-        return os.mkdir, (self.path,)
+        return os.mkdir, ("executed",)
 
 
-def object_array(payload):
-    stream = io.BytesIO()
-    np.save(stream, np.array([payload], dtype=object), allow_pickle=True)
-    return stream.getvalue()
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (some_poses()[:, :3], r"expected shape \(N, 4, 4\)"),
+        (some_poses().astype(complex), "real numbers"),
+        (some_poses() @ np.diag([1, 1, -1, 1]), "pose 0 .*reflection"),
+        (np.swapaxes(some_poses(), 1, 2), "pose 0 .*last row"),
+        (np.array([Malicious()], dtype=object), "never loaded"),
+    ],
+)
+def test_arrays_that_are_not_poses_are_refused_and_never_executed(tmp_path, monkeypatch, array, message):
+    monkeypatch.chdir(tmp_path)
+    np.save(tmp_path / "bad.npy", array, allow_pickle=True)
+    with pytest.raises(InputError, match=message):
+        read_poses(tmp_path / "bad.npy", mesh_from_model=np.eye(4))
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.npy"]
 
 
-def test_pickles_are_refused_and_never_executed(tmp_path):
-    trace = tmp_path / "executed"
-    (tmp_path / "evil.npy").write_bytes(object_array(Malicious(trace)))
-    with pytest.raises(InputError, match="never loaded"):
-        read_poses(tmp_path / "evil.npy", mesh_from_model=np.eye(4))
-    assert not trace.exists()
-
-
-def test_damaged_npy_files_give_an_input_error_or_poses(tmp_path):
-    np.save(tmp_path / "p.npy", some_poses(3))
-    whole = (tmp_path / "p.npy").read_bytes()
-    rng = np.random.default_rng(2)
-    refused = 0
-    for _ in range(300):
-        data = bytearray(whole)
-        for position in rng.integers(0, 128, 2):
-            data[position] = rng.choice(list(b"(),'{}0123456789-:\xff"))
-        (tmp_path / "p.npy").write_bytes(data[: rng.choice([len(data), rng.integers(0, len(data))])])
-        try:
-            read_poses(tmp_path / "p.npy", mesh_from_model=np.eye(4))
-        except InputError:
-            refused += 1
-    assert refused > 200
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("bad.json", "[]", "empty list"),
+        ("bad.json", "3", "expected a list of poses"),
+        ("bad.json", '[{"pose": 1}]', "pose 0 .*expected the key cam_from_mesh"),
+        ("bad.json", json.dumps([np.eye(4).tolist(), np.diag([1.0, 1, 1, 9]).tolist()]), "pose 1 .*last row"),
+        ("bad.txt", "[]", "found extension"),
+    ],
+)
+def test_text_that_is_not_poses_is_refused(tmp_path, name, text, message):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_poses(tmp_path / name, mesh_from_model=np.eye(4))
 
 
 def test_frames_without_a_pose_are_told_in_three_ways(tmp_path):
@@ -325,11 +217,11 @@ ONE = np.eye(4).tolist()
 @pytest.mark.parametrize(
     ("listed", "message"),
     [
-        ([ONE] * 3, "expected a pose for each of the 4 frames of the video, found 3; write null"),
-        ([None] * 4, "expected a pose for some of the 4 frames, found none"),
-        ([ONE, ONE, np.diag([1, 1, 2, 1]).tolist(), ONE], "pose of frame 2 .*deviates from orthonormal"),
-        ([{"frame": 4, "cam_from_mesh": ONE}], "entry 0 .*: expected frame = 0 to 3, found 4"),
-        ([{"frame": 1, "cam_from_mesh": ONE}] * 2, "expected one pose for each frame, found another one for frame 1"),
+        ([ONE] * 3, "for each of the 4 frames of the video, found 3"),
+        ([None] * 4, "for some of the 4 frames, found none"),
+        ([ONE, ONE, np.diag([1, 1, 2, 1]).tolist(), ONE], "pose of frame 2 "),
+        ([{"frame": 4, "cam_from_mesh": ONE}], "entry 0 .*frame = 0 to 3"),
+        ([{"frame": 1, "cam_from_mesh": ONE}] * 2, "another one for frame 1"),
         ([{"frame": 1, "cam_from_mesh": ONE}, ONE], "entry 1 .*: expected the key frame"),
     ],
 )
@@ -337,7 +229,3 @@ def test_poses_that_do_not_fit_the_frames_are_refused(tmp_path, listed, message)
     (tmp_path / "poses.json").write_text(json.dumps(listed))
     with pytest.raises(InputError, match=message):
         read_frame_poses(tmp_path / "poses.json", 4, mesh_from_model=np.eye(4))
-    if isinstance(listed, list) and listed and isinstance(listed[0], list) and len(listed) != 4:
-        np.save(tmp_path / "poses.npy", np.array(listed))
-        with pytest.raises(InputError, match=message):
-            read_frame_poses(tmp_path / "poses.npy", 4, mesh_from_model=np.eye(4))

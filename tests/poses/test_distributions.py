@@ -1,7 +1,7 @@
 """The distributions obey their laws: tilt, roll, distance and shift of drawn poses are distributed as stated.
 
 Poses are taken apart with formulas of this file, not with those that made them. Laws are Kolmogorov-Smirnov tests at
-the 1e-6 level on the first frames of a fixed seed; next to each law stands a known-wrong sampler that must break it.
+the 1e-6 level on the first frames of a fixed seed.
 """
 
 from dataclasses import replace
@@ -45,8 +45,8 @@ def frame_pose(distribution, seed, index):
 
 
 @cache
-def drawn(name, seed=5):
-    return np.stack([frame_pose(DISTRIBUTIONS[name], seed, index) for index in range(COUNT)])
+def drawn(name):
+    return np.stack([frame_pose(DISTRIBUTIONS[name], 5, index) for index in range(COUNT)])
 
 
 def ks_distance(values, distribution_function):
@@ -89,66 +89,34 @@ def parts(poses, look=RAY):
         "factor": depth_ratio / DISTANCE,
         "shift_squared": (shift**2).sum(axis=1),
         "shift_direction": np.arctan2(shift[:, 1], shift[:, 0]),
-        "centre_radius": radius,
         "radius_cubed": radius**3,
     }
-
-
-def wrong_poses(**wrong):
-    """Cone poses of which some parts, each a function of a uniform variate ``(N,)``, follow a wrong law."""
-    rng = np.random.default_rng(8)
-    right = {
-        "angle": lambda u: np.arccos(1 - u * (1 - COS_35)),
-        "azimuth": lambda u: 2 * np.pi * u,
-        "roll": lambda u: ROLL_50 * (2 * u - 1),
-        "factor": lambda u: 0.7 + 0.9 * u,
-        "shift": lambda u: 12 * np.sqrt(u),
-        "direction": lambda u: 2 * np.pi * u,
-    }
-    angle, azimuth, roll, factor, shift, direction = (
-        (wrong.get(part) or function)(rng.random(COUNT)) for part, function in right.items()
-    )
-    tilt = angle * np.stack([np.cos(azimuth), np.sin(azimuth)])
-    poses = np.stack([REFERENCE.orbit(tilt[:, i], roll[i], factor[i] * DISTANCE) for i in range(COUNT)])
-    poses[:, :2, 3] += (shift * np.stack([np.cos(direction), np.sin(direction)])).T
-    return poses
 
 
 COS_35, COS_70 = np.cos(np.radians([35, 70]))
 ROLL_50, ROLL_20 = np.radians([50, 20])
 TURN = uniform(-np.pi, np.pi)
-LAWS = {
-    # distribution, ray of the pivot in the image, value of the parts, its law, a wrong sampler
-    "cone: cos(tilt)": ("cone", RAY, "cos_tilt", uniform(COS_35, 1), {"angle": lambda u: np.radians(35) * u}),
-    "cone: azimuth": ("cone", RAY, "azimuth", TURN, {"azimuth": lambda u: 2 * np.pi * u**2}),
-    "cone: roll": ("cone", RAY, "roll", uniform(-ROLL_50, ROLL_50), {"roll": lambda u: ROLL_50 * (2 * u**2 - 1)}),
-    "cone: distance": ("cone", RAY, "factor", uniform(0.7, 1.6), {"factor": lambda u: 0.7 * (16 / 7) ** u}),
-    "cone: shift squared": ("cone", RAY, "shift_squared", uniform(0, 144), {"shift": lambda u: 12 * u}),
-    "cone: shift direction": ("cone", RAY, "shift_direction", TURN, {"direction": lambda u: np.pi * u}),
-    "shell: radius cubed": (
-        "shell",
-        AXIS,
-        "radius_cubed",
-        uniform(1, 8),
-        {"factor": lambda u: 1 + u, "shift": np.zeros_like},
-    ),
-    "shell: cos(polar)": ("shell", AXIS, "cos_tilt", uniform(-1, 1), {"angle": lambda u: np.pi * u}),
-    "shell: azimuth": ("shell", AXIS, "azimuth", TURN, {"azimuth": lambda u: np.pi * u}),
-    "shell: roll": ("shell", AXIS, "roll", TURN, {"roll": lambda u: np.pi * u}),
-    "cap: radius cubed": (
-        *("cap", AXIS, "radius_cubed", uniform(0.125, 0.512)),
-        {"factor": lambda u: 0.5 + 0.3 * u, "shift": np.zeros_like},
-    ),
-    "cap: cos(polar)": ("cap", AXIS, "cos_tilt", uniform(COS_70, 1), {"angle": lambda u: np.radians(70) * u}),
-    "cap: roll": ("cap", AXIS, "roll", uniform(-ROLL_20, ROLL_20), {"roll": lambda u: ROLL_20 * (2 * u**2 - 1)}),
-}
+LAWS = [
+    # distribution, ray of the pivot in the image, value of the parts, its law
+    ("cone", RAY, "cos_tilt", uniform(COS_35, 1)),
+    ("cone", RAY, "azimuth", TURN),
+    ("cone", RAY, "roll", uniform(-ROLL_50, ROLL_50)),
+    ("cone", RAY, "factor", uniform(0.7, 1.6)),
+    ("cone", RAY, "shift_squared", uniform(0, 144)),
+    ("cone", RAY, "shift_direction", TURN),
+    ("shell", AXIS, "radius_cubed", uniform(1, 8)),
+    ("shell", AXIS, "cos_tilt", uniform(-1, 1)),
+    ("shell", AXIS, "azimuth", TURN),
+    ("shell", AXIS, "roll", TURN),
+    ("cap", AXIS, "radius_cubed", uniform(0.125, 0.512)),
+    ("cap", AXIS, "cos_tilt", uniform(COS_70, 1)),
+    ("cap", AXIS, "roll", uniform(-ROLL_20, ROLL_20)),
+]
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_law(law):
-    name, ray, part, distribution_function, wrong = LAWS[law]
-    assert ks_distance(parts(drawn(name), ray)[part], distribution_function) < KS_BOUND
-    assert ks_distance(parts(wrong_poses(**wrong))[part], distribution_function) > 1.5 * KS_BOUND
+@pytest.mark.parametrize(("name", "ray", "part", "law"), LAWS)
+def test_law(name, ray, part, law):
+    assert ks_distance(parts(drawn(name), ray)[part], law) < KS_BOUND
 
 
 def test_parts_are_independent_of_one_another():
@@ -159,11 +127,7 @@ def test_parts_are_independent_of_one_another():
         assert np.abs(correlation - np.eye(len(keys))).max() < CORRELATION_BOUND
 
 
-def test_shell_is_uniform_in_volume_and_in_rotation():
-    poses = drawn("shell")
-    below = (parts(poses, AXIS)["centre_radius"] < 1.5).mean()
-    assert abs(below - (1.5**3 - 1) / 7) < 5 * np.sqrt(0.339 * 0.661 / COUNT)
-
+def test_shell_is_uniform_in_rotation():
     # Haar measure: the angle to any rotation has the distribution function (a - sin a) / pi
     def haar(angle):
         return (angle - np.sin(angle)) / np.pi
@@ -172,7 +136,7 @@ def test_shell_is_uniform_in_volume_and_in_rotation():
         fixed = rotation_from_vector(np.array([0.3, 2.0, -0.4]))
         return np.arccos(np.clip((np.einsum("nij,ij->n", poses[:, :3, :3], fixed) - 1) / 2, -1, 1))
 
-    assert ks_distance(angle(poses), haar) < KS_BOUND
+    assert ks_distance(angle(drawn("shell")), haar) < KS_BOUND
     without_roll = replace(DISTRIBUTIONS["shell"], roll_deg=0)
     assert ks_distance(angle(np.stack([frame_pose(without_roll, 5, i) for i in range(300)])), haar) > 2 * KS_BOUND
 
@@ -181,13 +145,6 @@ def test_cone_without_roll_has_no_hidden_roll():
     rigid_cone = replace(DISTRIBUTIONS["cone"], roll_deg=0)
     poses = np.stack([frame_pose(rigid_cone, 3, index) for index in range(200)])
     assert np.abs(parts(poses)["roll"]).max() < 1e-12
-    # control: the usual look-at with a fixed up direction twists the view as it tilts
-    looking = []
-    for direction in np.swapaxes(poses[:, :3, :3] @ ROTATION.T, 1, 2) @ RAY:
-        right = np.cross([0.0, 1.0, 0.0], direction)
-        right /= np.linalg.norm(right)
-        looking.append(rigid(np.stack([right, np.cross(direction, right), direction]) @ ROTATION))
-    assert np.abs(parts(np.stack(looking), AXIS)["roll"]).max() > np.radians(5)
 
 
 def test_more_shift_leaves_the_rest_of_a_dataset_alone():
@@ -224,48 +181,6 @@ def test_gaussian_twists_are_standard_normal():
     assert ks_distance(box, normal) > 2 * KS_BOUND / np.sqrt(6)
 
 
-def test_gaussian_is_the_exponential_that_its_docstring_states():
-    sigma = np.repeat([4, np.radians(9)], 3)
-    upsilon, (x, y, z) = np.split(np.random.default_rng([5, 0]).standard_normal(6) * sigma, 2)
-    generator = np.zeros((4, 4))
-    generator[:3] = np.column_stack([[[0, -z, y], [z, 0, -x], [-y, x, 0]], upsilon])
-    term, exponential = np.eye(4), np.eye(4)
-    for order in range(1, 25):
-        term = term @ generator / order
-        exponential += term
-    shift = rigid(translation=PIVOT)
-    expected = REFERENCE.cam_from_model @ shift @ exponential @ np.linalg.inv(shift)
-    assert np.allclose(drawn("gaussian")[0], expected, rtol=0, atol=1e-11)
-
-
-# --- frames are independent of one another ------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", DISTRIBUTIONS)
-def test_a_frame_depends_on_seed_and_index_only(name):
-    order = np.random.default_rng(0).permutation(40)
-    assert all(np.array_equal(frame_pose(DISTRIBUTIONS[name], 5, index), drawn(name)[index]) for index in order)
-
-
-def test_neighbouring_frames_and_seeds_are_uncorrelated():
-    def values(seed):
-        taken = parts(drawn("cone", seed))
-        return np.stack([taken[key] for key in ("cos_tilt", "azimuth", "roll", "factor", "shift_squared")])
-
-    def largest_correlation(first, second):
-        return np.abs(np.corrcoef(first, second)[: len(first), len(first) :]).max()
-
-    five, six = values(5), values(6)
-    assert largest_correlation(five[:, 1:], five[:, :-1]) < CORRELATION_BOUND
-    for shift in (
-        -1,
-        0,
-        1,
-    ):  # default_rng(seed + index) would give frame i + 1 of seed 5 and frame i of seed 6 one pose
-        assert largest_correlation(np.roll(five, shift, axis=1)[:, 1:-1], six[:, 1:-1]) < CORRELATION_BOUND
-    assert largest_correlation(np.roll(five, 1, axis=1)[:, 1:-1], five[:, :-2]) > 0.99
-
-
 def test_draws_are_the_same_for_every_version_of_numpy():
     expected = {
         "cone": [45.389586935, -33.635438794, 210.258741231],
@@ -291,12 +206,6 @@ def test_trajectory_is_closed_smooth_and_starts_at_the_reference():
     assert np.allclose(TRAJECTORY.pose_at(1 - 1e-9), TRAJECTORY.pose_at(0), rtol=0, atol=1e-5)
     # the second derivative is bounded, thus the first is continuous; with a kink it grows like the number of steps
     assert second_difference(TRAJECTORY.pose_at, 1600) < 1.1 * second_difference(TRAJECTORY.pose_at, 400)
-
-    def kinked(phase):
-        sine = np.sin(2 * np.pi * phase)
-        return REFERENCE.orbit((0, 0), 0, DISTANCE * (1 + (0.1 if sine > 0 else 0.2) * sine))
-
-    assert second_difference(kinked, 1600) > 3 * second_difference(kinked, 400)
 
 
 def test_trajectory_reaches_and_keeps_its_limits_without_jumps():

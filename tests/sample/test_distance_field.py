@@ -16,19 +16,9 @@ from oneframe.sample.distance_field import (
     subtract_burrs,
 )
 from oneframe.surface.tube import tube
+from tests.volume.solids import enclosed_mm3, is_closed
 
 LOWER, UPPER = np.full(3, -2.0), np.full(3, 2.0)
-
-
-def volume(mesh) -> float:
-    """Signed volume by the divergence theorem; positive if fronts face outward."""
-    return float(np.einsum("ij,ij->", mesh.vertices[mesh.faces[:, 0]], mesh.face_cross) / 6)
-
-
-def is_closed(mesh) -> bool:
-    edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    there, back = (set(map(tuple, e.tolist())) for e in (edges, edges[:, ::-1]))
-    return there == back and len(there) == len(edges)
 
 
 @given(st.floats(-5, 5), st.floats(-5, 5), st.just(0.0) | st.floats(0.01, 3))
@@ -45,7 +35,7 @@ def test_filled_ball_has_volume_of_ball_and_faces_outward():
     grid.fill(lambda x, y, z: ball(x, y, z, (0.1, -0.2, 0.3), (1.2, 1.2, 1.2)))
     mesh = largest_component(*grid.surface())
     assert is_closed(mesh)
-    assert volume(mesh) == pytest.approx(4 / 3 * np.pi * 1.2**3, rel=0.01)
+    assert enclosed_mm3(mesh) == pytest.approx(4 / 3 * np.pi * 1.2**3, rel=0.01)
     np.testing.assert_allclose(np.linalg.norm(mesh.vertices - [0.1, -0.2, 0.3], axis=1), 1.2, atol=0.005)
 
 
@@ -68,7 +58,7 @@ def test_tube_is_closed_and_has_the_volume_of_its_cylinder():
     mesh = tube(np.linspace([0, 0, 0], [30, 4, 0], 6), 0.5, sides=64)
     assert is_closed(mesh)
     caps = 2 * np.pi * 0.5**2 * 0.25 / 3
-    assert volume(mesh) == pytest.approx(np.pi * 0.5**2 * np.hypot(30, 4) + caps, rel=0.005)
+    assert enclosed_mm3(mesh) == pytest.approx(np.pi * 0.5**2 * np.hypot(30, 4) + caps, rel=0.005)
 
 
 def test_largest_component_drops_the_smaller_part():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from oneframe.errors import InputError
-from oneframe.video.frame_reader import read_video_frame, video_info, write_video_frame
+from oneframe.video.frame_reader import read_video_frame, write_video_frame
 
 FRAMES = 90
 SIZE = (128, 96)
@@ -55,78 +55,11 @@ def with_uneven_times(source: Path, path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", FORMATS)
-def test_every_frame_is_the_requested_one(tmp_path, name):
-    path = write_video(tmp_path / name, FORMATS[name])
-    info = video_info(path)
-    assert (info.frames, info.size_wh) == (FRAMES, SIZE)
-    assert info.fps == pytest.approx(29.97, abs=0.1)
-    for index in (0, 1, 11, 12, 13, 50, FRAMES - 2, FRAMES - 1):
-        assert number_of(read_video_frame(path, index)) == index
-
-
-def test_colours_are_rgb_and_every_bit_is_kept(tmp_path):
-    path = write_video(tmp_path / "a.mkv", "FFV1")
-    assert np.array_equal(read_video_frame(path, 37), numbered(37))
-
-
-@pytest.mark.parametrize("suffix", [".mkv", ".webm"])
-def test_inexact_seeking_is_detected(tmp_path, suffix):
-    path = with_uneven_times(write_video(tmp_path / "even.webm", "VP80"), tmp_path / f"uneven{suffix}")
-    capture, missed = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG), 0
-    for index in range(0, FRAMES, 7):
-        capture.set(cv2.CAP_PROP_POS_FRAMES, index)
-        ok, image = capture.read()
-        missed += not ok or number_of(image) != index
-        assert number_of(read_video_frame(path, index)) == index
-    assert missed > 0, "OpenCV's own seeking is exact here: the test shows nothing"
-    assert capture.get(cv2.CAP_PROP_FRAME_COUNT) != FRAMES
-    assert video_info(path).frames == FRAMES
-
-
 def test_a_frame_out_of_range_is_refused(tmp_path):
     path = write_video(tmp_path / "a.mp4", "mp4v")
     for index in (-1, FRAMES):
         with pytest.raises(InputError, match=rf"a.mp4: expected a frame from 0 to 89, found {index}; the file has 90"):
             read_video_frame(path, index)
-
-
-def test_files_that_are_no_video_are_refused(tmp_path):
-    (tmp_path / "text.mp4").write_text("not a video")
-    (tmp_path / "empty.mp4").touch()
-    for name in ("text.mp4", "empty.mp4"):
-        with pytest.raises(InputError, match=f"{name}: expected a video, cannot open it"):
-            video_info(tmp_path / name)
-    with pytest.raises(InputError, match="does not exist; correct the path"):
-        video_info(tmp_path / "none.mp4")
-    with pytest.raises(InputError, match="expected a video, cannot read it"):
-        video_info(tmp_path)
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_a_truncated_video_gives_its_intact_frames_or_a_message(tmp_path, name):
-    path = write_video(tmp_path / name, FORMATS[name])
-    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
-    if name == "a.mp4":  # its index is at the end
-        with pytest.raises(InputError, match="expected a video, cannot open it; it is cut off"):
-            video_info(path)
-        return
-    frames = video_info(path).frames
-    assert 0 < frames < FRAMES
-    assert number_of(read_video_frame(path, frames // 2)) == frames // 2
-    with pytest.raises(InputError, match=f"expected a frame from 0 to {frames - 1}"):
-        read_video_frame(path, FRAMES - 1)
-
-
-def test_damaged_packets_are_refused(tmp_path):
-    path = write_video(tmp_path / "a.avi", "MJPG")
-    data = bytearray(path.read_bytes())
-    half = len(data) // 2
-    data[half : half + 40_000] = bytes(40_000)
-    path.write_bytes(data)
-    with pytest.raises(InputError, match=r"cannot decode frame|expected a frame from 0 to"):
-        read_video_frame(path, FRAMES - 1)
-    assert number_of(read_video_frame(path, 3)) == 3
 
 
 def test_a_frame_is_written_next_to_its_video_and_overwrites_no_other_image(tmp_path):

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 from oneframe.surface.deviation import SurfaceTree
 from oneframe.surface.mesh import TriangleMesh
@@ -17,6 +16,7 @@ from oneframe.volume.make_surface import finish_of, removed_of
 from oneframe.volume.reading.label_map import read_labels
 from oneframe.volume.reading.volume_reader import read_volume
 from oneframe.volume.volume import Volume, VoxelGrid
+from tests.volume.solids import ball
 
 pytestmark = pytest.mark.long
 
@@ -70,11 +70,6 @@ def test_mastoidectomy_holds_its_margins_and_shows_the_short_process_of_the_incu
     start = plan.margins_mm["incus"] + RADIUS_MM + 0.5
     towards = np.array([0.76 * lateral, 0.56, 0.33]) + np.random.default_rng(0).normal(0, 0.03, (20, 3))
     assert widest_sight_line(surface, tip, start, towards) > RADIUS_MM
-
-
-def ball(radius: float, centre: np.ndarray) -> TriangleMesh:
-    sphere = trimesh.creation.icosphere(3, radius)
-    return TriangleMesh(np.asarray(sphere.vertices) + centre, np.asarray(sphere.faces, np.int32))
 
 
 def test_a_sheet_of_bone_left_over_the_cavity_closes_the_view():

@@ -6,12 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.surface.deviation import deviation
-from oneframe.surface.mesh import TriangleMesh
-from oneframe.transforms import transform_points
 from oneframe.volume.bone.isosurface import Isosurface, RemovedField, isosurface
 from oneframe.volume.bone.rim import with_sharp_rim
 from oneframe.volume.bone.smoothing import smoothed
 from oneframe.volume.volume import VoxelGrid
+from tests.volume.solids import is_closed, oblique_grid, voxel_centres
 
 SIZE, SPACING = 56, 0.4
 BALL_MM, BURR_MM = 9.0, 4.0
@@ -43,23 +42,12 @@ def crease() -> np.ndarray:
 
 def drilled_ball(seed: int, noise_hu: float) -> tuple[Isosurface, RemovedField, VoxelGrid]:
     rng = np.random.default_rng(seed)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0] * SPACING
-    matrix[:3, 3] = -matrix[:3, :3] @ np.full(3, (SIZE - 1) / 2)
-    grid = VoxelGrid((SIZE,) * 3, matrix)
-    index = np.stack(np.meshgrid(*[np.arange(SIZE)] * 3, indexing="ij"), axis=-1)[..., ::-1].reshape(-1, 3)
-    points = transform_points(matrix, index.astype(np.float64))
+    grid = oblique_grid(rng, SPACING, SIZE)
+    points = voxel_centres(grid).reshape(-1, 3)
     values = 300 - np.clip(ball(points) / (1.4 * SPACING), -1, 1) * 900 + rng.normal(0, noise_hu, len(points))
     removed = RemovedField(np.zeros(3, int), burr(points).astype(np.float32).reshape((SIZE,) * 3))
     surface = isosurface(values.astype(np.int16).reshape((SIZE,) * 3), 300, grid, removed=removed)
     return surface, removed, grid
-
-
-def is_closed(mesh: TriangleMesh) -> bool:
-    following = np.roll(mesh.faces, -1, axis=1).astype(np.int64)
-    there = np.sort((mesh.faces * np.int64(len(mesh.vertices)) + following).ravel())
-    back = np.sort((following * len(mesh.vertices) + mesh.faces).ravel())
-    return bool((np.diff(there) > 0).all() and (there == back).all())
 
 
 @pytest.mark.parametrize("noise_hu", [0, 35])

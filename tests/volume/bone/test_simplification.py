@@ -88,6 +88,13 @@ def test_a_plate_thicker_than_the_tolerance_and_a_small_part_stay() -> None:
     assert len(reduced.faces) < len(mesh.faces) / 4
 
 
+def test_progress_grows_to_one() -> None:
+    shares: list[float] = []
+    simplified(_bumpy_sphere(0), 0.1, progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
 def test_blocks_keep_the_laws_and_the_same_mesh_gives_the_same_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = _random_field(5)
     monkeypatch.setattr(simplification, "_BLOCK_FACES", 1500)
@@ -103,28 +110,12 @@ def test_each_vertex_has_its_own_tolerance() -> None:
     assert (tolerance == 0.02).sum() > 50
     assert (deviation(mesh.vertices, reduced) <= tolerance).all()
     fine, coarse = simplified(mesh, 0.02), simplified(mesh, 0.6)
-    above, below = ([side(each.vertices[:, 2]).sum() for each in (reduced, fine, coarse)] for side in (_above, _below))
+    above, below = (
+        [int((side * each.vertices[:, 2] > height).sum()) for each in (reduced, fine, coarse)]
+        for side, height in ((1, 9), (-1, 2))
+    )
     assert above[0] > 0.8 * above[1] > 2 * above[2]
     assert below[0] < 1.5 * below[2] < 0.5 * below[1]
-
-
-def _above(height: np.ndarray) -> np.ndarray:
-    return height > 9
-
-
-def _below(height: np.ndarray) -> np.ndarray:
-    return height < -2
-
-
-def test_tolerance_near_grows_smoothly_from_near_to_far() -> None:
-    line = np.zeros((101, 3))
-    line[:, 0] = np.linspace(0, 10, 101)
-    values = tolerance_near(_mesh(line, np.array([[0, 1, 2]])), np.zeros(3), 3.0, 0.05, 0.4)
-    assert (values[line[:, 0] <= 3] == 0.05).all()
-    assert values[line[:, 0] >= 6] == pytest.approx(0.4)
-    assert (np.diff(values) >= 0).all()
-    # the largest second derivative of a cubic step of this height over 3 mm, in steps of 0.1 mm
-    assert np.abs(np.diff(values, 2)).max() < 1.01 * 6 * 0.35 / 3**2 * 0.1**2
 
 
 def _border(mesh: TriangleMesh) -> np.ndarray:
@@ -145,20 +136,7 @@ def test_a_border_stays() -> None:
     assert np.array_equal(_border(reduced), _border(opened))
 
 
-def test_progress_grows_to_one_and_can_cancel() -> None:
-    shares: list[float] = []
-    simplified(_bumpy_sphere(0), 0.1, progress=shares.append)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
-
-    def cancel(share: float) -> None:
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        simplified(_bumpy_sphere(0), 0.1, progress=cancel)
-
-
-@pytest.mark.parametrize("tolerance", [0.0, -0.1, np.nan, np.inf, np.zeros(3)])
+@pytest.mark.parametrize("tolerance", [-0.1, np.nan, np.zeros(3)])
 def test_bad_tolerances_are_refused(tolerance: object) -> None:
     with pytest.raises(InputError, match="tolerance: expected"):
         simplified(_bumpy_sphere(0), tolerance)  # type: ignore[arg-type]

@@ -15,37 +15,18 @@ from oneframe.volume.bone.threshold import otsu_threshold
 from oneframe.volume.reading.label_map import read_labels
 from oneframe.volume.reading.volume_reader import read_volume
 from oneframe.volume.volume import LabelMap, VoxelGrid
+from tests.volume.solids import enclosed_mm3, is_closed, voxel_centres
 
 BONES = Path(__file__).resolve().parents[4] / "shared" / "data" / "temporal_bones"
-
-
-def volume_mm3(mesh) -> float:
-    return float(np.einsum("ij,ij->", mesh.vertices[mesh.faces[:, 0]], mesh.face_cross) / 6)
-
-
-def is_closed(mesh) -> bool:
-    edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
-    there, back = (np.sort(edge[:, 0] * len(mesh.vertices) + edge[:, 1]) for edge in (edges, edges[:, ::-1]))
-    return bool((there == back).all() and (np.diff(there) > 0).all())
-
-
-def ball(radius: float, spacing: np.ndarray, centre: np.ndarray, size: int) -> np.ndarray:
-    z, y, x = np.ogrid[:size, :size, :size]
-    squares = [((p * s - c) ** 2) for p, s, c in zip((x, y, z), spacing, centre, strict=True)]
-    return sum(squares) < radius**2
 
 
 @pytest.mark.parametrize("spacing", [(0.4, 0.4, 0.4), (0.4, 0.4, 0.6)])
 @pytest.mark.parametrize("radius", [2.0, 5.0])
 def test_a_ball_is_found_within_a_tenth_of_a_voxel(radius, spacing):
     spacing, size = np.array(spacing), int(2 * radius / 0.4) + 12
-    centre = spacing * size / 2 + [0.1, 0.03, -0.07]
-    labels = LabelMap(
-        ball(radius, spacing, centre, size).astype(np.uint8) * 4,
-        VoxelGrid((size,) * 3, np.diag([*spacing, 1.0])),
-        {4: "Stapes"},
-    )
-    mesh = structure_meshes(labels)["stapes"]
+    grid, centre = VoxelGrid((size,) * 3, np.diag([*spacing, 1.0])), spacing * size / 2 + [0.1, 0.03, -0.07]
+    inside = np.linalg.norm(voxel_centres(grid) - centre, axis=-1) < radius
+    mesh = structure_meshes(LabelMap(inside.astype(np.uint8) * 4, grid, {4: "Stapes"}))["stapes"]
     assert is_closed(mesh)
     errors = np.abs(np.linalg.norm(mesh.vertices - centre, axis=1) - radius)
     assert errors.mean() < 0.1 * spacing.max()
@@ -63,40 +44,28 @@ def test_fronts_face_outward_and_small_structures_keep_their_volume(signs):
     assert list(meshes) == ["chorda_tympani", "dura"]
     for label, mesh in zip((1, 2), meshes.values(), strict=True):
         assert is_closed(mesh)
-        assert volume_mm3(mesh) == pytest.approx(np.count_nonzero(values == label) * 0.027, rel=0.05)
+        assert enclosed_mm3(mesh) == pytest.approx(np.count_nonzero(values == label) * 0.027, rel=0.05)
 
 
-def test_names_are_those_of_the_anatomy():
+def test_names_are_those_of_the_anatomy_alone():
     for given, expected in {
-        "Facial Nerve": "facial_nerve",
         "FacialNerve_L": "facial_nerve_left",
         "CN VII right": "facial_nerve_right",
-        "Chorda-Tympani": "chorda_tympani",
         "Ossicular chain": "ossicles",
-        "L malleus": "malleus_left",
         "bony labyrinth": "bony_labyrinth",
         "Sigmoid Sinus": "sinus",
-        "sinus_dura": "sinus_dura",
-        "external auditory canal": "eac",
-        "Internal Auditory Canal": "iac",
         "cochlear_nerve": "cochlear_nerve",
         "label 3": "label_3",
     }.items():
         assert structure_name(given) == expected
+    for file, expected in {
+        "DOE_JOHN_1970.stl": "structure_1",
+        "DOE facial nerve R.ply": "facial_nerve_right",
+        "chorda.obj": "structure_1",
+    }.items():
+        assert name_of_file(Path(file), ["chorda_tympani", "structure_2"]) == expected
     for name in ("facial_nerve_left", "chorda_tympani", "malleus", "incus", "stapes", "ossicles"):
         assert structure_colour(name) != OTHER
-
-
-@pytest.mark.parametrize(
-    ("file", "expected"),
-    [
-        ("DOE_JOHN_1970.stl", "structure_1"),
-        ("DOE facial nerve R.ply", "facial_nerve_right"),
-        ("chorda.obj", "structure_1"),
-    ],
-)
-def test_names_of_files_give_the_anatomy_alone(file, expected):
-    assert name_of_file(Path(file), ["chorda_tympani", "structure_2"]) == expected
 
 
 def test_names_that_meet_stay_apart_and_unknown_ones_are_refused():
@@ -127,5 +96,5 @@ def test_structures_of_a_temporal_bone_lie_where_their_meshes_do(side):
     for name in names:
         theirs, _ = read_mesh(BONES / "ply" / side / f"{name}.ply")
         np.testing.assert_allclose(fine[name].bounds, theirs.bounds, atol=0.19)
-        assert volume_mm3(fine[name]) == pytest.approx(expected_mm3[name], rel=0.05)
-        assert volume_mm3(coarse[name]) == pytest.approx(expected_mm3[name], rel=0.15)
+        assert enclosed_mm3(fine[name]) == pytest.approx(expected_mm3[name], rel=0.05)
+        assert enclosed_mm3(coarse[name]) == pytest.approx(expected_mm3[name], rel=0.15)

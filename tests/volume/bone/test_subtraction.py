@@ -6,27 +6,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from oneframe.errors import InputError
-from oneframe.transforms import rigid, transform_points
+from oneframe.transforms import rigid
 from oneframe.volume.bone.isosurface import RemovedField, isosurface
 from oneframe.volume.bone.subtraction import FAR_MM, removed_by_labels, removed_by_operation, united
 from oneframe.volume.volume import LabelMap, Volume, VoxelGrid
+from tests.volume.solids import oblique_grid, voxel_centres
 
 BURR, RADIUS = np.array([8.0, 2.0, 3.0]), 5.0
 
 
-def grid_of(size: int, spacing: float, seed: int) -> VoxelGrid:
-    """An oblique grid around the origin, 24 mm wide."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0] * spacing
-    matrix[:3, 3] = -matrix[:3, :3] @ np.full(3, (size - 1) / 2)
-    return VoxelGrid((size, size, size), matrix)
-
-
 def distances(grid: VoxelGrid, centre: np.ndarray) -> np.ndarray:
     """``(Z, Y, X)`` from the voxels to a point, mm."""
-    index = np.stack(np.meshgrid(*map(np.arange, grid.size), indexing="ij"), axis=-1).reshape(-1, 3)
-    points = transform_points(grid.mesh_from_index, index.astype(np.float64))
-    return np.linalg.norm(points - centre, axis=1).reshape(grid.size).transpose(2, 1, 0)
+    return np.linalg.norm(voxel_centres(grid) - centre, axis=-1)
 
 
 def scan(grid: VoxelGrid, *, operated: bool = False, noise_hu: float = 0.0) -> Volume:
@@ -54,15 +45,15 @@ def check_cavity(before: Volume, removed: RemovedField, error_mm: float) -> None
 
 @pytest.mark.parametrize(("size", "spacing", "seed"), [(60, 0.4, 1), (90, 0.3, 2), (30, 0.9, 1)])
 def test_labels_on_any_grid_are_removed(size, spacing, seed):
-    before = scan(grid_of(60, 0.4, 1))
-    grid = grid_of(size, spacing, seed)
+    before = scan(oblique_grid(np.random.default_rng(1), 0.4, 60))
+    grid = oblique_grid(np.random.default_rng(seed), spacing, size)
     labels = LabelMap((distances(grid, BURR) < RADIUS).astype(np.uint8), grid, {1: "removed"})
     check_cavity(before, removed_by_labels(labels, before.grid), 0.25 * spacing)
 
 
 def test_bone_that_a_later_scan_lacks_is_removed_and_noise_is_not():
-    before = scan(grid_of(60, 0.4, 1), noise_hu=40)
-    for grid in (before.grid, grid_of(80, 0.35, 3)):
+    before = scan(oblique_grid(np.random.default_rng(1), 0.4, 60), noise_hu=40)
+    for grid in (before.grid, oblique_grid(np.random.default_rng(3), 0.35, 80)):
         after = scan(grid, operated=True, noise_hu=40)
         check_cavity(before, removed_by_operation(after, before, 300, before.values > 300), 0.1)
     with pytest.raises(InputError, match="register it"):
@@ -70,7 +61,7 @@ def test_bone_that_a_later_scan_lacks_is_removed_and_noise_is_not():
 
 
 def test_labels_outside_the_volume_are_refused():
-    grid = grid_of(30, 0.4, 1)
+    grid = oblique_grid(np.random.default_rng(1), 0.4, 30)
     labels = LabelMap((distances(grid, BURR / 4) < 2).astype(np.uint8), grid, {1: "removed"})
     apart = rigid(translation=np.full(3, 99.0))
     with pytest.raises(InputError, match="all of them outside"):

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-import trimesh
 
-from oneframe.surface.mesh import TriangleMesh
 from oneframe.volume.bone.bone_surface import bone_surface, widened_mm
 from oneframe.volume.bone.isosurface import isosurface
 from oneframe.volume.drill.clearance import clearances, violations
@@ -12,19 +10,16 @@ from oneframe.volume.drill.drill_plan import DrillPlan, Stroke
 from oneframe.volume.drill.virtual_drill import removed_by_plan
 from oneframe.volume.make_surface import finish_of, removed_of
 from oneframe.volume.volume import Volume, VoxelGrid
+from tests.volume.solids import ball
 
 GRID = VoxelGrid((60, 60, 60), np.diag([0.5, 0.5, 0.5, 1.0]))
 BONE = np.full((60, 60, 60), 1000, np.int16)
 MIDDLE = np.full(3, 15.0)
 
 
-def ball(radius: float, centre: np.ndarray) -> TriangleMesh:
-    sphere = trimesh.creation.icosphere(4, radius)
-    return TriangleMesh(np.asarray(sphere.vertices) + centre, np.asarray(sphere.faces, np.int32))
-
-
 def test_distances_are_those_of_the_drilled_surface_the_nearest_first():
-    structures = {"far": ball(2, MIDDLE - (-9, 0, 0)), "near": ball(1, MIDDLE - (0, 6, 0)), "gone": ball(1, MIDDLE)}
+    placed = {"far": (2, (9, 0, 0)), "near": (1, (0, -6, 0)), "gone": (1, (0, 0, 0))}
+    structures = {name: ball(radius, MIDDLE + offset, 4) for name, (radius, offset) in placed.items()}
     margins = {"near": 2.5, "gone": 1.0}
     removed = removed_by_plan(DrillPlan((Stroke(3.0, MIDDLE[None]),)), GRID, structures)
     assert removed is not None
@@ -37,10 +32,7 @@ def test_distances_are_those_of_the_drilled_surface_the_nearest_first():
     assert near.smallest_mm == pytest.approx(2, abs=0.03)
     np.testing.assert_allclose(near.at, MIDDLE - (0, 3, 0), atol=0.4)
     assert (far.margin_mm, far.smallest_mm) == (None, pytest.approx(4, abs=0.03))
-    sentences = violations(found)
-    assert len(sentences) == 2
-    assert sentences[0].startswith("gone: the drill went ")
-    assert sentences[1].startswith("near: expected a margin of 2.5 mm, found 2.0")
+    assert [sentence.split(":")[0] for sentence in violations(found)] == ["gone", "near"]
     assert violations([far]) == []
 
 
@@ -55,7 +47,7 @@ def test_margins_hold_on_the_finished_surface_and_little_more_stays(seed, tolera
     values[:, :, 30:] = -1000
     volume, solid = Volume(values.astype(np.int16), grid), values > 300
     margin = float(rng.uniform(0.2, 1.5))
-    structures = {f"nerve {n}": ball(rng.uniform(0.2, 1), middle + rng.uniform(-3, 3, 3)) for n in range(3)}
+    structures = {f"nerve {n}": ball(rng.uniform(0.2, 1), middle + rng.uniform(-3, 3, 3), 4) for n in range(3)}
     strokes = tuple(Stroke(float(rng.uniform(0.8, 2.5)), middle + rng.uniform(-4, 4, (3, 3))) for _ in range(3))
     plan = DrillPlan(strokes, dict.fromkeys(structures, margin))
     removed = removed_of(plan, volume, structures, tolerance_mm=tolerance_mm)

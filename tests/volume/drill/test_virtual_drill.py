@@ -2,39 +2,24 @@
 
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from oneframe.errors import InputError
 from oneframe.surface.deviation import deviation
-from oneframe.surface.mesh import TriangleMesh
-from oneframe.transforms import transform_points
 from oneframe.volume.bone.isosurface import RemovedField, isosurface
 from oneframe.volume.drill.drill_guard import DrillGuard
 from oneframe.volume.drill.drill_plan import DrillPlan, Stroke
 from oneframe.volume.drill.virtual_drill import FAR_MM, DrilledVolume, VoxelBox, drilled, removed_by_plan
 from oneframe.volume.volume import VoxelGrid
+from tests.volume.solids import ball, oblique_grid, voxel_centres
 
 SEEDS = st.integers(0, 2**32 - 1)
 SIZE = 44
 
 
-def oblique_grid(rng: np.random.Generator, spacing: np.ndarray) -> VoxelGrid:
-    """A grid around the origin in a random direction, which may be left-handed."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0] * spacing
-    matrix[:3, 3] = -matrix[:3, :3] @ np.full(3, (SIZE - 1) / 2)
-    return VoxelGrid((SIZE, SIZE, SIZE), matrix)
-
-
 def strokes_in(rng: np.random.Generator, count: int) -> list[Stroke]:
     return [Stroke(float(rng.uniform(0.5, 2)), rng.uniform(-9, 9, (int(rng.integers(1, 4)), 3))) for _ in range(count)]
-
-
-def ball(radius: float, centre: np.ndarray) -> TriangleMesh:
-    sphere = trimesh.creation.icosphere(3, radius)
-    return TriangleMesh(np.asarray(sphere.vertices) + centre, np.asarray(sphere.faces, np.int32))
 
 
 def whole(field: RemovedField | None, grid: VoxelGrid) -> np.ndarray:
@@ -50,7 +35,7 @@ def whole(field: RemovedField | None, grid: VoxelGrid) -> np.ndarray:
 @given(SEEDS)
 def test_field_is_the_same_whatever_the_order_drawn_at_once_or_by_points_repeated_or_undone(seed):
     rng = np.random.default_rng(seed)
-    grid = oblique_grid(rng, rng.uniform(0.3, 0.6, 3))
+    grid = oblique_grid(rng, rng.uniform(0.3, 0.6, 3), SIZE)
     structures = {"nerve": ball(1.5, rng.uniform(-5, 5, 3)), "sinus": ball(3, rng.uniform(-5, 5, 3))}
     margins = {"nerve": 0.0, "sinus": 1.0}
     strokes = strokes_in(rng, 4)
@@ -92,11 +77,9 @@ def capsule(points: np.ndarray, stroke: Stroke) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(3))
 def test_burr_leaves_its_own_capsule_and_the_rest_of_the_bone_to_the_last_bit(seed):
     rng = np.random.default_rng(seed)
-    grid = oblique_grid(rng, np.array([0.4, 0.4, 0.4 * (1 + seed / 2)]))
-    index = np.stack(np.meshgrid(*[np.arange(SIZE)] * 3, indexing="ij"), axis=-1)[..., ::-1].reshape(-1, 3)
-    depth = 7 - np.linalg.norm(transform_points(grid.mesh_from_index, index.astype(np.float64)), axis=1)
+    grid = oblique_grid(rng, np.array([0.4, 0.4, 0.4 * (1 + seed / 2)]), SIZE)
+    depth = 7 - np.linalg.norm(voxel_centres(grid), axis=-1)
     values = np.clip(300 + depth * 1500 + rng.normal(0, 40, depth.shape), -1000, 2000).astype(np.int16)
-    values = values.reshape(SIZE, SIZE, SIZE)
     stroke = Stroke(2.5, np.array([[2.0, -1.0, 3.0], [6.0, 1.0, 5.5]]))
     drill = drilled(DrillPlan((stroke,)), grid)
     intact = isosurface(values, 300, grid)
@@ -119,7 +102,7 @@ def test_burr_leaves_its_own_capsule_and_the_rest_of_the_bone_to_the_last_bit(se
 @given(SEEDS)
 def test_no_margin_is_ever_violated_and_no_more_stays_than_it_asks_for(seed):
     rng = np.random.default_rng(seed)
-    grid = oblique_grid(rng, rng.uniform(0.35, 0.45, 3))
+    grid = oblique_grid(rng, rng.uniform(0.35, 0.45, 3), SIZE)
     centre, radius, margin = rng.uniform(-2, 2, 3), rng.uniform(0.45, 2), rng.uniform(0, 1.5)
     nerve = ball(radius, centre)
     through = Stroke(2.5, np.array([[-5, 0, 0], [5, 1, 0]]) + centre)

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from oneframe.errors import InputError
 from oneframe.transforms import rotation_from_vector, transform_points
-from oneframe.volume.reading.slice_geometry import SlicePlace, stack_of
 from oneframe.volume.reading.volume_reader import list_series, read_volume
 
 pytest.importorskip("SimpleITK")
@@ -28,14 +27,19 @@ def test_a_voxel_is_read_where_it_was_written(write_series, tmp_path_factory, ve
     assert not volume.grid.is_left_handed
 
 
-def test_names_of_files_and_folders_and_second_copies_do_not_matter(write_series, tmp_path):
-    values = write_series(tmp_path / "a" / "b")
+def test_names_second_copies_a_scout_and_rounded_positions_do_not_matter(write_series, tmp_path):
+    """Positions as headers round them, to 0.01 mm."""
+    rounded = np.arange(8) + np.random.default_rng(1).uniform(-0.005, 0.005, 8) / 0.9
+    values = write_series(tmp_path / "a" / "b", places=rounded)
     for index, path in enumerate(sorted((tmp_path / "a" / "b").iterdir())):
         if index % 2:
             (tmp_path / "copy").mkdir(exist_ok=True)
             (tmp_path / "copy" / f"{99 - index}.dcm").write_bytes(path.read_bytes())
+    write_series(tmp_path / "scout", 1, number=1, seed=3, size=(20, 30))
     (tmp_path / "DICOMDIR.txt").write_text("not DICOM")
-    np.testing.assert_array_equal(read_volume(tmp_path).values, values)
+    volume = read_volume(tmp_path)
+    np.testing.assert_array_equal(volume.values, values)
+    np.testing.assert_allclose(volume.grid.mesh_from_index[:3, 2], [0, 0, 0.9], atol=0.005)
 
 
 def test_compressed_slices_are_read(write_series, tmp_path):
@@ -60,9 +64,7 @@ def test_several_series_are_listed_and_chosen_by_number(write_series, tmp_path):
     listed = list_series(tmp_path)
     assert [(one.number, one.slices, one.size) for one in listed] == [(1, 1, (7, 6)), (2, 4, (7, 6)), (3, 8, (7, 6))]
     np.testing.assert_allclose(listed[1].spacing_mm, (0.4, 0.3, 2.5))
-    with pytest.raises(
-        InputError, match=r"found 3; .*2: CT, 4 slices, 7 x 6 x 4 voxels, 0.4 x 0.3 x 2.5 mm.*--series N"
-    ):
+    with pytest.raises(InputError, match=r"found 3; .*2: CT, 4 slices, .*--series N"):
         read_volume(tmp_path)
     np.testing.assert_array_equal(read_volume(tmp_path, series=2).values, thick)
     np.testing.assert_array_equal(read_volume(tmp_path, series=3).values, thin)
@@ -70,22 +72,14 @@ def test_several_series_are_listed_and_chosen_by_number(write_series, tmp_path):
         read_volume(tmp_path, series=4)
 
 
-def test_a_scout_beside_the_only_volume_is_passed_over(write_series, tmp_path):
-    write_series(tmp_path, 1, number=1, seed=3, size=(20, 30))
-    values = write_series(tmp_path, number=2)
-    np.testing.assert_array_equal(read_volume(tmp_path).values, values)
-
-
 BAD = {
     "a missing slice": ({"missing": [4]}, r"slices every 0.9 mm, 1 is missing \(after slice 4 of 7"),
-    "missing slices": ({"missing": [2, 3, 6]}, r"3 are missing \(after slice 2, 4 of 5"),
     "varying steps": ({"places": [0, 1, 2, 3, 4.3, 5.6, 6.9, 8.2]}, "steps of 0.9 to 1.17 mm; resample"),
     "a tilted gantry": ({"shear_mm": 0.9 * np.tan(np.deg2rad(12))}, r"gantry tilted by 12.00°.*resample"),
     "two slices at a place": ({"places": [0, 1, 2, 3, 0, 1, 2, 3]}, "found 4 places with several"),
     "too few": ({"slices": 2}, "at least 3 slices, found 2"),
     "MR": ({"Modality": "MR"}, "expected a CT, found series 1: MR, 8 slices"),
     "no position": ({"ImagePositionPatient": None}, "slices without, so left and right are unknown"),
-    "no orientation": ({"ImageOrientationPatient": None}, "slices without, so left and right are unknown"),
     "no spacing": ({"PixelSpacing": None}, "slices without"),
     "no offset": ({"RescaleIntercept": 0}, "no negative ones"),
     "colours inverted": ({"PhotometricInterpretation": "MONOCHROME1"}, "expected grey slices"),
@@ -141,20 +135,12 @@ def test_each_slice_has_its_own_rescale(write_series, tmp_path):
     np.testing.assert_array_equal(read_volume(tmp_path).values, values)
 
 
-@pytest.mark.parametrize(
-    "lost",
-    [
-        {"RescaleSlope": None, "RescaleIntercept": None},
-        {"RescaleIntercept": None},
-        {"RescaleIntercept": ""},
-        {"RescaleSlope": 0},
-    ],
-)
+@pytest.mark.parametrize("lost", [{"RescaleSlope": None, "RescaleIntercept": None}, {"RescaleIntercept": ""}])
 def test_slices_without_a_rescale_among_others_are_refused(write_series, tmp_path, lost):
     """GDCM takes what such a slice stores for HU."""
     write_series(tmp_path, SeriesInstanceUID="1.2.3")
     write_series(tmp_path, 1, number=4, origin=(-10, 20.5, 307.2), SeriesInstanceUID="1.2.3", **lost)
-    with pytest.raises(InputError, match=r"Slope and Intercept in all slices .* 1 of 9 .*\(the first: slice 9, "):
+    with pytest.raises(InputError, match=r"Slope and Intercept in all slices .* 1 of 9 "):
         read_volume(tmp_path)
 
 
@@ -169,7 +155,7 @@ def test_transfer_syntaxes_that_cannot_be_read_are_named(write_series, tmp_path)
 
     write_series(tmp_path)
     changed(tmp_path, compress)
-    with pytest.raises(InputError, match=r"transfer syntax 1\.2\.840\.10008\.1\.2\.4\.201; decompress it"):
+    with pytest.raises(InputError, match=r"syntax 1\.2\.840\.10008\.1\.2\.4\.201; decompress"):
         read_volume(tmp_path)
 
 
@@ -177,44 +163,19 @@ def test_enhanced_damaged_and_single_files_are_refused(write_series, tmp_path):
     write_series(tmp_path / "cut")
     for path in (tmp_path / "cut").iterdir():
         path.write_bytes(path.read_bytes()[:-20])
-    with pytest.raises(InputError, match=r"file 1 of 8 in the order of their names: .* damaged or cut off"):
-        read_volume(tmp_path / "cut")
     write_series(tmp_path / "ct")
-    with pytest.raises(InputError, match="expected a folder of DICOM files, found one of them"):
-        read_volume(next((tmp_path / "ct").iterdir()))
-    changed(tmp_path / "ct", lambda d: setattr(d.file_meta, "MediaStorageSOPClassUID", "1.2.840.10008.5.1.4.1.1.2.1"))
-    with pytest.raises(InputError, match=r"enhanced \(multi-frame\) CT; convert it to NIfTI"):
-        read_volume(tmp_path / "ct")
+    single = next((tmp_path / "ct").iterdir())
+    write_series(tmp_path / "many")
+    changed(tmp_path / "many", lambda d: setattr(d.file_meta, "MediaStorageSOPClassUID", "1.2.840.10008.5.1.4.1.1.2.1"))
     (tmp_path / "empty").mkdir()
-    with pytest.raises(InputError, match="found no image in this folder"):
-        read_volume(tmp_path / "empty")
-    with pytest.raises(InputError, match="does not exist"):
-        read_volume(tmp_path / "nowhere.nii")
+    for path, message in {
+        tmp_path / "cut": "damaged or cut off",
+        single: "expected a folder of DICOM files, found one of them",
+        tmp_path / "many": "enhanced .*convert it to NIfTI",
+        tmp_path / "empty": "found no image",
+        tmp_path / "nowhere.nii": "does not exist",
+    }.items():
+        with pytest.raises(InputError, match=message):
+            read_volume(path)
     with pytest.raises(InputError, match="found a file"):
-        list_series(next((tmp_path / "ct").iterdir()))
-
-
-@settings(max_examples=50)
-@given(
-    order=st.permutations(range(6)),
-    vector=st.tuples(*[st.floats(-3, 3)] * 3),
-    tilt_deg=st.floats(1, 30),
-    seed=st.integers(0, 99),
-)
-def test_a_stack_does_not_depend_on_order_and_its_tilt_is_measured(order, vector, tilt_deg, seed):
-    """Positions as headers round them, to 0.01 mm."""
-    turn = rotation_from_vector(np.array(vector))
-
-    def places(shear: float) -> list[SlicePlace]:
-        noise = np.random.default_rng(seed).uniform(-0.005, 0.005, (6, 3))
-        positions = np.arange(6)[:, None] * (turn[:, 2] + shear * turn[:, 1]) * 0.625 + noise + [5, -100, 900]
-        return [SlicePlace((9, 8), np.array([0.3, 0.3]), turn[:, :2].T, position) for position in positions]
-
-    stack = places(0)
-    grid, sorting = stack_of([stack[index] for index in order], "series")
-    assert [order[index] for index in sorting] == list(range(6))
-    np.testing.assert_allclose(grid.mesh_from_index[:3, 2], turn[:, 2] * 0.625, atol=0.005)
-    with pytest.raises(InputError, match="gantry tilted by") as caught:
-        stack_of(places(np.tan(np.deg2rad(tilt_deg))), "series")
-    measured = float(str(caught.value).split("tilted by ")[1].split("°")[0])
-    assert abs(measured - tilt_deg) < 0.4
+        list_series(single)

@@ -36,17 +36,8 @@ def planted(folder: Path) -> None:
     """Put the name into every tag of text that DICOM has for a CT's header, in each series of a folder."""
     from pydicom.datadict import DicomDictionary, keyword_for_tag
 
-    needed = {
-        *(
-            "Modality",
-            "SOPClassUID",
-            "SOPInstanceUID",
-            "SeriesInstanceUID",
-            "PhotometricInterpretation",
-            "SeriesNumber",
-        ),
-        *("TransferSyntaxUID", "InstanceNumber", "PixelSpacing", "SpecificCharacterSet"),
-    }
+    needed = ["SOPClassUID", "SOPInstanceUID", "SeriesInstanceUID", "TransferSyntaxUID", "Modality", "InstanceNumber"]
+    needed += ["PhotometricInterpretation", "SeriesNumber", "PixelSpacing", "SpecificCharacterSet"]
     words = {"AE", "CS", "LO", "LT", "PN", "SH", "ST", "UC", "UT"}
     tags = [
         tag

@@ -9,6 +9,7 @@ from oneframe.transforms import transform_points
 from oneframe.volume.bone.isosurface import RemovedField
 from oneframe.volume.slices.slice_views import LabelColours, slice_views
 from oneframe.volume.volume import LabelMap, Sampler, Volume, VoxelGrid
+from tests.volume.solids import voxel_centres
 
 
 def random_grid(seed: int, size: tuple[int, int, int]) -> VoxelGrid:
@@ -20,13 +21,6 @@ def random_grid(seed: int, size: tuple[int, int, int]) -> VoxelGrid:
     return VoxelGrid(size, matrix)
 
 
-def centres(grid: VoxelGrid) -> np.ndarray:
-    """``(Z, Y, X, 3)`` centres of all voxels, mm."""
-    z, y, x = np.meshgrid(*(np.arange(n) for n in grid.size[::-1]), indexing="ij")
-    index = np.stack([x, y, z], axis=-1).reshape(-1, 3).astype(np.float64)
-    return transform_points(grid.mesh_from_index, index).reshape(*grid.size[::-1], 3)
-
-
 @given(st.integers(0, 2**32 - 1))
 def test_linear_field_is_sampled_exactly_and_what_lies_outside_is_told(seed):
     rng = np.random.default_rng(seed)
@@ -34,7 +28,7 @@ def test_linear_field_is_sampled_exactly_and_what_lies_outside_is_told(seed):
     slope = rng.normal(size=3)
     index = rng.uniform(-2, 8, (50, 3))
     points = transform_points(grid.mesh_from_index, index)
-    found = Sampler(grid, points).values(centres(grid) @ slope, outside=1e6)
+    found = Sampler(grid, points).values(voxel_centres(grid) @ slope, outside=1e6)
     inside = ((index >= 0) & (index <= (6, 4, 3))).all(axis=1)
     beyond = ((index < -0.501) | (index > (6.501, 4.501, 3.501))).any(axis=1)
     np.testing.assert_allclose(found[inside], points[inside] @ slope, rtol=1e-4, atol=1e-3)
@@ -44,7 +38,7 @@ def test_linear_field_is_sampled_exactly_and_what_lies_outside_is_told(seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_patients_right_is_on_the_left_and_the_head_at_the_top(seed):
     grid = random_grid(seed, (20, 24, 28))
-    points = centres(grid)
+    points = voxel_centres(grid)
     middle = grid.bounds_mm.mean(axis=0)
     for axis, sides in enumerate(("RL", "AP", "IS")):
         # brighter to the left, to the back and to the head
@@ -61,7 +55,7 @@ def test_patients_right_is_on_the_left_and_the_head_at_the_top(seed):
 
 def test_contours_and_the_drilled_part_lie_where_they_are_in_the_patient():
     grid = random_grid(3, (40, 44, 48))
-    points, middle = centres(grid), grid.bounds_mm.mean(axis=0)
+    points, middle = voxel_centres(grid), grid.bounds_mm.mean(axis=0)
     distance = np.linalg.norm(points - middle, axis=-1)
     ball = Volume(np.clip(300 - 200 * (distance - 9), -1000, 1500).astype(np.int16), grid)
     first, part = (5, 6, 7), np.s_[7:40, 6:40, 5:38]

@@ -1,0 +1,41 @@
+"""Grids in any direction, balls, and what every surface of a solid obeys."""
+
+import numpy as np
+import trimesh
+
+from oneframe.surface.mesh import TriangleMesh
+from oneframe.transforms import transform_points
+from oneframe.volume.volume import VoxelGrid
+
+
+def oblique_grid(rng: np.random.Generator, spacing: float | np.ndarray, size: int) -> VoxelGrid:
+    """A cube of voxels around the origin in a random direction, which may be left-handed."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0] * spacing
+    matrix[:3, 3] = -matrix[:3, :3] @ np.full(3, (size - 1) / 2)
+    return VoxelGrid((size, size, size), matrix)
+
+
+def voxel_centres(grid: VoxelGrid) -> np.ndarray:
+    """``(Z, Y, X, 3)``, mm."""
+    z, y, x = np.indices(grid.size[::-1]).reshape(3, -1)
+    points = transform_points(grid.mesh_from_index, np.stack([x, y, z], axis=1).astype(np.float64))
+    return points.reshape(*grid.size[::-1], 3)
+
+
+def ball(radius: float, centre: np.ndarray, subdivisions: int = 3) -> TriangleMesh:
+    sphere = trimesh.creation.icosphere(subdivisions, radius)
+    return TriangleMesh(np.asarray(sphere.vertices) + centre, np.asarray(sphere.faces, np.int32))
+
+
+def is_closed(mesh: TriangleMesh) -> bool:
+    """Whether every edge has exactly two faces, which run along it in opposite directions."""
+    faces, count = mesh.faces.astype(np.int64), len(mesh.vertices)
+    following = np.roll(faces, -1, axis=1)
+    there, back = np.sort((faces * count + following).ravel()), np.sort((following * count + faces).ravel())
+    return bool((np.diff(there) > 0).all() and (there == back).all())
+
+
+def enclosed_mm3(mesh: TriangleMesh) -> float:
+    """Positive if fronts face outward."""
+    return float(np.einsum("ij,ij->", mesh.vertices[mesh.faces[:, 0]], mesh.face_cross) / 6)

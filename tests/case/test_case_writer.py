@@ -22,6 +22,7 @@ from oneframe.files.numbers import WrittenFloat, length_text, millimetres
 from oneframe.transforms import rigid, se3_exp
 
 lengths = st.floats(-1e6, 1e6)
+numbers = st.floats(allow_nan=False, allow_infinity=False)
 any_text = st.text(st.characters(codec="utf-8"))
 names = st.text(st.characters(codec="utf-8", exclude_categories=["Cc"]), min_size=1).filter(str.strip)
 file_names = st.text(st.characters(codec="utf-8", exclude_characters="/\0"), min_size=1).filter(
@@ -39,7 +40,7 @@ landmarks = st.lists(
         Landmark,
         name=names.map(str.strip),
         point=maybe(st.tuples(lengths, lengths, lengths)),
-        pixel=maybe(st.tuples(lengths, lengths)),
+        pixel=maybe(st.tuples(numbers, numbers)),
         enabled=st.booleans(),
     ),
     max_size=4,

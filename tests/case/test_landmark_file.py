@@ -9,21 +9,7 @@ from hypothesis import strategies as st
 from oneframe.case.landmark_file import read_landmarks, write_landmarks
 from oneframe.case.landmarks import Landmark
 from oneframe.errors import InputError
-
-numbers = st.floats(allow_nan=False, allow_infinity=False)
-lengths = st.floats(-1e6, 1e6)
-names = st.text(st.characters(codec="utf-8", exclude_categories=["Cc"])).map(str.strip).filter(len)
-landmarks = st.lists(
-    st.builds(
-        Landmark,
-        name=names,
-        point=st.none() | st.tuples(lengths, lengths, lengths),
-        pixel=st.none() | st.tuples(numbers, numbers),
-        enabled=st.booleans(),
-    ),
-    max_size=5,
-    unique_by=lambda landmark: landmark.name,
-).map(tuple)
+from tests.case.test_case_writer import landmarks
 
 
 @given(landmarks=landmarks, suffix=st.sampled_from([".csv", ".json", ".JSON"]), mm_per_unit=st.sampled_from([1.0, 1e3]))

@@ -55,7 +55,7 @@ test: $(VENV)/.ready-to-test
 test-all: test
 	$(RUN) -m pytest -m long --durations 50 $(PYTEST_FLAGS)
 
-# tests/outside in full: interruptions, tampering, bombs, mutations, and readers that others wrote; `make test-all` runs a sample
+# tests/outside in full: interruptions, tampering, mutations, and readers that others wrote; `make test-all` runs a sample
 test-outside: $(VENV)/.ready-to-test
 	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[outside]"
 	$(RUN) -m pytest --long tests/outside $(PYTEST_FLAGS)

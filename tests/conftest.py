@@ -32,7 +32,7 @@ _EXIT_STATUS = pytest.StashKey[int]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--long", action="store_true", help="tests/outside in full: hundreds of interruptions, bombs, …")
+    parser.addoption("--long", action="store_true", help="tests/outside in full: hundreds of interruptions, …")
 
 
 LONG = ("benchmarks", "cluster", "outside", "window")

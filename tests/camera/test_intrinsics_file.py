@@ -187,6 +187,10 @@ BAD = {
         as_json(left={"K": K.tolist()}, right={"K": (2 * K - K * [[0], [0], [1]]).tolist()}),
         "expected one camera, found 2 that differ: 'left', 'right'",
     ),
+    "as many cameras as a film has frames": (
+        as_json(**{str(image): {"cam_K": K.ravel().tolist()} for image in range(90_000)}),
+        "expected a camera, found more than 10000 tables",
+    ),
     "no camera": (as_json(R=np.eye(3).tolist()), "expected a camera, found no K"),
     "eight coefficients": (as_json(K=K.tolist(), D=[0.1] * 8), "expected a distortion of five coefficients"),
     "fisheye": (

@@ -5,7 +5,9 @@ The dataset is rendered without Blender and without the code that is tested.
 
 import io
 import json
+import os
 import re
+import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -16,7 +18,7 @@ import pytest
 
 from oneframe.commands import check
 from oneframe.dataset.check.check_dataset import check_dataset
-from oneframe.dataset.layout import ViewPaths
+from oneframe.dataset.layout import SPLIT, ViewPaths
 from oneframe.dataset.run.resume_record import read_record
 from oneframe.dataset.view import file_sums, write_view
 from oneframe.images.contact_sheet import contact_sheet
@@ -399,6 +401,19 @@ def test_without_its_description_the_advice_is_to_render_again(copied, damage):
     assert "`oneframe render` again: this writes it, and keeps the views" in " ".join(
         check_dataset(copied, stream=io.StringIO()).findings.shown()
     )
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links of POSIX")
+@pytest.mark.parametrize("name", ["models", f"{SPLIT}/000000/rgb/000001.png", "LICENSE"])
+def test_links_that_lead_out_are_named(copied, tmp_path, run, capsys, name):
+    elsewhere, there = tmp_path / "elsewhere", copied / name
+    if there.exists():
+        shutil.move(there, elsewhere)
+    else:
+        elsewhere.write_text("free")
+    there.symlink_to(elsewhere)
+    assert run(copied) == 1
+    assert f"{name}: expected a part of the dataset, found a link that leads out" in capsys.readouterr().out
 
 
 def test_missing_views_are_shown_as_ranges(copied):

@@ -220,8 +220,8 @@ def _opened_renderer(
         engine=options.engine,
         samples=1 if at_edges else options.samples,
         filtered=at_edges,
-        threads=threads,
     ) as scene:
+        scene.limit_threads(threads)
         render: Render = partial(render_view, scene)
         if at_edges:
             render = EdgeSampler(scene, source.view, pivot, colour, camera, options.samples).render

@@ -17,8 +17,7 @@ from ..projection.rendered_view import RenderedView
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid
 from .anti_aliasing import MISSED, OBSERVED, UNSEEN, footprint_scale, smoothed
-from .shading import ImageShader, Points, SurfaceColour, VertexShader, corner_means
-from .source_view import SourceView
+from .shading import ImageShader, Points, SurfaceColour, VertexShader, corner_means, source_of
 from .vertex_colours import NEUTRAL, VertexColours
 
 BLOCK = 1 << 15
@@ -78,7 +77,7 @@ class RayTracer:
         """
         self._mesh, self._camera, self._unseen = mesh, camera, unseen
         self._rays = rays or MeshRays(mesh)
-        self._source = colour if colour is None or isinstance(colour, SourceView) else colour.source
+        self._source = None if colour is None else source_of(colour)
         self._facing = None if self._source is None else self._source.facing_faces(mesh)
         self._shader: ImageShader | VertexShader | None = None
         if isinstance(colour, VertexColours):
@@ -120,7 +119,11 @@ class RayTracer:
         """One ray a pixel; colours are means over pixels of this scale if it is given."""
         shape = self._camera.shape_hw
         view = RenderedView(
-            np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32), np.zeros(shape, bool), np.zeros(shape, bool)
+            np.zeros((*shape, 3), np.float32),
+            np.zeros(shape, np.float32),
+            np.zeros(shape, bool),
+            np.zeros(shape, bool),
+            faces := np.full(shape, -1, np.int32),
         )
         left, top, right, bottom = self._bounds(eye)
         u, rows = np.arange(left, right), max(1, BLOCK // max(right - left, 1))
@@ -139,6 +142,7 @@ class RayTracer:
             view.rgb[block] = rgb.reshape(*shape, 3)
             view.depth_mm[block] = (depth_mm * hit).reshape(shape)
             view.observed[block] = seen.reshape(shape)
+            faces[block] = hits.face.reshape(shape)
             if near is not None:
                 view.near_unseen[block] = near.reshape(shape)
         return view

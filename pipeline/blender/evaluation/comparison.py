@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
+from ...case.posed_frame import UnreadFrame
 from ...errors import InputError
-from ...evaluation.photographs import PosedPhotograph
 from ...evaluation.scores.similarity import Similarity, similarity
 from ...projection.rendered_view import RenderedView
-from ..colour.reference_view import colour_of, reference_view_of
-from ..render.engines import render_view
-from ..render.surface_scene import SurfaceScene
-from .evaluation_case import read_photograph
+from ..case.load_case import load_posed_frame
+from ..colour.reference_view import colours_of, reference_view_of
+from ..render.engines import opened_engine
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,7 @@ class Comparison:
         Over these pixels; ``None`` if there are none.
     """
 
-    photograph: PosedPhotograph
+    photograph: UnreadFrame
     real: np.ndarray
     synthetic: RenderedView
     compared: np.ndarray
@@ -44,9 +43,7 @@ class Comparison:
         return np.concatenate([self.real, over, difference], axis=1)
 
 
-def compare(
-    loaded: LoadedCase, photographs: list[PosedPhotograph], *, colour: str = "projective"
-) -> Iterator[Comparison]:
+def compare(loaded: LoadedCase, photographs: list[UnreadFrame], *, colour: str = "projective") -> Iterator[Comparison]:
     """Render the coloured surface at the pose of each photograph with the case's camera, and compare.
 
     Raises
@@ -56,18 +53,18 @@ def compare(
         anything that the frame saw.
     """
     source = reference_view_of(loaded)
-    surface_colour, _ = colour_of(source, colour)
+    colours, _ = colours_of(source, colour)
     overlapping = False
-    with SurfaceScene(source.mesh, loaded.frame.camera, surface_colour) as scene:
+    with opened_engine("cycles", source.mesh, loaded.frame.camera, colours) as render:
         for photograph in photographs:
-            real = read_photograph(photograph, loaded)
-            view = render_view(scene, photograph.cam_from_model)
+            real = load_posed_frame(photograph, loaded.surface.mesh_from_model, name=loaded.case.path.name)
+            view = render(real.cam_from_model)
             compared = view.observed & real.valid
             found = similarity(real.image, view.rgb, compared) if compared.any() else None
             overlapping |= found is not None
             yield Comparison(photograph, real.image, view, compared, found)
     if photographs and not overlapping:
         raise InputError(
-            f"{photographs[0].path}: expected a view of surface that the frame saw, neither it nor another photograph "
+            f"{photographs[0].image}: expected a view of surface that the frame saw, neither it nor another photograph "
             "of the list shows any; check the poses"
         )

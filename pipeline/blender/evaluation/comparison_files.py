@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
-from ...evaluation.photographs import PosedPhotograph
+from ...case.posed_frame import UnreadFrame
 from ...files.content import write_bytes_atomically
 from ...files.outputs import check_outputs, check_own_folder, made_folder, writing
 from ...files.tables import write_csv
@@ -23,7 +23,7 @@ TILE_WIDTH = 900
 """Width of a picture in the sheet, px."""
 
 
-def check_comparisons(out: Path, photographs: Sequence[PosedPhotograph], inputs: Mapping[str, Path]) -> None:
+def check_comparisons(out: Path, photographs: Sequence[UnreadFrame], inputs: Mapping[str, Path]) -> None:
     """Check before any work that the files of a comparison can be written.
 
     Parameters
@@ -40,13 +40,13 @@ def check_comparisons(out: Path, photographs: Sequence[PosedPhotograph], inputs:
     RunError
         The files cannot be written.
     """
-    shown = {f"photograph {number}": photograph.path for number, photograph in enumerate(photographs, start=1)}
+    shown = {f"photograph {number}": photograph.image for number, photograph in enumerate(photographs, start=1)}
     check_own_folder(out, _NAMES)
     check_outputs([out / name for name in (*_picture_names(photographs), SHEET, TABLE)], {**inputs, **shown})
 
 
 def write_comparisons(
-    loaded: LoadedCase, photographs: Sequence[PosedPhotograph], out: Path, *, colour: str
+    loaded: LoadedCase, photographs: Sequence[UnreadFrame], out: Path, *, colour: str
 ) -> Iterator[Comparison]:
     """Compare (see :func:`.compare`) and write the results.
 
@@ -86,7 +86,7 @@ def write_comparisons(
     _write_picture(out / SHEET, contact_sheet(pictures, columns=2, tile_width=TILE_WIDTH))
 
 
-def _picture_names(photographs: Sequence[PosedPhotograph]) -> list[str]:
+def _picture_names(photographs: Sequence[UnreadFrame]) -> list[str]:
     # not those of the files, which may name the patient
     return [f"photograph_{number}.png" for number in range(1, len(photographs) + 1)]
 

@@ -26,7 +26,7 @@ from ...evaluation.scores.view_scores import SCORES, scores_of
 from ...files.machine import available_cores
 from ...poses.distributions import Cone, ReferencePose
 from ..colour.reference_view import ReferenceView, reference_view_of
-from .evaluation_case import EvaluationCase, ShownSurface, read_photograph, shown_surfaces
+from .evaluation_case import EvaluationCase, ShownSurface, shown_surfaces
 from .methods import Method, opened
 
 NOVEL_POSES = 6
@@ -128,15 +128,16 @@ def evaluate_case(
     hidden = [number for number, each in enumerate(shown) if not each.overlaps]
     findings.without_overlap += [(case.name, case.images[number]) for number in hidden]
     novel = _novel_poses(case, source, settings.seed)
-    poses = [photograph.cam_from_model for photograph in case.photographs] + novel
+    mesh_from_model = case.loaded.surface.mesh_from_model
+    poses = [photograph.cam_from_mesh @ mesh_from_model for photograph in case.photographs]
     real_features: dict[int, np.ndarray] = {}
     for method in settings.methods:
         features: dict[int, np.ndarray] = {}
-        with opened(method, source, case.loaded.frame.camera, poses) as render, _Scorer() as scorer:
-            for number, photograph in enumerate(case.photographs):
+        with opened(method, source, case.loaded.frame.camera, poses + novel) as render, _Scorer() as scorer:
+            for number, pose in enumerate(poses):
                 if shown[number].overlaps:
-                    real = read_photograph(photograph, case.loaded).image
-                    view = View(case, number, method, real, render(photograph.cam_from_model), shown[number].surfaces())
+                    real = case.photograph(number).image
+                    view = View(case, number, method, real, render(pose), shown[number].surfaces())
                     scorer.submit(number, view.real, view.rendered, view.shown)
                     if settings.inception is not None:
                         features[number] = _features(settings.inception, view.rendered, view.shown)
@@ -198,7 +199,7 @@ def _add_bound(
     with _Scorer() as scorer:
         for number, shown in enumerate(shown_surfaces(case, source)):
             if shown.surface.any():
-                real = read_photograph(case.photographs[number], case.loaded).image
+                real = case.photograph(number).image
                 scores = rows[case.images[number]]
                 gain = np.array([scores[f"gain_{name}"] for name in ("red", "green", "blue")])
                 gain = np.where(np.isfinite(gain), gain, 1.0)

@@ -6,13 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
-from ...case.posed_frame import PosedFrame
-from ...errors import InputError
-from ...evaluation.photographs import PosedPhotograph
-from ..bridge.image import read_image
+from ...case.posed_frame import PosedFrame, UnreadFrame
+from ..case.load_case import load_posed_frame
 from ..colour.reference_view import ReferenceView
-from ..render.engines import render_view
-from ..render.surface_scene import SurfaceScene
+from ..render.engines import opened_engine
 
 
 @dataclass(frozen=True)
@@ -21,8 +18,13 @@ class EvaluationCase:
 
     name: str
     loaded: LoadedCase
-    photographs: tuple[PosedPhotograph, ...]
+    photographs: tuple[UnreadFrame, ...]
     images: tuple[str, ...]
+
+    def photograph(self, number: int) -> PosedFrame:
+        """A photograph in memory; InputError if it cannot be read, or differs from the frame in size."""
+        mesh_from_model, name = self.loaded.surface.mesh_from_model, self.loaded.case.path.name
+        return load_posed_frame(self.photographs[number], mesh_from_model, name=name)
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ class ShownSurface:
 
 
 def named_cases(
-    given: Sequence[tuple[LoadedCase, Sequence[PosedPhotograph]]],
+    given: Sequence[tuple[LoadedCase, Sequence[UnreadFrame]]],
 ) -> tuple[EvaluationCase, ...]:
     """Give each case the name of its surface, and each photograph its number: names of files may name the patient."""
     cases: list[EvaluationCase] = []
@@ -48,29 +50,11 @@ def named_cases(
     return tuple(cases)
 
 
-def read_photograph(photograph: PosedPhotograph, loaded: LoadedCase) -> PosedFrame:
-    """The photograph of a list in memory; it is not valid where its alpha is 0.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, or differs from the frame in size.
-    """
-    image, valid = read_image(photograph.path)
-    camera = loaded.frame.camera
-    if image.shape[:2] != camera.shape_hw:
-        raise InputError(
-            f"{photograph.path}: expected {camera.width}x{camera.height} px as the frame has, "
-            f"found {image.shape[1]}x{image.shape[0]}; give photographs of the case's camera"
-        )
-    return PosedFrame(image, valid, camera, photograph.cam_from_model, path=photograph.path)
-
-
 def shown_surfaces(case: EvaluationCase, source: ReferenceView) -> Iterator[ShownSurface]:
     """What each photograph shows of the surface, where its alpha is not 0."""
-    with SurfaceScene(source.mesh, case.loaded.frame.camera, source.view) as scene:
-        for photograph in case.photographs:
-            valid = read_photograph(photograph, case.loaded).valid
-            view = render_view(scene, photograph.cam_from_model)
+    with opened_engine("cycles", source.mesh, case.loaded.frame.camera, source.views) as render:
+        for number in range(len(case.photographs)):
+            photograph = case.photograph(number)
+            view, valid = render(photograph.cam_from_model), photograph.valid
             depth_mm = np.where(valid, view.depth_mm, np.float32(0))
             yield ShownSurface(view.mask & valid, view.observed & valid, depth_mm)

@@ -1,4 +1,4 @@
-"""Several frames colour the surface: each point has the colour from the frame that shows it best, of those that saw it."""
+"""Several frames colour the surface: a point has the colour from the frame that shows it best, of those that saw it."""
 
 import json
 from dataclasses import replace

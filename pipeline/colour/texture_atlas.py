@@ -4,7 +4,7 @@ The upper part of the atlas is the *frame layer*: a cut-out of the frame in whic
 Texel centres are pixel centres there, so baking copies pixels and adds no blur. The layer holds one surface per texel.
 Faces that would read texels of another surface (across a depth step, or behind it), and faces on which the projection
 is not nearly affine, get separate rectangles below it. Faces that the frame did not see share a neutral patch. Several
-frames have an atlas each, of the faces that they show best, one below the other.
+frames have an atlas each, of the faces that they show best, in one image.
 
 Every texel has a flag: whether the frame saw its point of the surface. A lookup is the mean over its observed texels.
 Renders ask the reference view whether the point itself was seen. Without that, a lookup counts as observed if all
@@ -17,7 +17,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..camera.pinhole import PinholeCamera
-from ..errors import InputError
 from ..images.pixel_values import among_centres
 from ..projection.rasteriser import Samples, barycentric, nearest_barycentric, rasterise
 from ..surface.mesh import TriangleMesh
@@ -179,29 +178,22 @@ def bake_atlas(
     if len(views) == 1:
         return _baked(mesh, views, seen_faces[0], unseen, max_size, step)
     seen = np.stack(seen_faces)
-    most, best = seen.max(axis=0), np.where(seen > 0, resolutions(mesh, views), -np.inf).argmax(axis=0)
+    best = np.where(seen > 0, resolutions(mesh, views), -np.inf).argmax(axis=0)
     atlases = []
     for number, view in enumerate(views):
         others = [other for other in views if other is not view]
-        levels = np.where((best == number) & ((most > 0) | (number == 0)), most, _ELSEWHERE)
+        levels = np.where(best == number, seen[number], _ELSEWHERE)
         atlases.append(_baked(mesh, [view, *others], levels, unseen, max_size, step))
-    sizes = np.array([atlas.observed.shape for atlas in atlases])
-    height, width = int(sizes[:, 0].sum()), int(sizes[:, 1].max())
-    if height > max_size:
-        raise InputError(
-            f"texture atlas: expected at most {max_size} texels of height, found {height} for {len(views)} frames; "
-            "use the vertex or the projective colour mode, or fewer frames"
-        )
-    image = np.full((height, width, 3), NEUTRAL, dtype=np.float32)
-    flags = np.zeros((height, width), dtype=bool)
+    sizes = np.array([atlas.observed.shape[::-1] for atlas in atlases])
+    origins, (width, height) = pack_rectangles(sizes, np.zeros(2, np.int64), max_size)
+    image, flags = np.full((height, width, 3), NEUTRAL, np.float32), np.zeros((height, width), dtype=bool)
     uv = np.empty((len(mesh.faces), 3, 2))
-    above = 0
-    for number, (atlas, (rows, columns)) in enumerate(zip(atlases, sizes, strict=True)):
-        image[above : above + rows, :columns], flags[above : above + rows, :columns] = atlas.image, atlas.observed
-        above += rows
-        uv[best == number] = (atlas.uv[best == number] * [columns, rows] + [0, height - above]) / [width, height]
+    for number, (atlas, size, (x, y)) in enumerate(zip(atlases, sizes, origins, strict=True)):
+        part, own = (slice(y, y + size[1]), slice(x, x + size[0])), best == number
+        image[part], flags[part] = atlas.image, atlas.observed
+        uv[own] = (atlas.uv[own] * size + [x, height - y - size[1]]) / [width, height]
     separate, coarse = sum(atlas.separate_charts for atlas in atlases), sum(atlas.coarse_charts for atlas in atlases)
-    return TextureAtlas(uv, image, flags, _counts(most), separate, coarse)
+    return TextureAtlas(uv, image, flags, _counts(seen.max(axis=0)), separate, coarse)
 
 
 def _counts(seen_faces: np.ndarray) -> tuple[int, int, int]:

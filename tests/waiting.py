@@ -33,4 +33,4 @@ def wait_until(
     while not condition() and (process is None or process.poll() is None):
         if time.monotonic() > end:
             raise AssertionError(otherwise())
-        time.sleep(0.005)
+        time.sleep(0.02)

@@ -47,21 +47,6 @@ def by_trimesh(path: Path) -> Read:
     return Read(np.asarray(mesh.vertices)[faces], colours)
 
 
-def by_open3d(path: Path) -> Read:
-    """Open3D shows the vertex colours of a PLY: it reads textures of other formats only."""
-    open3d = importlib.import_module("open3d")
-    mesh = open3d.io.read_triangle_mesh(str(path), enable_post_processing=True)
-    faces = np.asarray(mesh.triangles)
-    if mesh.has_triangle_uvs():
-        (image,) = (np.asarray(texture) for texture in mesh.textures if not texture.is_empty())
-        uv = np.asarray(mesh.triangle_uvs).reshape(-1, 3, 2).mean(axis=1)
-        # it keeps images with the first row at the bottom
-        colours = sampled(image[::-1] / 255, uv)
-    else:
-        colours = np.asarray(mesh.vertex_colors)[faces].mean(axis=1)
-    return Read(np.asarray(mesh.vertices)[faces], colours)
-
-
 def by_meshlab(path: Path) -> Read:
     """Colours of the image that MeshLab holds: an image of its own if it found no texture."""
     pymeshlab = importlib.import_module("pymeshlab")
@@ -135,7 +120,7 @@ def by_bop(path: Path) -> Read:
     return Read(corners, sampled(pixels, faces["texcoord"].reshape(-1, 3, 2).mean(axis=1)))
 
 
-READERS = {"trimesh": by_trimesh, "Open3D": by_open3d, "MeshLab": by_meshlab, "Blender": by_blender, "BOP": by_bop}
+READERS = {"trimesh": by_trimesh, "MeshLab": by_meshlab, "Blender": by_blender, "BOP": by_bop}
 
 
 def main(name: str, out: str, *files: str) -> int:

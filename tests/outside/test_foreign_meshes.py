@@ -1,4 +1,4 @@
-"""Coloured surfaces in the eyes of readers that others wrote: Blender, MeshLab, Open3D, trimesh, BOP's toolkit."""
+"""Coloured surfaces in the eyes of readers that others wrote: Blender, MeshLab, trimesh, BOP's rules."""
 
 import json
 import re

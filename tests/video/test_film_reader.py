@@ -14,6 +14,7 @@ from oneframe.video.film_reader import Film, read_film_frames
 from oneframe.video.frame_mask import without_combs
 from oneframe.video.frame_reader import read_video_frame, video_info
 from oneframe.video.frame_scores import COMBED, score_frames
+from tests.video.surgical_film import write_film
 from tests.video.test_frame_reader import (
     FORMATS,
     FRAMES,
@@ -141,7 +142,7 @@ def moving(step_px: int) -> list[np.ndarray]:
     return [np.ascontiguousarray(texture[:, number * step_px : number * step_px + 320]) for number in range(20)]
 
 
-def test_interlacing_is_found_where_something_moves(tmp_path, write_film):
+def test_interlacing_is_found_where_something_moves(tmp_path):
     assert max(frame.comb for frame in frames_of(write_film(tmp_path / "a.mkv", moving(6)))) < 0.9
     assert max(frame.comb for frame in frames_of(write_film(tmp_path / "b.mkv", interlaced(moving(0))))) < 0.9
     found = frames_of(write_film(tmp_path / "c.mkv", interlaced(moving(6))))
@@ -155,7 +156,7 @@ def test_interlacing_is_found_where_something_moves(tmp_path, write_film):
     assert comb_ratio(noise) < 1.05
 
 
-def test_what_is_no_film_is_refused(tmp_path, write_film):
+def test_what_is_no_film_is_refused(tmp_path):
     (tmp_path / "text.mp4").write_text("not a video")
     (tmp_path / "empty.mp4").touch()
     for suffix in ("png", "webp", "jp2"):

@@ -75,7 +75,6 @@ ENGINE_CAMERAS = [
     *[pytest.param(engine, name, id=f"{engine}, {name}") for engine in EXACT_ENGINES for name in CAMERAS],
     # compiling Eevee's shaders in software takes half a minute, once
     pytest.param("eevee", "portrait", id="eevee, portrait", marks=pytest.mark.gl),
-    pytest.param("eevee", "long lens", id="eevee, long lens", marks=pytest.mark.gl),
 ]
 
 

@@ -17,7 +17,7 @@ from oneframe.images.image_check import PNG_SIGNATURE
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 
 ROOT = Path(__file__).resolve().parents[3]
-pytestmark = pytest.mark.render
+pytestmark = [pytest.mark.long, pytest.mark.render]
 
 
 @pytest.fixture(scope="module")

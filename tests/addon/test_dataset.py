@@ -191,7 +191,7 @@ def test_the_run_makes_the_dataset_of_the_script(opened, job_module, case_path, 
 def test_a_cancelled_run_keeps_its_views_and_can_be_resumed(opened, job_module, case_path, tmp_path):
     out = tmp_path / "out"
     opened.oneframe.dataset_out = str(out)
-    opened.oneframe.dataset.count = 300
+    opened.oneframe.dataset.count = 120
     bpy.ops.oneframe.render_dataset()
     process = job_module.current().process
     followed(job_module, lambda job: finished_views(out) >= 2)
@@ -201,14 +201,14 @@ def test_a_cancelled_run_keeps_its_views_and_can_be_resumed(opened, job_module, 
     assert job.error == ""
     assert process.returncode == 130
     kept = {name: data for name, data in tree(out).items() if name.startswith("train_synt")}
-    assert 2 <= finished_views(out) < 300
+    assert 2 <= finished_views(out) < 120
     # the user adds a landmark meanwhile, which does not change the views
     opened.oneframe.landmarks.add().name = "later"
     bpy.ops.oneframe.render_dataset()
     counts = []
     job = followed(job_module, lambda job: counts.append(job.progress and job.progress.count) or ended(job))
     assert (job.code, job.error) == (0, "")
-    assert finished_views(out) == 300
+    assert finished_views(out) == 120
     after = tree(out)
     assert all(after[name] == data for name, data in kept.items())
     counts = [count for count in counts if count is not None]

@@ -93,8 +93,7 @@ def ball(radius):
 
 
 @pytest.mark.gl
-@pytest.mark.parametrize("times", [1, 6])
-def test_contour_of_a_ball_is_its_outline(gpu_context, times):
+def test_contour_of_a_ball_is_its_outline(gpu_context, times=6):
     radius, centre_cam = 5.0, np.array([0.8, -0.6, 150.0])
     found = ball(radius)
     found.matrix_world = Matrix.Translation(centre_cam * [1, -1, -1])
@@ -119,8 +118,7 @@ def test_contour_of_a_ball_is_its_outline(gpu_context, times):
 
 
 @pytest.mark.gl
-@pytest.mark.parametrize("times", [1, 6])
-def test_creases_of_a_box_are_its_edges(gpu_context, times):
+def test_creases_of_a_box_are_its_edges(gpu_context, times=6):
     import bmesh
 
     half = 4.0

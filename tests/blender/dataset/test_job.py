@@ -17,7 +17,6 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.blender.dataset import job as dataset_job
 from oneframe.blender.dataset import run as dataset_run
 from oneframe.blender.dataset.job import Job, OpenJob, open_job
 from oneframe.blender.render.engines import check_engine
@@ -702,39 +701,6 @@ def test_shards_of_fewer_and_of_more_views_are_merged(case, reference, tmp_path)
             run_here(case, out, few)
         run_here(case, out)
         assert_same_dataset(out, reference)
-
-
-def test_a_growth_that_was_stopped_is_finished_or_taken_back(case, tmp_path, monkeypatch):
-    few, more = (dataclasses.replace(OPTIONS, count=count) for count in (3, 5))
-    whole, out = tmp_path / "whole", tmp_path / "out"
-    run_here(case, whole, few)
-    shutil.copytree(whole, out)
-
-    def stopped_after(views: int) -> None:
-        def render(renderer, folder, indices, finished):
-            real(renderer, folder, list(indices)[:views], finished)
-            raise KeyboardInterrupt
-
-        real = dataset_job.render_views
-        with monkeypatch.context() as patch:
-            patch.setattr(dataset_run, "render_views", render)
-            with pytest.raises(KeyboardInterrupt):
-                run_here(case, out, more)
-
-    stopped_after(0)
-    findings = check_dataset(out).findings.shown()
-    assert findings == [
-        ".work: a run is still going on or was stopped: the dataset is unfinished (3 of 5 views exist): run the same "
-        "`oneframe render` again"
-    ]
-    run_here(case, out, few)
-    assert_same_dataset(out, whole)
-    stopped_after(1)
-    with pytest.raises(RunError, match=r"views up to number 3 .* and 3 are wanted: .* to 4 or more"):
-        run_here(case, out, few)
-    run_here(case, out, more)
-    run_here(case, tmp_path / "more", more)
-    assert_same_dataset(out, tmp_path / "more")
 
 
 def test_the_table_of_the_case_is_used_and_the_command_line_goes_before_it(tmp_path, write_tiny_case, run_oneframe):

@@ -17,8 +17,8 @@ from oneframe.case.case_file import read_case
 from oneframe.dataset.options import checked_options
 from oneframe.dataset.run.run_folder import Shard
 from oneframe.transforms import camera_centre, rigid
-from tests.blender.dataset.test_job import finished_views, is_alive, linux_only, tree
-from tests.waiting import wait_until
+from tests.blender.dataset.test_job import finished_views, linux_only, tree
+from tests.waiting import is_alive, wait_until
 
 pytestmark = pytest.mark.render
 
@@ -170,7 +170,7 @@ def test_previewed_view_is_that_of_the_run(opened, case_path, tmp_path):
     refused(bpy.ops.oneframe.preview_view, "expected a view of the dataset, 0 to 5")
 
 
-def test_the_run_makes_the_dataset_of_the_script(opened, job_module, case_path, tmp_path, render_command, run_command):
+def test_the_run_makes_the_dataset_of_the_script(opened, job_module, case_path, tmp_path, run_oneframe):
     out, text = tmp_path / "addon", case_path.read_bytes()
     opened.oneframe.dataset_out = str(out)
     assert bpy.ops.oneframe.render_dataset() == {"FINISHED"}
@@ -181,7 +181,7 @@ def test_the_run_makes_the_dataset_of_the_script(opened, job_module, case_path, 
     assert job.lines[-1] == f"dataset of 6 views: {out}"
     # the case is unchanged: its file keeps its author's comments
     assert case_path.read_bytes() == text
-    assert run_command(render_command(case_path, "--out", tmp_path / "script")).returncode == 0
+    assert run_oneframe("render", case_path, "--out", tmp_path / "script", "--workers", 1).returncode == 0
     assert tree(out) == tree(tmp_path / "script")
     # once more: nothing is left to do
     assert bpy.ops.oneframe.render_dataset() == {"FINISHED"}

@@ -14,7 +14,7 @@ import pytest
 from oneframe.errors import RunError
 from oneframe.packing.local_processes import packed_locally
 from oneframe.packing.pack import pack_dataset
-from tests.waiting import wait_until
+from tests.waiting import children, is_alive, wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 PROGRAM = Path(__file__).with_name("interrupted_pack.py")
@@ -62,7 +62,7 @@ def test_processes_end_with_a_killed_parent(dataset, whole, tmp_path):
     assert started
     process.kill()
     process.wait()
-    wait_until(lambda: not any(Path(f"/proc/{child}").exists() for child in started))
+    wait_until(lambda: not any(map(is_alive, started)))
     ended = run(dataset, tmp_path / "out", -1, workers=2)
     assert ended.returncode == 0, ended.stderr
     assert tree(tmp_path / "out") == whole[0]
@@ -94,14 +94,3 @@ def test_ctrl_c_is_one_line(dataset, tmp_path):
     os.killpg(process.pid, signal.SIGINT)
     _, told = process.communicate()
     assert (process.returncode, told) == (130, "error: stopped; run the same command again to continue\n")
-
-
-def children(parent: int) -> set[int]:
-    found = set()
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            if int(path.read_text().rpartition(")")[2].split()[1]) == parent:
-                found.add(int(path.parent.name))
-        except OSError:
-            continue
-    return found

@@ -32,7 +32,7 @@ from oneframe.errors import InputError, RunError
 from oneframe.images.png import encode_png
 from oneframe.progress import read_progress
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector
-from tests.waiting import wait_until
+from tests.waiting import children, is_alive, wait_until
 
 pytestmark = pytest.mark.render
 
@@ -189,26 +189,6 @@ def test_shards_write_the_tables_of_their_own_scenes(case, tmp_path, monkeypatch
 
 
 # --- killed, stopped, refused ---------------------------------------------------------------------------------------
-
-
-def children(parent: int) -> list[int]:
-    """Processes that a process has started and that live."""
-    found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            state, above = stat.read_text().rpartition(")")[2].split()[:2]
-        except OSError:
-            continue  # it has just ended
-        if int(above) == parent and state != "Z":
-            found.append(int(stat.parent.name))
-    return found
-
-
-def is_alive(process: int) -> bool:
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
 
 
 @pytest.fixture

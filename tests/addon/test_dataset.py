@@ -262,9 +262,10 @@ def test_the_run_dies_with_the_program_that_started_it(case_path, tmp_path):
 
 def test_the_message_of_a_failed_run_reaches_the_user(opened, job_module, case_path, tmp_path):
     opened.oneframe.dataset_out = str(tmp_path / "out")
+    bpy.ops.oneframe.render_dataset()
+    # while its process starts
     frame = case_path.with_name("frame.png")
     frame.write_bytes(frame.read_bytes()[:-200])
-    bpy.ops.oneframe.render_dataset()
     job = followed(job_module, ended)
     assert "the file is cut off" in job.error
     assert "\n" not in job.error

@@ -57,9 +57,8 @@ test: $(VENV)/.ready-to-test
 test-all: test
 	$(PYTEST) --numprocesses 2 -m long --durations 50 $(PYTEST_FLAGS)
 
-# tests/outside in full: interruptions, tampering, mutations, and readers that others wrote; `make test-all` runs a sample
+# tests/outside in full: hundreds of interruptions and mutations; `make test-all` runs a sample
 test-outside: $(VENV)/.ready-to-test
-	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[outside]"
 	$(RUN) -m pytest --long tests/outside $(PYTEST_FLAGS)
 
 # format, rules, the contracts between the rooms, and types against the API of the environment's Blender

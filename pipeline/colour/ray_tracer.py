@@ -5,6 +5,7 @@ is a formula in the pixel and the depth. The point's pixel in the frame, (x, y, 
 and b computed in double precision, so that at the frame's own pose each pixel is looked up at its own place.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from ..projection.rendered_view import RenderedView
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid
 from .anti_aliasing import MISSED, OBSERVED, UNSEEN, footprint_scale, smoothed
+from .best_view import Render, best_of
 from .shading import ImageShader, Points, SurfaceColour, VertexShader, corner_means, source_of
 from .vertex_colours import NEUTRAL, VertexColours
 
@@ -227,3 +229,22 @@ class RayTracer:
             return
         part = Hits(*(values[unseen] for values in hits))
         rgb[unseen] = corner_means(self._unseen[self._mesh.faces[part.face]], part)
+
+
+def best_traced(
+    mesh: TriangleMesh,
+    camera: PinholeCamera,
+    colours: Sequence[SurfaceColour],
+    *,
+    unseen: np.ndarray | None = None,
+    samples: int = 1,
+    pivot_model: np.ndarray | None = None,
+    rays: MeshRays | None = None,
+) -> Render:
+    """What renders the best of several colours (none for geometry alone); arguments and errors as of the ray tracer."""
+    rays = rays or MeshRays(mesh)
+    tracers = [
+        RayTracer(mesh, camera, colour, unseen=unseen, samples=samples, pivot_model=pivot_model, rays=rays)
+        for colour in colours or (None,)
+    ]
+    return best_of(mesh, [view for each in colours if (view := source_of(each))], [each.render for each in tracers])

@@ -8,6 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from pycocotools import mask as coder
+from pycocotools.coco import COCO
+from pycocotools.cocoeval import COCOeval
 
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.surface.mesh_reader import read_mesh
@@ -24,9 +27,8 @@ DELTA_MM = 15.0
 
 def evaluated(truth, detections: list[dict], kind: str) -> float:
     """The average precision over IoU 0.5 to 0.95 that pycocotools reports."""
-    cocoeval = pytest.importorskip("pycocotools.cocoeval")
     with contextlib.redirect_stdout(io.StringIO()):
-        evaluation = cocoeval.COCOeval(truth, truth.loadRes(detections), kind)
+        evaluation = COCOeval(truth, truth.loadRes(detections), kind)
         evaluation.evaluate()
         evaluation.accumulate()
         evaluation.summarize()
@@ -35,7 +37,6 @@ def evaluated(truth, detections: list[dict], kind: str) -> float:
 
 def detections(scene: Path, *, shift_px: int = 0) -> list[dict]:
     """What a perfect detector makes of the mask images; off by so many pixels."""
-    coder = pytest.importorskip("pycocotools.mask")
     found = []
     for path in sorted((scene / "mask_visib").glob("*.png")):
         mask = np.roll(cv2.imread(str(path), cv2.IMREAD_UNCHANGED) > 0, shift_px, axis=1)
@@ -47,10 +48,9 @@ def detections(scene: Path, *, shift_px: int = 0) -> list[dict]:
 
 
 def test_a_perfect_detector_scores_one_by_pycocotools(dataset):
-    coco = pytest.importorskip("pycocotools.coco")
     for _, scene in scenes(dataset):
         with contextlib.redirect_stdout(io.StringIO()):
-            truth = coco.COCO(str(scene / "scene_gt_coco.json"))
+            truth = COCO(str(scene / "scene_gt_coco.json"))
         (category,) = truth.loadCats(truth.getCatIds())
         assert category["name"] == json.loads((dataset / "dataset.json").read_text())["object"]
         for image in truth.loadImgs(truth.getImgIds()):

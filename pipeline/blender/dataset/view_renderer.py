@@ -12,7 +12,7 @@ from ...camera.pinhole import PinholeCamera
 from ...case.loaded_case import LoadedCase
 from ...colour.best_view import Render, best_of
 from ...colour.colour_doubts import magnification_doubt, pose_doubt, reduction_doubt
-from ...colour.ray_tracer import RayTracer
+from ...colour.ray_tracer import best_traced
 from ...colour.shading import SurfaceColour
 from ...dataset.description import farthest_listed_mm, view_camera
 from ...dataset.layout import ViewPaths
@@ -21,7 +21,6 @@ from ...dataset.run.resume_record import ViewRecord
 from ...dataset.view import RenderedSample, depth_scale_for, encode_view
 from ...poses.constraints import Constraints, PlannedPose, ViewStatistics, plan_given_poses, plan_pose, sampling_doubt
 from ...poses.distributions import Cone, Gaussian, PoseDistribution, ReferencePose, Shell, Trajectory
-from ...projection.rays import MeshRays
 from ...projection.silhouette import SilhouetteEdges
 from ...projection.visible_surface import cast_grid
 from ...transforms import camera_centre
@@ -208,12 +207,10 @@ def _opened_renderer(
     if options.engine == "raster":
         with SurfaceScene(mesh, camera, None) as scene:
             probe = ViewProbe(scene, source, camera)
-        rays = source.rays or MeshRays(mesh)
-        traced = [
-            RayTracer(mesh, camera, colour, unseen=unseen, samples=options.samples, pivot_model=pivot, rays=rays)
-            for colour in colours
-        ]
-        yield best_of(mesh, source.views, [tracer.render for tracer in traced]), probe
+        traced = best_traced(
+            mesh, camera, colours, unseen=unseen, samples=options.samples, pivot_model=pivot, rays=source.rays
+        )
+        yield traced, probe
         return
     # Eevee averages many samples at little cost
     at_edges = options.samples > 1 and options.engine == "cycles"

@@ -16,13 +16,13 @@ import numpy as np
 
 from ...camera.pinhole import PinholeCamera
 from ...colour.best_view import Render, best_of
-from ...colour.ray_tracer import RayTracer
+from ...colour.ray_tracer import best_traced
 from ...colour.shading import SurfaceColour, source_of
 from ...errors import InputError
 from ...files.temporary import temporary_folder, unwritable_temporary
 from ...images.exr import ExrError, read_exr
 from ...process.own_process import delayed_interrupts
-from ...projection.rays import MeshRays, require_embree
+from ...projection.rays import require_embree
 from ...projection.rendered_view import RenderedView
 from ...surface.mesh import TriangleMesh
 from ..bridge.image import render_path
@@ -69,13 +69,12 @@ def opened_engine(
     InputError
         The engine cannot render it.
     """
+    if engine == "raster":
+        yield best_traced(mesh, camera, colours, unseen=unseen)
+        return
     with ExitStack() as opened:
         renders: list[Render] = []
-        rays = MeshRays(mesh) if engine == "raster" else None
         for colour in colours or (None,):
-            if engine == "raster":
-                renders.append(RayTracer(mesh, camera, colour, unseen=unseen, rays=rays).render)
-                continue
             scene = opened.enter_context(SurfaceScene(mesh, camera, colour, unseen=unseen, engine=engine))
             if len(colours) > 1 and not renders:
                 scene.add_face_pass()

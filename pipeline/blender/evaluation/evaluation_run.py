@@ -90,7 +90,7 @@ def run_evaluation(run: EvaluationRun, inputs: Mapping[str, Path], *, stream: Te
     case = ALL if len(run.cases) > 1 else run.cases[0].name
     for ran in evaluation.ran:
         means = [evaluation.mean(case, ran.name, f"ssim_{part}") for part in ("whole", "surface", "observed")]
-        values = " / ".join("-" if each is None else f"{each.mean:.3f}" for each in means)
+        values = " / ".join(f"{each.mean:.3f}" if each.n else "-" for each in means)
         yield f"{ran.name}: SSIM {values} (whole / surface / observed)"
     limits = [evaluation.bound_of(case, f"ssim_{part}") for part in ("whole", "surface", "observed")]
     yield "limit: SSIM " + " / ".join("-" if each is None else f"{each.mean:.3f}" for each in limits)

@@ -44,31 +44,26 @@ def where_peers_lead(evaluation: Evaluation) -> Iterator[str]:
 
 def _cause(evaluation: Evaluation, case: str, leader: str, best: str, score: str) -> str:
     parts = []
-    surface, observed = (_mean(evaluation, case, best, name) for name in ("surface_px", "observed_px"))
+    surface, observed = (evaluation.mean(case, best, name).mean for name in ("surface_px", "observed_px"))
     if score != "ssim_observed" and surface > 0:
         seen = observed / surface
         parts.append(
             f"the frame saw {seen:.0%} of the surface in view: we show the rest in grey, the other paints it too, with "
             "colours of whatever lies in front of it"
         )
-    sharpness = [_mean(evaluation, case, method, "sharpness") for method in (leader, best)]
+    sharpness = [evaluation.mean(case, method, "sharpness").mean for method in (leader, best)]
     if sharpness[0] < CLEARLY_BLURRED * sharpness[1]:
-        flow = _mean(evaluation, case, best, "flow_px")
+        flow = evaluation.mean(case, best, "flow_px").mean
         parts.append(
             f"its sharpness is {sharpness[0]:.2f} of the photograph's, ours {sharpness[1]:.2f}: with views "
             f"displaced by {flow:.1f} px blur raises SSIM"
         )
-    aligned = [_mean(evaluation, case, method, "ssim_aligned") for method in (leader, best)]
+    aligned = [evaluation.mean(case, method, "ssim_aligned").mean for method in (leader, best)]
     if not any(map(math.isnan, aligned)):
         parts.append(f"inside the observed surface, aligned, it is {aligned[0]:.3f} against {aligned[1]:.3f}")
     return "; ".join(parts) + "."
 
 
 def _best(evaluation: Evaluation, case: str, methods: Sequence[str], score: str) -> tuple[str, float] | None:
-    found = [(method, _mean(evaluation, case, method, score)) for method in methods]
+    found = [(method, evaluation.mean(case, method, score).mean) for method in methods]
     return max((each for each in found if not math.isnan(each[1])), key=lambda each: each[1], default=None)
-
-
-def _mean(evaluation: Evaluation, case: str, method: str, score: str) -> float:
-    found = evaluation.mean(case, method, score)
-    return float("nan") if found is None else found.mean

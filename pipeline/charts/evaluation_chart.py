@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..evaluation.record.evaluation_notes import where_peers_lead
 from ..evaluation.record.evaluation_record import ALL, Evaluation
+from ..evaluation.record.evaluation_tables import where_peers_lead
 from .page import OURS, WARNING, Theme, note, write_chart
 
 PANELS = {

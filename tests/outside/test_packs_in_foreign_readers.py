@@ -12,7 +12,7 @@ import pytest
 
 from oneframe.dataset import layout
 from oneframe.dataset.layout import ViewPaths
-from oneframe.packing.pack import pack_dataset
+from oneframe.packing.pack import PackOptions, pack_dataset
 from tests.dataset.synthetic_dataset import PER_SCENE
 
 LOADER = """
@@ -49,7 +49,7 @@ def test_the_toolkit_gives_what_the_folder_holds(toolkit, ray_cast_dataset, tmp_
     pack, out = tmp_path / "packed", tmp_path / "loaded"
     out.mkdir()
     # in this process: others know no scenes of three views
-    manifest = pack_dataset(ray_cast_dataset, pack, views_per_shard=len(scene_keys(ray_cast_dataset)))
+    manifest = pack_dataset(ray_cast_dataset, pack, PackOptions(len(scene_keys(ray_cast_dataset))))
     ended = subprocess.run(
         [sys.executable, "-c", LOADER, pack, out], env=toolkit, capture_output=True, text=True, check=False
     )

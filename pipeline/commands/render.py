@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from ..dataset.options import GONE, add_option_arguments, option_names
+from ..dataset.options import add_option_arguments
 from ..errors import InputError
 from ..process.arguments import add_cluster_arguments, at_least, check_cluster_arguments, explained_imports, resumable
 from ..process.command_line import end_with_input, script_command
@@ -31,7 +31,7 @@ GROUPS = {
     "constraints on poses": ("min_observed", "min_surface", "min_clearance_mm"),
     "video": ("video", "video_frames"),
 }  # fmt: skip
-"""Headings of ``--help`` -> the dataset options under each; all other options come last."""
+"""Headings of ``--help`` -> the dataset options under each."""
 
 ABOUT = "Render a dataset of posed views from one aligned frame."
 EPILOG = """examples:
@@ -53,13 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", metavar="DIR", type=Path, required=True, help="folder of the dataset; an unfinished one is resumed"
     )
-    grouped = {name for names in GROUPS.values() for name in names}
-    others = tuple(name for name in option_names() if name not in grouped)
-    for title, names in {**GROUPS, "further options": others}.items():
-        if names:
-            add_option_arguments(parser.add_argument_group(title), names)
-    for name in GONE:
-        parser.add_argument("--" + name.replace("_", "-"), default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+    for title, names in GROUPS.items():
+        add_option_arguments(parser.add_argument_group(title), names)
     machines = parser.add_argument_group("processes and machines")
     machines.add_argument(
         "--workers", metavar="N", type=at_least(0), default=0, help="number of processes (default: one per core)"

@@ -96,7 +96,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _threshold(text: str) -> float | str:
-    value = text if text == "otsu" else float(text)
-    if isinstance(value, float) and not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"expected a number of HU or otsu, found {text!r}")
-    return value
+    if text == "otsu":
+        return text
+    try:
+        return at_least(-math.inf, float)(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a number of HU or otsu, found {text!r}") from None

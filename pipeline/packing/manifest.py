@@ -1,6 +1,6 @@
 """``pack.json``: which views each shard of a pack holds, and size and hash of all its files. It is written last."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +8,7 @@ from typing import Any
 
 from ..dataset.checksums import FileSum, sum_from_json, sums_to_json
 from ..dataset.layout import MOST_VIEWS
+from ..dataset.run.survey import to_runs
 from ..errors import InputError
 from ..files.content import read_content
 from ..files.numbers import whole_number
@@ -157,17 +158,6 @@ def _reading(where: str) -> Iterator[None]:
 
 
 AGAIN = "copy or pack it again"
-
-
-def to_runs(views: Sequence[int]) -> list[list[int]]:
-    """Numbers as [first, last] of runs that rise by one; their order is kept."""
-    runs: list[list[int]] = []
-    for view in views:
-        if runs and runs[-1][1] + 1 == view:
-            runs[-1][1] = view
-        else:
-            runs.append([view, view])
-    return runs
 
 
 def from_runs(runs: object, where: str, most: int = MOST_VIEWS) -> tuple[int, ...]:

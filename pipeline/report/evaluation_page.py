@@ -65,7 +65,7 @@ def evaluation_page(root: Path, *, most_bytes: int = PAGE_BYTES, stream: TextIO 
     facts = [
         _counted(len(cases), "case"), _counted(len({*_frames(rows)}), "photograph"),
         _counted(sum("skipped" not in method for method in methods), "method"),
-        str(folder.table("conditions").get("measured") or ""),
+        str(folder.content.get("conditions", {}).get("measured") or ""),
     ]  # fmt: skip
     distribution = folder.rows("distribution")
     missing = folder.content.get("missing")
@@ -81,13 +81,13 @@ def evaluation_page(root: Path, *, most_bytes: int = PAGE_BYTES, stream: TextIO 
             {key: entry.get(key) for key in ("case", "image", "method", *PARTS)} for entry in pictures
         ],
         "files": files,
-        "meanings": {str(name): str(text) for name, text in folder.table("scores").items()},
+        "meanings": {str(name): str(text) for name, text in folder.content.get("scores", {}).items()},
         "figures": figures,
     }  # fmt: skip
     body = string.Template(asset("evaluation.html")).substitute(
         header=page_header(kind="evaluation", name=resolved.name, facts=[fact for fact in facts if fact]),
         missing="" if not isinstance(missing, str) else f"<p class='muted'>{escaped(missing)}</p>",
-        conditions=_conditions(folder.table("conditions")),
+        conditions=_conditions(folder.content.get("conditions", {})),
         problems=problem_list("Not shown on this page", sorted({*folder.problems})),
         footer=page_footer(three=False),
     )
@@ -139,7 +139,7 @@ def _decoded(folder: EvaluationFolder, name: str) -> np.ndarray | None:
 
 def _figures(folder: EvaluationFolder, most_bytes: int) -> list[dict[str, Any]]:
     """Figures and charts, each for light and for dark pages where both are there."""
-    charts = [(name, "") for name in folder.names("charts")]
+    charts = [(name, "") for name in folder.content.get("charts", [])]
     fixed = [(name, title) for name, title in FIGURES if (folder.root / name).is_file()]
     by_stem: dict[str, dict[str, Any]] = {}
     for name, title in [*fixed, *charts]:

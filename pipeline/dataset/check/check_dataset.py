@@ -133,11 +133,6 @@ def check_dataset(
             "damaged files", f"{RECORD}: remove a damaged one and {AGAIN}: this writes it, and keeps the views"
         )
         return CheckReport(0, findings, 0, ())
-    if "setting" in description.content:
-        raise InputError(
-            f"{root / RECORD}: its views are of --quality, which this version does not have; check the dataset with "
-            "the version that made it"
-        )
     report = _Check(root, description, findings, views=views, hashes=hashes).run(stream)
     if case is not None:
         check_inputs(description, case, poses, findings)

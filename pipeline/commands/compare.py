@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the comparison and report the similarity for each photograph."""
     with explained_imports():
         from ..blender.case.load_case import load_case
-        from ..blender.evaluation.comparison_files import SHEET, check_comparisons, write_comparisons
+        from ..blender.evaluation.comparison import SHEET, check_comparisons, write_comparisons
         from ..case.case_file import read_case
         from ..dataset.check.findings import printable
         from ..evaluation.photographs import read_photographs

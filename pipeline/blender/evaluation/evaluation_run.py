@@ -11,8 +11,7 @@ from ...evaluation.record.evaluation_record import ALL
 from ...evaluation.scores.inception import Inception
 from ...progress import ShareProgress
 from ..case.load_case import load_case
-from .evaluate import Settings
-from .evaluation_case import named_cases
+from .evaluate import Settings, named_cases
 from .evaluation_files import FIGURE, MARKDOWN_FILE, EvaluationRun, check_evaluation, write_evaluation
 from .methods import Method, skipped_because
 

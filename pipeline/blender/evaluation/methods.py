@@ -12,7 +12,7 @@ import numpy as np
 from ...camera.pinhole import PinholeCamera
 from ...colour.shading import SurfaceColour
 from ...colour.vertex_colours import VertexColours
-from ...dataset.options import COLOURS, UNSEEN
+from ...dataset.options import COLOURS, ENGINES, UNSEEN
 from ...errors import InputError
 from ...evaluation.baseline import projected_colours, pyvista_renderer
 from ...files.keys import nearest_name
@@ -64,18 +64,17 @@ def _ours(colour: str, engine: str, unseen: str = "neutral") -> Method:
 METHODS = {
     method.key: method
     for method in (
-        *(_ours(colour, engine, unseen) for unseen in UNSEEN for engine in ("cycles", "eevee") for colour in COLOURS),
-        *(_ours("projective", "raster", unseen) for unseen in UNSEEN),
+        *(_ours(colour, engine, unseen) for unseen in UNSEEN for engine in ENGINES for colour in COLOURS),
         Method("paper-pyvista", "paper (PyVista)", PAPER, "pyvista"),
         Method("paper-cycles", "paper's colours (Cycles)", PAPER, "cycles"),
         Method("paper-pytorch3d", "paper (PyTorch3D)", PAPER, "pytorch3d"),
     )
 }
 DEFAULT = (
-    "projective-cycles",
-    "projective-fill-cycles",
-    "texture-cycles",
-    "vertex-cycles",
+    "projective-raster",
+    "projective-fill-raster",
+    "texture-raster",
+    "vertex-raster",
     "projective-eevee",
     "paper-pyvista",
     "paper-pytorch3d",

@@ -45,13 +45,12 @@ def run(arguments: argparse.Namespace) -> int:
     output = own_output()
     case = read_case(arguments.case)
     loaded = load_case(case)
-    photographs = read_photographs(arguments.photographs, loaded)
-    for message in (*loaded.messages, *(photograph.message for photograph in photographs)):
-        if message:
-            output.write(f"note: {message}\n")
+    photographs, messages = read_photographs(arguments.photographs, case)
+    for message in (*loaded.messages, *messages):
+        output.write(f"note: {message}\n")
     check_comparisons(arguments.out, photographs, {**case.input_files(), "list of photographs": arguments.photographs})
     for comparison in write_comparisons(loaded, photographs, arguments.out, colour=arguments.colour):
-        found, name = comparison.similarity, printable(comparison.photograph.path.name)
+        found, name = comparison.similarity, printable(comparison.photograph.image.name)
         if found is None:
             output.write(f"{name}: shows nothing that the frame saw; not compared\n")
             continue

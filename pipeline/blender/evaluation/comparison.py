@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
-from ...colour.ray_tracer import RayTracer
+from ...case.posed_frame import UnreadFrame
+from ...colour.ray_tracer import best_traced
 from ...errors import InputError
-from ...evaluation.photographs import PosedPhotograph
 from ...evaluation.scores.similarity import Similarity, similarity
 from ...files.content import write_bytes_atomically
 from ...files.outputs import check_outputs, check_own_folder, made_folder, writing
@@ -22,8 +22,8 @@ from ...images.contact_sheet import contact_sheet
 from ...images.pixel_values import to_uint8
 from ...images.png import encode_png
 from ...projection.rendered_view import RenderedView
-from ..colour.reference_view import colour_of, reference_view_of
-from .evaluate import read_photograph
+from ..case.load_case import load_posed_frame
+from ..colour.reference_view import colours_of, reference_view_of
 
 TABLE, SHEET = "likeness.csv", "sheet.png"
 COLUMNS = ("image", "picture", "ssim", "mean_error_of_255", "correlation", "pixels")
@@ -46,7 +46,7 @@ class Comparison:
         Over these pixels; ``None`` if there are none.
     """
 
-    photograph: PosedPhotograph
+    photograph: UnreadFrame
     real: np.ndarray
     synthetic: RenderedView
     compared: np.ndarray
@@ -60,9 +60,7 @@ class Comparison:
         return np.concatenate([self.real, over, difference], axis=1)
 
 
-def compare(
-    loaded: LoadedCase, photographs: list[PosedPhotograph], *, colour: str = "projective"
-) -> Iterator[Comparison]:
+def compare(loaded: LoadedCase, photographs: list[UnreadFrame], *, colour: str = "projective") -> Iterator[Comparison]:
     """Render the coloured surface at the pose of each photograph with the case's camera, and compare.
 
     Raises
@@ -72,24 +70,23 @@ def compare(
         anything that the frame saw.
     """
     source = reference_view_of(loaded, "raster")
-    surface_colour, _ = colour_of(source, colour)
-    tracer = RayTracer(source.mesh, loaded.frame.camera, surface_colour, rays=source.rays)
+    render = best_traced(source.mesh, loaded.frame.camera, colours_of(source, colour)[0], rays=source.rays)
     overlapping = False
     for photograph in photographs:
-        real = read_photograph(photograph, loaded)
-        view = tracer.render(photograph.cam_from_model)
+        real = load_posed_frame(photograph, loaded.surface.mesh_from_model, name=loaded.case.path.name)
+        view = render(real.cam_from_model)
         compared = view.observed & real.valid
         found = similarity(real.image, view.rgb, compared) if compared.any() else None
         overlapping |= found is not None
         yield Comparison(photograph, real.image, view, compared, found)
     if photographs and not overlapping:
         raise InputError(
-            f"{photographs[0].path}: expected a view of surface that the frame saw, neither it nor another photograph "
+            f"{photographs[0].image}: expected a view of surface that the frame saw, neither it nor another photograph "
             "of the list shows any; check the poses"
         )
 
 
-def check_comparisons(out: Path, photographs: Sequence[PosedPhotograph], inputs: Mapping[str, Path]) -> None:
+def check_comparisons(out: Path, photographs: Sequence[UnreadFrame], inputs: Mapping[str, Path]) -> None:
     """Check before any work that the files of a comparison can be written.
 
     Parameters
@@ -106,13 +103,13 @@ def check_comparisons(out: Path, photographs: Sequence[PosedPhotograph], inputs:
     RunError
         The files cannot be written.
     """
-    shown = {f"photograph {number}": photograph.path for number, photograph in enumerate(photographs, start=1)}
+    shown = {f"photograph {number}": photograph.image for number, photograph in enumerate(photographs, start=1)}
     check_own_folder(out, _NAMES)
     check_outputs([out / name for name in (*_picture_names(photographs), SHEET, TABLE)], {**inputs, **shown})
 
 
 def write_comparisons(
-    loaded: LoadedCase, photographs: Sequence[PosedPhotograph], out: Path, *, colour: str
+    loaded: LoadedCase, photographs: Sequence[UnreadFrame], out: Path, *, colour: str
 ) -> Iterator[Comparison]:
     """Compare (see :func:`.compare`) and write the results.
 
@@ -152,7 +149,7 @@ def write_comparisons(
     _write_picture(out / SHEET, contact_sheet(pictures, columns=2, tile_width=TILE_WIDTH))
 
 
-def _picture_names(photographs: Sequence[PosedPhotograph]) -> list[str]:
+def _picture_names(photographs: Sequence[UnreadFrame]) -> list[str]:
     # not those of the files, which may name the patient
     return [f"photograph_{number}.png" for number in range(1, len(photographs) + 1)]
 

@@ -11,11 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...case.loaded_case import LoadedCase
-from ...case.posed_frame import PosedFrame
-from ...colour.ray_tracer import RayTracer
+from ...case.posed_frame import UnreadFrame
+from ...colour.best_view import Render
+from ...colour.ray_tracer import best_traced
 from ...dataset.options import DatasetOptions
-from ...errors import InputError
-from ...evaluation.photographs import PosedPhotograph
 from ...evaluation.record.evaluation_record import ALL, Bound, Distribution, Row
 from ...evaluation.scores.distribution_distance import (
     FEWEST_IMAGES,
@@ -28,7 +27,7 @@ from ...evaluation.scores.inception import Inception
 from ...evaluation.scores.reachable_scores import JITTERS, perfect_views
 from ...evaluation.scores.view_scores import SCORES, scores_of
 from ...poses.distributions import Cone, ReferencePose
-from ..bridge.image import read_image
+from ..case.load_case import load_posed_frame
 from ..colour.reference_view import ReferenceView, reference_view_of
 from .methods import Method, opened
 
@@ -44,7 +43,7 @@ class EvaluationCase:
 
     name: str
     loaded: LoadedCase
-    photographs: tuple[PosedPhotograph, ...]
+    photographs: tuple[UnreadFrame, ...]
     images: tuple[str, ...]
 
 
@@ -120,7 +119,7 @@ class Findings:
 
 
 def named_cases(
-    given: Sequence[tuple[LoadedCase, Sequence[PosedPhotograph]]],
+    given: Sequence[tuple[LoadedCase, Sequence[UnreadFrame]]],
 ) -> tuple[EvaluationCase, ...]:
     """Give each case the name of its surface, and each photograph its number: names of files may name the patient."""
     cases: list[EvaluationCase] = []
@@ -131,24 +130,6 @@ def named_cases(
         images = tuple(f"photograph_{number}" for number in range(1, len(photographs) + 1))
         cases.append(EvaluationCase(name, loaded, tuple(photographs), images))
     return tuple(cases)
-
-
-def read_photograph(photograph: PosedPhotograph, loaded: LoadedCase) -> PosedFrame:
-    """The photograph of a list in memory; it is not valid where its alpha is 0.
-
-    Raises
-    ------
-    InputError
-        It cannot be read, or differs from the frame in size.
-    """
-    image, valid = read_image(photograph.path)
-    camera = loaded.frame.camera
-    if image.shape[:2] != camera.shape_hw:
-        raise InputError(
-            f"{photograph.path}: expected {camera.width}x{camera.height} px as the frame has, "
-            f"found {image.shape[1]}x{image.shape[0]}; give photographs of the case's camera"
-        )
-    return PosedFrame(image, valid, camera, photograph.cam_from_model, path=photograph.path)
 
 
 def steps_px(case: EvaluationCase, methods: int) -> list[int]:
@@ -180,14 +161,15 @@ def evaluate_case(
         A photograph cannot be used, or the case shows no surface.
     """
     source = reference_view_of(case.loaded, "raster")
-    tracer = RayTracer(source.mesh, case.loaded.frame.camera, source.view, rays=source.rays)
+    trace = best_traced(source.mesh, case.loaded.frame.camera, source.views, rays=source.rays)
     novel_poses = _novel_poses(case, source, settings.seed)[:novel]
-    poses = [photograph.cam_from_model for photograph in case.photographs] + novel_poses
+    mesh_from_model = case.loaded.surface.mesh_from_model
+    poses = [photograph.cam_from_mesh @ mesh_from_model for photograph in case.photographs] + novel_poses
     real_features: dict[int, np.ndarray] = {}
     for method in settings.methods:
         rows, features = [], {}
         with opened(method, source, case.loaded.frame.camera, poses) as render:
-            for shown in _shown_surfaces(case, tracer):
+            for shown in _shown_surfaces(case, trace):
                 scores = dict.fromkeys(SCORES, float("nan"))
                 if shown.surface.any():
                     view = View(case, shown.number, method, render(poses[shown.number]), shown)
@@ -212,12 +194,13 @@ def evaluate_case(
             )
         if method == settings.methods[0]:
             leading = rows
-    _add_bound(case, _shown_surfaces(case, tracer), leading, settings, findings, advance)
+    _add_bound(case, _shown_surfaces(case, trace), leading, settings, findings, advance)
 
 
-def _shown_surfaces(case: EvaluationCase, tracer: RayTracer) -> Iterator[ShownSurface]:
+def _shown_surfaces(case: EvaluationCase, trace: Render) -> Iterator[ShownSurface]:
     for number, photograph in enumerate(case.photographs):
-        frame, view = read_photograph(photograph, case.loaded), tracer.render(photograph.cam_from_model)
+        frame = load_posed_frame(photograph, case.loaded.surface.mesh_from_model, name=case.loaded.case.path.name)
+        view = trace(frame.cam_from_model)
         depth_mm = np.where(frame.valid, view.depth_mm, np.float32(0))
         yield ShownSurface(number, frame.image, view.mask & frame.valid, view.observed & frame.valid, depth_mm)
 

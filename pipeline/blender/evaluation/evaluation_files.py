@@ -107,7 +107,7 @@ def check_evaluation(run: EvaluationRun, inputs: Mapping[str, Path]) -> None:
     for data in _chart_files(out, len(run.cases)):
         outputs += chart_outputs(data)
     photographs = {
-        f"photograph {number} of {case.name}": photograph.path
+        f"photograph {number} of {case.name}": photograph.image
         for case in run.cases
         for number, photograph in enumerate(case.photographs, start=1)
     }

@@ -45,7 +45,7 @@ def evaluation_run(
     given = []
     for number, (case_path, list_path) in enumerate(pairs, start=1):
         loaded = load_case(read_case(case_path))
-        given.append((loaded, read_photographs(list_path, loaded)))
+        given.append((loaded, read_photographs(list_path, loaded.case)[0]))
         files = {**loaded.case.input_files(), "list of photographs": list_path}
         inputs |= {f"{name} of case {number}": path for name, path in files.items()}
     network = None

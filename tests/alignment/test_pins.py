@@ -97,6 +97,18 @@ def test_pulling_does_not_depend_on_the_model_frame(seed, camera, count):
     assert shown(camera, turned, given_points) == pytest.approx(shown(camera, pulled, points), abs=1e-3)
 
 
+@settings(max_examples=20)
+@given(seeds, cameras)
+def test_the_pin_in_the_hand_wins(seed, camera):
+    rng, points, pose, pixels = scene(seed, camera, 6)
+    pixels[2] += rng.normal(size=2) * 20
+    off = [
+        np.linalg.norm(shown(camera, pull_pins(points, pixels, camera, pose, PIVOT, held=held), points)[2] - pixels[2])
+        for held in (2, None)
+    ]
+    assert off[0] < 0.1 * off[1] + 0.01
+
+
 @pytest.mark.parametrize("camera", [LONG, WIDE])
 def test_pins_on_a_line_do_not_turn_about_it(camera):
     rng = np.random.default_rng(2)

@@ -19,6 +19,9 @@ MAX_DISTANCE_RATIO = 4.0
 """One drag brings the surface at most this many times nearer or farther: pixels that nearly coincide would send it to
 infinity."""
 
+HELD_COUNTS = 100
+"""As many pins does the one in the hand count for."""
+
 
 def pull_pins(
     points_model: np.ndarray,
@@ -26,6 +29,8 @@ def pull_pins(
     camera: PinholeCamera,
     cam_from_model: np.ndarray,
     pivot_model: np.ndarray,
+    *,
+    held: int | None = None,
 ) -> np.ndarray:
     """The pose nearest to the current one that brings each pin to its pixel, as far as possible.
 
@@ -49,6 +54,8 @@ def pull_pins(
     pivot_model
         ``(3,)`` mm: the centre of rotations, e.g. the centre of the visible surface. The roll is about the ray through
         it.
+    held
+        The pin in the hand: where pins contradict each other, it wins.
 
     Returns
     -------
@@ -73,8 +80,9 @@ def pull_pins(
     free_directions = _shift_roll_depth(current.positions[0]) if len(correspondences) == 2 else None
     in_plane = _shifted_rolled_and_scaled(points, clicks, camera, cam_from_model, current.positions[0])
     starts = Poses.of(np.stack([cam_from_model, in_plane]), pivot)
+    counted = [*range(len(points)), *([] if held is None else [held] * HELD_COUNTS)]
     prior = PosePrior(current, root)
-    fitted, cost = fit_poses(correspondences, starts, prior=prior, free_directions=free_directions)
+    fitted, cost = fit_poses(correspondences[counted], starts, prior=prior, free_directions=free_directions)
     ratio = fitted.positions[:, 2] / current.positions[0, 2]
     cost = np.where((ratio < 1 / MAX_DISTANCE_RATIO) | (ratio > MAX_DISTANCE_RATIO), np.inf, cost)
     if np.isfinite(cost).any():

@@ -146,11 +146,12 @@ def _change(target: Any, before: Any, after: Any) -> None:
 
 
 def _changed_entries(present: "AoT", before: "AoT", after: "AoT") -> "AoT":
-    """The wanted entries of an array of tables; entries are the same by name, else by place."""
+    """The wanted entries of an array of tables; entries are the same by name, frames by image, else by place."""
     import tomlkit
 
-    by_name = {str(entry["name"]): index for index, entry in enumerate(before)}
-    sources = [by_name.get(str(entry["name"])) for entry in after]
+    key = "name" if all("name" in entry for entry in before) else "image"
+    by_name = {str(entry[key]): index for index, entry in enumerate(before)}
+    sources = [by_name.get(str(entry[key])) for entry in after]
     if len(before) == len(after):  # renamed in place
         sources = [index if source is None and index not in sources else source for index, source in enumerate(sources)]
     for source, entry in zip(sources, after, strict=True):
@@ -191,6 +192,13 @@ def _by_name(structures: Sequence[Structure]) -> dict[str, Any]:
     return {each.name: (os.path.realpath(each.mesh), each.colour) for each in structures}
 
 
+def _frames(case: Case) -> list[Any]:
+    return [
+        (os.path.realpath(each.image), each.camera, each.distortion, each.cam_from_mesh.tolist())
+        for each in case.frames
+    ]
+
+
 def _options(case: Case) -> dict[str, Any]:
     """The options of a case, with the absolute path of the poses' file."""
     poses = case.dataset.get("poses")
@@ -213,6 +221,7 @@ _EQUAL: Mapping[str, Callable[[Case, Case, str], bool]] = {
     "cam_from_mesh": lambda one, other, name: np.array_equal(one.cam_from_mesh, other.cam_from_mesh),
     "image": _same_file,
     "mesh": _same_file,
+    "frames": lambda one, other, name: _frames(one) == _frames(other),
     "structures": lambda one, other, name: _by_name(one.structures) == _by_name(other.structures),
     "dataset": lambda one, other, name: _options(one) == _options(other),
 }

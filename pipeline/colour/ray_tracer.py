@@ -5,6 +5,7 @@ is a formula in the pixel and the depth. The point's pixel in the frame, (x, y, 
 and b computed in double precision, so that at the frame's own pose each pixel is looked up at its own place.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,8 +18,8 @@ from ..projection.rendered_view import RenderedView
 from ..surface.mesh import TriangleMesh
 from ..transforms import camera_centre, inverse_rigid
 from .anti_aliasing import MISSED, OBSERVED, UNSEEN, footprint_scale, smoothed
-from .shading import ImageShader, Points, SurfaceColour, VertexShader, corner_means
-from .source_view import SourceView
+from .best_view import Render, best_of
+from .shading import ImageShader, Points, SurfaceColour, VertexShader, corner_means, source_of
 from .vertex_colours import NEUTRAL, VertexColours
 
 BLOCK = 1 << 15
@@ -78,7 +79,7 @@ class RayTracer:
         """
         self._mesh, self._camera, self._unseen = mesh, camera, unseen
         self._rays = rays or MeshRays(mesh)
-        self._source = colour if colour is None or isinstance(colour, SourceView) else colour.source
+        self._source = None if colour is None else source_of(colour)
         self._facing = None if self._source is None else self._source.facing_faces(mesh)
         self._shader: ImageShader | VertexShader | None = None
         if isinstance(colour, VertexColours):
@@ -120,7 +121,11 @@ class RayTracer:
         """One ray a pixel; colours are means over pixels of this scale if it is given."""
         shape = self._camera.shape_hw
         view = RenderedView(
-            np.zeros((*shape, 3), np.float32), np.zeros(shape, np.float32), np.zeros(shape, bool), np.zeros(shape, bool)
+            np.zeros((*shape, 3), np.float32),
+            np.zeros(shape, np.float32),
+            np.zeros(shape, bool),
+            np.zeros(shape, bool),
+            faces := np.full(shape, -1, np.int32),
         )
         left, top, right, bottom = self._bounds(eye)
         u, rows = np.arange(left, right), max(1, BLOCK // max(right - left, 1))
@@ -139,6 +144,7 @@ class RayTracer:
             view.rgb[block] = rgb.reshape(*shape, 3)
             view.depth_mm[block] = (depth_mm * hit).reshape(shape)
             view.observed[block] = seen.reshape(shape)
+            faces[block] = hits.face.reshape(shape)
             if near is not None:
                 view.near_unseen[block] = near.reshape(shape)
         return view
@@ -223,3 +229,22 @@ class RayTracer:
             return
         part = Hits(*(values[unseen] for values in hits))
         rgb[unseen] = corner_means(self._unseen[self._mesh.faces[part.face]], part)
+
+
+def best_traced(
+    mesh: TriangleMesh,
+    camera: PinholeCamera,
+    colours: Sequence[SurfaceColour],
+    *,
+    unseen: np.ndarray | None = None,
+    samples: int = 1,
+    pivot_model: np.ndarray | None = None,
+    rays: MeshRays | None = None,
+) -> Render:
+    """What renders the best of several colours (none for geometry alone); arguments and errors as of the ray tracer."""
+    rays = rays or MeshRays(mesh)
+    tracers = [
+        RayTracer(mesh, camera, colour, unseen=unseen, samples=samples, pivot_model=pivot_model, rays=rays)
+        for colour in colours or (None,)
+    ]
+    return best_of(mesh, [view for each in colours if (view := source_of(each))], [each.render for each in tracers])

@@ -18,6 +18,11 @@ from .vertex_colours import VertexColours
 SurfaceColour = VertexColours | TextureAtlas | SourceView
 
 
+def source_of(colour: SurfaceColour) -> SourceView | None:
+    """The view that a colour is taken from, if it tells which points were seen."""
+    return colour if isinstance(colour, SourceView) else colour.source
+
+
 class Points(NamedTuple):
     """N surface points that rays met.
 

@@ -11,8 +11,7 @@ from ...evaluation.record.evaluation_record import ALL
 from ...evaluation.scores.inception import Inception
 from ...progress import ShareProgress
 from ..case.load_case import load_case
-from .evaluate import Settings
-from .evaluation_case import named_cases
+from .evaluate import Settings, named_cases
 from .evaluation_files import FIGURE, MARKDOWN_FILE, EvaluationRun, check_evaluation, write_evaluation
 from .methods import Method, skipped_because
 
@@ -46,7 +45,7 @@ def evaluation_run(
     given = []
     for number, (case_path, list_path) in enumerate(pairs, start=1):
         loaded = load_case(read_case(case_path))
-        given.append((loaded, read_photographs(list_path, loaded)))
+        given.append((loaded, read_photographs(list_path, loaded.case)[0]))
         files = {**loaded.case.input_files(), "list of photographs": list_path}
         inputs |= {f"{name} of case {number}": path for name, path in files.items()}
     network = None

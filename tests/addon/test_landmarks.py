@@ -152,20 +152,19 @@ def test_flat_points_show_both_poses_and_a_key_goes_from_one_to_the_other(scene)
     scene.oneframe.click_sigma_px = 0.5
     add(points, camera.project(transform_points(true, points)))
     solved = solve.solution(scene)
-    assert solved.estimate is None and len(solved.doubtful) == 2
+    assert solved.estimate is None
+    assert len(solved.doubtful) == 2
     assert sum(solved.probabilities) == pytest.approx(1)
     assert solve.shown_pose(scene, solved) == 0
     for expected in (1, 0):
         bpy.ops.oneframe.other_pose()
         assert np.array_equal(pose_of(scene), solved.doubtful[expected])
         record = pose_record(scene)
-        assert record["method"] == "landmarks" and "2 poses fit" in record["doubt"] and 0 <= record["explained"] <= 1
+        assert record["method"] == "landmarks"
+        assert "2 poses fit" in record["doubt"]
+        assert 0 <= record["explained"] <= 1
         # a doubtful pose has no uncertainty of its own
         assert "standard_deviation_deg" not in record
-    bpy.ops.oneframe.landmark_remove(index=0)
-    bpy.ops.oneframe.landmarks_clear()
-    with pytest.raises(RuntimeError, match="Pick a landmark first|poll"):
-        bpy.ops.oneframe.other_pose()
 
 
 def test_pairs_that_no_pose_fits_still_bring_the_surface_near(scene, pairs):
@@ -173,8 +172,7 @@ def test_pairs_that_no_pose_fits_still_bring_the_surface_near(scene, pairs):
 
     scene.oneframe.click_sigma_px = 0.05
     far = displace(scene, np.array([20.0, 10, 60, 0.2, -0.2, 1.2]))
-    points, pixels = pairs[0][:4], pairs[1][:4] + [[3, -2], [-3, 1], [2, 3], [-1, -3]]
-    add(points, pixels)
+    add(pairs[0][:4], pairs[1][:4] + np.array([[3, -2], [-3, 1], [2, 3], [-1, -3]]))
     assert "no pose fits" in solution(scene).refusal
     assert not np.array_equal(pose_of(scene), far)
     assert "no pose fits" in pose_record(scene)["doubt"]

@@ -19,6 +19,7 @@ KEYS = (
     "method",
     "tool",
     "date",
+    "doubt",
     "refused",
     "start_method",
     "start_pairs",
@@ -44,6 +45,8 @@ KEYS = (
     How the pose was found, in words: "landmarks", "pins", "refined", "manual"; :data:`INITIAL_GUESS`.
 ``tool``, ``date``
     Program and version; day or time in ISO 8601.
+``doubt``
+    Why the pose may be wrong altogether: several fit the landmarks, or none does.
 ``refused``
     Why the refinement was refused, whose result the user took all the same.
 ``start_method``, ``start_pairs``, ``start_rms_px``
@@ -72,7 +75,7 @@ INITIAL_GUESS = "initial guess"
 
 _MILLIMETRES = re.compile(r"[0-9]+(?:\.[0-9]+)?(?:e[+-]?[0-9]+)?(?= mm\b)")
 
-_TEXTS = ("method", "tool", "refused", "start_method", "weakest")
+_TEXTS = ("method", "tool", "doubt", "refused", "start_method", "weakest")
 _COUNTS = ("pairs", "start_pairs")
 _NUMBERS = {
     **dict.fromkeys(("explained", "start_explained", "second_peak_ratio"), "a number from 0"),

@@ -8,7 +8,6 @@ import pytest
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.errors import InputError
 from oneframe.evaluation.conditions import current_conditions
-from oneframe.evaluation.record.evaluation_notes import evaluation_notes
 from oneframe.evaluation.record.evaluation_record import (
     Distribution,
     EvaluatedCase,
@@ -19,7 +18,7 @@ from oneframe.evaluation.record.evaluation_record import (
     read_evaluation,
     summarised,
 )
-from oneframe.evaluation.record.evaluation_tables import latex_summary, markdown_summary
+from oneframe.evaluation.record.evaluation_tables import evaluation_notes, latex_summary, markdown_summary
 from oneframe.evaluation.scores.distribution_distance import mean_interval
 from oneframe.evaluation.scores.flow_alignment import aligned_by_flow
 from oneframe.evaluation.scores.reachable_scores import jittered_pose, perfect_views

@@ -225,9 +225,9 @@ def _opened_renderer(
                 engine=options.engine,
                 samples=1 if at_edges else options.samples,
                 filtered=at_edges,
-                threads=threads,
             )
             opened.enter_context(scene)
+            scene.limit_threads(threads)
             renders.append(
                 EdgeSampler(scene, view, pivot, colour, camera, options.samples).render
                 if at_edges

@@ -14,7 +14,6 @@ from ...charts.evaluation_chart import evaluation_charts
 from ...charts.page import chart_outputs
 from ...errors import InputError
 from ...evaluation.conditions import Conditions, current_conditions, write_table
-from ...evaluation.record.evaluation_notes import evaluation_notes
 from ...evaluation.record.evaluation_pictures import Crop, crop_of, labelled_grid, tile
 from ...evaluation.record.evaluation_record import (
     EvaluatedCase,
@@ -26,6 +25,7 @@ from ...evaluation.record.evaluation_record import (
 )
 from ...evaluation.record.evaluation_tables import (
     FRAME_COLUMNS,
+    evaluation_notes,
     frame_rows,
     latex_summary,
     markdown_summary,
@@ -53,6 +53,7 @@ RECORD, TABLE, MARKDOWN_FILE, LATEX_FILE = "evaluation.json", "frames.csv", "sum
 FIGURE, PAIRS, PICTURES, CHART = "figure.png", "pairs.png", "pictures", "scores.svg"
 _FILES = (RECORD, TABLE, MARKDOWN_FILE, LATEX_FILE, FIGURE, PAIRS)
 _NAMES = "|".join([*map(re.escape, _FILES), PICTURES, r"scores(_cases)?(-dark)?\.(svg|png)"])
+NO_INCEPTION = "FID and KID are missing: they need InceptionV3 as an ONNX file (--inception)."
 PICTURE_WIDTH = 960
 """Pictures are reduced to this width, px."""
 MOST_COLUMNS = 6
@@ -73,10 +74,6 @@ class EvaluationRun:
         Methods that cannot run, and why.
     pictures
         Number of photographs of each case of which pictures are written.
-    missing
-        Why there are no FID and KID; empty if there are.
-    configuration
-        For the record.
     """
 
     out: Path
@@ -84,8 +81,6 @@ class EvaluationRun:
     settings: Settings
     skipped: Mapping[Method, str]
     pictures: int
-    missing: str
-    configuration: Mapping[str, object]
 
 
 def check_evaluation(run: EvaluationRun, inputs: Mapping[str, Path]) -> None:
@@ -162,7 +157,7 @@ def write_evaluation(run: EvaluationRun, reach: Callable[[float], None]) -> tupl
         summary=summarised(findings.rows, rng),
         distribution=tuple(distributions(findings)),
         bound=tuple(bounds(findings, rng)),
-        missing=run.missing,
+        missing="" if run.settings.inception else NO_INCEPTION,
         pictures=tuple(gallery.pictures),
     )
     gallery.write_sheets()
@@ -203,7 +198,14 @@ def _chart_files(out: Path, cases: int) -> list[Path]:
 
 
 def _conditions(run: EvaluationRun) -> Conditions:
-    return current_conditions(run.configuration, blender=bpy.app.version_string)
+    settings = run.settings
+    configuration = {
+        "methods": " ".join(method.key for method in settings.methods),
+        "seed": settings.seed,
+        "pose error": "measured" if settings.pose_error_px is None else f"{settings.pose_error_px:g} px",
+        "inception": settings.inception.name if settings.inception else "none",
+    }
+    return current_conditions(configuration, blender=bpy.app.version_string)
 
 
 def _stems(run: EvaluationRun) -> dict[tuple[str, int], str]:

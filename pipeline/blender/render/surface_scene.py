@@ -44,28 +44,19 @@ class SurfaceScene:
         engine: str = "cycles",
         samples: int = 1,
         filtered: bool = False,
-        threads: int = 0,
     ) -> None:
-        """Build the scene.
+        """Build the scene, which renders with a thread per core.
 
         Parameters
         ----------
-        mesh
-            The surface, model frame.
-        camera
-            Intrinsics of the views.
-        colour
-            Source of the surface's colour; ``None`` for geometry alone.
-        unseen
-            ``(V, 3)`` colours of the vertices for what the frame did not see; ``None``: neutral grey.
+        mesh, camera, colour, unseen
+            As of :class:`.RayTracer`.
         engine
             ``"cycles"`` is exact; ``"eevee"`` is a rasteriser that needs OpenGL.
         samples
             Samples per pixel: 1 is a point sample at the pixel's centre, more average over the pixel's square.
         filtered
             Take colours from an image that the caller sets, see :func:`.assign_colour`.
-        threads
-            Number of render threads, 0 for one per core.
 
         Raises
         ------
@@ -94,9 +85,7 @@ class SurfaceScene:
             _set_exact_colour(self.scene)
             _set_passes(self.scene)
             _set_sampling(self.scene, engine, samples)
-            self.scene.render.threads_mode = "FIXED" if threads else "AUTO"
-            if threads:
-                self.scene.render.threads = threads
+            self.scene.render.threads_mode = "AUTO"
 
     def __enter__(self) -> "SurfaceScene":
         return self
@@ -119,6 +108,11 @@ class SurfaceScene:
             yield
         finally:
             self._own += [block for block in data_blocks() if block not in existing]
+
+    def limit_threads(self, threads: int) -> None:
+        """Render with this number of threads; 0 is one per core."""
+        if threads:
+            self.scene.render.threads_mode, self.scene.render.threads = "FIXED", threads
 
     def look_from(self, cam_from_model: np.ndarray) -> None:
         """Put the camera at a pose (4x4, mm) and fit the clip planes to the surface's bounding sphere."""

@@ -59,11 +59,10 @@ def bone_voxels(
             f"islands: expected parts of bone of at least {smallest_mm3:g} mm³, the largest has "
             f"{parts.voxels.max() * volume.grid.voxel_mm3:.3g} mm³; choose a smaller volume"
         )
-    parts.paint(bone, ~keep, False)
+    bone = parts.chosen(keep)
     if hole_mm3 > 0:
         holes = components(~bone)
-        tiny = (holes.voxels * volume.grid.voxel_mm3 < hole_mm3) & ~holes.touching_border(bone.shape)
-        holes.paint(bone, tiny, True)
+        bone |= holes.chosen((holes.voxels * volume.grid.voxel_mm3 < hole_mm3) & ~holes.touching_border)
     return bone
 
 
@@ -81,15 +80,11 @@ def without_crumbs(
     -------
     ``(Z, Y, X)`` bool, still with the bone that the drill removed.
     """
-    first = removed.first[::-1]
-    box = tuple(slice(at, at + count) for at, count in zip(first, removed.distance_mm.shape, strict=True))
     left = solid.copy()
-    left[box] &= removed.distance_mm > 0
+    left[removed.slices] &= removed.distance_mm > 0
     parts = components(left)
     small = parts.voxels * grid.voxel_mm3 < smallest_mm3
     if len(small):
         # something is left in any case
         small[np.argmax(parts.voxels)] = False
-    result = solid.copy()
-    parts.paint(result, small, False)
-    return result
+    return solid & ~parts.chosen(small)

@@ -13,7 +13,7 @@ from ...errors import InputError
 from ...surface.ball import Ball
 from ...surface.mesh import MOST_FACES
 from ...transforms import transform_points
-from ..volume import Sampler, Volume, VoxelGrid
+from ..volume import Volume, VoxelGrid, box_around
 from .bone import CRUMB_MM3, without_crumbs
 from .isosurface import Isosurface, RemovedField, isosurface
 from .rim import with_sharp_rim
@@ -134,18 +134,14 @@ def removed_ball(grid: VoxelGrid, solid: np.ndarray, removed: RemovedField) -> B
     taken = taken_bone(solid, removed)
     if not taken.any():
         return None
-    ends = []
-    for axis in (2, 1, 0):
-        planes = np.flatnonzero(taken.any(axis=tuple(other for other in range(3) if other != axis)))
-        ends.append((planes[0], planes[-1]))
-    lower, upper = (transform_points(grid.mesh_from_index, (removed.first + end)[None])[0] for end in np.array(ends).T)
+    first, stop = box_around(taken)
+    lower, upper = transform_points(grid.mesh_from_index, removed.first + np.stack([first, stop - 1]))
     return Ball((lower + upper) / 2, float(np.linalg.norm(upper - lower)) / 2)
 
 
 def taken_bone(solid: np.ndarray, removed: RemovedField) -> np.ndarray:
     """``(z, y, x)`` bool: the voxels of bone that were removed, in the box of the field."""
-    box = tuple(slice(at, at + count) for at, count in zip(removed.first[::-1], removed.distance_mm.shape, strict=True))
-    return solid[box] & (removed.distance_mm <= 0)
+    return solid[removed.slices] & (removed.distance_mm <= 0)
 
 
 def _simplified(
@@ -167,8 +163,5 @@ def _simplified(
     drilled = np.zeros(len(mesh.vertices), np.bool_)
     if removed is not None:
         # the vertices have moved: those that lie on what was removed, as far as the tolerance tells
-        depth, height, width = removed.distance_mm.shape
-        box = Sampler(grid.shifted(removed.first, (width, height, depth)), mesh.vertices)
-        distance = box.values(removed.distance_mm, outside=np.inf)
-        drilled = distance < moved_mm(grid, finish.tolerance_mm)
+        drilled = removed.sampled(grid, mesh.vertices, outside=np.inf) < moved_mm(grid, finish.tolerance_mm)
     return Isosurface(mesh, drilled)

@@ -53,14 +53,12 @@ def without_couch(volume: Volume, bone: np.ndarray) -> np.ndarray:
 
 def _behind_front(same: np.ndarray) -> np.ndarray | None:
     """``(back, across)`` bool, True from the couch's front on, from what is the same in all slices."""
-    rows, columns = same.shape
+    rows = len(same)
     parts = components(same[None])
     for part in range(len(parts.voxels)):
-        region = np.zeros((1, rows, columns), np.bool_)
-        parts.paint(region, np.arange(len(parts.voxels)) == part, True)
-        crosses = region[0, :, 0].any() and region[0, :, -1].any()
-        if crosses and not region[0, : rows // 2].any():
-            front = np.argmax(region[0], axis=0)
-            front[~region[0].any(axis=0)] = rows
+        region = parts.part[0] == part + 1
+        if region[:, 0].any() and region[:, -1].any() and not region[: rows // 2].any():
+            front = np.argmax(region, axis=0)
+            front[~region.any(axis=0)] = rows
             return np.arange(rows)[:, None] >= front
     return None

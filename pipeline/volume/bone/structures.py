@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...surface.mesh import TriangleMesh
-from ..volume import LabelMap
+from ..volume import LabelMap, box_around, box_slices
 from .isosurface import isosurface
 from .smoothing import STEPS, smoothed
 
@@ -156,17 +156,16 @@ def _mesh(
     labels: LabelMap, label: int, layers: tuple[int, int], blur_voxels: float, smoothing_steps: int
 ) -> TriangleMesh:
     mask = labels.values[layers[0] : layers[1]] == label
-    rows, columns = (np.flatnonzero(mask.any(axis=axes)) for axes in ((0, 2), (0, 1)))
-    mask = mask[:, rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    first, stop = box_around(mask)
+    mask = mask[box_slices(first, stop)]
     kernel = _gaussian(blur_voxels)
     margin = len(kernel)
     # around it, also beyond the volume's border, is air
     field = np.pad(mask.astype(np.float32), margin)
     for axis in range(3):
         field = _blurred(field, kernel, axis)
-    first = np.array([columns[0], rows[0], layers[0]]) - margin
     depth, height, width = field.shape
-    grid = labels.grid.shifted(first, (width, height, depth))
+    grid = labels.grid.shifted(first - margin + np.array([0, 0, layers[0]]), (width, height, depth))
     voxels = int(np.count_nonzero(mask))
     lowest, highest = _LOWEST_LEVEL, 0.999 * float(field.max())
     level = min(0.5, highest)

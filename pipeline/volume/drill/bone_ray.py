@@ -58,8 +58,6 @@ def first_bone(
     points = np.asarray(origin_mm, np.float64) + fine[:, None] * direction
     bone = Sampler(grid, points).values(volume.values, outside=level_hu - 1) > level_hu
     if removed is not None:
-        depth, height, width = removed.distance_mm.shape
-        box = grid.shifted(removed.first, (width, height, depth))
-        bone &= Sampler(box, points).values(removed.distance_mm, outside=1.0) > 0
+        bone &= removed.sampled(grid, points, outside=1.0) > 0
     bone[-1] = True
     return points[int(np.argmax(bone))]

@@ -9,7 +9,7 @@ from ...errors import InputError
 from ...surface.deviation import SurfaceTree
 from ...surface.mesh import TriangleMesh
 from ...transforms import transform_points
-from ..volume import VoxelGrid
+from ..volume import VoxelGrid, box_slices
 from .filled import filled
 
 BLOCK = 16
@@ -151,11 +151,6 @@ def check_margins(margins_mm: Collection[str], structures: Collection[str]) -> N
             f"found {', '.join(missing)}; give labels that have them, with their names in labels.json, dataset.json or "
             "ITK-SNAP's label descriptions (.txt) beside them, or remove their margins"
         )
-
-
-def box_slices(first: np.ndarray, stop: np.ndarray) -> tuple[slice, ...]:
-    """Slices of a ``(z, y, x)`` array from voxel ``first`` (x, y, z) to before ``stop``."""
-    return tuple(slice(int(a), int(b)) for a, b in zip(first[::-1], stop[::-1], strict=True))
 
 
 def _part_of(structure: _Structure, first: np.ndarray, size: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from ...files.content import LARGEST_TEXT, read_content
 from ...files.tables import parsed_json
 from ...transforms import transform_points
 from ..bone.structures import anatomical_name, is_bone
-from ..volume import LabelMap, Volume, VoxelGrid
+from ..volume import LabelMap, Volume, VoxelGrid, box_around, box_corners
 from .volume_header import read_header, volume_suffix
 from .volume_reader import file_voxels
 
@@ -166,8 +166,7 @@ def _voxels_apart(grid: VoxelGrid, wanted: VoxelGrid) -> float:
     """Largest distance of corresponding corner voxels in voxels; infinite if the sizes differ."""
     if grid.size != wanted.size:
         return np.inf
-    ends = np.array(np.meshgrid(*[(0.0, count - 1.0) for count in grid.size])).reshape(3, -1).T
-    return float(np.abs(transform_points(grid.index_from_mesh @ wanted.mesh_from_index, ends) - ends).max())
+    return float(np.abs((wanted.corners_mm - grid.corners_mm) @ grid.index_from_mesh[:3, :3].T).max())
 
 
 def _is_default(grid: VoxelGrid) -> bool:
@@ -204,9 +203,6 @@ def _fill(moved: np.ndarray, values: np.ndarray, index_from_wanted: np.ndarray) 
 
 def _label_bounds(values: np.ndarray, grid: VoxelGrid) -> np.ndarray:
     """``(2, 3)`` LPS box of the voxels with a label."""
-    spans = []
-    for axis in (2, 1, 0):
-        used = np.flatnonzero(values.any(axis=tuple(other for other in range(3) if other != axis)))
-        spans.append((used[0], used[-1]))
-    points = transform_points(grid.mesh_from_index, np.array(np.meshgrid(*spans)).reshape(3, -1).T.astype(np.float64))
+    first, stop = box_around(values)
+    points = transform_points(grid.mesh_from_index, box_corners(first, stop - 1.0))
     return np.stack([points.min(axis=0), points.max(axis=0)])

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +75,7 @@ def test_names_that_meet_stay_apart_and_unknown_ones_are_refused():
     labels = LabelMap(values, VoxelGrid((6, 6, 6), np.eye(4)), {1: "facial nerve", 2: "facial canal"})
     assert list(structure_meshes(labels)) == ["facial_nerve", "facial_nerve_2"]
     assert list(structure_meshes(labels, ["facial_nerve_2"])) == ["facial_nerve_2"]
-    assert list(structure_meshes(labels.cropped(np.zeros(3), np.full(3, 2.0)))) == ["facial_nerve"]
+    assert list(structure_meshes(replace(labels, values=values[:3, :3, :3]))) == ["facial_nerve"]
     with pytest.raises(InputError, match=r"names of the label map \(facial_nerve, facial_nerve_2\), found incus"):
         structure_meshes(labels, ["incus"])
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...case.landmarks import Landmark
 from ...errors import InputError
+from ...surface.deviation import deviation
 from ...surface.mesh import TriangleMesh
 
 OFF_SURFACE_MM = 0.5
@@ -24,11 +25,8 @@ def landmark_distances(landmarks: Sequence[Landmark], mesh: TriangleMesh) -> dic
     mesh
         The surface, mm.
     """
-    return {
-        landmark.name: surface_distance(np.array(landmark.point), mesh)
-        for landmark in landmarks
-        if landmark.enabled and landmark.point is not None
-    }
+    points = {each.name: each.point for each in landmarks if each.enabled and each.point is not None}
+    return dict(zip(points, deviation(np.array([*points.values()]).reshape(-1, 3), mesh).tolist(), strict=True))
 
 
 def off_surface(distances: Mapping[str, float]) -> tuple[str, ...]:
@@ -53,34 +51,3 @@ def check_landmarks_belong(distances: Mapping[str, float], mesh: TriangleMesh, n
             f"landmarks: expected points on {name}, all lie beside it, {nearest:.3g} mm and more off; were they picked "
             "on this mesh, in this frame and unit?"
         )
-
-
-def surface_distance(point: np.ndarray, mesh: TriangleMesh) -> float:
-    """Distance of a point (3,) from the nearest point of a mesh, mm.
-
-    Notes
-    -----
-    A triangle that holds a point at distance d has its first corner within d + its longest side at that corner; the
-    nearest vertex bounds d from above. Few triangles are left, and these are measured exactly.
-    """
-    from_vertices = np.linalg.norm(mesh.vertices - point, axis=1)
-    # a corner of a face, not any vertex: one that no face uses is no part of the surface
-    corner = from_vertices[mesh.faces[:, 0]]
-    a = mesh.vertices[mesh.faces[:, 0]]
-    reach = np.maximum(*(np.linalg.norm(mesh.vertices[mesh.faces[:, other]] - a, axis=1) for other in (1, 2)))
-    near = corner - reach <= corner.min()
-    return float(_triangle_distances(point, mesh.vertices[mesh.faces[near]]).min())
-
-
-def _triangle_distances(point: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """``(F,)`` distances of a point from ``(F, 3, 3)`` triangles: from the plane inside, else from the nearest side."""
-    offsets = point - triangles
-    sides = np.roll(triangles, -1, axis=1) - triangles
-    along = np.clip((offsets * sides).sum(axis=2) / (sides**2).sum(axis=2), 0, 1)
-    from_sides = np.linalg.norm(offsets - along[..., None] * sides, axis=2).min(axis=1)
-    normals = np.cross(sides[:, 0], sides[:, 1])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    # on the inner side of all three, seen along the normal
-    inside = (np.cross(sides, offsets) * normals[:, None]).sum(axis=2).min(axis=1) >= 0
-    from_planes = np.abs((offsets[:, 0] * normals).sum(axis=1))
-    return np.where(inside, from_planes, from_sides)

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...errors import InputError
-from ...transforms import transform_points
-from ..volume import LabelMap, Sampler, Volume, VoxelGrid, box_around, box_slices
+from ..simple_itk import grown, resampled
+from ..volume import LabelMap, Volume, VoxelGrid, box_around, box_slices
 from .bone import CRUMB_MM3
 from .components import components
 from .isosurface import RemovedField
@@ -23,7 +23,6 @@ _SLOPE = 0.5
 _HU_PER_VOXEL = 1000.0
 """Slope of grey values at the surface of bone; it only weighs this field against others."""
 
-_LAYERS = 16
 _MARGIN = 3
 
 
@@ -47,10 +46,9 @@ def removed_by_labels(labels: LabelMap, grid: VoxelGrid) -> RemovedField:
     depth, height, width = share.shape
     own = labels.grid.shifted(low - _MARGIN, (width, height, depth))
     first, stop = grid.box_of(own.corners_mm, "removed part")
-    spacing = float(labels.grid.spacing_mm.mean())
-    distance = _on_box(share, own, grid, first, stop, outside=0.0)
-    distance = (np.float32(0.5) - distance) * np.float32(spacing / _SLOPE)
-    return RemovedField(first, distance)
+    part = grid.shifted(first, tuple(int(count) for count in stop - first))  # type: ignore[arg-type]
+    inside = resampled(share, own, part, outside=0.0)
+    return RemovedField(first, (np.float32(0.5) - inside) * np.float32(labels.grid.spacing_mm.mean() / _SLOPE))
 
 
 def removed_by_operation(after: Volume, before: Volume, level_hu: float, solid: np.ndarray) -> RemovedField:
@@ -70,19 +68,11 @@ def removed_by_operation(after: Volume, before: Volume, level_hu: float, solid: 
     InputError
         Nothing is removed.
     """
-    shape = before.values.shape
-    lost = np.zeros(shape, np.bool_)
-    hu = np.empty(shape, np.int16)
-    for z in range(0, shape[0], _LAYERS):
-        layers = slice(z, min(z + _LAYERS, shape[0]))
-        found = _on_box(
-            after.values, after.grid, before.grid, np.array([0, 0, z]), np.array([*shape[:0:-1], layers.stop]),
-            outside=np.nan,
-        )  # fmt: skip
-        # where the later scan shows nothing, nothing is known to be removed
-        hu[layers] = np.where(np.isnan(found), 32767, np.rint(found)).astype(np.int16)
-        lost[layers] = solid[layers] & (hu[layers] <= level_hu)
-    region = _grown(_grown(lost, -1), 2)
+    found = resampled(after.values, after.grid, before.grid, outside=np.nan)
+    # where the later scan shows nothing, nothing is known to be removed
+    hu = np.where(np.isnan(found), 32767, np.rint(found)).astype(np.int16)
+    lost = solid & (hu <= level_hu)
+    region = grown(grown(lost, -1), 2)
     parts = components(region & lost)
     large = parts.voxels * before.grid.voxel_mm3 >= CRUMB_MM3
     if not large.any():
@@ -90,7 +80,7 @@ def removed_by_operation(after: Volume, before: Volume, level_hu: float, solid: 
             "operation: expected a CT with less bone than before, found no part of 10 mm³ or more that is missing; "
             "register it to the volume first"
         )
-    near = _grown(parts.chosen(large), 2)
+    near = grown(parts.chosen(large), 2)
     first, stop = box_around(near)
     box = box_slices(first, stop)
     per_hu = float(before.grid.spacing_mm.mean()) / _HU_PER_VOXEL
@@ -110,30 +100,3 @@ def united(fields: Sequence[RemovedField]) -> RemovedField | None:
         part = distance[box_slices(at, at + field.distance_mm.shape[::-1])]
         np.minimum(part, field.distance_mm, out=part)
     return RemovedField(first, distance)
-
-
-def _on_box(
-    values: np.ndarray, own: VoxelGrid, grid: VoxelGrid, first: np.ndarray, stop: np.ndarray, *, outside: float
-) -> np.ndarray:
-    """``(z, y, x)`` float32 values at the voxels of a box of another grid, trilinearly."""
-    found = np.empty((stop - first)[::-1], np.float32)
-    x, y = (np.arange(first[axis], stop[axis], dtype=np.float64) for axis in (0, 1))
-    layer = np.stack([*map(np.ravel, np.meshgrid(x, y)), np.zeros(len(x) * len(y))], axis=1)
-    for z in range(first[2], stop[2]):
-        layer[:, 2] = z
-        points = transform_points(grid.mesh_from_index, layer)
-        found[z - first[2]] = Sampler(own, points).values(values, outside=outside).reshape(len(y), len(x))
-    return found
-
-
-def _grown(mask: np.ndarray, steps: int) -> np.ndarray:
-    """A mask with the neighbours of its voxels added ``steps`` times, or its border taken away."""
-    found = mask if steps > 0 else ~mask
-    for _ in range(abs(steps)):
-        grown = found.copy()
-        for axis in range(3):
-            ahead, behind = np.moveaxis(grown, axis, 0), np.moveaxis(found, axis, 0)
-            ahead[1:] |= behind[:-1]
-            ahead[:-1] |= behind[1:]
-        found = grown
-    return found if steps > 0 else ~found

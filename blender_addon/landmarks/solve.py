@@ -18,13 +18,14 @@ from ..pipeline.alignment.landmarks.align_landmarks import (
 from ..pipeline.alignment.landmarks.solver import PoseEstimate, UndeterminedPose
 from ..pipeline.alignment.manual.pins import pull_pins
 from ..pipeline.alignment.reprojection import twist_between
-from ..pipeline.blender.alignment import surface_object
+from ..pipeline.blender.alignment.surface_object import edited_mesh
 from ..pipeline.blender.alignment.visible_surface import visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.landmarks import Landmark
 from ..pipeline.errors import InputError
 from ..pipeline.transforms import transform_points
 from ..state import events, from_scene, pose_evidence
+from ..state.pose import set_cam_from_model
 
 SAME_POSE_PX = 0.05
 """Two poses count as the same if no landmark's projection differs by more than this."""
@@ -108,7 +109,7 @@ def _solved(
 
 def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
     """A warning that names the enabled landmarks whose point is not on the surface, or nothing."""
-    mesh = surface_object.edited_mesh(from_scene.surface_of(scene))
+    mesh = edited_mesh(from_scene.surface_of(scene))
     return surface_distance.off_surface(surface_distance.landmark_distances(from_scene.landmarks_model(scene), mesh))
 
 
@@ -158,8 +159,7 @@ def apply(scene: bpy.types.Scene, solved: Solution) -> None:
     """
     if solved.estimate is None:
         raise InputError(solved.refusal)
-    camera_object, surface = from_scene.camera_object_of(scene), from_scene.surface_of(scene)
-    surface_object.set_pose(camera_object, surface, solved.estimate.cam_from_model)
+    set_cam_from_model(scene, solved.estimate.cam_from_model)
 
 
 def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
@@ -170,17 +170,13 @@ def pull(scene: bpy.types.Scene, cam_from_model: np.ndarray) -> None:
     InputError
         No pose fits the pins, for instance because a point would lie behind the camera.
     """
-    camera_object, surface, camera = (
-        from_scene.camera_object_of(scene),
-        from_scene.surface_of(scene),
-        from_scene.camera(scene),
-    )
+    surface, camera = from_scene.surface_of(scene), from_scene.camera(scene)
     points, pixels = landmark_arrays(tuple(complete_landmarks(from_scene.landmarks_model(scene)).values()))
     pivot = visible_surface(surface, camera, cam_from_model).pivot_model
     if pivot is None:
         pivot = points.mean(axis=0)
     pulled = pull_pins(points, pixels, camera, cam_from_model, pivot)
-    surface_object.set_pose(camera_object, surface, pulled)
+    set_cam_from_model(scene, pulled)
     off_px = np.linalg.norm(camera.project(transform_points(pulled, points)) - pixels, axis=1)
     record = {"method": "pins", "pairs": len(points), "rms_px": float(np.sqrt(np.mean(off_px**2)))}
     pose_evidence.remember(scene, record, pulled)

@@ -18,8 +18,7 @@ from ..pipeline.blender.alignment import surface_object
 from ..pipeline.surface.mesh import TriangleMesh
 from ..pipeline.volume.bone.bone import bone_voxels
 from ..pipeline.volume.bone.isosurface import RemovedField, block_surface
-from ..pipeline.volume.drill.bone_ray import first_bone
-from ..pipeline.volume.drill.burr_room import BurrRoom
+from ..pipeline.volume.drill.burr import BurrRoom, first_bone
 from ..pipeline.volume.drill.drill_plan import DrillPlan, Stroke
 from ..pipeline.volume.drill.virtual_drill import DrilledVolume, VoxelBox
 from ..state import from_scene

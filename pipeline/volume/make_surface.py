@@ -6,8 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from ..surface.ball import Ball
-from ..surface.mesh import TriangleMesh
+from ..surface.mesh import Ball, TriangleMesh
 from ..surface.structure_colour import OTHER, structure_colour
 from .bone.bone_surface import BoneSurface, Finish, Report, bone_surface, removed_ball, widened_mm
 from .bone.isosurface import RemovedField

@@ -1,5 +1,6 @@
 """SimpleITK, which reads, resamples and grows volumes, and finds connected parts: loaded when it is needed."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -53,3 +54,43 @@ def grown(mask: np.ndarray, steps: int) -> np.ndarray:
     for _ in range(abs(steps)):
         image = (sitk.BinaryDilate if steps > 0 else sitk.BinaryErode)(image, (1, 1, 1), sitk.sitkCross)
     return sitk.GetArrayFromImage(image).view(np.bool_)
+
+
+@dataclass(frozen=True)
+class Components:
+    """Parts of a mask whose voxels touch by their faces.
+
+    Attributes
+    ----------
+    part
+        ``(Z, Y, X)`` uint32, number of the voxel's part, 1 to P; 0 outside the mask.
+    voxels
+        ``(P,)`` number of voxels of each part.
+    """
+
+    part: np.ndarray
+    voxels: np.ndarray
+
+    def chosen(self, parts: np.ndarray) -> np.ndarray:
+        """``(Z, Y, X)`` bool: the voxels of the parts that ``(P,)`` bool selects."""
+        return np.concatenate([[False], parts])[self.part]
+
+    @property
+    def touching_border(self) -> np.ndarray:
+        """``(P,)`` bool: the parts with a voxel in the outermost layers."""
+        found = np.zeros(len(self.voxels) + 1, np.bool_)
+        for axis in range(3):
+            found[self.part.take([0, -1], axis=axis)] = True
+        return found[1:]
+
+
+def components(mask: np.ndarray) -> Components:
+    """The parts of a ``(Z, Y, X)`` bool mask."""
+    sitk = simple_itk()
+    part = sitk.GetArrayFromImage(sitk.ConnectedComponent(sitk.GetImageFromArray(mask.view(np.uint8))))
+    # layer by layer, which bounds the memory
+    voxels = np.zeros(int(part.max()) + 1, np.int64)
+    for layer in part:
+        counts = np.bincount(layer.ravel())
+        voxels[: len(counts)] += counts
+    return Components(part, voxels[1:])

@@ -10,8 +10,7 @@ from functools import partial
 import numpy as np
 
 from ...errors import InputError
-from ...surface.ball import Ball
-from ...surface.mesh import MOST_FACES
+from ...surface.mesh import MOST_FACES, Ball
 from ...transforms import transform_points
 from ..volume import Volume, VoxelGrid, box_around
 from .bone import CRUMB_MM3, without_crumbs

@@ -8,10 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...errors import InputError
-from ..simple_itk import grown, resampled
+from ..simple_itk import components, grown, resampled
 from ..volume import LabelMap, Volume, VoxelGrid, box_around, box_slices
 from .bone import CRUMB_MM3
-from .components import components
 from .isosurface import RemovedField
 
 FAR_MM = 1e3

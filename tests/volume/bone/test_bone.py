@@ -8,8 +8,8 @@ from scipy.ndimage import label
 
 from oneframe.errors import InputError
 from oneframe.volume.bone.bone import bone_voxels, without_crumbs
-from oneframe.volume.bone.components import components
 from oneframe.volume.bone.isosurface import RemovedField
+from oneframe.volume.simple_itk import components
 from oneframe.volume.volume import Volume, VoxelGrid
 
 

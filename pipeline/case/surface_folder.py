@@ -1,7 +1,6 @@
 """The folder that ``oneframe surface`` leaves: the names of its files, and its record, read strictly."""
 
 import json
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files.content import LARGEST_FILE, read_content
+from ..files.numbers import is_number
 from ..files.outputs import made_folder, writing
 from ..files.tables import parsed_json
 from ..surface.mesh import Ball, TriangleMesh, ball_around
@@ -140,7 +140,6 @@ def _table(value: Any, where: str) -> dict[str, Any]:
 
 def _numbers(value: Any, count: int, where: str) -> list[float]:
     values = value if isinstance(value, list) else []
-    numbers = [each for each in values if isinstance(each, int | float) and not isinstance(each, bool)]
-    if len(values) != count or len(numbers) != count or not all(map(math.isfinite, numbers)):
+    if len(values) != count or not all(map(is_number, values)):
         raise InputError(f"{where}: expected {count} numbers, found {json.dumps(value)[:100]}; {ADVICE}")
-    return [float(each) for each in numbers]
+    return [float(each) for each in values]

@@ -18,8 +18,7 @@ from ..pipeline.alignment.landmarks.align_landmarks import (
 from ..pipeline.alignment.landmarks.solver import PoseEstimate, UndeterminedPose
 from ..pipeline.alignment.manual.pins import pull_pins
 from ..pipeline.alignment.reprojection import twist_between
-from ..pipeline.blender.alignment.surface_object import edited_mesh
-from ..pipeline.blender.alignment.visible_surface import visible_surface
+from ..pipeline.blender.alignment.surface_object import edited_mesh, visible_surface
 from ..pipeline.camera.pinhole import PinholeCamera
 from ..pipeline.case.landmarks import Landmark
 from ..pipeline.errors import InputError

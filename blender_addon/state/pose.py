@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 
 from ..pipeline.blender.alignment import surface_object
-from ..pipeline.blender.alignment.visible_surface import visible_surface
+from ..pipeline.blender.alignment.surface_object import visible_surface
 from ..pipeline.blender.bridge.data_blocks import exact, set_exact
 from ..pipeline.case.case_file import MM_PER_UNIT
 from ..pipeline.errors import InputError

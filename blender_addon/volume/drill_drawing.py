@@ -15,7 +15,7 @@ from ..pipeline.images.pixel_values import linear_from_codes
 from ..pipeline.surface.structure_colour import OTHER, structure_colour
 from ..state import from_scene
 from ..ui.strokes import Colour, Strokes, in_window_pixels
-from ..view.fit import free_rectangle
+from ..view.zoom import free_rectangle
 from . import drill_session
 from .drill_gesture import is_ready
 from .drill_session import BlockKey, Burr, DrillSession, burr_at, world_from_mesh

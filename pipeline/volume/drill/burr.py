@@ -56,23 +56,17 @@ class BurrRoom:
         """The centre ``(3,)`` up to which a burr comes from ``start`` towards ``end``: where a margin begins."""
         middle, reach = (start + end) / 2, float(np.linalg.norm(end - start)) / 2 + radius_mm + self._widest
         close = _squared(self._points, (middle - self._middle).astype(np.float32)) < reach * reach
-        if not close.any():
-            return end
         points, margin = self._points[close] + self._middle, self._margin[close]
-        first, last = 0.0, 1.0
+        shares = np.linspace(0.0, 1.0, _SAMPLES)
         # twice: the second time between two neighbours of the first
         for _ in range(2):
-            shares = np.linspace(first, last, _SAMPLES)
-            for number, share in enumerate(shares):
-                centre = start + share * (end - start)
-                if np.min(np.sqrt(_squared(points, centre)) - margin) < radius_mm:
-                    if number == 0:
-                        return start + first * (end - start)
-                    first, last = shares[number - 1], share
-                    break
-            else:
-                return start + last * (end - start)
-        return start + first * (end - start)
+            squared = (_squared(points, start + at * (end - start)) for at in shares)
+            room = [np.min(np.sqrt(each) - margin, initial=np.inf) for each in squared]
+            blocked = np.flatnonzero(np.array(room) < radius_mm)
+            if not len(blocked):
+                return start + shares[-1] * (end - start)
+            shares = np.linspace(shares[max(blocked[0] - 1, 0)], shares[blocked[0]], _SAMPLES)
+        return start + shares[0] * (end - start)
 
 
 def _squared(points: np.ndarray, centre: np.ndarray) -> np.ndarray:

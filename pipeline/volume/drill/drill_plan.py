@@ -177,7 +177,7 @@ def _stroke(entry: Any, where: str) -> Stroke:
     points = entry["points_mm"]
     rows = points if isinstance(points, list) else []
     for row in rows:
-        numbers = row if isinstance(row, list) and len(row) == 3 else [None]
+        numbers: list[Any] = row if isinstance(row, list) and len(row) == 3 else [None]
         if not all(is_number(value) and abs(value) <= MOST_MM for value in numbers):
             raise InputError(f"{where}: points_mm: expected points [x, y, z] in mm, found {_shown(row)}")
     if not rows:

@@ -7,14 +7,15 @@ import bpy
 import numpy as np
 
 from ..class_registration import at_end, class_registration, listening
-from ..pipeline.alignment.landmarks import surface_distance
 from ..pipeline.alignment.landmarks.align_landmarks import (
     Alignment,
     align_landmarks,
     complete_landmarks,
     is_ambiguous,
     landmark_arrays,
+    landmark_distances,
 )
+from ..pipeline.alignment.landmarks.align_landmarks import off_surface as off_surface_warning
 from ..pipeline.alignment.landmarks.solver import PoseEstimate, UndeterminedPose
 from ..pipeline.alignment.manual.pins import pull_pins
 from ..pipeline.alignment.reprojection import twist_between
@@ -109,7 +110,7 @@ def _solved(
 def off_surface(scene: bpy.types.Scene) -> tuple[str, ...]:
     """A warning that names the enabled landmarks whose point is not on the surface, or nothing."""
     mesh = edited_mesh(from_scene.surface_of(scene))
-    return surface_distance.off_surface(surface_distance.landmark_distances(from_scene.landmarks_model(scene), mesh))
+    return off_surface_warning(landmark_distances(from_scene.landmarks_model(scene), mesh))
 
 
 def residuals_px(scene: bpy.types.Scene) -> dict[int, np.ndarray]:

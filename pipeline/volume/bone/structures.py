@@ -11,8 +11,8 @@ import numpy as np
 from ...errors import InputError
 from ...surface.mesh import TriangleMesh
 from ..volume import LabelMap, box_around, box_slices
+from .bone_surface import STEPS, smoothed
 from .isosurface import isosurface
-from .smoothing import STEPS, smoothed
 
 BLUR_VOXELS = 0.7
 """Standard deviation of the Gaussian that turns the steps of a mask into a slope."""
@@ -106,7 +106,7 @@ def structure_meshes(
     blur_voxels
         Standard deviation of the blur.
     smoothing_steps
-        Steps of :func:`oneframe.volume.bone.smoothing.smoothed`.
+        Steps of :func:`oneframe.volume.bone.bone_surface.smoothed`.
     progress
         Called with the finished share, 0..1, after each structure; what it raises ends the work.
 

@@ -11,7 +11,6 @@ from collections.abc import Callable
 import numpy as np
 
 from ...camera.pinhole import PinholeCamera
-from ...errors import InputError
 from ...projection.z_buffer import rasterise_depth
 from ...surface.decimation import cluster_vertices
 from ...surface.mesh import TriangleMesh
@@ -94,10 +93,9 @@ def refine_pose(
     Raises
     ------
     InputError
-        Shapes that do not match, or a matrix that is not a rigid transform.
+        A matrix that is not a rigid transform.
     """
     start, _ = checked_rigid(cam_from_model, "refinement: cam_from_model")
-    _check(image, valid, camera, mesh, colours)
     report = progress or (lambda fraction: None)
     report(0.0)
     levels, points, area_px = _levels(image, valid, camera, Surface(mesh, colours), start)
@@ -135,21 +133,6 @@ def refine_pose(
     result = assess(pose)
     report(1.0)
     return result
-
-
-def _check(
-    image: np.ndarray, valid: np.ndarray, camera: PinholeCamera, mesh: TriangleMesh, colours: np.ndarray | None
-) -> None:
-    if image.ndim != 3 or image.shape[:2] != camera.shape_hw or valid.shape != camera.shape_hw:
-        raise InputError(
-            f"refinement: expected an image and a mask of the camera's {camera.width}x{camera.height} px, "
-            f"found shapes {image.shape} and {valid.shape}; give the undistorted frame of this camera"
-        )
-    if colours is not None and colours.shape != mesh.vertices.shape:
-        raise InputError(
-            f"refinement: expected one colour per vertex {mesh.vertices.shape}, found {colours.shape}; "
-            "leave the colours out or give those of this mesh"
-        )
 
 
 def _levels(

@@ -8,6 +8,8 @@ VENV ?= .venv
 PYTHON ?= $(shell scripts/dev/find_python.sh 3.13 3.11)
 PLATFORM ?= all
 RUN = $(VENV)/bin/python
+# a file's tests in one process, in the order of the folders: few of those that take long come last
+PYTEST = $(RUN) -m pytest --dist loadgroup --no-loadscope-reorder
 
 .PHONY: setup demo extension dist addon-dev test test-all test-outside lint bench chart bench-alignment bench-surface evaluate stability docs screenshots clean
 .DEFAULT_GOAL := demo
@@ -49,15 +51,14 @@ addon-dev: setup
 
 # the tests, on all cores, without those that take long; PYTEST_FLAGS=... for pytest itself
 test: $(VENV)/.ready-to-test
-	$(RUN) -m pytest --numprocesses auto -m "not long" $(PYTEST_FLAGS)
+	$(PYTEST) --numprocesses auto -m "not long" $(PYTEST_FLAGS)
 
-# all tests: then those that take long, one after the other; in a Blender program and its window if BLENDER is set
+# all tests: then those that take long, two at a time; in a Blender program and its window if BLENDER is set
 test-all: test
-	$(RUN) -m pytest -m long --durations 50 $(PYTEST_FLAGS)
+	$(PYTEST) --numprocesses 2 -m long --durations 50 $(PYTEST_FLAGS)
 
-# tests/outside in full: interruptions, tampering, mutations, and readers that others wrote; `make test-all` runs a sample
+# tests/outside in full: hundreds of interruptions and mutations; `make test-all` runs a sample
 test-outside: $(VENV)/.ready-to-test
-	@$(RUN) -m pip install --quiet --disable-pip-version-check --editable ".[outside]"
 	$(RUN) -m pytest --long tests/outside $(PYTEST_FLAGS)
 
 # format, rules, the contracts between the rooms, and types against the API of the environment's Blender

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import hypothesis
@@ -39,11 +40,19 @@ LONG = ("benchmarks", "cluster", "outside", "window")
 """Folders of tests that start many processes."""
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what takes long, and what one process should run, with ``--dist loadgroup``."""
     root = Path(__file__).parent
     for item in items:
-        if item.path.relative_to(root).parts[0] in LONG:
+        folders = item.path.relative_to(root).parts
+        if folders[0] in LONG:
             item.add_marker(pytest.mark.long)
+        # a file has fixtures of its own, a Slurm is one machine, and Eevee compiles its shaders once in a process
+        group = "gl" if item.get_closest_marker("gl") else item.path.parent if "slurm" in folders else item.path
+        item.add_marker(pytest.mark.xdist_group(str(group)))
+    # what takes longest comes first
+    items.sort(key=lambda item: item.path.parent.name != "window")
 
 
 @pytest.fixture(scope="session")
@@ -280,9 +289,31 @@ def run_command() -> Callable[..., subprocess.CompletedProcess]:
 
 
 @pytest.fixture(scope="session")
-def run_oneframe(run_command: Callable[..., subprocess.CompletedProcess]) -> Callable[..., subprocess.CompletedProcess]:
-    """Runs the program ``oneframe`` to its end, with any arguments."""
-    return lambda *arguments: run_command([sys.executable, "-m", "oneframe.commands", *map(str, arguments)])
+def run_oneframe() -> Callable[..., subprocess.CompletedProcess]:
+    """Runs the program ``oneframe`` to its end in this process, with any arguments."""
+
+    def run(*arguments: object) -> subprocess.CompletedProcess:
+        from oneframe.commands.__main__ import dispatch
+        from oneframe.process.command_line import exit_code
+
+        command, kept, written = [*map(str, arguments)], (os.dup(1), os.dup(2)), []
+        with tempfile.TemporaryFile("a+") as out, tempfile.TemporaryFile("a+") as err:
+            try:
+                # the streams' numbers too: commands silence Blender by them
+                os.dup2(out.fileno(), 1)
+                os.dup2(err.fileno(), 2)
+                with redirect_stdout(out), redirect_stderr(err):
+                    code = exit_code(dispatch, command)
+            finally:
+                for number, own in enumerate(kept, start=1):
+                    os.dup2(own, number)
+                    os.close(own)
+            for stream in (out, err):
+                stream.seek(0)
+                written.append(stream.read())
+        return subprocess.CompletedProcess(command, code, *written)
+
+    return run
 
 
 @pytest.fixture
@@ -296,4 +327,3 @@ def addon():
     blender_addon.register()
     yield blender_addon
     blender_addon.unregister()
-    bpy.ops.wm.read_factory_settings(use_empty=True)

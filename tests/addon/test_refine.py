@@ -6,7 +6,6 @@ import bpy
 import numpy as np
 import pytest
 
-from oneframe.alignment.refinement.refine import refine_pose
 from oneframe.blender.alignment.align_case import align_case
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.case_file import read_case
@@ -81,24 +80,34 @@ def rotation_error_deg(gather, scene) -> float:
     return rotation_angle_deg(gather.cam_from_model(scene)[:3, :3] @ true[:3, :3].T)
 
 
-def test_the_operator_gives_the_functions_result_in_one_undo_step(opened, gather, refine):
-    loaded, start = gather.loaded_case(opened), gather.cam_from_model(opened)
-    expected = refine_pose(loaded.frame.image, loaded.frame.valid, loaded.frame.camera, loaded.surface.mesh, start)
-    assert expected.accepted, expected.message
-    before = rotation_error_deg(gather, opened)
+def saved(scene, path):
+    bpy.ops.oneframe.save_case(filepath=str(path))
+    return read_case(path)
+
+
+def test_the_operator_gives_the_scripts_pose_and_record_in_one_undo_step(opened, gather, refine, tmp_path):
+    rough = saved(opened, tmp_path / "rough.toml")
+    script = align_case(rough, click_sigma_px=2.0, refine=True, tool="t", date="2030-01-01").loaded.case
+    start, before = gather.cam_from_model(opened), rotation_error_deg(gather, opened)
     bpy.ops.ed.undo_push(message="before")
     assert bpy.ops.oneframe.refine() == {"FINISHED"}
     bpy.ops.ed.undo_push(message="refined")
-    assert np.array_equal(gather.cam_from_model(opened), expected.cam_from_model)
+    refined, message = gather.cam_from_model(opened), refine.outcome(opened).message
     assert rotation_error_deg(gather, opened) < min(0.5, before / 3)
-    assert refine.outcome(opened).message == expected.message
     bpy.ops.ed.undo()
     scene = bpy.context.scene
     assert np.array_equal(gather.cam_from_model(scene), start)
     # the outcome belongs to the refined pose only
     assert refine.outcome(scene) is None
     bpy.ops.ed.redo()
-    assert refine.outcome(bpy.context.scene).message == expected.message
+    assert np.array_equal(gather.cam_from_model(bpy.context.scene), refined)
+    assert refine.outcome(bpy.context.scene).message == message
+    case = saved(bpy.context.scene, tmp_path / "refined.toml")
+    assert np.array_equal(case.cam_from_mesh, script.cam_from_mesh)
+    assert {**case.alignment, "tool": "t", "date": "2030-01-01"} == script.alignment
+    assert (case.alignment["method"], case.alignment["start_method"]) == ("refined", "manual")
+    assert case.alignment["error_px"] > 0
+    assert "refused" not in case.alignment
 
 
 def test_a_refusal_leaves_the_pose_and_gives_the_reason(opened, gather, refine, case_folder):
@@ -113,31 +122,7 @@ def test_a_refusal_leaves_the_pose_and_gives_the_reason(opened, gather, refine, 
         bpy.ops.oneframe.take_refused()
 
 
-def saved(scene, path):
-    bpy.ops.oneframe.save_case(filepath=str(path))
-    return read_case(path)
-
-
-@pytest.mark.parametrize("image", ["frame.png", "mirrored.png"])
-def test_script_and_operator_give_the_same_pose_and_record(opened, gather, case_folder, tmp_path, image):
-    """Accepted, or refused and taken by choice: then marked as such, also after the case is opened again."""
-    opened.oneframe.frame_path = str(case_folder / image)
-    rough = saved(opened, tmp_path / "rough.toml")
-    script = align_case(rough, click_sigma_px=2.0, refine=True, take_refused=True, tool="t", date="2030-01-01")
-    assert bpy.ops.oneframe.refine(take_refused=True) == {"FINISHED"}
-    case = saved(opened, tmp_path / "refined.toml")
-    assert np.array_equal(case.cam_from_mesh, script.loaded.case.cam_from_mesh)
-    record = script.loaded.case.alignment
-    assert {**case.alignment, "tool": "t", "date": "2030-01-01"} == {**record, "tool": "t", "date": "2030-01-01"}
-    assert record["method"] == "refined"
-    assert record["start_method"] == "manual"
-    assert ("refused" in record) == script.took_refused == (image == "mirrored.png")
-    assert record["error_px"] > 0
-    bpy.ops.oneframe.open_case(filepath=str(tmp_path / "refined.toml"))
-    assert saved(bpy.context.scene, tmp_path / "again.toml").alignment == case.alignment
-
-
-def test_a_refused_pose_is_taken_later_and_undone(opened, gather, refine, case_folder):
+def test_a_refused_pose_is_taken_by_choice_marked_as_such_and_undone(opened, gather, refine, case_folder, tmp_path):
     opened.oneframe.frame_path = str(case_folder / "mirrored.png")
     start = gather.cam_from_model(opened)
     with pytest.raises(RuntimeError, match="Refused"):
@@ -148,6 +133,7 @@ def test_a_refused_pose_is_taken_later_and_undone(opened, gather, refine, case_f
     bpy.ops.ed.undo_push(message="taken")
     assert np.array_equal(gather.cam_from_model(opened), found)
     assert refine.is_taken(opened)
+    message = refine.outcome(opened).message
     drawing = importlib.import_module("blender_addon.landmarks.uncertainty_drawing")
     solve = importlib.import_module("blender_addon.landmarks.solve")
     assert drawing.current_uncertainty(opened, solve.solution(opened)) is None
@@ -155,6 +141,13 @@ def test_a_refused_pose_is_taken_later_and_undone(opened, gather, refine, case_f
     bpy.ops.ed.undo()
     assert np.array_equal(gather.cam_from_model(bpy.context.scene), start)
     assert not any("Off by" in line for line in evidence_of(bpy.context.scene))
+    bpy.ops.ed.redo()
+    case = saved(bpy.context.scene, tmp_path / "taken.toml")
+    assert case.alignment["method"] == "refined"
+    assert case.alignment["refused"] in message
+    # also once it is opened again
+    bpy.ops.oneframe.open_case(filepath=str(case.path))
+    assert saved(bpy.context.scene, tmp_path / "again.toml").alignment == case.alignment
 
 
 def evidence_of(scene) -> list[str]:

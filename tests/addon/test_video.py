@@ -16,7 +16,7 @@ from oneframe.video.film_reader import MOST, FilmFrame, Thumbnails
 from oneframe.video.frame_folder import write_frames
 from oneframe.video.frame_reader import read_video_frame
 from oneframe.video.frame_scores import best_frames, score_frames
-from tests.video.surgical_film import Event, surgical_film
+from tests.video.surgical_film import Event, surgical_film, write_film
 
 SIZE_WH = (64, 48)
 """That of the small case."""
@@ -33,12 +33,8 @@ def video(tmp_path_factory):
     )
     picture = np.clip(picture + np.array([150, 110, 90]), 0, 255).astype(np.uint8)
     events = [Event(kind, 8 * number, 8 * number + 8) for number, kind in enumerate(KINDS)]
-    path = tmp_path_factory.mktemp("film") / "surgery.mkv"
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*"FFV1"), 25.0, SIZE_WH)
-    for frame in surgical_film([picture], events, rng, drift_px=0.0):
-        writer.write(np.ascontiguousarray(frame[..., ::-1]))
-    writer.release()
-    return path
+    film = surgical_film([picture], events, rng, drift_px=0.0)
+    return write_film(tmp_path_factory.mktemp("film") / "surgery.mkv", film)
 
 
 @pytest.fixture

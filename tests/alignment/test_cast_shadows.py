@@ -85,6 +85,7 @@ def off_px(mesh: TriangleMesh, pose: np.ndarray) -> float:
     return float(np.linalg.norm(there - true, axis=1)[seen].mean())
 
 
+@pytest.mark.long
 def test_cast_shadows_do_not_draw_a_pose_away(relief):
     """Under a low sun: what is accepted is near the truth, and nothing moves away from it by more than it admits."""
     height, mesh = relief

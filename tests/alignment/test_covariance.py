@@ -65,7 +65,7 @@ def test_the_covariance_is_the_scatter_of_the_poses():
     assert np.mean([each.uncertainty.sigma_px for each in estimates]) == pytest.approx(1, abs=0.05)
 
 
-@pytest.mark.parametrize("count", [4, 6, 10])
+@pytest.mark.parametrize("count", [4, 10])
 def test_the_region_covers_the_truth_as_often_as_it_says(count):
     rng, inside, draws = np.random.default_rng(20 + count), [], 160
     while len(inside) < draws:

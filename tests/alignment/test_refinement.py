@@ -68,6 +68,7 @@ def disturbed(rng: np.random.Generator, angle_deg: float, percent: float) -> np.
     return rigid(translation=direction * percent / 100 * TRUE_POSE[2, 3]) @ rotated
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("side", [-0.5, 0.5])
 def test_both_sides_of_the_largest_rotation(mesh, frame, side):
     angle = np.radians(MAX_ROTATION_DEG + side)
@@ -77,9 +78,8 @@ def test_both_sides_of_the_largest_rotation(mesh, frame, side):
     assert found.accepted or "at a rotation of" in found.message
 
 
-@pytest.mark.parametrize(("angle_deg", "percent"), [(2, 2), (5, 5)])
-def test_converges_from_a_rough_pose(mesh, frame, rng, angle_deg, percent):
-    start = disturbed(rng, angle_deg, percent)
+def test_converges_from_a_rough_pose(mesh, frame, rng):
+    start = disturbed(rng, 5, 5)
     fractions = []
     result = refine_pose(frame, VALID, CAMERA, mesh, start, progress=fractions.append)
     assert result.accepted, result.message
@@ -104,9 +104,9 @@ def test_the_true_pose_stays(mesh, frame):
     assert moved / 3 < result.before.error_px < 2
 
 
-@pytest.mark.parametrize("shift_px", [2.0, 8.0])
-def test_the_estimated_error_of_a_pose_is_how_far_it_is_off(mesh, frame, shift_px):
+def test_the_estimated_error_of_a_pose_is_how_far_it_is_off(mesh, frame):
     """Sideways, by a known number of pixels; and more uncertain in the direction in which it is."""
+    shift_px = 8.0
     start = rigid(translation=[shift_px * 300 / CAMERA.fx, 0, 0]) @ TRUE_POSE
     result = refine_pose(frame, VALID, CAMERA, mesh, start)
     assert result.verified, result.message
@@ -125,13 +125,11 @@ def test_masked_pixels_have_no_influence(mesh, frame, rng):
     assert error(mesh, result.cam_from_model)[1] < 1.0
 
 
-@pytest.mark.parametrize("kind", ["flat", "mirrored", "other surface", "nothing valid"])
+@pytest.mark.parametrize("kind", ["flat", "other surface", "nothing valid"])
 def test_a_wrong_image_is_refused(mesh, frame, rng, kind):
     image, valid = frame, VALID
     if kind == "flat":
         image = np.full_like(frame, 0.5)
-    elif kind == "mirrored":
-        image = np.ascontiguousarray(frame[:, ::-1])
     elif kind == "other surface":
         image = photograph(hills(2))
     else:
@@ -143,11 +141,11 @@ def test_a_wrong_image_is_refused(mesh, frame, rng, kind):
     # not trusted: then nothing is said about the start, and less than the truth about the pose that was found
     assert result.objection in result.message
     assert np.isnan(result.before.error_px)
-    assert result.can_be_taken == (kind in ("mirrored", "other surface"))
+    assert result.can_be_taken == (kind == "other surface")
     np.testing.assert_allclose(result.cam_from_model, start, atol=1e-12)
 
 
-@pytest.mark.parametrize("wide", [480, 1920, 3840])
+@pytest.mark.parametrize("wide", [480, 1920])
 @pytest.mark.parametrize(("across_px", "enough"), [(85.0, True), (22.0, True), (13.0, False)])
 def test_how_much_surface_is_enough_does_not_depend_on_the_size_of_the_image(mesh, wide, across_px, enough):
     """7000 and 480 px of it are enough in any image, 170 are in none; the image itself shows nothing."""

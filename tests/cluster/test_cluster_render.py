@@ -4,15 +4,17 @@ import os
 import signal
 import subprocess
 import threading
+from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 
 pytest.importorskip("distributed", reason='needs Dask: pip install "oneframe[cluster]"')
 
 from tests.cluster.written_records import records
 from tests.different_files import different_files
-from tests.waiting import wait_until
+from tests.waiting import is_alive, wait_until
 
 pytestmark = [
     pytest.mark.render,
@@ -31,19 +33,12 @@ def case(tmp_path_factory, write_tiny_case) -> Path:
 
 def descendants(parent: int) -> dict[int, tuple[int, str]]:
     """Living processes below one: number -> parent and command line."""
-    above = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            state, ppid = stat.read_text().rpartition(")")[2].split()[:2]
-            command = (stat.parent / "cmdline").read_bytes().replace(b"\0", b" ").decode()
-        except OSError:
-            continue
-        if state != "Z":
-            above[int(stat.parent.name)] = (int(ppid), command)
-    found, level = {}, {parent}
-    while level:
-        level = {pid for pid, (ppid, _) in above.items() if ppid in level and pid not in found}
-        found.update({pid: above[pid] for pid in level})
+    found = {}
+    with suppress(psutil.NoSuchProcess):
+        for process in psutil.Process(parent).children(recursive=True):
+            with suppress(psutil.NoSuchProcess, psutil.ZombieProcess):
+                if is_alive(process.pid):
+                    found[process.pid] = process.ppid(), " ".join(process.cmdline())
     return found
 
 

@@ -50,13 +50,13 @@ def awkward_case(tmp_path_factory: pytest.TempPathFactory, write_tiny_case: Call
 
 
 @pytest.fixture(scope="session")
-def rendered_dataset(tmp_path_factory, awkward_case, render_command, run_command) -> Path:
-    """What ``render_dataset.py`` writes for :func:`listed_poses`."""
+def rendered_dataset(tmp_path_factory, awkward_case, run_oneframe) -> Path:
+    """What the command writes for :func:`listed_poses`."""
     pytest.importorskip("bpy")
     folder = tmp_path_factory.mktemp("rendered")
     (folder / "poses.json").write_text(json.dumps([pose.tolist() for pose in listed_poses()]))
     out = folder / "dataset"
-    ended = run_command(render_command(awkward_case, "--out", out, "--poses", folder / "poses.json", "--workers", 1))
+    ended = run_oneframe("render", awkward_case, "--out", out, "--poses", folder / "poses.json", "--workers", 1)
     assert ended.returncode == 0, ended.stderr
     return out
 

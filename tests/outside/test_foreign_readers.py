@@ -1,18 +1,16 @@
-"""Datasets in the eyes of readers that others wrote: pycocotools, BOP's toolkit, Nerfstudio."""
+"""Datasets in the eyes of readers that others wrote: pycocotools, and the rules of BOP's toolkit."""
 
 import contextlib
 import io
 import json
-import os
-import re
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from pycocotools import mask as coder
+from pycocotools.coco import COCO
+from pycocotools.cocoeval import COCOeval
 
 from oneframe.camera.pinhole import PinholeCamera
 from oneframe.surface.mesh_reader import read_mesh
@@ -29,9 +27,8 @@ DELTA_MM = 15.0
 
 def evaluated(truth, detections: list[dict], kind: str) -> float:
     """The average precision over IoU 0.5 to 0.95 that pycocotools reports."""
-    cocoeval = pytest.importorskip("pycocotools.cocoeval")
     with contextlib.redirect_stdout(io.StringIO()):
-        evaluation = cocoeval.COCOeval(truth, truth.loadRes(detections), kind)
+        evaluation = COCOeval(truth, truth.loadRes(detections), kind)
         evaluation.evaluate()
         evaluation.accumulate()
         evaluation.summarize()
@@ -40,7 +37,6 @@ def evaluated(truth, detections: list[dict], kind: str) -> float:
 
 def detections(scene: Path, *, shift_px: int = 0) -> list[dict]:
     """What a perfect detector makes of the mask images; off by so many pixels."""
-    coder = pytest.importorskip("pycocotools.mask")
     found = []
     for path in sorted((scene / "mask_visib").glob("*.png")):
         mask = np.roll(cv2.imread(str(path), cv2.IMREAD_UNCHANGED) > 0, shift_px, axis=1)
@@ -52,10 +48,9 @@ def detections(scene: Path, *, shift_px: int = 0) -> list[dict]:
 
 
 def test_a_perfect_detector_scores_one_by_pycocotools(dataset):
-    coco = pytest.importorskip("pycocotools.coco")
     for _, scene in scenes(dataset):
         with contextlib.redirect_stdout(io.StringIO()):
-            truth = coco.COCO(str(scene / "scene_gt_coco.json"))
+            truth = COCO(str(scene / "scene_gt_coco.json"))
         (category,) = truth.loadCats(truth.getCatIds())
         assert category["name"] == json.loads((dataset / "dataset.json").read_text())["object"]
         for image in truth.loadImgs(truth.getImgIds()):
@@ -85,7 +80,7 @@ def test_the_rendered_dataset_has_what_readers_stumble_over(rendered_dataset):
     assert any(0.1 < fraction < 0.9 for fraction in fractions)
 
 
-# --- BOP: the toolkit's rules in short, and the toolkit itself
+# --- BOP: the toolkit's rules in short
 
 
 def depth_of_model(dataset: Path, k: np.ndarray, pose: np.ndarray, size: tuple[int, int]) -> np.ndarray:
@@ -176,172 +171,3 @@ def test_info_of_the_models_is_what_the_toolkit_computes_and_tells_where_the_box
         np.testing.assert_allclose(info["box_centre_mm"], low + size / 2, atol=1e-9)
         furthest = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices[None], axis=2).max()
         assert info["diameter"] == pytest.approx(furthest, rel=1e-6)
-
-
-RENDERER = """
-import numpy as np
-from tests.outside.test_foreign_readers import depth_of_model
-class Renderer:
-    def __init__(self, size): self.size = size
-    def add_object(self, obj_id, path): self.path = path
-    def render_object(self, obj_id, R, t, fx, fy, cx, cy):
-        from pathlib import Path
-        from oneframe.transforms import rigid
-        width, height = (side // 3 for side in self.size)
-        k = np.array([[fx, 0, cx - width], [0, fy, cy - height], [0, 0, 1]])
-        return {"depth": depth_of_model(Path(self.path).parents[1], k, rigid(R, t.ravel()), (width, height))}
-def create_renderer(width, height, renderer_type, mode): return Renderer((width, height))
-"""
-"""Takes the place of the toolkit's renderer, which needs OpenGL."""
-
-LOADER = """
-import json, sys
-import numpy as np
-from bop_toolkit_lib import dataset_params, inout
-root = sys.argv[1]
-split = dataset_params.get_split_params(root, "NAME", "train", "synt")
-models = dataset_params.get_model_params(root, "NAME")
-camera = dataset_params.get_camera_params(root, "NAME")
-found = {"scenes": dataset_params.get_present_scene_ids(split), "images": 0, "camera": list(camera["im_size"])}
-assert found["scenes"] == split["scene_ids"] and tuple(camera["im_size"]) == split["im_size"]
-for scene_id in found["scenes"]:
-    cameras = inout.load_scene_camera(split["scene_camera_tpath"].format(scene_id=scene_id))
-    for im_id, (truth,) in inout.load_scene_gt(split["scene_gt_tpath"].format(scene_id=scene_id)).items():
-        names = {"scene_id": scene_id, "im_id": im_id, "gt_id": 0}
-        depth = inout.load_depth(split["depth_tpath"].format(**names)) * cameras[im_id]["depth_scale"]
-        mask = inout.load_im(split["mask_visib_tpath"].format(**names))
-        assert inout.load_im(split["rgb_tpath"].format(**names)).shape == (*depth.shape, 3)
-        assert ((depth > 0) == (mask > 0)).all() and truth["cam_t_m2c"].shape == (3, 1)
-        found["images"] += 1
-for model_type in (None, "eval"):
-    path = dataset_params.get_model_params(root, "NAME", model_type)["model_tpath"].format(obj_id=models["obj_ids"][0])
-    model = inout.load_ply(path)
-    assert np.isfinite(model["pts"]).all() and len(model["normals"]) == len(model["pts"])
-    assert ("colors" in model) == (model_type is None)
-print(json.dumps(found))
-"""
-
-
-def own_toolkit(checkout: Path, dataset: Path, folder: Path) -> Path:
-    """A copy of a checkout with the entries that ``dataset_info.md`` asks for, and without its renderer."""
-    copied = folder / "toolkit"
-    shutil.copytree(checkout, copied, ignore=shutil.ignore_patterns(".git"))
-    (copied / "bop_toolkit_lib" / "renderer.py").write_text(RENDERER)
-    told = (dataset / "dataset_info.md").read_text(encoding="utf-8")
-    snippet = re.search(r"```python\n(.*?)```", told, re.DOTALL)[1]
-    (ids, symmetric), branch = (
-        re.findall(r'^"NAME".*$', snippet, re.MULTILINE),
-        re.search(r"elif.*", snippet, re.DOTALL)[0],
-    )
-    params = copied / "bop_toolkit_lib" / "dataset_params.py"
-    text = params.read_text()
-    text = text.replace("    obj_ids = {", f"    obj_ids = {{\n        {ids}", 1)
-    text = text.replace("    symmetric_obj_ids = {", f"    symmetric_obj_ids = {{\n        {symmetric}", 1)
-    indented = "".join(f"    {line}\n" for line in branch.splitlines())
-    params.write_text(
-        re.sub(r"(?m)^    else:\n\s+raise ValueError\(\"Unknown BOP", lambda m: indented + m[0], text, count=1)
-    )
-    return copied
-
-
-def test_the_toolkit_itself(dataset, tmp_path, long_form):
-    """Its loader, calc_gt_info.py and calc_gt_coco.py, run on a copy, give our tables."""
-    if not long_form:
-        pytest.skip("only with --long")
-    if "BOP_TOOLKIT" not in os.environ:
-        pytest.skip("the environment variable BOP_TOOLKIT names no checkout of thodan/bop_toolkit")
-    pytest.importorskip("imageio")
-    root = tmp_path / "datasets"
-    shutil.copytree(dataset, root / "NAME")
-    toolkit = own_toolkit(Path(os.environ["BOP_TOOLKIT"]), dataset, tmp_path)
-    for scene in (root / "NAME" / "train_synt").iterdir():
-        (scene / "scene_gt_coco.json").unlink()
-    script = toolkit / "scripts" / "calc_gt_info.py"
-    settings = {"dataset": "NAME", "dataset_split": "train", "dataset_split_type": "synt", "datasets_path": str(root)}
-    text = script.read_text()
-    for key, value in {**settings, "modality": None, "sensor": None}.items():
-        text = re.sub(rf'(?m)^(\s+"{key}": ).*$', lambda m, value=value: f"{m[1]}{value!r},", text, count=1)
-    script.write_text(text)
-    paths = os.pathsep.join([str(toolkit), str(Path(__file__).parents[2])])
-
-    def run(*arguments: object) -> str:
-        ended = subprocess.run(
-            [sys.executable, *map(str, arguments)], capture_output=True, text=True, check=False,
-            env=os.environ | {"PYTHONPATH": paths},
-        )  # fmt: skip
-        assert ended.returncode == 0, ended.stderr
-        return ended.stdout
-
-    found = json.loads(run("-c", LOADER, root).splitlines()[-1])
-    assert found["images"] == json.loads((dataset / "dataset.json").read_text())["count"]
-    run(script)
-    arguments = [part for key, value in settings.items() for part in (f"--{key}", value)]
-    run(toolkit / "scripts" / "calc_gt_coco.py", *arguments, "--use_all_gt")
-    for scene_id, scene in scenes(dataset):
-        theirs = root / "NAME" / "train_synt" / f"{scene_id:06d}"
-        ours = json.loads((scene / "scene_gt_info.json").read_text())
-        for image, (info,) in json.loads((theirs / "scene_gt_info.json").read_text()).items():
-            assert_same_info(info, ours[image][0])
-        coder = pytest.importorskip("pycocotools.mask")
-        coco, their_coco = (json.loads((path / "scene_gt_coco.json").read_text()) for path in (scene, theirs))
-        assert [image["file_name"] for image in their_coco["images"]] == [
-            image["file_name"] for image in coco["images"]
-        ]
-        assert len(their_coco["annotations"]) == len(coco["annotations"]) > 0
-        for their, our in zip(their_coco["annotations"], coco["annotations"], strict=True):
-            for key in ("image_id", "category_id", "iscrowd", "area", "bbox", "width", "height", "ignore"):
-                assert their[key] == our[key]
-            height, width = our["segmentation"]["size"]
-            code = coder.frPyObjects(their["segmentation"], height, width)
-            np.testing.assert_array_equal(coder.decode(code), coder.decode(our["segmentation"]))
-
-
-# --- Nerfstudio
-
-
-def test_rays_and_depths_of_nerfstudio_meet_the_model(ray_cast_dataset):
-    """With the options in ``dataset_info.md``: depth in the scene's unit, the surface inside its box, masks white."""
-    parsers = pytest.importorskip("nerfstudio.data.dataparsers.nerfstudio_dataparser", exc_type=ImportError)
-    datasets = pytest.importorskip("nerfstudio.data.datasets.depth_dataset", exc_type=ImportError)
-    told = (ray_cast_dataset / "dataset_info.md").read_text(encoding="utf-8")
-    scale, centre = (re.search(rf"--{name} (\S+)", told)[1] for name in ("depth-unit-scale-factor", "center-method"))
-    config = parsers.NerfstudioDataParserConfig(
-        data=ray_cast_dataset, depth_unit_scale_factor=float(scale), center_method=centre
-    )
-    mesh, _ = read_mesh(ray_cast_dataset / "models" / "obj_000001.ply")
-    description = json.loads((ray_cast_dataset / "dataset.json").read_text())["camera"]
-    camera = PinholeCamera(**{name: description[name] for name in ("width", "height", "fx", "fy", "cx", "cy")})
-    poses = {}
-    for _, scene in scenes(ray_cast_dataset):
-        for image, (truth,) in json.loads((scene / "scene_gt.json").read_text()).items():
-            rotation = np.reshape(truth["cam_R_m2c"], (3, 3))
-            poses[scene.name, int(image)] = rigid(rotation, truth["cam_t_m2c"])
-    seen = 0
-    for split in ("train", "val"):
-        parsed = config.setup().get_dataparser_outputs(split)
-        read = datasets.DepthDataset(parsed)
-        transform = np.vstack([parsed.dataparser_transform.numpy().astype(float), [0, 0, 0, 1]])
-        for number, path in enumerate(parsed.image_filenames):
-            data = read.get_data(number)
-            mask, z = data["mask"].numpy()[..., 0], data["depth_image"].numpy()[..., 0].astype(float)
-            assert data["image"].shape[:2] == mask.shape == camera.shape_hw
-            rows, columns = mask.nonzero()
-            rays = parsed.cameras.generate_rays(camera_indices=number)
-            along = (rays.directions * rays.metadata["directions_norm"]).numpy().astype(float)
-            points = rays.origins.numpy() + along * z[..., None]
-            assert np.abs(points[mask]).max() < 1
-            assert np.abs(points[mask].mean(axis=0)).max() < 0.3
-            inverse = np.linalg.inv(transform)
-            model = points[mask] / parsed.dataparser_scale @ inverse[:3, :3].T + inverse[:3, 3]
-            pose = poses[path.parent.parent.name, int(path.stem)]
-            depth, _ = intersect(mesh, camera, pose, np.stack([columns, rows], -1).astype(float))
-            rays_cam = camera.rays_cam(np.stack([columns, rows], -1).astype(float))
-            expected = (rays_cam * depth[:, None] - pose[:3, 3]) @ pose[:3, :3]
-            hit = depth > 0
-            assert hit.mean() > 0.98
-            # half a unit of the depth image and single precision
-            assert np.linalg.norm(model - expected, axis=1)[hit].max() < 0.02
-            outside = np.argwhere(~mask)[::7, ::-1].astype(float)
-            assert (intersect(mesh, camera, pose, outside)[0] > 0).mean() < 0.02
-            seen += 1
-    assert seen == len(poses)

@@ -23,7 +23,7 @@ from oneframe.camera.pinhole import PinholeCamera
 from oneframe.case.landmark_file import read_landmarks, write_landmarks
 from oneframe.case.landmarks import Landmark
 from oneframe.commands.__main__ import COMMANDS
-from tests.waiting import wait_until
+from tests.waiting import children, is_alive, wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = [sys.executable, "-m", "oneframe.commands"]
@@ -262,28 +262,16 @@ def test_signals_end_a_command_with_a_sentence_and_without_leavings(case, tmp_pa
         process.stdout.readline()
     assert process.poll() is None
     assert list(temporary.iterdir())
+    workers = children(process.pid)
     process.send_signal(number)
     _, errors = process.communicate()
     assert process.returncode == 128 + number, errors
     assert errors.startswith("error: stopped" + ("" if number == signal.SIGINT else f" by {number.name}")), errors
     assert errors.count("\n") == 1
     # workers end when their input does
-    wait_until(lambda: not process_group(process.pid))
+    wait_until(lambda: not any(map(is_alive, workers)))
     assert not list(temporary.iterdir())
     assert not list(out.rglob(".partial-*"))
-
-
-def process_group(number: int) -> list[int]:
-    """Processes of a group that still run."""
-    found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = stat.read_text().rpartition(")")[2].split()
-        except OSError:
-            continue
-        if int(fields[2]) == number and fields[0] != "Z":
-            found.append(int(stat.parent.name))
-    return found
 
 
 # --- the add-on -----------------------------------------------------------------------------------------------------

@@ -13,11 +13,11 @@ VIEWS = 60
 
 
 @pytest.fixture(scope="module")
-def rendered(tmp_path_factory, write_tiny_case, render_command, run_command) -> Path:
+def rendered(tmp_path_factory, write_tiny_case, run_oneframe) -> Path:
     folder = tmp_path_factory.mktemp("split")
     out = folder / "dataset"
     case = write_tiny_case(folder / "case")
-    ended = run_command(render_command(case, "--out", out, "--count", VIEWS, "--cone-deg", 40))
+    ended = run_oneframe("render", case, "--out", out, "--count", VIEWS, "--cone-deg", 40, "--workers", 1)
     assert ended.returncode == 0, ended.stderr
     return out
 

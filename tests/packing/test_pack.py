@@ -220,8 +220,7 @@ def test_two_packers_at_once_are_refused(dataset, tmp_path):
     assert "pack.json" in pack(dataset, tmp_path / "out", engine=engine)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_full_disk_is_a_sentence_and_more_space_lets_it_resume(workers, dataset, packed, tmp_path):
+def test_a_full_disk_is_a_sentence_and_more_space_lets_it_resume(dataset, packed, tmp_path):
     disk = tmp_path / "disk"
     disk.mkdir()
     # models and one shard fit
@@ -234,7 +233,7 @@ def test_a_full_disk_is_a_sentence_and_more_space_lets_it_resume(workers, datase
     if mounted.returncode:
         pytest.skip(f"a small disk cannot be mounted here: {mounted.stderr.strip()}")
     command = [sys.executable, "-m", "oneframe.commands", "pack", dataset, "--out", disk / "out"]
-    command += ["--views-per-shard", "1", "--workers", str(workers)]
+    command += ["--views-per-shard", "1", "--workers", "2"]
     try:
         ended = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False)
         assert ended.returncode == 3, ended

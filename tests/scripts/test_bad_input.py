@@ -189,11 +189,6 @@ def damaged_frame(folder: Path) -> None:
 RUNS = {
     "a damaged frame": (damaged_frame, (), "the file is cut off"),
     "a mistyped option": (None, ("--conut", "3"), "command line: unknown argument '--conut'; did you mean '--count'?"),
-    "constraints that nothing meets": (
-        None,
-        ("--min-clearance-mm", "1e6", "--workers", "2", "--count", "5"),
-        "found no pose that meets the constraints: of 5000 poses tried, 5000 came nearer",
-    ),
 }
 
 

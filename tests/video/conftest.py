@@ -1,7 +1,4 @@
-"""Pictures of the sample case to make films of, and a writer of films."""
-
-from collections.abc import Callable, Iterable
-from pathlib import Path
+"""Pictures of the sample case to make films of."""
 
 import cv2
 import numpy as np
@@ -23,22 +20,3 @@ def sample_views(tmp_path_factory: pytest.TempPathFactory) -> list[np.ndarray]:
     surface = sample_surface(spacing_mm=0.8)
     paths = list(take_photographs(surface, MICROSCOPE.resized(*SIZE_WH), shots))
     return [np.ascontiguousarray(cv2.imread(str(path))[..., ::-1]) for path in paths]
-
-
-@pytest.fixture(scope="session")
-def write_film() -> Callable[..., Path]:
-    """Writes RGB images of one size as a video and gives its path; without loss by default."""
-
-    def write(path: Path, images: Iterable[np.ndarray], fourcc: str = "FFV1", fps: float = 25.0) -> Path:
-        writer = None
-        for image in images:
-            if writer is None:
-                size = (image.shape[1], image.shape[0])
-                writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*fourcc), fps, size)
-                if not writer.isOpened():
-                    pytest.skip(f"this OpenCV writes no {fourcc}")
-            writer.write(np.ascontiguousarray(image[..., ::-1]))
-        writer.release()
-        return path
-
-    return write

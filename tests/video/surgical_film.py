@@ -1,7 +1,8 @@
 """Films of surgery with known faults: a real picture, over which instruments, hands, blood and light are laid."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -144,3 +145,15 @@ def _with(frame: np.ndarray, event: Event, number: int, shape: _Shape, rng: np.r
         case "bright":
             return frame * (1.35 + 0.5 * shape.strength)
     return frame
+
+
+def write_film(path: Path, images: Iterable[np.ndarray], fourcc: str = "FFV1", fps: float = 25.0) -> Path:
+    """Write RGB images of one size as a video, without loss by default; returns its path."""
+    writer = None
+    for image in images:
+        if writer is None:
+            size_wh = image.shape[1::-1]
+            writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*fourcc), fps, size_wh)
+        writer.write(np.ascontiguousarray(image[..., ::-1]))
+    writer.release()
+    return path

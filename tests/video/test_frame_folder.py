@@ -12,7 +12,7 @@ from oneframe.errors import InputError
 from oneframe.video.frame_folder import write_frames
 from oneframe.video.frame_scores import best_frames, score_frames
 from oneframe.video.view_circle import Circle
-from tests.video.surgical_film import Event, surgical_film
+from tests.video.surgical_film import Event, surgical_film, write_film
 
 pytestmark = pytest.mark.render
 
@@ -20,7 +20,7 @@ KINDS = ("clear", "tool", "clear", "glove", "blur", "clear")
 
 
 @pytest.fixture(scope="module")
-def film(sample_views, write_film, tmp_path_factory) -> tuple[Path, list[np.ndarray], list[np.ndarray]]:
+def film(sample_views, tmp_path_factory) -> tuple[Path, list[np.ndarray], list[np.ndarray]]:
     """A film without loss, its frames, and its frames as they would be without faults."""
     events = [Event(kind, 8 * number, 8 * number + 8) for number, kind in enumerate(KINDS)]
     clear = [Event("clear", 0, events[-1].end)]
@@ -69,7 +69,7 @@ def test_the_mask_covers_what_lies_in_front(film, tmp_path, kind):
     assert (hidden & ~foreign & ~burnt).sum() < 0.03 * foreign.size
 
 
-def test_the_black_around_the_view_is_masked(film, write_film, tmp_path):
+def test_the_black_around_the_view_is_masked(film, tmp_path):
     _, images, _ = film
     circle = Circle(163.2, 118.4, 112.7)
     inside = circle.mask((320, 240))
@@ -124,7 +124,7 @@ def test_the_video_is_never_replaced(film, tmp_path):
         command.main([str(out / "scores.csv"), "--out", str(out)])
 
 
-def test_a_film_that_shows_nothing_gives_its_scores_and_says_so(write_film, tmp_path):
+def test_a_film_that_shows_nothing_gives_its_scores_and_says_so(tmp_path):
     path = write_film(tmp_path / "black.mkv", [np.zeros((120, 160, 3), np.uint8)] * 12)
     with pytest.raises(InputError, match=r"black\.mkv: expected a frame that shows something sharply, found none; see"):
         command.main([str(path), "--out", str(tmp_path / "out")])

@@ -11,7 +11,7 @@ from oneframe.video import frame_scores
 from oneframe.video.film_reader import FilmInfo
 from oneframe.video.frame_folder import report_lines
 from oneframe.video.frame_scores import FilmScores, best_frames, score_images
-from tests.video.surgical_film import Event, clear_frames, random_events, surgical_film
+from tests.video.surgical_film import Event, clear_frames, random_events, surgical_film, write_film
 
 pytestmark = pytest.mark.render
 
@@ -129,7 +129,7 @@ def test_memory_does_not_grow_with_the_film(short_film, monkeypatch):
     assert peaks[1] - peaks[0] < 2e6, peaks
 
 
-def test_the_work_can_be_stopped_from_its_progress(tmp_path, short_film, write_film):
+def test_the_work_can_be_stopped_from_its_progress(tmp_path, short_film):
     class Stopped(Exception):
         pass
 

@@ -35,14 +35,11 @@ def scenario(user):
 def written_film(path, picture):
     """A film of the sample's frame with faults."""
     cv2 = import_module("cv2")
-    from video.surgical_film import Event, surgical_film
+    from video.surgical_film import Event, surgical_film, write_film
 
     image = cv2.resize(cv2.imread(str(picture))[..., ::-1], SIZE_WH, interpolation=cv2.INTER_AREA)
     events = [Event(kind, EACH * number, EACH * (number + 1)) for number, kind in enumerate(KINDS)]
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*"MJPG"), 25.0, SIZE_WH)
-    for frame in surgical_film([image], events, np.random.default_rng(3)):
-        writer.write(np.ascontiguousarray(frame[..., ::-1]))
-    writer.release()
+    write_film(path, surgical_film([image], events, np.random.default_rng(3)), "MJPG")
 
 
 def alone(user, path):

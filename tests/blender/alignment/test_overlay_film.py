@@ -1,7 +1,6 @@
 """Films with overlays: each frame as the picture of its pose, at its time, whatever the film is like."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -18,6 +17,7 @@ from oneframe.sample.distance_field import tube
 from oneframe.transforms import rigid
 from oneframe.video.film_reader import Film
 from tests.blender.dataset.test_job import as_tagged
+from tests.video.surgical_film import write_film
 from tests.video.test_frame_reader import SIZE, with_uneven_times
 
 pytestmark = pytest.mark.render
@@ -33,17 +33,6 @@ def loaded(loaded_case, bumpy_mesh, frontal_pose, tmp_path):
     case = loaded_case(bumpy_mesh, np.zeros((*CAMERA.shape_hw, 3), np.float32), frontal_pose, CAMERA)
     structures = ((Structure("facial_nerve", tmp_path / "n.ply", (1.0, 0.0, 1.0)), nerve),)
     return replace(case, surface=replace(case.surface, structures=structures))
-
-
-def write_film(path: Path, images: list[np.ndarray], fourcc: str = "FFV1", fps: float = 25.0) -> Path:
-    size = (images[0].shape[1], images[0].shape[0])
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter_fourcc(*fourcc), fps, size)
-    if not writer.isOpened():
-        pytest.skip(f"this OpenCV writes no {fourcc}")
-    for image in images:
-        writer.write(np.ascontiguousarray(image[..., ::-1]))
-    writer.release()
-    return path
 
 
 def film_frames() -> list[np.ndarray]:

@@ -75,7 +75,6 @@ ENGINE_CAMERAS = [
     *[pytest.param(engine, name, id=f"{engine}, {name}") for engine in EXACT_ENGINES for name in CAMERAS],
     # compiling Eevee's shaders in software takes half a minute, once
     pytest.param("eevee", "portrait", id="eevee, portrait", marks=pytest.mark.gl),
-    pytest.param("eevee", "long lens", id="eevee, long lens", marks=pytest.mark.gl),
 ]
 
 
@@ -141,7 +140,7 @@ def test_a_view_larger_than_a_tile_of_the_renderer_is_complete(bumpy_mesh, front
 
 
 @pytest.mark.render
-@pytest.mark.parametrize("engine", ["cycles", "eevee"])
+@pytest.mark.parametrize("engine", ["cycles", pytest.param("eevee", marks=pytest.mark.gl)])
 def test_a_closed_scene_leaves_nothing_behind(bumpy_mesh, frontal_pose, engine):
     """An engine that outlives its scene reads freed memory when anything is removed later."""
     check_engine(engine)

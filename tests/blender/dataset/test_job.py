@@ -17,7 +17,6 @@ import cv2
 import numpy as np
 import pytest
 
-from oneframe.blender.dataset import job as dataset_job
 from oneframe.blender.dataset import run as dataset_run
 from oneframe.blender.dataset.job import Job, OpenJob, open_job
 from oneframe.blender.render.engines import check_engine
@@ -33,7 +32,7 @@ from oneframe.errors import InputError, RunError
 from oneframe.images.png import encode_png
 from oneframe.progress import read_progress
 from oneframe.transforms import inverse_rigid, rigid, rotation_from_vector
-from tests.waiting import wait_until
+from tests.waiting import children, is_alive, wait_until
 
 pytestmark = pytest.mark.render
 
@@ -115,32 +114,22 @@ def test_all_files_of_the_layout_are_there(reference):
     assert np.array_equal(sheet[4:52, 4:68], first)
 
 
-def test_workers_make_the_same_dataset(case, reference, tmp_path, render_command, run_command):
-    out = tmp_path / "out"
-    ended = run_command(render_command(case, "--out", out, *ARGUMENTS, "--workers", 3))
-    assert (ended.returncode, ended.stderr) == (0, "")
-    assert_same_dataset(out, reference)
-
-
 def test_raster_makes_the_same_dataset_in_any_processes(case, tmp_path, render_command, run_command):
     """Also in one where Embree has other threads, and other views before."""
     options = dataclasses.replace(OPTIONS, count=8, engine="raster", samples=4)
     run_here(case, tmp_path / "one", options)
     arguments = ("--count", 8, "--seed", 3, "--float-depth", "--engine", "raster", "--samples", 4)
-    ended = run_command(render_command(case, "--out", tmp_path / "three", *arguments, "--workers", 3))
+    ended = run_command(render_command(case, "--out", tmp_path / "two", *arguments, "--workers", 2))
     assert (ended.returncode, ended.stderr) == (0, "")
-    assert_same_dataset(tmp_path / "three", tmp_path / "one")
+    assert_same_dataset(tmp_path / "two", tmp_path / "one")
 
 
-def test_shards_in_one_folder_make_the_same_dataset(case, reference, tmp_path, render_command, run_command):
+def test_shards_in_one_folder_make_the_same_dataset(case, reference, tmp_path, render_command):
+    """The last two are made at the same time."""
     out = tmp_path / "out"
-    parts = [render_command(case, "--out", out, *ARGUMENTS, "--workers", 1, "--shard", f"{i}/3") for i in range(3)]
-    ended = run_command(parts[2])
-    assert (ended.returncode, ended.stderr) == (0, "")
-    assert "shard 2/3: 10 views are finished" in ended.stdout
-    assert finished_views(out) == 10
-    # the other two at the same time
-    processes = [subprocess.Popen(part, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) for part in parts[:2]]
+    assert "shard 2/3: 10 views are finished" in run_here(case, out, shard=Shard(2, 3))
+    parts = [render_command(case, "--out", out, *ARGUMENTS, "--workers", 1, "--shard", f"{i}/3") for i in range(2)]
+    processes = [subprocess.Popen(part, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) for part in parts]
     assert [process.communicate()[1] for process in processes] == [b"", b""]
     assert [process.returncode for process in processes] == [0, 0]
     assert_same_dataset(out, reference)
@@ -202,26 +191,6 @@ def test_shards_write_the_tables_of_their_own_scenes(case, tmp_path, monkeypatch
 # --- killed, stopped, refused ---------------------------------------------------------------------------------------
 
 
-def children(parent: int) -> list[int]:
-    """Processes that a process has started and that live."""
-    found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            state, above = stat.read_text().rpartition(")")[2].split()[:2]
-        except OSError:
-            continue  # it has just ended
-        if int(above) == parent and state != "Z":
-            found.append(int(stat.parent.name))
-    return found
-
-
-def is_alive(process: int) -> bool:
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
-
-
 @pytest.fixture
 def start() -> Iterator:
     """Starts a command in a new session, and ends its remaining processes after the test."""
@@ -264,7 +233,7 @@ def test_killed_runs_resume_to_the_same_dataset(case, reference, tmp_path, rende
 
 
 @linux_only
-def test_one_writer_at_a_time_and_no_need_of_workers(case, reference, tmp_path, render_command, run_command, start):
+def test_one_writer_at_a_time_and_no_need_of_workers(case, reference, tmp_path, render_command, run_oneframe, start):
     out = tmp_path / "out"
     command = render_command(case, "--out", out, *ARGUMENTS, "--workers", 2)
     process = start(command)
@@ -274,8 +243,8 @@ def test_one_writer_at_a_time_and_no_need_of_workers(case, reference, tmp_path, 
     assert process.poll() is None
     # a worker may go on, and rename the file that it is writing
     before = {name: content for name, content in tree(out).items() if "/.partial-" not in name}
-    for second in (command, [*command, "--shard", "0/2"]):
-        ended = run_command(second)
+    for more in ((), ("--shard", "0/2")):
+        ended = run_oneframe("render", case, "--out", out, *ARGUMENTS, *more)
         assert ended.returncode == 3
         assert ended.stderr == (
             f"error: {out}: another process renders into this folder; wait for it, stop it, or choose another folder "
@@ -363,11 +332,12 @@ def test_workers_refuse_inputs_that_changed_after_the_run_began(case, reference,
         assert worker.wait() == 3
 
 
-def test_a_run_ends_with_its_input_and_resumes_later(case, tmp_path, render_command, run_command):
+def test_a_run_ends_with_its_input(case, tmp_path, render_command):
     out, views = tmp_path / "out", 10 * VIEWS
-    command = render_command(case, "--out", out, "--count", views, "--workers", 2)
     running = subprocess.Popen(
-        [*command, "--end-with-input", "--progress-seconds", "0.1"],
+        render_command(
+            case, "--out", out, "--count", views, "--workers", 2, "--end-with-input", "--progress-seconds", "0.1"
+        ),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -381,18 +351,15 @@ def test_a_run_ends_with_its_input_and_resumes_later(case, tmp_path, render_comm
     assert "run the same command again to continue" in running.stderr.read()
     assert counts == sorted(counts)
     assert 0 < finished_views(out) < views
-    assert run_command(command).returncode == 0
-    assert finished_views(out) == views
-    assert not (out / ".work").exists()
 
 
-def test_refusals_end_with_3_and_one_line(case, reference, tmp_path, render_command, run_command):
+def test_refusals_end_with_3_and_one_line(case, reference, tmp_path, run_oneframe):
     (tmp_path / "file").write_text("")
     for out, message in [
         (tmp_path / "file" / "out", "cannot write to the folder (Not a directory)"),
         (reference, "holds a dataset of 30 views, and 29 are wanted: a dataset may grow, but not shrink"),
     ]:
-        ended = run_command(render_command(case, "--out", out, *ARGUMENTS, "--count", 29))
+        ended = run_oneframe("render", case, "--out", out, *ARGUMENTS, "--count", 29)
         assert (ended.returncode, ended.stdout) == (3, "")
         assert ended.stderr.startswith("error: ")
         assert ended.stderr.count("\n") == 1
@@ -416,12 +383,11 @@ def small_disk(tmp_path) -> Iterator[Path]:
     subprocess.run(["umount", disk], check=True)
 
 
-@pytest.mark.parametrize("workers", [1, 2])
 def test_a_full_disk_stops_the_run_and_more_space_lets_it_resume(
-    case, reference, small_disk, render_command, run_command, workers
+    case, reference, small_disk, render_command, run_command
 ):
     out = small_disk / "out"
-    ended = run_command(render_command(case, "--out", out, *ARGUMENTS, "--workers", workers))
+    ended = run_command(render_command(case, "--out", out, *ARGUMENTS, "--workers", 2))
     assert ended.returncode == 3
     assert ended.stderr == (
         f"error: {out}: the disk is full; the views finished so far are safe: "
@@ -717,46 +683,13 @@ def test_shards_of_fewer_and_of_more_views_are_merged(case, reference, tmp_path)
         assert_same_dataset(out, reference)
 
 
-def test_a_growth_that_was_stopped_is_finished_or_taken_back(case, tmp_path, monkeypatch):
-    few, more = (dataclasses.replace(OPTIONS, count=count) for count in (3, 5))
-    whole, out = tmp_path / "whole", tmp_path / "out"
-    run_here(case, whole, few)
-    shutil.copytree(whole, out)
-
-    def stopped_after(views: int) -> None:
-        def render(renderer, folder, indices, finished):
-            real(renderer, folder, list(indices)[:views], finished)
-            raise KeyboardInterrupt
-
-        real = dataset_job.render_views
-        with monkeypatch.context() as patch:
-            patch.setattr(dataset_run, "render_views", render)
-            with pytest.raises(KeyboardInterrupt):
-                run_here(case, out, more)
-
-    stopped_after(0)
-    findings = check_dataset(out).findings.shown()
-    assert findings == [
-        ".work: a run is still going on or was stopped: the dataset is unfinished (3 of 5 views exist): run the same "
-        "`oneframe render` again"
-    ]
-    run_here(case, out, few)
-    assert_same_dataset(out, whole)
-    stopped_after(1)
-    with pytest.raises(RunError, match=r"views up to number 3 .* and 3 are wanted: .* to 4 or more"):
-        run_here(case, out, few)
-    run_here(case, out, more)
-    run_here(case, tmp_path / "more", more)
-    assert_same_dataset(out, tmp_path / "more")
-
-
-def test_the_table_of_the_case_is_used_and_the_command_line_goes_before_it(
-    tmp_path, write_tiny_case, render_command, run_command
-):
+def test_the_table_of_the_case_is_used_and_the_command_line_goes_before_it(tmp_path, write_tiny_case, run_oneframe):
     case = write_tiny_case(tmp_path / "case")
     with case.open("a") as file:
         file.write('[dataset]\ncount = 3\nseed = 5\nsampler = "gaussian"\nfloat_depth = true\n')
-    ended = run_command(render_command(case, "--out", tmp_path / "out", "--count", "2", "--no-float-depth"))
+    ended = run_oneframe(
+        "render", case, "--out", tmp_path / "out", "--count", "2", "--no-float-depth", "--workers", "1"
+    )
     assert (ended.returncode, ended.stderr) == (0, "")
     record = json.loads((tmp_path / "out" / "dataset.json").read_text())
     options = record["options"]
@@ -812,33 +745,3 @@ def test_other_engines_agree_with_cycles(case, tmp_path, cycles_views, engine, c
     difference = np.abs(view[0] - exact[0])[inner]
     assert difference.max() <= 8
     assert difference.mean() < 0.5
-
-
-# --- Blender's own program ------------------------------------------------------------------------------------------
-
-
-def test_blenders_program_runs_the_script_too(case, reference, tmp_path, render_command, run_command):
-    if not (program := os.environ.get("BLENDER")):
-        pytest.skip("the environment variable BLENDER names no Blender program")
-    script = render_command()[1]
-
-    def blender(*arguments: object) -> subprocess.CompletedProcess:
-        return run_command([program, "-b", "-P", script, "--", *map(str, arguments)])
-
-    out = tmp_path / "out"
-    ended = blender(case, "--out", out, *ARGUMENTS, "--workers", 2)
-    assert (ended.returncode, ended.stderr) == (0, "")
-    assert ended.stdout.startswith(f"0/{VIEWS} views\n")
-    assert ended.stdout.endswith(f"dataset of {VIEWS} views: {out}\n")
-    # another build may round another way: the same files, the same poses up to that
-    assert times(out).keys() == times(reference).keys()
-    ours, theirs = (read_record(ViewPaths(folder, 5)).cam_from_model for folder in (reference, out))
-    assert np.allclose(ours, theirs, atol=1e-3)
-
-    ended = blender(case, "--out", out, *ARGUMENTS, "--seed", 4)
-    assert (ended.returncode, ended.stdout) == (3, "")
-    assert ended.stderr.startswith("error: ")
-    assert ended.stderr.count("\n") == 1
-    ended = blender("--help")
-    assert (ended.returncode, ended.stderr) == (0, "")
-    assert "usage: render_dataset.py" in ended.stdout

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import sys
 import tomllib
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from oneframe.images.image_check import PNG_SIGNATURE
 from oneframe.sample.temporal_bone import MICROSCOPE, sample_surface
 
 ROOT = Path(__file__).resolve().parents[3]
-pytestmark = pytest.mark.render
+pytestmark = [pytest.mark.long, pytest.mark.render]
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +27,7 @@ def sample(tmp_path_factory) -> Path:
     return folder
 
 
-def test_the_folder_of_an_evaluation(sample, tmp_path, run_command):
+def test_the_folder_of_an_evaluation(sample, tmp_path, run_oneframe):
     out = tmp_path / "evaluation"
     listed = json.loads((sample / "held_out.json").read_text())[:2]
     # one photograph looks away, and the frame itself is one of them
@@ -42,7 +41,7 @@ def test_the_folder_of_an_evaluation(sample, tmp_path, run_command):
         "--pictures", "3", "--out", out,
     ]  # fmt: skip
 
-    ended = run_command([sys.executable, "-m", "oneframe.commands", "evaluate", *map(str, arguments)])
+    ended = run_oneframe("evaluate", *arguments)
     assert ended.returncode == 0, ended.stderr
     assert "paper (PyTorch3D): skipped, PyTorch3D is not installed" in ended.stdout
     assert "photograph_2 shows nothing of the surface" in ended.stdout

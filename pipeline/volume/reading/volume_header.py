@@ -36,6 +36,8 @@ _NIFTI_FLOATS = {16: "f4", 64: "f8"}
 _SPACES = ("left-posterior-superior", "lps", "right-anterior-superior", "ras", "left-anterior-superior", "las")
 """Of NRRD, those that ITK takes to LPS."""
 
+_SKIPS = ("lineskip", "byteskip", "headersize")
+
 _CHUNK = 1 << 20
 
 
@@ -260,14 +262,12 @@ def _checked_text(path: Path, head: bytes) -> StoredVoxels:
         raise _unoriented(where)
     if units - {"", "mm"}:
         raise InputError(f"{where}: expected lengths in mm, found another unit; convert it to mm")
-    data = path.with_name(name) if name and "/" not in name and "\0" not in name else path
-    # a list of files, or a pattern of their names
-    several = " " in name or "%" in name or name.startswith("LIST")
-    if not several and not data.is_file():
-        raise InputError(
-            f"{where}: expected the file of its voxels beside it, as the header says; it is missing: copy it, too"
-        )
-    return StoredVoxels(data, 0 if name else start, None, packed and not several)
+    # a list of files, or a pattern of their names, or a header of their own: what ITK makes of them is not checked
+    plain = not re.search(r" |%|^LIST", name) and all(fields.get(skip, "0") == "0" for skip in _SKIPS)
+    data = path.parent / name if name and plain else path
+    if not data.is_file():
+        raise InputError(f"{where}: expected the file of its voxels, as the header says; it is missing: copy it, too")
+    return StoredVoxels(data, 0 if name else start, None, packed and plain)
 
 
 def _fields(head: bytes, is_nrrd: bool) -> tuple[dict[str, str], int]:
